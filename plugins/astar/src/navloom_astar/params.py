@@ -20,7 +20,7 @@ class AstarParams(Params):
     """Parameters of the three planners. Lengths in m. The README gives the source of each default."""
 
     source: Literal["auto", "segments", "cells"] = Field(
-        "auto", description="plan on outlines or on the map's own cells; auto: outlines where there are any"
+        "auto", description="plan on outlines or on the map's own cells; auto: outlines if there are any"
     )
     cell: Annotated[float, Field(gt=0.0)] | Literal["third_of_chassis"] = Field(
         0.40, description="edge of a cell of the grid that outlines are drawn on, m"
@@ -29,30 +29,33 @@ class AstarParams(Params):
     paper_raster_t: float | None = Field(
         None, gt=0.0, description="T of the printed slope test, cells; default: the robot's size"
     )
-    margin: float = Field(0.0, ge=0.0, description="round all that the grid must hold, m; see `outside`")
+    margin: float = Field(0.0, ge=0.0, description="margin around everything the grid must contain, m; see `outside`")
     outside: Literal["refused", "unknown"] = Field(
-        "refused", description="start and goal outside of the map's cells; unknown: it is enlarged to hold them"
+        "refused", description="start or goal outside the map's cells; unknown: the map is enlarged by unknown cells"
     )
-    occupied_from: int = Field(50, ge=1, le=100, description="cells of at least this are obstacles, percent")
-    unknown: Literal["free", "blocked", "cost"] = Field("free", description="what the unknown counts as")
+    occupied_from: int = Field(50, ge=1, le=100, description="lowest value of a cell that is an obstacle, percent")
+    unknown: Literal["free", "blocked", "cost"] = Field("free", description="how unknown cells are treated")
     unknown_cost: float = Field(
-        1.0, ge=0.0, le=31.0, description="extra per metre of unknown ground, no unit, in eighths; for unknown = cost"
+        1.0,
+        ge=0.0,
+        le=31.0,
+        description="extra cost per metre of unknown ground, no unit, in eighths; for unknown = cost",
     )
     inflation: Literal["auto", "cells", "metres", "none"] = Field(
-        "auto", description="how obstacles are grown; auto: by cells on outlines, by metres on the map's cells"
+        "auto", description="how obstacles are grown; auto: cells on outlines, metres on the map's cells"
     )
-    dilation_cells: int = Field(2, ge=0, le=1000, description="half width of the square, cells")
+    dilation_cells: int = Field(2, ge=0, le=1000, description="half width of the square for inflation = cells, cells")
     inflation_radius: Annotated[float, Field(ge=0.0)] | Literal["inscribed", "circumscribed"] = Field(
-        "circumscribed", description="radius of the disc, m, or that of the footprint"
+        "circumscribed", description="radius of the disc for inflation = metres, m, or a radius of the footprint"
     )
     inflation_margin: float = Field(0.0, ge=0.0, description="added to the radius, m")
     squeeze_margin: float | None = Field(
         0.05,
         ge=0.0,
-        description="where metres leave no way: passages this much wider than the inscribed disc, m; none: never",
+        description="if metres give no path, retry with the inscribed radius plus this, m; none: never",
     )
     escape_start: float | None = Field(
-        None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times its reach and a cell"
+        None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times (its reach + a cell)"
     )
 
     def settings(self, footprint: NDArray[np.float64]) -> Settings:

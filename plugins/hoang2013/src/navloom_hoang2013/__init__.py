@@ -1,4 +1,4 @@
-"""The experiment of Hoang et al. 2013 again: `navloom paper`."""
+"""Reproduction of the experiment of Hoang et al. 2013: `navloom paper`."""
 
 from navloom import Registry, hookimpl
 

@@ -1,6 +1,6 @@
-"""The 3D image of one sweep as points, and what becomes of each on the way to the 2D map (Hoang et al. 2013, II).
+"""The 3D image of one sweep as points, classified by their use in the 2D map (Hoang et al. 2013, II).
 
-Written from the paper and apart from any mapper, so that what a mapper counts can be held against it.
+The code follows the paper and shares nothing with any mapper, so that the counts of a mapper can be checked against it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Geometry = Literal["paper", "rigid_pitch"]
 CLASSES = ("no return", "floor", "overhead", "behind", "kept")
-"""What becomes of a pixel: nothing came back; removed as floor, or as higher than the robot (step 3); an obstacle's,
-but another one on its bearing is nearer; the nearest of its bearing (step 2)."""
+"""Classes of a pixel: no return; removed as floor; removed as higher than the robot (both step 3); an obstacle that is
+not the nearest on its bearing; the nearest obstacle on its bearing (step 2)."""
 ON = 1e-6
-"""Points within this of a box are its own, m: the rays of a sweep without noise end on it."""
+"""Tolerance for points on a box or the floor, m. The rays of a sweep without noise end on them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Cloud:
     """A sweep as points.
 
     Attributes:
-        points: (frames, beams, 3) x, y, m, map frame, and height above the floor, m. Not finite without a return.
+        points: (frames, beams, 3) x, y, m, map frame, and height above the floor, m. Not finite if there is no return.
         classes: (frames, beams) index in `CLASSES`.
         ranges: (frames, beams) horizontal distance from the sensor, m.
     """
@@ -41,7 +41,7 @@ class Cloud:
     ranges: Floats
 
     def of(self, *names: str) -> Floats:
-        """(n, 3) points of some classes."""
+        """(n, 3) points of the named classes, as in `points`."""
         return self.points[np.isin(self.classes, [CLASSES.index(name) for name in names])]
 
     @property
@@ -59,10 +59,10 @@ def cloud_of(sweep: Sweep, base: Pose2D, floor_tolerance: float, z_limit: float,
 
     Args:
         sweep: Ranges, pitches α and bearings b.
-        base: Of the robot in the map.
-        floor_tolerance: Points up to this above the floor are floor, m.
-        z_limit: Points above are overhead, m above the floor.
-        geometry: Which of the two turns ranges into points.
+        base: Pose of the robot in the map frame.
+        floor_tolerance: Largest height of points that count as floor, m.
+        z_limit: Height above which points are overhead, m.
+        geometry: Which of the two formulas converts ranges to points.
     """
     pitch, bearing = sweep.pitches[:, None], sweep.bearings[None, :]
     with np.errstate(invalid="ignore"):  # no return: inf times 0

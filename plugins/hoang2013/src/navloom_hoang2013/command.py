@@ -1,4 +1,4 @@
-"""`navloom paper`: the paper's figures and numbers again."""
+"""The command `navloom paper`, which reproduces the paper's figures and numbers."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def paper(
 
 
 def _print(numbers: Sequence[Number]) -> None:
-    """The table for people."""
+    """Print the table for people."""
     from navloom.cli.output import print_table
 
     rows = [(number.what, number.paper, number.ours, number.section) for number in numbers]

@@ -1,4 +1,4 @@
-"""Figures 10 and 11 of Hoang et al. 2013 from runs: tracking, and the unexpected obstacle."""
+"""Figures 10 and 11 of Hoang et al. 2013, drawn from runs: tracking and the unexpected obstacle."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ __all__ = ["avoiding_figure", "choice_figure", "tracking_figure"]
 
 Floats = NDArray[np.float64]
 PALE = "#BBD6E8"
-"""Of sectors that are not blocked."""
+"""Colour of sectors that are not blocked."""
 FILL = "#F3D9C6"
-"""Of the obstacle that only the sonars see."""
+"""Fill colour of the obstacle that only the sonars see."""
 RING = (0.62, 0.26)
-"""Inner radius of the histogram's ring, m, and how far its highest bar reaches beyond."""
+"""Inner radius of the histogram's ring, and length of its highest bar, m."""
 VIEW = 1.75
 """Half the side of the close-up, m."""
 ARROWS = ((BLACK, 3.0, "heading θ"), (GREEN, 1.3, "to the target θt"), (VERMILION, 1.6, "chosen θd"))
-"""Colour, width and name of a direction; the first may lie under the second."""
+"""Colour, line width and label of each direction. The first is the widest, since the second may cover it."""
 
 
 def tracking_figure(drive: Drive) -> Figure:
-    """Fig. 10: the real trajectory on the designed one, the errors of eq. (4), and the speed, over time."""
+    """Fig. 10: the real trajectory over the designed one, and the errors of eq. (4) and the speed over time."""
     assert drive.trajectory is not None
     figure, (plan, position, heading, speed) = new_figure(COLUMN, 152.0, 4)
     grid = plan.get_gridspec()
@@ -79,7 +79,7 @@ def tracking_figure(drive: Drive) -> Figure:
 
 
 def avoiding_figure(drive: Drive) -> Figure:
-    """Fig. 11: round the obstacle O and back to the trajectory, coloured by who drives."""
+    """Fig. 11: the track around the obstacle O and back to the trajectory, coloured by active source."""
     assert drive.trajectory is not None
     figure, axes = plan_axes(90.0)
     draw_world(axes, drive.world, drive.episode.system.robot.height)
@@ -115,7 +115,7 @@ def _draw_o(axes: Any, drive: Drive) -> None:
 
 
 def _draw_outlines(axes: Any, drive: Drive) -> None:
-    """The robot's outline every two seconds."""
+    """Draw the robot's outline every two seconds."""
     outline = drive.episode.system.robot.footprint
     every = round(2.0 / drive.episode.system.config.run.period)
     for number, (_, x, y, heading, _, _) in enumerate(drive.episode.recorder.truth[::every]):
@@ -125,7 +125,7 @@ def _draw_outlines(axes: Any, drive: Drive) -> None:
 
 
 def choice_figure(drive: Drive) -> Figure:
-    """Fig. 11, the moment of decision: what the sonars see, the certainty window, and the polar histogram."""
+    """Fig. 11, the moment of decision: sonar echoes, certainty window and polar histogram."""
     choice = drive.choice
     assert choice is not None
     figure, (plan, bars) = new_figure(COLUMN, 148.0, 2)
@@ -136,7 +136,7 @@ def choice_figure(drive: Drive) -> Figure:
 
 
 def _draw_view(axes: Any, drive: Drive, choice: Choice) -> None:
-    """Robot, cones, cells and the ring round it, map frame."""
+    """Draw the robot, the sonar cones, the cells and the ring around the robot, map frame."""
     axes.set_aspect("equal")
     middle = (choice.pose.x + 0.35, choice.pose.y + 0.45)
     axes.set_xlim(middle[0] - VIEW, middle[0] + VIEW)
@@ -167,7 +167,7 @@ def _draw_arrow(axes: Any, pose: Pose2D, angle: float, colour: str, width: float
 
 
 def _draw_cones(axes: Any, choice: Choice) -> None:
-    """Each sonar's cone up to its echo, or faint to the edge of the view without one."""
+    """Draw each sonar's cone up to its echo, or faintly up to its maximum range if there is none."""
     scan, pose = choice.scan, choice.pose
     base = np.array([pose.x, pose.y, pose.heading])
     named = set()
@@ -186,7 +186,7 @@ def _draw_cones(axes: Any, choice: Choice) -> None:
 
 
 def _draw_window(axes: Any, choice: Choice) -> None:
-    """Cells with a certainty: 3 on an acoustic axis, 2 on the rest of an arc."""
+    """Draw the cells with a certainty: 3 on an acoustic axis, 2 on the rest of an arc."""
     shown = choice.diagnostics
     for value, colour in ((2, "#7A7A7A"), (3, BLACK)):
         rows, columns = np.nonzero(shown.window == value)
@@ -196,7 +196,7 @@ def _draw_window(axes: Any, choice: Choice) -> None:
 
 
 def _draw_ring(axes: Any, choice: Choice) -> None:
-    """The histogram round the robot: blocked sectors stand out."""
+    """Draw the histogram as a ring around the robot, with blocked sectors in a darker colour."""
     shown, pose = choice.diagnostics, choice.pose
     width = math.tau / len(shown.histogram)
     highest = max(float(shown.histogram.max()), shown.threshold)
@@ -210,7 +210,7 @@ def _draw_ring(axes: Any, choice: Choice) -> None:
 
 
 def _draw_bars(axes: Any, choice: Choice) -> None:
-    """The same histogram over the angle from the heading, with the threshold."""
+    """Draw the histogram over the angle from the heading, with the threshold."""
     shown, heading = choice.diagnostics, choice.pose.heading
     count = len(shown.histogram)
     edges = np.linspace(-180.0, 180.0, count + 1)

@@ -1,4 +1,4 @@
-"""What is silent or wrong in Hoang et al. 2013, each with both readings run."""
+"""Omissions and errors of Hoang et al. 2013; for each, both readings are run."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ GAINS = (0.3, 0.6, 1.0, 2.0, 5.0)
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One reading, run.
+    """The run of one reading.
 
     Attributes:
-        name: What is read how.
-        settings: What differs from the config `paper`, as `--set` takes it.
+        name: Name of the reading, for people.
+        settings: Differences from the config `paper`, in the form of `--set`.
         drive: The run.
-        stated: Length, m, and gate that the study before ours found; empty where it had none.
+        stated: Length, m, and gate found by the study made beforehand; empty if it has none.
     """
 
     name: str
@@ -46,16 +46,16 @@ class Errata:
     """All variants.
 
     Attributes:
-        ways: The worlds of the experiment: which way is left.
-        orders: Filters before the minimum, and as printed.
-        quiet: Points of the sweep without noise of the room as described.
-        union: The map of Fig. 7 planned on.
-        geometries: A laser pitched as a whole, read rightly and by eq. (1).
+        ways: Plans in the worlds of the experiment, which leave different gates open.
+        orders: Filters before the minimum, and in the printed order.
+        quiet: Points of the sweep without noise in the room as described.
+        union: Plan on the union map of Fig. 7.
+        geometries: A laser pitched as a whole, with its true geometry and with eq. (1).
         clouds: The points of both.
-        parts: (frames, beams) True where a pixel of theirs truly is on the floor, on girder A, and on girder B.
-        grids: Cells and rules of drawing, with growth and without.
-        laws: Law (6) by its gain k3, and other laws.
-        gains: The whole drive by k3.
+        parts: (frames, beams) True where a pixel of both is truly on the floor, on girder A, and on girder B.
+        grids: Cell sizes and raster methods, with growth and without.
+        laws: Settling of law (6) by its gain k3, and of other laws.
+        gains: The whole run by k3.
     """
 
     ways: tuple[Variant, ...]
@@ -87,7 +87,7 @@ GROWTH_NAMES = {2: "grown by 2 cells", 0: "not grown"}
 
 
 def steps_of_errata() -> int:
-    """How often `errata_of` says something."""
+    """Number of calls of `say` by `errata_of`."""
     return (
         1
         + len(WAYS)
@@ -100,12 +100,12 @@ def steps_of_errata() -> int:
 
 
 def errata_of(seed: int | None, say: Callable[[str], None], discovery: Discovery) -> Errata:
-    """Run every variant. Those that end with a plan run without noise, as the study beforehand did.
+    """Run every variant. Those that end with a plan run without noise, as in the study made beforehand.
 
     Args:
-        seed: Of the drives with noise; None: the config's.
-        say: Told what is run.
-        discovery: Where controllers are found.
+        seed: Seed of the runs with noise; None: the config's.
+        say: Called with the name of each variant before it runs.
+        discovery: Source of the controller plugins.
     """
 
     @cache
@@ -163,14 +163,14 @@ def limits_of(run: Drive) -> tuple[float, float]:
 
 
 def length_of(run: Drive) -> str:
-    """A plan in words: its length before pruning and its gate, or that there is none."""
+    """Length of the plan before pruning and its gate as text, or "no path"."""
     if run.path is None:
         return "no path"
     return f"{run.path.length:.2f} m, gate {crossing(run.path, run.world)}"
 
 
 def grown(occupied: Bools, cells: int) -> Bools:
-    """Cells within a square of half width `cells` round an occupied one: the paper's dilation."""
+    """Cells within a square of half width `cells` around an occupied one: the paper's dilation."""
     from scipy.ndimage import binary_dilation
 
     if cells == 0:
@@ -179,7 +179,7 @@ def grown(occupied: Bools, cells: int) -> Bools:
 
 
 def off_the_walls(points: Floats, world: World) -> Floats:
-    """(n,) distance in plan of points (n, 3) from the nearest face of a box of a world, m."""
+    """(n,) horizontal distance of points (n, 3), m, map frame, from the nearest face of a box of the world, m."""
     distances = [np.full(len(points), np.inf)]
     for obstacle in world.obstacles:
         if isinstance(obstacle, Box) and not obstacle.appears_after_sweep:

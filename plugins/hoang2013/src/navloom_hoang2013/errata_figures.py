@@ -1,4 +1,4 @@
-"""What the errata of Hoang et al. 2013 change, drawn: filter order, geometry, grid, and gain k3."""
+"""Figures of what the errata of Hoang et al. 2013 change: filter order, geometry, grid, and gain k3."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ SHOWN_GRIDS = (
     ("0.267 m, distance to the line", "b: 0.267 m, by distance"),
     ("0.40 m, the printed test", "c: 0.40 m, printed test"),
 )
-"""Grids drawn, grown by 2 cells, with their titles; the last of them without growth as well."""
+"""Grids that are drawn, grown by 2 cells, and their titles. The last one is also drawn without growth."""
 
 
 def order_figure(errata: Errata) -> Figure:
-    """The map and the way with the filters before the minimum, and in the printed order."""
+    """The map and the plan with the filters before the minimum, and with the printed order."""
     figure, panels = new_figure(COLUMN, 62.0, 1, 2)
     for axes, variant, title in zip(panels, errata.orders, ("a: filters first", "b: as printed"), strict=True):
         run = variant.drive
@@ -65,7 +65,7 @@ def _small_room(axes: Any, title: str) -> None:
 
 
 def geometry_figure(errata: Errata, z_limit: float) -> Figure:
-    """Heights of the pixels by bearing, of one and the same sweep, read as it was taken and by eq. (1)."""
+    """Heights of the pixels of one sweep by bearing, computed with its true geometry and with eq. (1)."""
     figure, panels = new_figure(COLUMN, 108.0, 2, 1)
     run = errata.geometries[0].drive
     bearings = np.degrees(run.sweep.bearings) + 90.0
@@ -89,7 +89,7 @@ def geometry_figure(errata: Errata, z_limit: float) -> Figure:
 
 
 def _draw_heights(axes: Any, bearings: Any, cloud: Cloud, parts: Any) -> None:
-    """Height over β of the pixels that truly are on the floor and on the girders."""
+    """Scatter of height over β for the pixels that are truly on the floor and on the girders."""
     columns = np.broadcast_to(bearings, cloud.classes.shape)
     for part, colour, label in zip(parts, (GREY, VERMILION, SKY), ("floor", "girder A", "girder B"), strict=True):
         axes.scatter(columns[part], cloud.points[part][:, 2], s=1.6, c=colour, linewidths=0.0, label=label,
@@ -102,7 +102,7 @@ def _draw_heights(axes: Any, bearings: Any, cloud: Cloud, parts: Any) -> None:
 
 
 def grid_rules_figure(errata: Errata) -> Figure:
-    """Occupied and grown cells, and the way, by size of the cells and rule of drawing."""
+    """Occupied and grown cells, and the plan, by cell size and raster method."""
     figure, panels = new_figure(COLUMN, 98.0, 2, 2)
     by_name = {variant.name: variant for variant in errata.grids}
     chosen = [(f"{name}, grown by 2 cells", f"{name}, not grown", title) for name, title in SHOWN_GRIDS]
@@ -120,7 +120,7 @@ def grid_rules_figure(errata: Errata) -> Figure:
 
 
 def _draw_grid(axes: Any, variant: Variant, bare: Variant, growth: int) -> None:
-    """A planning grid; `bare` is the same without growth, whose plan says which cells are occupied."""
+    """Draw a planning grid. `bare` is the variant without growth; its plan shows which cells are occupied."""
     _small_room(axes, "")
     run, plan = variant.drive, bare.drive.path
     assert plan is not None and plan.traversable is not None
@@ -132,7 +132,7 @@ def _draw_grid(axes: Any, variant: Variant, bare: Variant, growth: int) -> None:
 
 
 def gain_figure(errata: Errata) -> Figure:
-    """The distance from a line over time, from 0.3 m beside it, by k3 and by law."""
+    """Distance from a line over time, starting 0.3 m beside it, by k3 and by law."""
     figure, axes = new_figure(COLUMN, 72.0)
     colours = (SKY, BLUE, GREEN, PINK, VERMILION)
     own = [settling for settling in errata.laws if settling.law.plugin == "lyapunov_tracker"]

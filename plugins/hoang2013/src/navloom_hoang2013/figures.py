@@ -1,4 +1,4 @@
-"""Figures 6 to 9 of Hoang et al. 2013 from a run: the 3D image, the union map, the IPaBD map, and the planned way."""
+"""Figures 6 to 9 of Hoang et al. 2013, drawn from a run: 3D image, union map, IPaBD map and planned path."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def plan_axes(height_mm: float = 86.0) -> tuple[Figure, Any]:
 
 
 def set_room(axes: Any) -> None:
-    """The plan view of the room on axes."""
+    """Set up axes for the plan view of the room."""
     axes.set_aspect("equal")
     axes.set_xlim(*ROOM[:2])
     axes.set_ylim(*ROOM[2:])
@@ -56,7 +56,7 @@ def set_room(axes: Any) -> None:
 
 
 def draw_world(axes: Any, world: World, height: float, shows_o: bool = False) -> None:
-    """Outlines of what stands in the room: full where it hinders a robot of a height, m, dotted where it is above."""
+    """Draw the outlines of boxes in the room: solid if a box hinders a robot of `height`, m, dotted if it is above."""
     from matplotlib.patches import Rectangle
 
     for obstacle in world.obstacles:
@@ -77,7 +77,10 @@ def draw_world(axes: Any, world: World, height: float, shows_o: bool = False) ->
 
 
 def draw_places(axes: Any, drive: Drive, gates_at: float = 4.72, beside: float = 0.0, size: float = 9.0) -> None:
-    """S, D and the letters of the gates, at a height y, m, and B's `beside` its middle, m, where the way is drawn."""
+    """Draw S, D and the letters of the gates.
+
+    The letters are at y = `gates_at`, m. That of B is `beside`, m, to the right of its middle, clear of the path.
+    """
     goal = drive.episode.system.goal
     assert goal is not None
     start = drive.episode.system.start
@@ -91,7 +94,7 @@ def draw_places(axes: Any, drive: Drive, gates_at: float = 4.72, beside: float =
 
 
 def draw_pixels(axes: Any, points: Floats, colour: str, label: str, size: float = DOT, order: float = 2.0) -> None:
-    """Pixels as dots; kept as a picture within an SVG, where thousands of circles would be as many elements."""
+    """Draw pixels as dots. They are rasterized, since an SVG would otherwise hold one element for each."""
     axes.scatter(points[:, 0], points[:, 1], s=size, c=colour, linewidths=0.0, label=label, zorder=order,
                  rasterized=True)  # fmt: skip
 
@@ -99,7 +102,7 @@ def draw_pixels(axes: Any, points: Floats, colour: str, label: str, size: float 
 def legend_below(
     figure: Figure, axes: Any, columns: int = 2, markers: float = 2.5, place: Place = "outside lower center"
 ) -> None:
-    """The legend under the axes, out of the way of the data."""
+    """Draw the legend below the axes, clear of the data."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc=place, ncols=columns, fontsize=7, frameon=False,
                   handletextpad=0.5, columnspacing=1.2, markerscale=markers)  # fmt: skip
@@ -110,7 +113,7 @@ def cloud_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
     figure, flat = new_figure(COLUMN, 58.0)
     flat.remove()
     figure.set_layout_engine("none")
-    # A 3D view is drawn in a square, and cut at its edges: one larger than the figure loses nothing.
+    # A 3D view is drawn in a square and clipped at its edges. A square larger than the figure clips no content.
     axes: Any = figure.add_axes((-0.12, -0.40, 1.32, 1.32 * COLUMN / 58.0), projection="3d", computed_zorder=False)
     axes.set_proj_type("ortho")
     axes.view_init(elev=28.0, azim=-97.0)
@@ -140,7 +143,7 @@ def cloud_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
 
 
 def _frame(axes: Any) -> None:
-    """Ranges and ticks in metres, the same scale on all axes."""
+    """Set ranges and ticks in metres, with the same scale on all axes."""
     axes.set_xlim(-4.6, 7.2)
     axes.set_ylim(-0.5, 9.4)
     axes.set_zlim(0.0, 2.6)
@@ -157,7 +160,7 @@ def _frame(axes: Any) -> None:
 
 
 def _wires(axes: Any, world: World) -> None:
-    """Edges of the true boxes."""
+    """Draw the edges of the true boxes."""
     for obstacle in world.obstacles:
         if isinstance(obstacle, Box) and not obstacle.appears_after_sweep:
             (x0, x1), (y0, y1), (z0, z1) = obstacle.x, obstacle.y, obstacle.z
@@ -184,7 +187,7 @@ def union_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
 
 
 def map_figure(drive: Drive, cloud: Cloud) -> Figure:
-    """Fig. 8: what IPaBD keeps, and the lines fitted to it."""
+    """Fig. 8: the pixels that IPaBD keeps, and the lines fitted to them."""
     assert drive.map is not None
     figure, axes = plan_axes(86.0)
     draw_world(axes, drive.world, drive.episode.system.robot.height)
@@ -198,7 +201,7 @@ def map_figure(drive: Drive, cloud: Cloud) -> Figure:
 
 
 def cells_of(grid: OccupancyGrid, other: OccupancyGrid) -> Bools:
-    """(rows, columns) of `other`, True where the grid, of the same cells, is occupied."""
+    """(rows, columns) of `other`: True where `grid` is occupied. The cells of both grids must coincide."""
     assert abs(grid.resolution - other.resolution) < 1e-9
     shift = np.array([grid.origin.y - other.origin.y, grid.origin.x - other.origin.x]) / grid.resolution
     low = [round(float(cells)) for cells in shift]
@@ -211,7 +214,7 @@ def cells_of(grid: OccupancyGrid, other: OccupancyGrid) -> Bools:
 
 
 def draw_kinds(axes: Any, grid: OccupancyGrid, occupied: Bools, grown: Bools) -> None:
-    """Free, grown and occupied cells of a grid, as in Fig. 9: white, grey, dark."""
+    """Draw free, grown and occupied cells of a grid in white, grey and dark grey, as in Fig. 9."""
     from matplotlib.colors import ListedColormap
 
     kinds = np.where(occupied, 2, np.where(grown, 1, 0))
@@ -229,7 +232,7 @@ def draw_kinds(axes: Any, grid: OccupancyGrid, occupied: Bools, grown: Bools) ->
 
 
 def grid_figure(drive: Drive) -> Figure:
-    """Fig. 9: the grid, what is grown in it, and the way A* finds."""
+    """Fig. 9: the grid, its grown cells, and the path found by A*."""
     from matplotlib.patches import Patch
 
     assert drive.map is not None and drive.path is not None and drive.path.traversable is not None

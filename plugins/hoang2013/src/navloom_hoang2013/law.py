@@ -1,4 +1,4 @@
-"""Law (6) of Hoang et al. 2013 beside a line: how fast it settles by its gain k3, and what other laws do."""
+"""Settling of law (6) of Hoang et al. 2013 from beside a line, by its gain k3, compared with other laws."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["BAND", "BESIDE", "LAWS", "SPEED", "Law", "Settling", "settle"]
 
 Floats = NDArray[np.float64]
 BESIDE, SPEED, BAND = 0.3, 0.3, 0.02
-"""The robot begins this far to the right of a line, m; its reference runs at this, m/s; settled is nearer than, m."""
+"""Initial distance right of the line, m; speed of the reference, m/s; position error that counts as settled, m."""
 STEP, UNTIL = 0.01, 62.0
-"""s between commands, and how long is looked at."""
+"""Period of the commands and simulated time, s."""
 UNLIMITED = 1000.0
-"""Speeds and accelerations of a robot that limits nothing: m/s, rad/s, m/s²."""
+"""Largest speeds and accelerations of a robot that is in effect unlimited, SI units."""
 AS_PRINTED = {"turn_in_place_above_deg": 180.0}
 
 
@@ -34,10 +34,10 @@ class Law:
     """A controller with its parameters.
 
     Attributes:
-        name: For people.
-        plugin: Of the role controller.
-        params: As in a config.
-        stated: What our study beforehand found, s; None: more than a minute.
+        name: Name for people.
+        plugin: Name of the controller plugin.
+        params: Its parameters, as in a config.
+        stated: Settling time found by our study beforehand, s; None: more than a minute.
     """
 
     name: str
@@ -56,18 +56,18 @@ LAWS = (
     Law("Fierro & Lewis, 10, 5, 4", "fierro_lewis", {"k1": 10.0, "k2": 5.0, "k3": 4.0}, 5.5),
 )
 FREE = {"turn_in_place_above_deg": 180.0, "approach_deg": 90.0, "may_reverse": True}
-"""The laws of `trackers` as their own papers print them."""
+"""Parameters with which the laws of `trackers` run as printed in their own papers."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """What became of the error.
+    """The error of one law over time.
 
     Attributes:
-        law: Whose.
+        law: The law.
         times: (n,) s.
         lateral: (n,) e2, m.
-        settled: Last time that hypot(e1, e2) was `BAND` or more, s; None where it still was at the end.
+        settled: Last time at which hypot(e1, e2) was `BAND` or more, s; None if it still was at the end.
     """
 
     law: Law
@@ -77,10 +77,10 @@ class Settling:
 
 
 def settle(law: Law, discovery: Discovery, until: float = UNTIL) -> Settling:
-    """Drive the plugin from 0.3 m beside a line, behind a reference that runs with time; nothing limits the robot.
+    """Simulate the plugin from 0.3 m beside a line. The reference moves with time, and the robot has no limits.
 
     Raises:
-        PluginError: It is not installed.
+        PluginError: The plugin is not installed.
     """
     plugin = _made(law, discovery)
     pose, twist = (0.0, -BESIDE, 0.0), Twist2D(SPEED, 0.0, 0.0)
@@ -110,7 +110,7 @@ def _made(law: Law, discovery: Discovery) -> Controller:
 
 
 def _inputs() -> Any:
-    """Makes the input of a tick from tick, pose and twist; what does not change is made once."""
+    """A function that returns the input of a tick from tick, pose and twist. Constant parts are created once."""
     length = SPEED * UNTIL
     samples = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, SPEED], [length, length, 0.0, 0.0, 0.0, SPEED]])
     return partial(_input, Trajectory(1, samples), np.zeros((3, 3)))

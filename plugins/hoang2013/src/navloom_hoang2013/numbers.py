@@ -1,4 +1,4 @@
-"""What Hoang et al. 2013 state, and what our runs give, value by value."""
+"""Table of the values that Hoang et al. 2013 state and those of our runs."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Number:
     """One row of the table.
 
     Attributes:
-        what: The value's name, with its unit.
-        paper: As printed, or that it is not.
-        ours: As measured or set.
-        section: Where in the paper.
-        note: Why they differ, or what ours is.
+        what: Name and unit of the value.
+        paper: The value as printed, or `NOT_STATED`.
+        ours: The value as measured or set.
+        section: Section of the paper.
+        note: Why the values differ, or how ours is defined.
     """
 
     what: str
@@ -37,11 +37,11 @@ class Number:
 
 
 def numbers_of(run: Drive, free: Drive, errata: Errata, cloud: Cloud) -> tuple[Number, ...]:
-    """All rows.
+    """All rows of the table.
 
     Args:
         run: The experiment with the obstacle O.
-        free: Without it.
+        free: The experiment without it.
         errata: The variants.
         cloud: Points of the run's sweep.
     """
@@ -178,7 +178,7 @@ def _avoiding(run: Drive) -> tuple[Number, ...]:
 
 
 def _engaged(changes: list[tuple[float, bool]]) -> tuple[float, float]:
-    """When the avoider drove for the first time, and until when, s; NaN for never."""
+    """Start and end of the avoider's first active period, s; NaN if there is none."""
     since = next((time for time, engaged in changes if engaged), math.nan)
     until = next((time for time, engaged in changes if not engaged and time > since), math.nan)
     return since, until
@@ -189,6 +189,6 @@ def _words(outcome: str) -> str:
 
 
 def _params(run: Drive, role: str) -> Any:
-    """Parameters of the plugin of a role that was active."""
+    """Parameters of the active plugin of a role."""
     system = run.episode.system
     return system.parts[(role, system.config.role_table(role).instance)].params

@@ -28,10 +28,10 @@ class Reproduction:
 
     Attributes:
         run: The experiment with the obstacle O.
-        free: Without it.
-        cloud: Points of the run's sweep, as the mapper takes them.
-        errata: Both readings of what is silent or wrong.
-        numbers: What the paper states beside what the runs gave.
+        free: The experiment without it.
+        cloud: Points of the run's sweep, with the mapper's limits and geometry.
+        errata: Both readings of each omission or error of the paper.
+        numbers: The values that the paper states and those of the runs.
     """
 
     run: Drive
@@ -46,10 +46,10 @@ class Plate:
     """One figure.
 
     Attributes:
-        stem: Of its files.
-        title: In bold before the caption.
-        caption: What it shows, and what differs from the paper's.
-        draw: Makes it.
+        stem: Stem of its file names.
+        title: Title, in bold before the caption.
+        caption: What the figure shows, and how it differs from the paper's.
+        draw: Function that draws it.
     """
 
     stem: str
@@ -159,7 +159,7 @@ def _errata_plates(errata: Errata) -> tuple[Plate, ...]:
 
 
 def _faster(errata: Errata) -> str:
-    """How much sooner the other laws settle than law (6) at its best k3: least to most."""
+    """Range of the factors by which the other laws settle faster than law (6) with its best k3, as text."""
     settled = [(found.law.plugin, found.settled) for found in errata.laws if found.settled is not None]
     own = min(seconds for plugin, seconds in settled if plugin == "lyapunov_tracker")
     others = sorted(own / seconds for plugin, seconds in settled if plugin != "lyapunov_tracker")

@@ -32,14 +32,14 @@ SECTIONS = (
     ("Figure 11: the unexpected obstacle", ("figure-11a", "figure-11b")),
 )
 EXPECTED = {"girder A": 230, "girder B": 177, "floor": 772, "no return": 1801}
-"""Rays of the sweep without noise by what they meet, of the study beforehand."""
+"""Number of rays of the sweep without noise by the object they hit, from the study made beforehand."""
 
 
 def page_of(made: Reproduction, drawings: Sequence[tuple[Plate, str]]) -> str:
-    """The page.
+    """The report as one HTML page.
 
     Args:
-        made: What was run.
+        made: The reproduction.
         drawings: Each figure with its SVG.
     """
     figures = {plate.stem: html.figure(_fitting(svg), f"{plate.title} {plate.caption}") for plate, svg in drawings}
@@ -53,12 +53,12 @@ def page_of(made: Reproduction, drawings: Sequence[tuple[Plate, str]]) -> str:
 
 
 def _fitting(svg: str) -> str:
-    """A drawing as wide as the place it stands in."""
+    """The SVG, scaled to the width of its container."""
     return re.sub(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"', r'\1 width="100%"', svg, count=1)
 
 
 def _beside(parts: Sequence[str]) -> str:
-    """Parts of about a column's width next to each other, where there is room."""
+    """Parts of about one column's width, side by side if the page is wide enough."""
     cells = "".join(f'<div style="flex:1 1 86mm;max-width:120mm">{part}</div>' for part in parts)
     return f'<div style="display:flex;flex-wrap:wrap;gap:0 1.2rem;align-items:flex-start">{cells}</div>\n'
 

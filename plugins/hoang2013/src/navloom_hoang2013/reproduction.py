@@ -1,4 +1,4 @@
-"""The paper reproduced: Hoang et al. 2013, Figures 6 to 11, its numbers beside ours, and what its errata change."""
+"""Reproduction of Hoang et al. 2013: Figures 6 to 11, its numbers beside ours, and what its errata change."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from navloom_hoang2013.runs import START, Drive, crossing, drive
 __all__ = ["FIGURES", "FILES", "PaperError", "drawn", "facts_of", "files_of", "is_reproduced", "reproduce", "steps"]
 
 FIGURES = 11
-"""Figures drawn where all of the experiment took place."""
+"""Number of figures that are drawn if the whole experiment ran."""
 FILES = ("report.html", "numbers.json", "figure-*", "errata-*")
-"""Names of what `files_of` gives, as patterns."""
+"""Patterns of the file names that `files_of` returns."""
 Say = Callable[[str], None]
 
 
 class PaperError(RuntimeError):
-    """The experiment did not get far enough for its figures to be drawn."""
+    """The experiment ended too early to draw its figures."""
 
 
 def steps() -> int:
-    """How often `reproduce` and `files_of` say something together."""
+    """Number of calls of `say` by `reproduce` and `files_of` together."""
     return 2 + steps_of_errata() + FIGURES
 
 
 def reproduce(
     seed: int | None = None, say: Say = lambda text: None, discovery: Discovery | None = None
 ) -> Reproduction:
-    """Run the experiment with and without its obstacle, and both readings of what is silent or wrong in the paper.
+    """Run the experiment with and without its obstacle, and both readings of each omission or error of the paper.
 
     Args:
-        seed: Of the runs with noise; None: the shipped config's.
-        say: Told what is run.
-        discovery: Plugins; default those installed.
+        seed: Seed of the runs with noise; None: the shipped config's.
+        say: Called with the name of each run before it starts.
+        discovery: Source of the plugins; default: those installed.
 
     Raises:
         ConfigError, PluginError: A plugin of the experiment is missing.
-        PaperError: The robot found no way, or never drove.
+        PaperError: The robot found no path, or never drove.
     """
     discovery = discovery or Discovery()
     say("the experiment with obstacle O")
@@ -58,7 +58,7 @@ def reproduce(
 
 
 def _driven(run: Drive) -> Drive:
-    """The run, where it has all that figures show."""
+    """The run. Raises PaperError if it lacks what the figures need."""
     if run.path is None or run.trajectory is None or not run.episode.recorder.cross_tracks:
         result = run.episode.result
         raise PaperError(
@@ -69,7 +69,7 @@ def _driven(run: Drive) -> Drive:
 
 
 def files_of(made: Reproduction, say: Say = lambda text: None) -> dict[str, bytes]:
-    """All files by name: each figure as PNG and SVG, `report.html`, `numbers.json`. The same bytes each time.
+    """All files by name: each figure as PNG and SVG, `report.html`, `numbers.json`. Repeated calls give the same bytes.
 
     Raises:
         ConfigError: matplotlib is not installed.
@@ -87,17 +87,17 @@ def files_of(made: Reproduction, say: Say = lambda text: None) -> dict[str, byte
 
 
 def drawn(plate: Plate) -> tuple[str, bytes]:
-    """A figure as SVG and as PNG of 300 dots an inch. Raises ConfigError where matplotlib is not installed."""
+    """A figure as SVG and as PNG of 300 dpi. Raises ConfigError if matplotlib is not installed."""
     from navloom.report.plotting import png_of, svg_of
 
     figure = plate.draw()
     svg = svg_of(figure)
-    figure.set_layout_engine("none")  # it has been laid out: once is enough
+    figure.set_layout_engine("none")  # already laid out for the SVG
     return svg, png_of(figure, 300)
 
 
 def facts_of(made: Reproduction) -> dict[str, Any]:
-    """What `navloom paper --json` prints, SI units: outcomes, the table, and every variant of the errata."""
+    """Content of `navloom paper --json`, in SI units: outcomes, the table, and every variant of the errata."""
     run, free, errata = made.run.episode.summary(), made.free.episode.summary(), made.errata
     return {
         "seed": run["seed"],
@@ -112,7 +112,7 @@ def facts_of(made: Reproduction) -> dict[str, Any]:
 
 
 def is_reproduced(made: Reproduction) -> bool:
-    """Both drives arrived at D without contact, through gate B."""
+    """Whether both runs arrived at D without contact, with a plan through gate B."""
     return all(
         run.episode.trail.succeeded
         and run.episode.recorder.touches == 0

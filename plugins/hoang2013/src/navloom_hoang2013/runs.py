@@ -1,4 +1,4 @@
-"""Runs of the paper's experiment (Hoang et al. 2013, IV) with everything that its figures show kept beside them."""
+"""Runs of the paper's experiment (Hoang et al. 2013, IV), recorded with all that its figures need."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ __all__ = ["PLANNED", "QUIET", "START", "Choice", "Drive", "Gate", "box", "cross
 
 Floats = NDArray[np.float64]
 QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.noise=false")
-"""Settings of a run without noise of the sensors and of the wheels."""
+"""Settings of a run without sensor noise and wheel noise."""
 EVERY_TICK = "avoider.diagnostics_rate_hz=20.0"
-"""The figures show the very tick in which the avoider turns away."""
+"""Setting that makes the avoider publish diagnostics in every tick: figures show the tick in which it turns away."""
 PLANNED = "run.stop_after=2.0"
-"""Ends a run when the plan is there: the sweep takes 1.24 s."""
+"""Setting that ends a run once the plan exists: the sweep takes 1.24 s."""
 GATE_LINE = 5.3
 """y of the middle of the wall with the gates, m."""
 START = Pose2D(0.0, 0.0, 0.5 * math.pi)
-"""Where the experiment begins: S, facing D."""
+"""Pose at the start of the experiment: at S, facing D."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A way through the wall between S and D: its letter in the paper, and x of its sides, m."""
+    """A passage through the wall between S and D: its letter in the paper, and x of its sides, m, map frame."""
 
     name: str
     left: float
@@ -55,7 +55,7 @@ class Gate:
 
     @property
     def middle(self) -> float:
-        """x, m."""
+        """x of the middle, m, map frame."""
         return 0.5 * (self.left + self.right)
 
 
@@ -64,10 +64,10 @@ class Choice:
     """An avoider's view in one tick.
 
     Attributes:
-        time: s.
-        pose: As estimated, map frame.
-        scan: Of the sonars.
-        target: Point it steers to, map frame.
+        time: Time of the tick, s.
+        pose: Estimated pose, map frame.
+        scan: Ranges of the sonars.
+        target: Point that the avoider steers to, map frame.
         diagnostics: Window, histogram and slots.
     """
 
@@ -85,7 +85,7 @@ class Choice:
 
 @dataclass(eq=False)
 class _Onlooker:
-    """An observer that keeps what the figures show; the newest of each unless said otherwise."""
+    """An observer that keeps what the figures need: the newest message of each type, and the lists below."""
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
         {
@@ -108,7 +108,7 @@ class _Onlooker:
     choice: Choice | None = None
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Keep it."""
+        """Record the message."""
         time = at.stamp_ns * 1e-9
         self.newest[type(message)] = message
         if isinstance(message, TrackingCommand):
@@ -120,10 +120,10 @@ class _Onlooker:
             self._look(time, message.diagnostics)
 
     def on_step(self, record: StepRecord) -> None:
-        """Not asked for."""
+        """Not used, since `wants_steps` is False."""
 
     def _look(self, time: float, diagnostics: AvoiderDiagnostics) -> None:
-        """Keep the first tick in which the avoider drives and turns away from its target by more than a sector."""
+        """Record the first tick in which the avoider is active and turns more than one sector away from its target."""
         pose, scan, reference = (self.newest[kind] for kind in (PoseEstimate, RangeScan, Reference))
         assert isinstance(pose, PoseEstimate) and isinstance(scan, RangeScan) and isinstance(reference, Reference)
         found = Choice(time, pose.pose, scan, reference.target, diagnostics)
@@ -137,14 +137,14 @@ class Drive:
     """One run.
 
     Attributes:
-        episode: What ran, and its metrics.
+        episode: The episode with its metrics.
         sweep: The 3D image.
-        map: What the mapper made of it; None where it made nothing.
-        path: The plan; None where there is no way.
-        trajectory: What was followed, or None.
+        map: The map made from it, or None.
+        path: The plan; None if there is none.
+        trajectory: The trajectory that was followed, or None.
         errors: (n, 4) time, s; e1, e2, m; e3, rad, of each tick with a reference: eq. (4).
-        sources: (time, s; who drives) at each change.
-        choice: The moment the avoider first turned away from its target, or None.
+        sources: Time, s, and new active source ("controller", "avoider", ...) at each change.
+        choice: The tick in which the avoider first turned away from its target, or None.
     """
 
     episode: Episode
@@ -158,12 +158,12 @@ class Drive:
 
     @property
     def world(self) -> World:
-        """The truth it took place in."""
+        """The true world of the run."""
         assert self.episode.system.world is not None
         return self.episode.system.world
 
     def driven_by(self, source: str) -> list[Floats]:
-        """Parts of the true way, (n, 2) m each, that one of controller and avoider drove."""
+        """Parts of the true track, (n, 2) x, y, m, map frame each, during which `source` was active."""
         truth = np.array(self.episode.recorder.truth)[:, :3]
         ends = [time for time, _ in self.sources[1:]] + [math.inf]
         parts = []
@@ -174,10 +174,10 @@ class Drive:
 
 
 def drive(*overrides: str, seed: int | None = None) -> Drive:
-    """Run the shipped config `paper` with changes, and keep what its figures show.
+    """Run the shipped config `paper` with overrides, and keep what its figures need.
 
     Raises:
-        ConfigError, PluginError: A plugin of the experiment is missing, or a change does not fit.
+        ConfigError, PluginError: A plugin of the experiment is missing, or an override is invalid.
     """
     onlooker = _Onlooker()
     loaded = load_config("paper", [EVERY_TICK, *overrides], seed)
@@ -198,7 +198,7 @@ def drive(*overrides: str, seed: int | None = None) -> Drive:
 
 
 def box(world: World, name: str) -> Box:
-    """An obstacle of the paper's world by name."""
+    """The box with a name in the paper's world."""
     found = next(obstacle for obstacle in world.obstacles if obstacle.name == name)
     assert isinstance(found, Box)
     return found
@@ -216,7 +216,7 @@ def gates_of(world: World) -> tuple[Gate, Gate, Gate]:
 
 
 def crossing(path: Path, world: World) -> str:
-    """Letter of the gate a plan goes through; "-" for none of them."""
+    """Letter of the gate that a plan goes through; "-" if it goes through none."""
     points = path.points
     first = int(np.argmax(points[:, 1] >= GATE_LINE))
     if points[first, 1] < GATE_LINE or first == 0:

@@ -24,7 +24,7 @@ P = TypeVar("P", bound=IpabdParams | UnionParams)
 
 
 class _OfSweeps(Mapper[P]):
-    """Joins the outlines of sweeps to one map; what an outline is differs."""
+    """Base of the mappers that merge the outlines of sweeps into one map. Subclasses define the outline."""
 
     accepts = (Sweep,)
 
@@ -57,7 +57,7 @@ class _OfSweeps(Mapper[P]):
             shown = self._outline(sweep, given)
             new = mapping.draw(shown, self._settings)
             if known is not None and self.params.accumulate:
-                # What cannot be seen from here stays: behind the robot may be a girder that only this map knows.
+                # Keep what this sweep cannot see: behind the robot may be a girder that only the known map contains.
                 new = mapping.renew(known, new) if self._is_doubted else mapping.merge(known, new, tolerance)
             known, self._is_doubted = new, False
             counts.update(shown.barriers.counts)
@@ -77,7 +77,7 @@ class _OfSweeps(Mapper[P]):
 
     @abstractmethod
     def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
-        """The outline of what one sweep saw."""
+        """Outlines of the obstacles seen by one sweep."""
 
 
 class Ipabd(_OfSweeps[IpabdParams]):

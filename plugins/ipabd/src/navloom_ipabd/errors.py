@@ -1,4 +1,4 @@
-"""What the mapping refuses, as types: each message names the place, what was given and what was expected."""
+"""Errors of the mapping. Each message names the place, the value given and what was expected."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ class DataError(ValueError):
     """Input that cannot be mapped.
 
     Args:
-        place: The field that is wrong, as `sweep.ranges`.
-        given: What it holds.
-        expected: What it should hold.
+        place: The field that is wrong, for example `sweep.ranges`.
+        given: Its value.
+        expected: The value it should have.
     """
 
     def __init__(self, place: str, given: str, expected: str) -> None:
@@ -22,7 +22,7 @@ class DataError(ValueError):
 
 
 class SweepError(DataError):
-    """A sweep that is empty, holds NaN or a negative, or whose arrays do not fit each other."""
+    """A sweep that is empty, contains NaN or negative ranges, or has arrays of inconsistent shapes."""
 
 
 class TrackError(DataError):
@@ -30,4 +30,4 @@ class TrackError(DataError):
 
 
 class SettingError(DataError):
-    """A setting outside of what its formula is defined for."""
+    """A setting outside the domain of its formula."""

@@ -1,4 +1,4 @@
-"""Line segments from the points of one object: iterative end-point fit, merge, total least squares."""
+"""Extract line segments from the points of objects: iterative end-point fit, merge, total least squares."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ Floats = NDArray[np.float64]
 
 
 def extract_lines(points: Floats, starts: NDArray[np.int64], tolerance: float) -> Floats:
-    """Segments of all objects.
+    """Segments of all objects. Every point lies within `tolerance` of a segment.
 
-    Split (iterative end-point fit): an object is cut at its point farthest from the chord (from the piece between its
-    ends, so that a spike along the chord counts too) while that is farther than `tolerance`; both parts keep that
-    point, so that corners stay closed. Merge: neighbouring parts of one object that together lie within `tolerance`
-    of one line become one; objects are never joined, a gap between them may be a door. Refit: each part's line is its
-    total least squares fit, from the foot of one extreme point to that of the other; where a fit leaves a point
-    farther than `tolerance`, the chord stays. So every point lies within `tolerance` of a segment.
+    Split (iterative end-point fit): an object is cut at the point farthest from its chord, as long as that point is
+    farther than `tolerance`. The distance is to the chord as a segment, so that a spike along the chord counts too.
+    Both parts keep the point, so that corners stay closed.
 
-    An object of one point is a segment of no length, one of two points the segment between them: posts stay.
+    Merge: neighbouring parts of one object become one if together they lie within `tolerance` of one line. Objects are
+    never joined, since a gap between them may be a door.
+
+    Refit: the line of each part is its total least squares fit, from the projection of one extreme point to that of
+    the other. If the fit leaves a point farther than `tolerance`, the chord is used.
+
+    An object of one point gives a segment of zero length, and one of two points the segment between them, so that posts
+    are kept.
 
     Args:
         points: (n, 2) x, y, m, in order of azimuth.
-        starts: (objects + 1,) as `segment_starts` gives it.
+        starts: (objects + 1,) result of `segment_starts`.
         tolerance: T, m.
 
     Returns:
@@ -42,10 +46,10 @@ def distances_to_segments(points: Floats, segments: Floats) -> Floats:
 
     Args:
         points: (n, 2) m.
-        segments: (m, 4) x1, y1, x2, y2, m; may have no length.
+        segments: (m, 4) x1, y1, x2, y2, m; the length may be zero.
 
     Returns:
-        (n,) m; +inf where there are no segments.
+        (n,) m; +inf if there are no segments.
     """
     start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     length2 = np.maximum((along**2).sum(axis=1), 1e-300)
@@ -56,10 +60,10 @@ def distances_to_segments(points: Floats, segments: Floats) -> Floats:
 
 
 def fresh_segments(known: Floats, new: Floats, tolerance: float) -> Floats:
-    """The known segments and those of the new ones that tell more, without known ones that the new contain.
+    """Union of known and new segments, without those that are contained in a segment of the other set.
 
-    A segment is contained in another when both its ends lie within `tolerance` of that other: so a standing scene
-    swept again and again keeps a bounded number of segments.
+    A segment is contained in another if both its ends lie within `tolerance` of it. Repeated sweeps of a static scene
+    therefore keep a bounded number of segments.
 
     Args:
         known, new: (n, 4) and (m, 4) x1, y1, x2, y2, m.
@@ -82,7 +86,7 @@ def _are_contained(inner: Floats, outer: Floats, tolerance: float) -> NDArray[np
 
 @njit(cache=True, nogil=True)
 def _extract(points: Floats, starts: NDArray[np.int64], tolerance: float) -> Floats:
-    """Split and merge of each object; at most one segment a point."""
+    """Split, merge and refit each object; the result has at most one segment per point."""
     segments = np.empty((max(points.shape[0], 1), 4))
     count = 0
     for i in range(starts.size - 1):
@@ -103,7 +107,7 @@ def _extract(points: Floats, starts: NDArray[np.int64], tolerance: float) -> Flo
 
 @njit(cache=True, nogil=True)
 def _split(points: Floats, first: int, last: int, tolerance: float) -> NDArray[np.int64]:
-    """Indices of the corners, both ends included, rising."""
+    """Increasing indices of the corners, including both ends."""
     is_corner = np.zeros(last - first + 1, dtype=np.bool_)
     is_corner[0] = is_corner[last - first] = True
     stack = [(first, last)]
@@ -124,7 +128,7 @@ def _split(points: Floats, first: int, last: int, tolerance: float) -> NDArray[n
 
 @njit(cache=True, nogil=True)
 def _distance_to_chord(a: Floats, b: Floats, p: Floats) -> float:
-    """Distance of p to the piece from a to b."""
+    """Distance of p to the segment from a to b."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     length2 = dx * dx + dy * dy
     share = 0.0
@@ -135,7 +139,7 @@ def _distance_to_chord(a: Floats, b: Floats, p: Floats) -> float:
 
 @njit(cache=True, nogil=True)
 def _total_least_squares(points: Floats, first: int, last: int) -> tuple[float, tuple[float, float, float, float]]:
-    """Greatest distance to the fitted line of points[first:last + 1], and the segment on it, x1, y1, x2, y2."""
+    """Largest distance of points[first:last + 1] to their fitted line, and the segment on it, x1, y1, x2, y2."""
     n = last - first + 1
     mean_x = points[first : last + 1, 0].sum() / n
     mean_y = points[first : last + 1, 1].sum() / n

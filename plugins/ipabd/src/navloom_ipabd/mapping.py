@@ -1,4 +1,4 @@
-"""From a 3D image to a 2D map: all steps of IPaBD (Hoang et al. 2013, II.B), and what is kept between sweeps."""
+"""Map a 3D image to 2D with all steps of IPaBD (Hoang et al. 2013, II.B), and combine the maps of several sweeps."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class MapSettings:
     Attributes:
         line_tolerance: T of the iterative end-point fit, m.
         resolution: Edge of a cell, m.
-        anchor: A cell centre, m, map frame: the start position S.
-        extent: Lowest x, y, highest x, y of the map, m, map frame; None: what was seen, and the anchor.
-        free_range: Farther than this from the sensor no cell is marked free, m.
-        raster, paper_t: As of `raster.mark_occupied`.
-        bin_width: Width of an azimuth bin, rad; None is the bearing step.
+        anchor: Point that is the centre of a cell, m, map frame: the start position S.
+        extent: Lowest x, y, highest x, y of the map, m, map frame; None: the area that was seen, and the anchor.
+        free_range: Distance from the sensor beyond which no cell is marked free, m.
+        raster, paper_t: See `raster.mark_occupied`.
+        bin_width: Width of an azimuth bin, rad; None: the bearing step.
     """
 
     filters: Filters = field(default_factory=Filters)
@@ -48,12 +48,12 @@ class MapSettings:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """What one sweep shows of the obstacles' outlines.
+    """Outlines of the obstacles, as seen by one sweep.
 
     Attributes:
         segments: (n, 4) x1, y1, x2, y2, m, map frame.
-        sensor: x, y, m, of the sensor and heading, rad, of base at the reference pose, map frame.
-        barriers: The 2D image it was drawn from.
+        sensor: x, y of the sensor, m, and heading of base, rad, at the reference pose, map frame.
+        barriers: The 2D image that the segments were extracted from.
     """
 
     segments: Floats
@@ -66,7 +66,7 @@ class GridMap:
     """A map: cells and the outlines in them.
 
     Attributes:
-        lattice: Where the cells lie.
+        lattice: Position and size of the grid.
         cells: (rows, columns) int8: 0 free, 100 occupied, -1 unknown; row 0 has the lowest y.
         segments: (n, 4) x1, y1, x2, y2, m, map frame.
     """
@@ -77,7 +77,7 @@ class GridMap:
 
 
 def outline(sweep: SweepImage, motion: FrameMotion, settings: MapSettings) -> Outline:
-    """Steps 1 to 4: press the image, part it into objects, fit their lines, in the map frame."""
+    """Steps 1 to 4: press the image, segment it into objects and fit their lines, in the map frame."""
     barriers = pressure.press(sweep, settings.filters, motion, settings.bin_width)
     columns = np.flatnonzero(np.isfinite(barriers.ranges))
     x, y, heading = motion.reference
@@ -92,7 +92,7 @@ def outline(sweep: SweepImage, motion: FrameMotion, settings: MapSettings) -> Ou
 
 
 def draw(shown: Outline, settings: MapSettings) -> GridMap:
-    """Cells of one sweep's outlines: occupied on a line, free where a ray passed, unknown elsewhere."""
+    """Map of one sweep: cells are occupied on a line, free where a ray passed, and unknown elsewhere."""
     seen = np.minimum(shown.barriers.seen, settings.free_range)
     extent = settings.extent or _extent_of(shown, seen, settings.anchor)
     lattice = Lattice.covering(extent, settings.resolution, settings.anchor)
@@ -103,14 +103,14 @@ def draw(shown: Outline, settings: MapSettings) -> GridMap:
 
 
 def merge(known: GridMap, new: GridMap, tolerance: float) -> GridMap:
-    """Both maps in one, nothing seen is forgotten. They share anchor and resolution."""
+    """Merge two maps with the same anchor and resolution. No observation is dropped."""
     lattice, old_cells, new_cells = _on_one_lattice(known, new)
     segments = lines.fresh_segments(known.segments, new.segments, tolerance)
     return GridMap(lattice, raster.merge_cells(old_cells, new_cells), segments)
 
 
 def renew(known: GridMap, new: GridMap) -> GridMap:
-    """The new map, and the known one where the new one knows nothing. They share anchor and resolution."""
+    """The new map, completed by the known one where the new one is unknown. Both share anchor and resolution."""
     lattice, old_cells, new_cells = _on_one_lattice(known, new)
     kept = raster.parts_in_unknown(known.segments, new_cells, lattice)
     cells = np.where(new_cells == raster.UNKNOWN, old_cells, new_cells)
@@ -126,7 +126,7 @@ def _on_one_lattice(known: GridMap, new: GridMap) -> tuple[Lattice, Cells, Cells
 
 
 def _extent_of(shown: Outline, seen: Floats, anchor: tuple[float, float]) -> Extent:
-    """Box round the anchor, the sensor, all lines, and all that was looked through."""
+    """Bounding box of the anchor, the sensor, all segments and the observed area, m, map frame."""
     angles = shown.barriers.bins.azimuths + shown.sensor[2]
     x = np.concatenate([[anchor[0], shown.sensor[0]], shown.segments[:, 0::2].ravel(),
                         shown.sensor[0] + seen * np.cos(angles)])  # fmt: skip

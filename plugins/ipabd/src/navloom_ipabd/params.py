@@ -16,45 +16,55 @@ __all__ = ["IpabdParams", "UnionParams"]
 
 
 class IpabdParams(Params):
-    """Lengths in m, angles in degrees. The README tells where each default comes from."""
+    """Parameters of `ipabd`. Lengths in m, angles in degrees. The README gives the source of each default."""
 
     geometry: Literal["as_sweep", "paper", "rigid_pitch"] = Field(
-        "as_sweep", description="how ranges become points; as_sweep: as the sweep itself says"
+        "as_sweep", description="how ranges become points; as_sweep: as the sweep states"
     )
     filter_order: FilterOrder = Field("before_min", description="floor and height filter before or after the minimum")
-    floor_tolerance: float = Field(0.06, ge=0.0, description="points this near to the floor are floor, m")
-    z_limit: float | None = Field(None, gt=0.0, description="points above do not count, m; default: the robot's height")
-    min_range: float = Field(0.0, ge=0.0, description="shorter ranges are outliers, m, besides the sensor's own limit")
-    max_range_tolerance: float = Field(0.05, ge=0.0, description="this near to the maximum is no return, m")
-    deskew: bool = Field(True, description="move each frame to where it was taken")
+    floor_tolerance: float = Field(
+        0.06, ge=0.0, description="largest distance from the floor of points that count as floor, m"
+    )
+    z_limit: float | None = Field(
+        None, gt=0.0, description="height above which points are ignored, m; default: the robot's height"
+    )
+    min_range: float = Field(
+        0.0, ge=0.0, description="shorter ranges are outliers, m, in addition to the sensor's limit"
+    )
+    max_range_tolerance: float = Field(
+        0.05, ge=0.0, description="ranges this close to the sensor's maximum are no returns, m"
+    )
+    deskew: bool = Field(True, description="correct each frame for the robot's movement")
     track_slack: float = Field(0.2, ge=0.0, description="how far the pose track may miss the sweep's ends, s")
     bin_width_deg: float | None = Field(None, gt=0.0, le=30.0, description="azimuth bins; default: the bearing step")
 
-    segmentation: SegmentationMethod = Field("adaptive", description="threshold that parts objects")
+    segmentation: SegmentationMethod = Field("adaptive", description="threshold that separates objects")
     incidence_deg: float = Field(10.0, gt=0.0, lt=90.0, description="λ of adaptive")
     range_sigma: float = Field(0.02, ge=0.0, description="σ of adaptive, m")
     segmentation_noise: float = Field(0.1, ge=0.0, description="C0 of dietmayer and santos, m")
     santos_beta_deg: float = Field(15.0, gt=0.0, lt=90.0, description="β of santos")
-    lee_limit: float = Field(0.05, gt=0.0, description="greatest ratio of lee, no unit")
-    max_missing: int = Field(2, ge=0, description="more empty columns than this always part objects")
+    lee_limit: float = Field(0.05, gt=0.0, description="largest ratio of lee, no unit")
+    max_missing: int = Field(2, ge=0, description="largest number of empty columns within an object")
     line_tolerance: float = Field(0.06, gt=0.0, description="T of split and merge, m")
 
     cell: float = Field(0.40, gt=0.0, description="edge of a grid cell, m")
     anchor: tuple[float, float] | None = Field(None, description="a cell centre, m, map frame; default: the start")
     extent: tuple[float, float, float, float] | None = Field(
-        None, description="lowest x, y, highest x, y of the map, m; default: what was seen, and the anchor"
+        None, description="lowest x, y, highest x, y of the map, m; default: the area seen, and the anchor"
     )
     raster: Literal["distance", "supercover", "paper"] = Field("distance", description="which cells a line occupies")
     paper_raster_t: float = Field(0.8, gt=0.0, description="T of the printed slope test (a length, m, or no unit)")
-    free_range: float = Field(20.0, gt=0.0, description="farther from the sensor nothing is marked free, m")
+    free_range: float = Field(
+        20.0, gt=0.0, description="distance from the sensor beyond which no cell is marked free, m"
+    )
     accumulate: bool = Field(True, description="keep the map between sweeps; false: the latest sweep only")
 
     def settings(self, robot_height: float, start: tuple[float, float]) -> MapSettings:
-        """The same for the pure modules, in SI and radians.
+        """Settings of the pure modules, in SI units and radians.
 
         Args:
-            robot_height: m.
-            start: x, y, m, map frame.
+            robot_height: Height of the robot, m; the default of `z_limit`.
+            start: x, y, m, map frame; the default of `anchor`.
         """
         filters = Filters(
             floor_tolerance=self.floor_tolerance,
@@ -87,29 +97,39 @@ class IpabdParams(Params):
 
 
 class UnionParams(Params):
-    """Those of `ipabd` that a map without floor filter, minimum and lines has, with the same meaning and unit."""
+    """Parameters of `union`: those of `ipabd` that do not concern the minimum or the lines, and `keeps_floor`."""
 
     geometry: Literal["as_sweep", "paper", "rigid_pitch"] = Field(
-        "as_sweep", description="how ranges become points; as_sweep: as the sweep itself says"
+        "as_sweep", description="how ranges become points; as_sweep: as the sweep states"
     )
     keeps_floor: bool = Field(True, description="press the floor like everything else, as in Fig. 7")
-    floor_tolerance: float = Field(0.06, ge=0.0, description="points this near to the floor are floor, m")
-    z_limit: float | None = Field(None, gt=0.0, description="points above do not count, m; default: all heights do")
-    min_range: float = Field(0.0, ge=0.0, description="shorter ranges are outliers, m, besides the sensor's own limit")
-    max_range_tolerance: float = Field(0.05, ge=0.0, description="this near to the maximum is no return, m")
-    deskew: bool = Field(True, description="move each frame to where it was taken")
+    floor_tolerance: float = Field(
+        0.06, ge=0.0, description="largest distance from the floor of points that count as floor, m"
+    )
+    z_limit: float | None = Field(
+        None, gt=0.0, description="height above which points are ignored, m; default: no limit"
+    )
+    min_range: float = Field(
+        0.0, ge=0.0, description="shorter ranges are outliers, m, in addition to the sensor's limit"
+    )
+    max_range_tolerance: float = Field(
+        0.05, ge=0.0, description="ranges this close to the sensor's maximum are no returns, m"
+    )
+    deskew: bool = Field(True, description="correct each frame for the robot's movement")
     track_slack: float = Field(0.2, ge=0.0, description="how far the pose track may miss the sweep's ends, s")
     bin_width_deg: float | None = Field(None, gt=0.0, le=30.0, description="azimuth bins; default: the bearing step")
     cell: float = Field(0.40, gt=0.0, description="edge of a grid cell, m")
     anchor: tuple[float, float] | None = Field(None, description="a cell centre, m, map frame; default: the start")
     extent: tuple[float, float, float, float] | None = Field(
-        None, description="lowest x, y, highest x, y of the map, m; default: what was seen, and the anchor"
+        None, description="lowest x, y, highest x, y of the map, m; default: the area seen, and the anchor"
     )
-    free_range: float = Field(20.0, gt=0.0, description="farther from the sensor nothing is marked free, m")
+    free_range: float = Field(
+        20.0, gt=0.0, description="distance from the sensor beyond which no cell is marked free, m"
+    )
     accumulate: bool = Field(True, description="keep the map between sweeps; false: the latest sweep only")
 
     def settings(self, robot_height: float, start: tuple[float, float]) -> MapSettings:
-        """The same for the pure modules; the robot's height is that of `IpabdParams.settings` and does not matter."""
+        """Settings of the pure modules, as `IpabdParams.settings` returns them; `robot_height` is ignored."""
         filters = Filters(
             floor_tolerance=self.floor_tolerance,
             z_limit=inf if self.z_limit is None else self.z_limit,

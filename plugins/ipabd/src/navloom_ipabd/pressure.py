@@ -21,12 +21,12 @@ TAU = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class Bins:
-    """Azimuths in which the nearest obstacle is sought, in the reference frame (see `FrameMotion`).
+    """Azimuth bins for the nearest obstacle, in the reference frame (see `FrameMotion`).
 
     Attributes:
         first, step: Bin i is centred on `first` + i `step`, rad.
         size: Number of bins.
-        are_columns: They are the columns of the image; otherwise they go round the whole circle.
+        are_columns: Whether the bins are the columns of the image. Otherwise they cover the whole circle.
     """
 
     first: float
@@ -36,7 +36,7 @@ class Bins:
 
     @property
     def azimuths(self) -> Floats:
-        """(size,) centres, rad, rising from `first`, not wrapped."""
+        """(size,) centres of the bins, rad, increasing from `first`, not wrapped."""
         return self.first + self.step * np.arange(self.size, dtype=np.float64)
 
 
@@ -46,10 +46,10 @@ class Barriers:
 
     Attributes:
         bins: The azimuths.
-        ranges: (bins,) horizontal range of the nearest obstacle point, m, reference frame; +inf where there is none.
-        points: (bins, 3) that point: x, y, m, reference frame, and z above the floor; NaN where there is none.
-        seen: (bins,) how far the azimuth was looked through, m: to the obstacle, or where there is none to the
-            farthest return; 0 where no ray returned.
+        ranges: (bins,) horizontal range of the nearest obstacle point, m, reference frame; +inf if there is none.
+        points: (bins, 3) that point: x, y, m, reference frame, and z above the floor, m; NaN if there is none.
+        seen: (bins,) distance up to which the azimuth was observed, m: that of the obstacle, or of the farthest return
+            if there is no obstacle; 0 if no ray returned.
         counts: Number of image points by rule; they sum to frames × beams.
     """
 
@@ -61,15 +61,15 @@ class Barriers:
 
 
 def bins_of(sweep: SweepImage, motion: FrameMotion | None = None, bin_width: float | None = None) -> Bins:
-    """Bins of a sweep: its columns where those are fixed azimuths, the whole circle in steps otherwise.
+    """Azimuth bins of a sweep: its columns if these have fixed azimuths, otherwise equal steps of the whole circle.
 
-    Columns are fixed azimuths with eq. (1), an even fan and a robot that stands. A rigid pitch spreads a column over
-    azimuths atan(tan b / cosα), and movement turns it.
+    Columns have fixed azimuths if the geometry is eq. (1), the beams are evenly spaced and the robot is stopped. With a
+    rigid pitch, a column spreads over the azimuths atan(tan b / cosα). Movement of the robot rotates it.
 
     Args:
         sweep: The 3D image.
-        motion: Movement during the sweep; None: the robot stood.
-        bin_width: rad; None is the bearing step. A given width bins the whole circle.
+        motion: Movement during the sweep; None: the robot was stopped.
+        bin_width: Width of a bin, rad; None: the bearing step. With a width, the bins cover the whole circle.
     """
     first = float(sweep.bearings[0])
     is_still = motion is None or motion.is_still
@@ -82,12 +82,12 @@ def bins_of(sweep: SweepImage, motion: FrameMotion | None = None, bin_width: flo
 def press(
     sweep: SweepImage, filters: Filters, motion: FrameMotion | None = None, bin_width: float | None = None
 ) -> Barriers:
-    """Nearest obstacle point of every azimuth, and the count of what was rejected why.
+    """Nearest obstacle point of every azimuth, and the number of points rejected by each rule.
 
     Args:
         sweep: The 3D image.
-        filters: What counts as an obstacle.
-        motion: Movement during the sweep; None: the robot stood (at the origin of the map).
+        filters: Limits of points that count as obstacles.
+        motion: Movement during the sweep; None: the robot was stopped at the origin of the map.
         bin_width: Width of an azimuth bin, rad; None: the bearing step.
     """
     bins = bins_of(sweep, motion, bin_width)
@@ -110,7 +110,10 @@ def press(
 
 
 def _limits(sweep: SweepImage, filters: Filters) -> Floats:
-    """Least range, first range that is too long, -floor, floor and z limit; the printed order filters heights later."""
+    """Least range, first range that is too long, -floor, floor and z limit, m.
+
+    With the printed order the height limits are infinite, because `settle` filters heights later.
+    """
     range_min = max(sweep.range_min, filters.min_range)
     range_cut = sweep.range_max - filters.max_range_tolerance
     if filters.order == "paper":
@@ -119,13 +122,13 @@ def _limits(sweep: SweepImage, filters: Filters) -> Floats:
 
 
 def settle(bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDArray[np.int64], f: Filters) -> Barriers:
-    """Close the counts, and for the printed order filter the minima: step 3 after step 2.
+    """Complete the counts. For the printed order, also filter the minima: step 3 after step 2.
 
     Args:
-        nearest: (bins,) least horizontal range, m, +inf for none.
-        points: (bins, 3) m, NaN for none.
-        seen: (bins,) farthest horizontal range of any return, m.
-        tally: (7,) counts by rule, NOT_MINIMUM holding all points that passed.
+        nearest: (bins,) smallest horizontal range, m; +inf if there is none.
+        points: (bins, 3) its point, m; NaN if there is none.
+        seen: (bins,) largest horizontal range of any return, m.
+        tally: (7,) counts by rule; NOT_MINIMUM includes all points that passed.
     """
     counts = dict(zip(Rule, tally.tolist(), strict=False))  # KEPT, the last, is counted below
     found = np.isfinite(nearest)
@@ -150,7 +153,10 @@ def settle(bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDA
 def _press_columns(
     ranges: Floats, sin_pitch: Floats, cos_pitch: Floats, height: float, limits: Floats
 ) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:
-    """Columns are azimuths: branch-free, so that it runs in vector registers. Limits: range, -floor, floor, z_limit."""
+    """Press an image whose columns are azimuths. The loop has no branches, so that it can be vectorized.
+
+    Limits as `_limits` returns them.
+    """
     frames, beams = ranges.shape
     range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
     nearest = np.full(beams, np.inf)
@@ -180,7 +186,7 @@ def _press_columns(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tally(total: int, none: int, far: int, near: int, under: int, floor: int, over: int) -> NDArray[np.int64]:
-    """Counts by rule: `far` holds the missing returns too, and `floor` what lies under it."""
+    """Counts by rule. `far` includes the missing returns, and `floor` includes the points below the floor."""
     far_only, floor_only = far - none, floor - under
     passed = total - far - near - floor - over
     return np.array([none, far_only, near, under, floor_only, over, passed])
@@ -191,7 +197,10 @@ def _press_bins(
     ranges: Floats, frames: Floats, sin_b: Floats, cos_b: Floats, height: float, limits: Floats, is_rigid: bool,
     circle: Floats, size: int,
 ) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:  # fmt: skip
-    """Any geometry, any movement. Frames: sin and cos of the pitch, shift x, y, sin and cos of the turn."""
+    """Press an image of any geometry and movement.
+
+    `frames` holds sin and cos of the pitch, shift x, y, m, and sin and cos of the turn of each frame.
+    """
     range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
     nearest = np.full(size, np.inf)
     points = np.full((size, 3), np.nan)
@@ -229,7 +238,7 @@ def _press_bins(
 
 
 def warm_up() -> None:
-    """Compile both kernels for read-only float64 images, the only ones a `SweepImage` holds."""
+    """Compile both kernels for read-only float64 images, the only type in a `SweepImage`."""
     for geometry in ("paper", "rigid_pitch"):
         image = SweepImage(
             np.ones((2, 2)), np.zeros(2), np.zeros(2), np.array([0.0, 0.1]), (0.0, 0.0, 0.4), 0.0, 80.0, geometry

@@ -1,4 +1,4 @@
-"""The same pressing in plain numpy, stage by stage: the oracle of the fused pass, and the union of Fig. 7."""
+"""Image pressure in plain numpy, stage by stage: the reference for tests of the fused pass, and the union of Fig. 7."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 def points_in_reference(sweep: SweepImage, motion: FrameMotion | None = None) -> Floats:
-    """All points, moved to where they are seen from the reference pose.
+    """All points of a sweep, transformed to the reference frame.
 
     Returns:
         (frames, beams, 3) x, y, m, reference frame (see `FrameMotion`), and z above the floor.
@@ -35,7 +35,7 @@ def points_in_reference(sweep: SweepImage, motion: FrameMotion | None = None) ->
 
 
 def classify(sweep: SweepImage, heights: Floats, filters: Filters) -> NDArray[np.int64]:
-    """Rule of every point before the minimum is sought: NOT_MINIMUM means that it is an obstacle point.
+    """Rule of every point before the minimum is taken: NOT_MINIMUM marks all obstacle points.
 
     Args:
         heights: (frames, beams) z above the floor, m.
@@ -57,11 +57,11 @@ def classify(sweep: SweepImage, heights: Floats, filters: Filters) -> NDArray[np
 
 
 def union(sweep: SweepImage, filters: Filters, motion: FrameMotion | None = None) -> Floats:
-    """Step 1 and Fig. 7: every obstacle pixel pressed to the plane, its height still attached.
+    """Step 1 and Fig. 7: every obstacle pixel pressed to the plane, with its height.
 
     Returns:
-        (n, 3) x, y, m, reference frame, and z above the floor, of all points that are neither outliers, floor nor too
-        high, in order of the image.
+        (n, 3) x, y, m, reference frame, and z above the floor, m, of all points that are not outliers, not floor and
+        not too high, in image order.
     """
     points = points_in_reference(sweep, motion)
     chosen: Floats = points[classify(sweep, points[..., 2], filters) == Rule.NOT_MINIMUM]
@@ -88,7 +88,7 @@ def press_numpy(
 
 
 def bin_index(points: Floats, is_return: NDArray[np.bool_], bins: Bins) -> NDArray[np.int64]:
-    """Azimuth bin of every point, 0 where there is no return; points (frames, beams, 3) in the reference frame."""
+    """Azimuth bin of every point; without a return it has no meaning. `points`: (frames, beams, 3), reference frame."""
     x, y = np.where(is_return, points[..., 0], 1.0), np.where(is_return, points[..., 1], 0.0)
     angle = np.arctan2(y, x) - bins.first + 0.5 * bins.step
     angle -= TAU * np.floor(angle / TAU)
@@ -98,7 +98,7 @@ def bin_index(points: Floats, is_return: NDArray[np.bool_], bins: Bins) -> NDArr
 def _minimum(
     index: NDArray[np.int64], level: Floats, points: Floats, is_candidate: NDArray[np.bool_], size: int
 ) -> tuple[Floats, Floats]:
-    """Least horizontal range of each bin, and its point; of equals the first in order of the image."""
+    """Smallest horizontal range of each bin, and its point; ties go to the first in image order."""
     nearest, chosen = np.full(size, math.inf), np.full((size, 3), math.nan)
     bins, levels, candidates = index[is_candidate], level[is_candidate], points[is_candidate]
     order = np.lexsort((np.arange(bins.size), levels, bins))

@@ -1,4 +1,4 @@
-"""Ranges to points: eq. (1) of Hoang et al. 2013, and what a planar laser pitched as a whole really measures."""
+"""Convert ranges to points, by eq. (1) of Hoang et al. 2013 or by the true geometry of a rigidly pitched laser."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def paper_points(ranges: Floats, pitches: Floats, bearings: Floats) -> Floats:
-    """Points of a pan-tilt sensor: Hoang et al. 2013, eq. (1), turned from y forward to x forward.
+    """Points of a pan-tilt sensor: Hoang et al. 2013, eq. (1), rotated from y forward to x forward.
 
     The paper writes x = R cosα cosβ, y = R cosα sinβ, z = R sinα with y forward. With the bearing b = β - 90°,
     forward is R cosα cos b and left is R cosα sin b.
@@ -24,7 +24,7 @@ def paper_points(ranges: Floats, pitches: Floats, bearings: Floats) -> Floats:
         bearings: (beams,) b, rad, 0 ahead, counter-clockwise.
 
     Returns:
-        (frames, beams, 3) x forward, y left, z up, m, from the sensor, axes of base.
+        (frames, beams, 3) x forward, y left, z up, m, relative to the sensor, along the axes of base.
     """
     level = ranges * np.cos(pitches)[:, None]
     height = ranges * np.sin(pitches)[:, None]
@@ -34,7 +34,7 @@ def paper_points(ranges: Floats, pitches: Floats, bearings: Floats) -> Floats:
 def rigid_pitch_points(ranges: Floats, pitches: Floats, bearings: Floats) -> Floats:
     """Points of a planar laser that is pitched about its left axis: x = R cos b cosα, y = R sin b, z = R cos b sinα.
 
-    Arguments and result as of `paper_points`.
+    For arguments and result, see `paper_points`.
     """
     cos_b = np.cos(bearings)
     forward = np.cos(pitches)[:, None] * cos_b
@@ -43,10 +43,10 @@ def rigid_pitch_points(ranges: Floats, pitches: Floats, bearings: Floats) -> Flo
 
 
 def project(sweep: SweepImage) -> Floats:
-    """Points of a sweep in base, as if the robot stood still.
+    """Points of a sweep in base, as if the robot had not moved.
 
     Returns:
-        (frames, beams, 3) x, y, z, m, base frame, z above the floor. Not finite where there was no return.
+        (frames, beams, 3) x, y, z, m, base frame, z above the floor. Not finite if there was no return.
     """
     points = paper_points if sweep.geometry == "paper" else rigid_pitch_points
     with np.errstate(invalid="ignore"):  # no return: inf times 0

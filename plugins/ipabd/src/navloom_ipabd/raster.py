@@ -1,4 +1,4 @@
-"""Segments and lines of sight to grid cells."""
+"""Draw segments and lines of sight on grid cells."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Lattice:
     Attributes:
         resolution: Edge of a cell, m.
         anchor: x, y of a cell centre, m, map frame: the start position S.
-        column, row: Index, from the anchor's cell, of the lowest x and y.
-        columns, rows: Size.
+        column, row: Indices of the cell with the lowest x and y, counted from the anchor's cell.
+        columns, rows: Number of columns and rows.
     """
 
     resolution: float
@@ -45,7 +45,7 @@ class Lattice:
 
     @classmethod
     def covering(cls, extent: Extent, resolution: float, anchor: tuple[float, float]) -> Lattice:
-        """The smallest lattice whose cells hold all of the extent: lowest x, lowest y, highest x, highest y, m."""
+        """The smallest lattice that covers the extent: lowest x, lowest y, highest x, highest y, m, map frame."""
         low_x, low_y, high_x, high_y = extent
         if not (resolution > 0.0 and low_x <= high_x and low_y <= high_y):
             raise SettingError("map.extent, resolution", f"{extent} and {resolution:g} m", "low <= high, a cell > 0 m")
@@ -69,12 +69,12 @@ class Lattice:
 
     @property
     def extent(self) -> Extent:
-        """Lowest and highest *centres* x, y, m: the lattice that covers it is this one."""
+        """Lowest x, y and highest x, y of the cell *centres*, m, map frame. `covering` of it returns this lattice."""
         low_x, low_y = (o + 0.5 * self.resolution for o in self.origin)
         return low_x, low_y, low_x + (self.columns - 1) * self.resolution, low_y + (self.rows - 1) * self.resolution
 
     def unknown(self) -> Cells:
-        """(rows, columns) int8, all unknown; row 0 has the lowest y."""
+        """New cells, (rows, columns) int8, all unknown; row 0 has the lowest y."""
         return np.full((self.rows, self.columns), UNKNOWN, dtype=np.int8)
 
 
@@ -86,10 +86,11 @@ def mark_occupied(
     Args:
         cells: (rows, columns) int8 of the lattice.
         segments: (n, 4) x1, y1, x2, y2, m, map frame.
-        method: "distance": the centre lies within half a cell of the segment; the cells of both ends always count,
-            so that no post falls between four centres. "supercover": every cell that the segment touches. "paper":
-            the slope test as printed (Hoang et al. 2013, III.A), which does not end where the segment ends.
-        paper_t: T of the printed test; the paper takes the size of the robot, m, and compares slopes with it.
+        method: Which cells are set. "distance": cells whose centre is within half a cell of the segment, and the cells
+            of both ends, so that no post is lost between four centres. "supercover": every cell that the segment
+            touches. "paper": the slope test as printed (Hoang et al. 2013, III.A), which does not end where the
+            segment ends.
+        paper_t: T of the printed test. The paper uses the size of the robot, m, and compares slopes with it.
     """
     if method not in ("distance", "supercover", "paper"):
         raise SettingError("map.raster", repr(method), "'distance', 'supercover' or 'paper'")
@@ -104,9 +105,10 @@ def mark_occupied(
 
 
 def _printed_test(shape: tuple[int, ...], segment: Floats, t: float) -> NDArray[np.bool_]:
-    """|(m - x1)/(n - y1) - (x2 - x1)/(y2 - y1)| <= T, or |m - x1| <= T where x1 = x2, over all cells (m, n).
+    """The printed test: |(m - x1)/(n - y1) - (x2 - x1)/(y2 - y1)| <= T, or |m - x1| <= T if x1 = x2, for cells (m, n).
 
-    Repaired: a division by zero is an infinite slope, and two infinite slopes are equal; |m - x1| for m - x1.
+    Two things are corrected. A division by zero gives an infinite slope; for y1 = y2 the test is |n - y1| <= 1/2. For
+    x1 = x2 the test uses |m - x1| instead of m - x1.
     """
     x1, y1, x2, y2 = segment
     n, m = np.mgrid[: shape[0], : shape[1]]
@@ -122,13 +124,13 @@ def _printed_test(shape: tuple[int, ...], segment: Floats, t: float) -> NDArray[
 
 
 def mark_seen(cells: Cells, lattice: Lattice, sensor: tuple[float, float, float], bins: Bins, seen: Floats) -> None:
-    """Set the cells whose centre a ray passed to 0, in place, and the cell of the sensor itself.
+    """Set the cells whose centre a ray passed, and the cell of the sensor itself, to 0, in place.
 
     Args:
         cells: (rows, columns) int8 of the lattice.
-        sensor: x, y, m, of the sensor and heading, rad, of base, in the map frame.
+        sensor: x, y of the sensor, m, and heading of base, rad, in the map frame.
         bins: Azimuths in the reference frame.
-        seen: (bins,) how far each was looked through, m.
+        seen: (bins,) distance up to which each azimuth was observed, m.
     """
     x, y = (
         (value - origin) / lattice.resolution - 0.5 for value, origin in zip(sensor[:2], lattice.origin, strict=True)
@@ -137,9 +139,9 @@ def mark_seen(cells: Cells, lattice: Lattice, sensor: tuple[float, float, float]
 
 
 def parts_in_unknown(segments: Floats, cells: Cells, lattice: Lattice) -> Floats:
-    """(m, 4) parts of segments (n, 4), m, map frame, that lie in unknown cells or beyond the lattice.
+    """(m, 4) parts of segments (n, 4), m, map frame, that lie in unknown cells or outside the lattice.
 
-    Ends of parts are exact to half a cell.
+    The ends of the parts are accurate to half a cell.
     """
     parts = []
     for x1, y1, x2, y2 in segments:
@@ -155,7 +157,7 @@ def parts_in_unknown(segments: Floats, cells: Cells, lattice: Lattice) -> Floats
 
 
 def move_cells(cells: Cells, old: Lattice, new: Lattice) -> Cells:
-    """Cells of an old lattice laid on a new one of the same anchor and resolution; the rest is unknown."""
+    """Copy cells of an old lattice to a new one with the same anchor and resolution. Other cells are unknown."""
     moved = new.unknown()
     rows = slice(max(0, old.row - new.row), min(new.rows, old.row - new.row + old.rows))
     columns = slice(max(0, old.column - new.column), min(new.columns, old.column - new.column + old.columns))
@@ -166,13 +168,13 @@ def move_cells(cells: Cells, old: Lattice, new: Lattice) -> Cells:
 
 
 def merge_cells(old: Cells, new: Cells) -> Cells:
-    """Occupied where either is, else free where either is: what was once seen stays until the map is cleared."""
+    """Occupied where either map is, else free where either is: observations persist until the map is cleared."""
     return np.maximum(old, new)
 
 
 @njit(cache=True, nogil=True)
 def _stamp_segments(cells: Cells, segments: Floats, is_supercover: bool) -> None:
-    """Segments in units of cells, with centres at whole numbers."""
+    """Draw segments, given in units of cells with cell centres at whole numbers."""
     rows, columns = cells.shape
     for i in range(segments.shape[0]):
         x1, y1, x2, y2 = segments[i]
@@ -191,7 +193,7 @@ def _stamp_segments(cells: Cells, segments: Floats, is_supercover: bool) -> None
 
 @njit(cache=True, nogil=True)
 def _is_within(x1: float, y1: float, x2: float, y2: float) -> bool:
-    """The segment comes within 0.5 of the origin."""
+    """Whether the segment comes within 0.5 of the origin."""
     dx, dy = x2 - x1, y2 - y1
     length2 = dx * dx + dy * dy
     share = 0.0 if length2 == 0.0 else min(1.0, max(0.0, -(x1 * dx + y1 * dy) / length2))
@@ -200,7 +202,7 @@ def _is_within(x1: float, y1: float, x2: float, y2: float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _touches_square(x1: float, y1: float, x2: float, y2: float) -> bool:
-    """The segment meets the square of half edge 0.5 round the origin (Liang-Barsky)."""
+    """Whether the segment meets the square of half edge 0.5 around the origin (Liang-Barsky)."""
     enter, leave = 0.0, 1.0
     for start, step in ((x1, x2 - x1), (y1, y2 - y1)):
         if step == 0.0:
@@ -216,7 +218,7 @@ def _touches_square(x1: float, y1: float, x2: float, y2: float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _stamp_seen(cells: Cells, x: float, y: float, heading: float, first: float, step: float, seen: Floats) -> None:
-    """All lengths in units of cells; a centre is looked up on the azimuth bin it lies in, so no cell is skipped."""
+    """Mark free cells; lengths in units of cells. Every cell centre looks up its azimuth bin, so none is skipped."""
     for row in range(cells.shape[0]):
         for column in range(cells.shape[1]):
             dx, dy = column - x, row - y

@@ -1,4 +1,4 @@
-"""Which points of a 3D image count as obstacles, and what became of the others."""
+"""Rules for which points of a 3D image count as obstacles and why the others are dropped."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ FilterOrder = Literal["before_min", "paper"]
 
 
 class Rule(IntEnum):
-    """What became of one point. The first rule that applies counts; their numbers sum to the points given."""
+    """Outcome of one point. The first rule that applies counts, so the counts sum to the number of points."""
 
     NO_RETURN = 0
     """Range +inf."""
     BEYOND_MAX = 1
-    """Range within the tolerance of the sensor's maximum, or above: such sensors report "nothing" as a number."""
+    """Range above the sensor's maximum less the tolerance: some sensors report "no return" as a number."""
     BELOW_MIN = 2
-    """Range under the sensor's minimum: dust, the sensor's window, the robot itself."""
+    """Range below the sensor's minimum: dust, the sensor's window, the robot itself."""
     BELOW_FLOOR = 3
-    """Lower than the floor by more than the tolerance: a mirror image, a stairwell, an error of pitch."""
+    """Below the floor by more than the tolerance: a reflection, a stairwell, a pitch error."""
     FLOOR = 4
     TOO_HIGH = 5
     NOT_MINIMUM = 6
-    """An obstacle point, but another one on its bearing is nearer."""
+    """An obstacle point that is not the nearest one on its bearing."""
     KEPT = 7
 
 
 @dataclass(frozen=True)
 class Filters:
-    """Steps 2 and 3 of IPaBD (Hoang et al. 2013, II.B), in floor heights.
+    """Limits of steps 2 and 3 of IPaBD (Hoang et al. 2013, II.B); heights are above the floor.
 
     Attributes:
-        floor_tolerance: Points within this of the floor are floor, m.
-        z_limit: Points above this do not hinder the robot, m above the floor.
-        order: "before_min" drops floor and overhead points, then takes the nearest of each bearing. "paper" takes the
-            nearest first, as printed: a wall behind visible floor or under a girder is lost with it.
-        min_range: Lower limit of the range besides the sensor's own, m.
-        max_range_tolerance: A range this near to the sensor's maximum means no return, m.
+        floor_tolerance: Largest distance from the floor of a point that counts as floor, m.
+        z_limit: Height above which points are no obstacles, m.
+        order: "before_min" drops floor and overhead points, then takes the nearest point of each bearing. "paper" takes
+            the nearest point first, as printed. A wall behind visible floor or under a girder is then lost with it.
+        min_range: Lower limit of the range in addition to the sensor's own, m.
+        max_range_tolerance: Distance below the sensor's maximum from which a range means "no return", m.
     """
 
     floor_tolerance: float = 0.06

@@ -1,7 +1,7 @@
 """Step 4 of IPaBD: point-distance-based segmentation (PDBS) of the 2D image.
 
-Neighbouring points belong to one object unless their distance exceeds a threshold that grows with range. Four
-published thresholds; all take the nominal step Δ between bearings, so that a missing column counts as distance.
+Neighbouring points belong to one object unless their distance exceeds a threshold that grows with range. There are four
+published thresholds. All use the nominal step Δ between bearings, so that a missing column counts as distance.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ SegmentationMethod = Literal["adaptive", "dietmayer", "santos", "lee"]
 
 @dataclass(frozen=True)
 class Segmentation:
-    """Which threshold, and its numbers.
+    """Threshold of the segmentation and its parameters.
 
     Attributes:
         method: "adaptive" (Borges & Aldon), "dietmayer", "santos" or "lee".
-        incidence: λ of the adaptive threshold: the most grazing incidence still taken for one wall, rad.
+        incidence: λ of the adaptive threshold: the smallest angle of incidence that still counts as one wall, rad.
         sigma: σ of the adaptive threshold: standard deviation of the range, m.
         noise: C0 of Dietmayer and Santos, m.
         santos_beta: β of Santos, rad.
-        lee_limit: Greatest ratio of Lee, no unit.
-        max_missing: More empty columns than this between two points always part them.
+        lee_limit: Largest ratio of Lee within one object, no unit.
+        max_missing: Largest number of empty columns between two points of one object.
     """
 
     method: SegmentationMethod = "adaptive"
@@ -54,7 +54,7 @@ def adaptive_threshold(previous: Floats, step: float, incidence: float, sigma: f
         sigma: m.
 
     Raises:
-        SettingError: λ <= Δ: no wall could be told from a gap.
+        SettingError: λ <= Δ, with which walls and gaps cannot be distinguished, or λ >= 90°.
     """
     if not step < incidence < math.pi / 2:
         given = f"{math.degrees(incidence):g}° with a bearing step of {math.degrees(step):g}°"
@@ -65,8 +65,8 @@ def adaptive_threshold(previous: Floats, step: float, incidence: float, sigma: f
 def dietmayer_threshold(nearer: Floats, step: float, noise: float) -> Floats:
     """D = C0 + C1 min(r_i, r_{i-1}), C1 = sqrt(2 (1 - cosΔ)) (Dietmayer et al. 2001).
 
-    C1 min(r) is the chord at equal range, the least distance two neighbours can have: C0 alone pays for noise *and*
-    for oblique walls, which a small C0 shatters.
+    C1 min(r) is the chord at equal range, the smallest possible distance of two neighbours. C0 alone must therefore
+    allow for noise *and* for oblique walls: a small C0 splits these into many objects.
     """
     return noise + math.sqrt(2.0 * (1.0 - math.cos(step))) * nearer
 
@@ -80,14 +80,14 @@ def santos_threshold(nearer: Floats, step: float, noise: float, beta: float) -> 
 
 
 def lee_ratio(current: Floats, previous: Floats) -> Floats:
-    """|(r1 - r2) / (r1 + r2)| (Lee 2001), no unit: blind to gaps between points of equal range."""
+    """|(r1 - r2) / (r1 + r2)| (Lee 2001), no unit. It does not detect gaps between points of equal range."""
     return np.abs((current - previous) / (current + previous))
 
 
 def segment_starts(points: Floats, ranges: Floats, columns: NDArray[np.int64], step: float, s: Segmentation) -> (
     NDArray[np.int64]
 ):  # fmt: skip
-    """Where objects begin and end in the row of points.
+    """Indices at which objects begin and end in the sequence of points.
 
     Args:
         points: (n, 2) x, y, m, in order of azimuth.

@@ -1,4 +1,4 @@
-"""A 3D image of a pitched planar laser, checked once."""
+"""A 3D image of a pitched planar laser, checked when it is created."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Geometry = Literal["paper", "rigid_pitch"]
 
 @dataclass(frozen=True, eq=False)
 class SweepImage:
-    """One movement of the pitched laser.
+    """3D image from one sweep of the pitched laser.
 
     Attributes:
         ranges: (frames, beams) distance along the beam, m; +inf means no return.
         pitches: (frames,) α, rad, up positive.
         frame_times: (frames,) s after the stamp of the sweep.
-        bearings: (beams,) rad in the scan plane, rising, 0 ahead, counter-clockwise: the paper's β - 90°.
-        mount: Sensor x, y, z in the base frame, m; z above the floor.
+        bearings: (beams,) rad in the scan plane, strictly increasing, 0 ahead, counter-clockwise: the paper's β - 90°.
+        mount: x, y, z of the sensor in the base frame, m; z above the floor.
         range_min, range_max: Limits of the sensor, m.
-        geometry: "paper" is eq. (1), "rigid_pitch" a planar laser tilted as a whole.
+        geometry: "paper": eq. (1). "rigid_pitch": a planar laser pitched as a whole.
 
     Raises:
-        SweepError: It is empty, the shapes do not fit, or a number is not usable.
+        SweepError: The image is empty, the shapes are inconsistent, or a number is invalid.
     """
 
     ranges: Floats
@@ -90,13 +90,13 @@ class SweepImage:
 
     @cached_property
     def is_evenly_spaced(self) -> bool:
-        """Each bearing lies within a thousandth of a step of an even fan."""
+        """Whether all bearings are within a thousandth of a step of even spacing."""
         even = self.bearings[0] + self.bearing_step * np.arange(self.bearings.size)
         return bool(np.abs(self.bearings - even).max() <= 1e-3 * self.bearing_step)
 
 
 def _as_floats(place: str, values: object) -> Floats:
-    """A read-only contiguous float64 view or copy: the kernels are compiled for exactly that."""
+    """A read-only contiguous float64 view or copy, the array type that the kernels are compiled for."""
     try:
         array = np.ascontiguousarray(values, dtype=np.float64).view()
     except (TypeError, ValueError):

@@ -17,22 +17,22 @@ __all__ = ["FrameMotion", "check_track", "frame_motion", "interpolate", "poses_a
 Floats = NDArray[np.float64]
 
 STILL_METRES, STILL_RADIANS = 1e-6, 1e-7
-"""Movement within a sweep that is only rounding of the pose track."""
+"""Largest movement within a sweep that counts as rounding of the pose track, m and rad."""
 _FEW = 16
-"""Poses up to which a loop in Python is faster than numpy."""
+"""Number of poses up to which a Python loop is faster than numpy."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameMotion:
     """Movement during a sweep, seen from the reference pose.
 
-    The *reference frame* has its origin at the sensor's place, on the floor, and the axes of base, both at the
-    reference pose: rays start near its origin, so that "nearest on a bearing" is what the sensor saw nearest.
+    The *reference frame* has its origin on the floor below the sensor and the axes of base, both at the reference pose.
+    Rays start near its origin, so the nearest point on a bearing is the one that the sensor saw nearest.
 
     Attributes:
-        shifts: (frames, 2) where the sensor was, m, reference frame.
-        turns: (frames,) heading of base less that of the reference, rad.
-        reference: x, y, heading of base in the map frame at the end of the sweep, m and rad.
+        shifts: (frames, 2) position of the sensor at each frame, m, reference frame.
+        turns: (frames,) heading of base minus that of the reference, rad.
+        reference: x, y, m, and heading, rad, of base in the map frame at the end of the sweep.
     """
 
     shifts: Floats
@@ -41,41 +41,44 @@ class FrameMotion:
 
     @property
     def is_still(self) -> bool:
-        """No frame was taken anywhere else than at the reference."""
+        """Whether all frames were taken at the reference pose."""
         return bool(np.abs(self.shifts).max() <= STILL_METRES and np.abs(self.turns).max() <= STILL_RADIANS)
 
 
 def poses_at(offsets: Floats, track_offsets: Floats, track_poses: Floats, slack: float) -> Floats:
-    """Poses on a track: linear in between, the heading the short way round, held for `slack` beyond both ends.
+    """Interpolate the poses of a track linearly, headings along the shorter arc.
+
+    Beyond its ends, the track holds its first and last pose for up to `slack`.
 
     Args:
-        offsets: (m,) times asked for, s after an epoch.
-        track_offsets: (n,) times of the track, s after the same epoch, rising.
+        offsets: (m,) requested times, s after an epoch.
+        track_offsets: (n,) times of the track, s after the same epoch, strictly increasing.
         track_poses: (n, 3) x, y, m, heading, rad, map frame.
-        slack: s.
+        slack: Longest time by which the track may miss either end, s.
 
     Returns:
         (m, 3) x, y, m, heading, rad, not wrapped, map frame.
 
     Raises:
-        TrackError: The track is empty, has the wrong shape, does not rise, or ends more than `slack` too early.
+        TrackError: The track is empty, has the wrong shape, has stamps that do not increase or poses that are not
+            finite, or misses either end by more than `slack`.
     """
     check_track(float(offsets.min()), float(offsets.max()), track_offsets, track_poses, slack)
-    # Copies: messages are read-only, and a kernel is compiled anew for that.
+    # Copies, because messages are read-only and numba would compile another kernel for read-only arrays.
     given = (np.array(values, dtype=np.float64, order="C") for values in (offsets, track_offsets, track_poses))
     poses: Floats = interpolate(*given)
     return poses
 
 
 def check_track(first: float, last: float, track_offsets: Floats, track_poses: Floats, slack: float) -> None:
-    """See that a track covers a stretch of time.
+    """Check that a track covers an interval of time.
 
     Args:
-        first, last: The stretch, s after an epoch.
-        track_offsets, track_poses, slack: As of `poses_at`.
+        first, last: Ends of the interval, s after an epoch.
+        track_offsets, track_poses, slack: See `poses_at`.
 
     Raises:
-        TrackError: As of `poses_at`.
+        TrackError: See `poses_at`.
     """
     if track_poses.shape != (track_offsets.size, 3) or track_offsets.size == 0:
         given = f"{track_offsets.size} stamps and poses of shape {track_poses.shape}"
@@ -89,7 +92,7 @@ def check_track(first: float, last: float, track_offsets: Floats, track_poses: F
 
 
 def _is_sound(track_offsets: Floats, track_poses: Floats) -> bool:
-    """Stamps rise, and poses are finite; of a few, as beside one scan, Python tells sooner than numpy."""
+    """Whether stamps increase and poses are finite. For a few poses, as with one scan, Python is faster than numpy."""
     if track_offsets.size <= _FEW:
         stamps = track_offsets.tolist()
         rises = all(later > earlier for earlier, later in pairwise(stamps))
@@ -99,7 +102,7 @@ def _is_sound(track_offsets: Floats, track_poses: Floats) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def interpolate(offsets: Floats, track_offsets: Floats, track_poses: Floats) -> Floats:
-    """`poses_at` for kernels, without its checks: to the bit what `np.interp` and `np.unwrap` give."""
+    """`poses_at` for kernels, without its checks. The result is bit-identical to `np.interp` and `np.unwrap`."""
     last = track_offsets.size - 1
     headings = _unwrapped(track_poses[:, 2])
     poses = np.empty((offsets.size, 3))
@@ -122,7 +125,7 @@ def interpolate(offsets: Floats, track_offsets: Floats, track_poses: Floats) -> 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _unwrapped(angles: Floats) -> Floats:
-    """Angles, rad, each the short way round from the one before; half a turn keeps its sense."""
+    """Unwrap angles, rad: each step takes the shorter arc, and a step of half a turn keeps its sign."""
     unwrapped, correction = angles.copy(), 0.0
     for i in range(1, angles.size):
         step = angles[i] - angles[i - 1]
@@ -142,14 +145,14 @@ def frame_motion(
     Args:
         stamp_ns: Stamp of the sweep, ns.
         frame_times: (frames,) s after the stamp.
-        mount_xy: Sensor in base, m.
-        stamps_ns: (n,) of the track, ns, rising.
+        mount_xy: Position of the sensor in base, m.
+        stamps_ns: (n,) stamps of the track, ns, strictly increasing.
         poses: (n, 3) x, y, m, heading, rad, of base in the map frame.
-        slack: How far a track may miss the sweep's ends, s.
-        deskew: False takes all frames as seen from the reference pose.
+        slack: Longest time by which the track may miss the sweep's ends, s.
+        deskew: If False, all frames are assumed to be taken at the reference pose.
 
     Raises:
-        TrackError: As of `poses_at`.
+        TrackError: See `poses_at`.
     """
     track_offsets: Floats = (np.asarray(stamps_ns, dtype=np.int64) - stamp_ns).astype(np.float64) * 1e-9
     at_frames = poses_at(frame_times, track_offsets, np.asarray(poses, dtype=np.float64), slack)
@@ -167,7 +170,7 @@ def frame_motion(
 
 
 def standing(frames: int, reference: tuple[float, float, float]) -> FrameMotion:
-    """A sweep during which the robot stood at `reference` (x, y, m, heading, rad, map frame)."""
+    """Motion of a sweep during which the robot was stopped at `reference` (x, y, m, heading, rad, map frame)."""
     return FrameMotion(np.zeros((frames, 2)), np.zeros(frames), reference)
 
 

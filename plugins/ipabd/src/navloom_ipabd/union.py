@@ -1,6 +1,6 @@
-"""The map of Fig. 7 (Hoang et al. 2013): all pixels of the 3D image pressed to the plane, and nothing more.
+"""The union map of Fig. 7 (Hoang et al. 2013): all pixels of the 3D image pressed to the plane.
 
-It is what step 1 of IPaBD leaves without steps 2 to 4: floor and girders stand in it like walls.
+It is the result of step 1 of IPaBD without steps 2 to 4: floor and girders appear in it as walls.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ Floats = NDArray[np.float64]
 
 
 def union_outline(sweep: SweepImage, motion: FrameMotion, settings: MapSettings, keeps_floor: bool = True) -> Outline:
-    """Every return, whatever its height, as a point; of each cell the first in order of the image.
+    """Every return as a point, whatever its height. Each cell keeps its first point in image order.
 
     Args:
         sweep: The 3D image.
         motion: Movement during the sweep.
-        settings: Its filters' `z_limit` and outliers hold; `math.inf` keeps all heights.
-        keeps_floor: The floor is pressed like everything else, as in Fig. 7.
+        settings: Its filters for outliers and `z_limit` apply; with a `z_limit` of `math.inf` all heights are kept.
+        keeps_floor: Whether floor points are kept, as in Fig. 7.
 
     Returns:
-        Segments of no length, map frame. `seen` reaches to the farthest return of each azimuth: what stands before
-        it was seen past, at another height.
+        Segments of zero length, map frame. `seen` is the distance of the farthest return of each azimuth: nearer
+        obstacles do not limit it, since rays passed them at another height.
     """
     points = points_in_reference(sweep, motion)
     rules = classify(sweep, points[..., 2], settings.filters)
@@ -57,7 +57,7 @@ def union_outline(sweep: SweepImage, motion: FrameMotion, settings: MapSettings,
 
 
 def _one_a_cell(points: Floats, anchor: tuple[float, float], resolution: float) -> Floats:
-    """Of (n, 2) points, m, the first of each cell: thousands of pixels say no more than that."""
+    """The first point of each cell, since further points of a cell add nothing. `points`: (n, 2), m, map frame."""
     cells = np.floor((points - anchor) / resolution + 0.5).astype(np.int64)
     first = np.unique(cells, axis=0, return_index=True)[1]
     chosen: Floats = points[np.sort(first)]

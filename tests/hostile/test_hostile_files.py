@@ -79,7 +79,7 @@ def test_a_hostile_config_is_refused(tmp_path: Path, kind: str) -> None:
 def test_a_config_of_very_many_faults_lists_the_first(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text("".join(f"k{n} = 1\n" for n in range(3_000)))
     found = navloom(tmp_path, "config", "check", str(tmp_path / "c.toml"))
-    assert found.code == 2 and "mend the first 50" in found.error and len(found.error.splitlines()) == 51
+    assert found.code == 2 and "fix the first 50" in found.error and len(found.error.splitlines()) == 51
     assert found.seconds < 5.0
 
 

@@ -1,5 +1,6 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,16 @@ settings.load_profile("repeatable")
 TOP = Path(__file__).resolve().parent
 LONG = {TOP / "tests" / name for name in ("live", "hosts", "faults", "strangers")}
 """Folders of tests that drive live robots."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Obey Ctrl-C as at a terminal.
+
+    A script that runs the tests in the background starts them with SIGINT ignored. Their child processes would inherit
+    that, and tests that end a command with Ctrl-C would wait for ever.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(tryfirst=True)

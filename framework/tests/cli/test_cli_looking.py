@@ -252,8 +252,6 @@ def test_ctrl_c_ends_echo_as_it_should_end(robot: Up) -> None:
     child = subprocess.Popen(
         [*COMMAND, "echo", "platform/odometry"],
         env=robot.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # Tests that a script runs behind it are started with Ctrl-C ignored, and so would be all their children.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     try:
         assert child.stdout is not None

@@ -127,7 +127,7 @@ def test_a_browser_is_served_until_the_command_ends(number: signal.Signals, tmp_
     stream.save(kept)
     stream.disconnect()
     words = [sys.executable, "-m", "navloom", "view", str(kept), "--web"]
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, preexec_fn=obeys_ctrl_c) as command:
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as command:
         try:
             assert command.stderr is not None
             line = command.stderr.readline()
@@ -143,11 +143,6 @@ def test_a_browser_is_served_until_the_command_ends(number: signal.Signals, tmp_
     while is_up("127.0.0.1", int(found[2])):
         assert time.monotonic() < limit, "the server outlives its command"
         time.sleep(0.02)
-
-
-def obeys_ctrl_c() -> None:
-    """As at a terminal: whoever runs the tests may ignore it."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 # --- no display -----------------------------------------------------------------------------------------------------

@@ -70,13 +70,13 @@ class Gate:
         self.runner.take_in()
         self.runner.act()
 
-    def give(self, source: Source, port: str, message: Any, tick: int) -> None:
+    def give(self, source: Source, port: str, message: Any, tick: int, sequence: int | None = None) -> None:
         """A node says something."""
         key = KEYS.port(*source, port)
         inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
         for inlet in inlets:
             if inlet.key == key:
-                inlet.give((message, Envelope(key, tick + 1, tick, 0, 0, 0)))
+                inlet.give((message, Envelope(key, tick + 1 if sequence is None else sequence, tick, 0, 0, 0)))
 
 
 def test_what_died_has_to_warm_up_anew_before_it_takes_over() -> None:
@@ -166,6 +166,23 @@ def follow(gate: Gate) -> None:
         gate.give((role, gate.node.selected[role]), "command", Command(AHEAD), 0)
     gate.look()
     assert gate.hosted.cell.stepper.stepped == 0
+
+
+def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal() -> None:
+    gate = Gate()
+    gate.alive |= set(all_sources(SYSTEM))
+    gate.report(("goal", "main"), 1, 0)
+    gate.tick(0)
+    assert gate.node.gone == ""
+    gate.give(PLATFORM, "odometry", Odometry(round(20 * PERIOD * 1e9), ORIGIN, STILL), 20, sequence=0)
+    gate.look()
+    assert gate.node.gone == "goal main does not step"
+    gate.report(("goal", "main"), 2, 19)  # a step without a pose, which knows nothing of the restart
+    gate.look()
+    assert gate.node.gone == "goal main does not step"
+    gate.report(("goal", "main"), 3, 21)
+    gate.look()
+    assert gate.node.gone == ""
 
 
 def rings(gate: Gate) -> set[str]:

@@ -90,6 +90,8 @@ class LiveGate(LiveRunner):
         self.gate.find_waiting = self._find_waiting
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
+        self._platform_sequence = 0
+        self._awaited_tick = -1
 
     def run(self) -> None:
         """Run until the process ends, and then publish a last stop."""
@@ -138,6 +140,7 @@ class LiveGate(LiveRunner):
             return
         self.gate.now_ns = self._looked_ns = clock.now_ns()
         self.gate.is_silent = clock.silence_s() > self.deadline
+        self._follow_platform()
         self.gate.gone = self._gone()
         for source in [source for source in self.cell.reports if not self.is_alive(source)]:
             self.cell.reports[source].clear()  # its successor has to warm up again
@@ -220,9 +223,24 @@ class LiveGate(LiveRunner):
         found = [self._waiting.get(source, "") for source in self._may_wait if self.cell.in_charge(source)]
         return next(filter(None, found), "")
 
+    def _follow_platform(self) -> None:
+        """After a restart of the platform, wait for a later step of the goal node, which ends the goal.
+
+        Until then the trajectory is still authorised, but the robot's pose is not known.
+        """
+        slot = self._feeds["odometry"].slot
+        if slot.sequence < self._platform_sequence:
+            self._awaited_tick = slot.tick
+        self._platform_sequence = slot.sequence
+        if self._awaited_tick >= 0:
+            for source in self.cell.reports:
+                if source[0] == "goal":
+                    self.hear(source)
+
     def _gone(self) -> str:
         goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
-        if time.monotonic_ns() - max(self._began_ns, *goals) > GOAL_SILENCE * 1e9:
+        silence = time.monotonic_ns() - max(self._began_ns, *goals)
+        if self._awaited_tick >= 0 or silence > GOAL_SILENCE * 1e9:
             return "goal main does not step"
         for role, name in self._needed:
             if self.cell.in_charge((role, name)) and not self.is_alive((role, name)):
@@ -237,5 +255,7 @@ class LiveGate(LiveRunner):
         return is_enabled and (not ports or any(marks.get(port, 0) for port in ports))
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
+        if source[0] == "goal" and at.tick > self._awaited_tick:
+            self._awaited_tick = -1
         self._marks[source] = {mark.port: mark.sequence for mark in report.published}, report.enabled
         self._waiting[source] = "" if report.trigger else report.told

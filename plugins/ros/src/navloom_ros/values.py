@@ -84,8 +84,8 @@ def _array(base: str, given: Any, place: str) -> np.ndarray[Any, Any]:
 def misfit(store: Any, message: Any, name: str, place: str = "") -> str:
     """The first field that does not fit its type, as a sentence; empty if there is none.
 
-    Checks what `rosbags` does not: it accepts an array of another type with as many bytes, and another message type with
-    the same fields.
+    Checks what `rosbags` does not: it accepts an array of another type with as many bytes, or a message of another type
+    with the same fields.
     """
     for field, descriptor in _checked_fields(store, name):
         value = getattr(message, field, None)

@@ -13,6 +13,7 @@ from navloom.engine.system import System
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted, all_sources
 from navloom.live.live import LiveRunner
+from navloom.live.restarts import RestartWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.navigation.gate import ENDING
@@ -90,7 +91,7 @@ class LiveGate(LiveRunner):
         self.gate.find_waiting = self._find_waiting
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
-        self._platform_sequence = 0
+        self._platform = RestartWatch()
         self._awaited_tick = -1
 
     def run(self) -> None:
@@ -229,9 +230,8 @@ class LiveGate(LiveRunner):
         Until then the trajectory is still authorised, but the robot's pose is not known.
         """
         slot = self._feeds["odometry"].slot
-        if slot.sequence < self._platform_sequence:
+        if slot.envelope is not None and self._platform.has_restarted(slot.envelope):
             self._awaited_tick = slot.tick
-        self._platform_sequence = slot.sequence
         if self._awaited_tick >= 0:
             for source in self.cell.reports:
                 if source[0] == "goal":

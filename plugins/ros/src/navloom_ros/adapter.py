@@ -46,7 +46,7 @@ def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
                 for made in translator.translate(role, instance, port, message, envelope.stamp_ns):
                     out.add(made.topic, made.message, envelope.stamp_ns + translator.offset_ns)
             if not out.messages:
-                raise RosError(f"{source}: it holds nothing that ROS has a message for")
+                raise RosError(f"{source}: it has no message with a counterpart in ROS")
         return {"messages": out.messages, "left_out": translator.left_out, "note": recording.note}
     except RecordingError as error:
         raise RosError(str(error)) from None

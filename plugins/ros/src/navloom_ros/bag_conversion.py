@@ -67,7 +67,7 @@ def range_reading(message: Any, mount: Mount) -> RangeScan:
         raise ConversionError("its reading is no measurement (NaN or below min_range)")
     axis = mount.rotation[:, 0]
     if math.hypot(axis[0], axis[1]) < math.cos(TILTED):
-        raise ConversionError("it does not look along the floor")
+        raise ConversionError("its beam is not parallel to the floor")
     return RangeScan(
         stamp_of(message.header),
         mount.translation[None, :2],
@@ -102,7 +102,7 @@ def point_cloud(message: Any, mount: Mount) -> Sweep:
     distance = np.sqrt((points**2).sum(axis=1))
     is_return = np.isfinite(distance) & (distance > 1e-6)
     if not is_return.any():
-        raise ConversionError("it has no point")
+        raise ConversionError("it has no points")
     with np.errstate(invalid="ignore", divide="ignore"):
         elevation = np.arcsin(np.clip(points[:, 2] / distance, -1.0, 1.0))
         azimuth = np.arctan2(points[:, 1], points[:, 0])

@@ -158,7 +158,7 @@ class _Work:
     def _choose_odometry(self, wanted: str | None) -> None:
         counts = {name: info.msgcount for name, info in self.reader.topics.items() if info.msgtype == _ODOMETRY}
         if wanted is not None and wanted not in counts:
-            raise RecordingError(f"topic {wanted!r} is no {_ODOMETRY}; there are {', '.join(counts) or 'none'}")
+            raise RecordingError(f"topic {wanted!r} is not a {_ODOMETRY}; there are {', '.join(counts) or 'none'}")
         filled = {name: count for name, count in counts.items() if count}
         if wanted is not None and wanted not in filled:
             raise RecordingError(f"topic {wanted!r} has no message; odometry is in {', '.join(filled) or 'no topic'}")

@@ -62,7 +62,7 @@ class Qos:
             raise BadToken(f"QoS {text!r}: expected reliability:durability:history,depth:…")
         history, depth = parts[2].split(",")[:2]
         if depth and not re.fullmatch(r"[0-9]{1,20}", depth):
-            raise BadToken(f"QoS {text!r}: depth {depth!r} is no number")
+            raise BadToken(f"QoS {text!r}: depth {depth!r} is not a number")
         return cls(
             reliable=parts[0] != _BEST_EFFORT,
             transient_local=parts[1] == _TRANSIENT_LOCAL,

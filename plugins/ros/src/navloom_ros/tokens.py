@@ -90,7 +90,7 @@ class Entity:
                 f"token {token[:200]!r}: expected {PREFIX}/domain/session/node/entity/kind/enclave/namespace/…"
             )
         if not (parts[1].isascii() and parts[1].isdecimal()):
-            raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is no number")
+            raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is not a number")
         enclave, namespace, node = (_unmangled(part) for part in parts[6:9])
         head = (parts[5], int(parts[1]), parts[2], parts[3], parts[4], namespace, node)
         if parts[5] == "NN":

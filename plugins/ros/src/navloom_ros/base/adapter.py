@@ -101,8 +101,8 @@ class Ros2Base(Platform):
             found = sensor.read(self._robot, now)
             if sensor.lacks:
                 raise RosError(
-                    f"sensor {name}: {self.params.tf_topic} does not say where its frame {sensor.lacks!r} is in "
-                    f"{self.params.base_frame!r}: publish that, or give the sensor a mount"
+                    f"sensor {name}: {self.params.tf_topic} does not connect its frame {sensor.lacks!r} to "
+                    f"{self.params.base_frame!r}: publish that transform, or give the sensor a mount"
                 )
             if found is not None:
                 yield name, _scan(found[0], self._stamp(name, found[1], time_ns))
@@ -120,12 +120,12 @@ class Ros2Base(Platform):
         what = self.params.tf_topic if by_frames else self.params.odometry_topic
         measured_ns = self._robot.measured_ns
         if self._robot.anchor.is_unsteady(now):
-            return f"{what} jumps again and again: has it more than one publisher?"
+            return f"{what} keeps jumping: does it have more than one publisher?"
         if measured_ns is not None and now - measured_ns <= self.params.odometry_timeout * 1e9:
             return ""
         why = self._robot.unusable or self._link.why_silent(TF if by_frames else ODOMETRY)
         since = (
-            "has not been heard" if measured_ns is None else f"has been silent for {(now - measured_ns) * 1e-9:.2f} s"
+            "has no message yet" if measured_ns is None else f"has been silent for {(now - measured_ns) * 1e-9:.2f} s"
         )
         return f"{what} {since}{': ' * bool(why)}{why}"
 

@@ -96,13 +96,13 @@ class Link:
         if not guard.is_alive:
             guard.close(is_frozen=True)
             self._guard = Guard(self._settings.for_guardian())
-            return "the guardian's process has ended or hangs; another one starts"
+            return "the guardian's process has ended or hangs; a new one is starting"
         if node is None:
             return self._joining.why
         if not node.wire.joined:
             return f"the link to the router {self._settings.network.router} is down"
         if not guard.is_ready:
-            return "the guardian's process starts"
+            return "the guardian's process is starting"
         return self._nobody_listens(node)
 
     def take(self, name: str) -> Iterator[Received]:
@@ -117,12 +117,12 @@ class Link:
         if node is None or subscription is None:
             return self._joining.why
         if subscription.refused:
-            return f"{subscription.refused} messages could not be read, the last one because {subscription.reason}"
+            return f"{subscription.refused} messages could not be read, the last one: {subscription.reason}"
         if others := node.mismatches(topic):
             ours = f"{subscription.entity.type_name} of {self._types.distribution}"
             return f"it is published as {others[0].type_name}, {others[0].type_hash}; expected {ours}"
         if not node.graph.find(subscription.entity.name, ("MP",)):
-            return "nobody publishes it"
+            return "no node publishes it"
         return ""
 
     def send(self, vx: float, vy: float, wz: float, stamp_ns: int | None) -> None:
@@ -162,12 +162,12 @@ class Link:
         if any((one.type_name, one.type_hash) == (ours.type_name, ours.type_hash) for one in listeners):
             return ""
         if not listeners:
-            return f"nobody subscribes {ours.name}: the base is not there"
+            return f"no node subscribes to {ours.name}: is the base running?"
         other = listeners[0]
         hint = f"; set stamped = {str(not self._settings.stamped).lower()}" if "/Twist" in other.type_name else ""
         if other.type_name == ours.type_name:
             hint = f": hash {other.type_hash} is not that of {self._types.distribution}; set distribution"
-        return f"{other.full_node_name} subscribes {ours.name} as {other.type_name}, not {ours.type_name}{hint}"
+        return f"{other.full_node_name} subscribes to {ours.name} as {other.type_name}, not {ours.type_name}{hint}"
 
 
 def now_ns() -> int:

@@ -76,7 +76,9 @@ def motion_of(message: Any) -> Motion:
     turned = rotation(pose.orientation)
     values = (pose.position.x, pose.position.y, twist.linear.x, twist.linear.y, twist.angular.z)
     if turned is None or not all(map(math.isfinite, values)):
-        raise Unusable("odometry without a pose or velocity: a value is not finite, or the orientation is none")
+        raise Unusable(
+            "odometry without a pose or velocity: a value is not finite, or the orientation is not a unit quaternion"
+        )
     return Motion((values[0], values[1], heading_of(turned)), values[2:])
 
 
@@ -126,7 +128,7 @@ def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
         if not all(map(math.isfinite, limits)) or not 0.0 <= one.min_range <= one.max_range or one.field_of_view < 0.0:
             raise Unusable("a range with limits that are not finite, or min_range above max_range")
         if math.isnan(one.range):
-            raise Unusable("a range that is no number")
+            raise Unusable("a range that is NaN")
     least, most = min(one.min_range for one in readings), max(one.max_range for one in readings)
     ranges = [math.inf if one.range > one.max_range else max(one.range, one.min_range) for one in readings]
     return Beams(

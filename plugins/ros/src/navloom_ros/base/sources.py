@@ -119,9 +119,9 @@ class Robot:
         if not self.is_simulated:
             return ""
         if self._clock is None:
-            return "/clock has not been heard, and simulated = true"
+            return "/clock has no message yet, and simulated = true"
         stands = now_ns - self._clock[1] > STANDING_NS
-        return "/clock stands still: the simulator is paused or gone" if stands else ""
+        return "/clock has stopped: the simulator is paused or has ended" if stands else ""
 
     def clock_ns(self, now_ns: int) -> int | None:
         """Time on the robot's clock, ns, for the stamps of commands; None if it is not known."""
@@ -197,7 +197,7 @@ class Laser:
                 continue
             try:
                 beams = beams_of_laser(heard.message, mount, self.short_is_nothing)
-                self.unusable = "" if len(beams.ranges) else "no beam of the scan says anything"
+                self.unusable = "" if len(beams.ranges) else "no beam of the scan is a measurement"
             except Unusable as error:
                 self.unusable = str(error)
             else:

@@ -29,14 +29,14 @@ def cells_of(grid: Any) -> tuple[NDArray[np.int8], float, tuple[float, float, fl
     info = grid.info
     cells = np.asarray(grid.data, dtype=np.int8)
     if info.width * info.height != len(cells) or not len(cells):
-        raise Unusable(f"a map of {info.width} x {info.height} cells with {len(cells)} of them")
+        raise Unusable(f"a map of {info.width} x {info.height} cells, but with {len(cells)} values")
     if not (math.isfinite(info.resolution) and info.resolution > 0.0):
         raise Unusable(f"a map with cells of {info.resolution:g} m")
     if cells.min() < -1 or cells.max() > 100:
         raise Unusable("a map with cells below -1 or above 100")
     place = (info.origin.position.x, info.origin.position.y, heading_of(info.origin.orientation))
     if not all(map(math.isfinite, place)):
-        raise Unusable("a map at no place")
+        raise Unusable("a map whose origin is not finite")
     return cells.reshape(info.height, info.width), float(info.resolution), place
 
 
@@ -50,7 +50,7 @@ def points_of(path: Any, frame: str) -> NDArray[np.float64]:
         [(one.pose.position.x, one.pose.position.y) for one in path.poses], dtype=np.float64
     )
     if not np.isfinite(points).all():
-        raise Unusable("a path with a point that is no number")
+        raise Unusable("a path with a point that is not finite")
     is_new = np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))
     distinct: NDArray[np.float64] = points[is_new]
     return distinct
@@ -66,5 +66,5 @@ def heading_of(turned: Any) -> float:
     """Heading of a quaternion, rad. Raises Unusable if its length is not 1."""
     x, y, z, w = turned.x, turned.y, turned.z, turned.w
     if not abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT:
-        raise Unusable("an orientation that is none")
+        raise Unusable("an orientation that is not a unit quaternion")
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

@@ -103,7 +103,7 @@ class Nav2Handle:
         try:
             ended = self._ending.result()
         except NoAnswer as error:
-            self.result = GoalResult(self.goal_id, "error", f"{error}: what became of it is unknown", self._place)
+            self.result = GoalResult(self.goal_id, "error", f"{error}: its outcome is unknown", self._place)
             return
         why = getattr(ended.result, "error_msg", "") or f"error code {getattr(ended.result, 'error_code', 'not given')}"
         if ended.status == SUCCEEDED:
@@ -210,7 +210,7 @@ class Nav2Navigator:
         if client is None:
             client = self._clients[kind] = ActionClient(self._node, name, kind)
         if not client.wait(THERE):
-            raise NoAnswer(f"nobody offers the action {name}: is Nav2 up, and of the distribution that was given?")
+            raise NoAnswer(f"no node offers the action {name}: is Nav2 running, and is the distribution right?")
         return client
 
     def _has_goals(self) -> bool:

@@ -81,7 +81,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
                     why = str(error)
                 if not ends() and why != said:
                     said = why
-                    say(f"{why}; it is waited for")
+                    say(f"{why}; retrying until it is up")
                 outlets.put(_gone(given.types, why))
                 node.wait_for(lambda graph: ends(), AGAIN)
         finally:

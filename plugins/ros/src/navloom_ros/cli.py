@@ -1,4 +1,4 @@
-"""`navloom ros`: look into a robot's ROS network, serve a robot of navloom there, write recordings for ROS tools."""
+"""The commands of `navloom ros`: inspect a ROS network, show a navloom robot on it, export and import recordings."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ __all__ = ["app"]
 app = App(name="ros", help="Work with a ROS 2 network over Zenoh, without ROS.", no_args_is_help=True)
 
 SHOWN = 12
-"""Elements of a list that are shown where people read it."""
+"""Elements of a list that `echo` prints without --whole."""
 FAILED, WRONG = 1, 2
-"""Exit codes: it failed on the way; the request was wrong."""
+"""Exit codes: failed while running; invalid request."""
 
 Router = Annotated[str, typer.Option(metavar="ENDPOINT", help="Of the robot's Zenoh router.")]
 Domain = Annotated[int, typer.Option(metavar="N", min=0, max=232, envvar="ROS_DOMAIN_ID", help="ROS domain.")]
@@ -202,10 +202,10 @@ def _publisher_of(node: Node, name: str, patience: float) -> Entity:
 
 
 def _types_for(publisher: Entity, distribution: str | None, folders: list[Path]) -> Types:
-    """Those of the distribution that is given, or of the first that has the publisher's type with its hash.
+    """Types of the given distribution, or of the first one that has the publisher's type with the same hash.
 
     Raises:
-        UnknownType: No distribution has it.
+        UnknownType: None has it.
     """
     likely = [name for name in DISTRIBUTIONS if (name == "humble") == (publisher.type_hash == NOT_HASHED)]
     for name in [distribution] if distribution else likely:
@@ -220,7 +220,7 @@ def _types_for(publisher: Entity, distribution: str | None, folders: list[Path])
 
 @contextmanager
 def _joined(router: str, domain: int) -> Iterator[Node]:
-    """A node that has heard who is there."""
+    """A node that has discovered the other nodes of the network."""
     with Node(f"navloom_{os.getpid()}", router=router, domain=domain) as node:
         node.settle()
         yield node
@@ -228,14 +228,14 @@ def _joined(router: str, domain: int) -> Iterator[Node]:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Errors as one line; Ctrl-C as an end."""
+    """Print errors as one line, with the exit code; end quietly on Ctrl-C or a closed pipe."""
     try:
         yield
     except RosError as error:
         typer.echo(f"navloom ros: {error}", err=True)
         wrong = isinstance(error, (BadDefinition, BadName, UnknownType))
         raise typer.Exit(WRONG if wrong else FAILED) from None
-    except BrokenPipeError:  # of whoever reads only the beginning
+    except BrokenPipeError:  # as when the output is piped to head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         return
@@ -294,7 +294,7 @@ def _lines(values: dict[str, Any], depth: int = 0) -> Iterator[str]:
 
 
 def _finite(value: Any) -> Any:
-    """Values that JSON has: NaN and infinities as text."""
+    """Values for JSON, which has no NaN or infinity: these become text."""
     if isinstance(value, dict):
         return {name: _finite(one) for name, one in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Parameters that every plugin on a ROS network has."""
+"""Parameters that all plugins on a ROS network share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Distribution = Literal["humble", "jazzy", "kilted", "lyrical"]
 
 
 class Ros2Network(Params):
-    """How a robot's ROS network is joined."""
+    """Which ROS network to join, and how."""
 
     router: str = Field("tcp/127.0.0.1:7447", description="Endpoint of the robot's Zenoh router.")
     domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID.")
@@ -28,6 +28,6 @@ class Ros2Network(Params):
 
 
 def network_of(given: Ros2Network) -> Network:
-    """The network that parameters name."""
+    """The network that the parameters describe."""
     folders = tuple(given.interfaces)
     return Network(given.router, given.domain, given.namespace, given.distribution, given.node, folders, given.remap)

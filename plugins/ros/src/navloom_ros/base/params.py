@@ -64,12 +64,12 @@ class Mount(Params):
 
     @property
     def heading(self) -> float:
-        """rad."""
+        """Heading on the base, rad."""
         return math.radians(self.heading_deg)
 
 
 class LaserSettings(Params):
-    """A sensor_msgs/msg/LaserScan."""
+    """Settings of a sensor of kind `laser_scan`."""
 
     topic: str = Field("/scan", description="sensor_msgs/msg/LaserScan.")
     mount: Mount | None = Field(None, description="On the base; by default as /tf says.")
@@ -79,7 +79,7 @@ class LaserSettings(Params):
 
 
 class RangeSettings(Params):
-    """Sonars or infrared sensors, each with a sensor_msgs/msg/Range of its own."""
+    """Settings of a sensor of kind `ranges`: sonars or infrared sensors, each with its own topic."""
 
     topics: list[str] = Field(min_length=1, max_length=64, description="sensor_msgs/msg/Range, one a beam.")
     mounts: list[Mount] | None = Field(None, description="On the base, one a topic; by default as /tf says.")

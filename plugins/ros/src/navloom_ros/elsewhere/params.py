@@ -10,7 +10,7 @@ __all__ = ["RosMapParams", "RosPathParams"]
 
 
 class RosMapParams(Ros2Network):
-    """A map that a ROS node publishes."""
+    """Parameters of `ros_map`."""
 
     topic: str = Field("/map", description="nav_msgs/msg/OccupancyGrid, latched.")
     frame: str = Field("map", description="The frame it has to be in.")
@@ -18,7 +18,7 @@ class RosMapParams(Ros2Network):
 
 
 class RosPathParams(Ros2Network):
-    """Paths that a ROS node plans."""
+    """Parameters of `ros_path`."""
 
     service: str = Field(
         "", description="nav_msgs/srv/GetPlan that is asked; where empty, goal_topic tells and path_topic answers."

@@ -1,4 +1,4 @@
-"""`navloom bench`: this machine's figures beside the peers installed."""
+"""The command line of `navloom bench`; `measuring` does the work."""
 
 from __future__ import annotations
 
@@ -58,7 +58,11 @@ def bench(
 
 
 def _prepare(page_file: Path) -> None:
-    """Make the folder of the page: a page that cannot be written is refused before minutes of measurement."""
+    """Create the folder of the page, and check that it can be written, before the measurement, which takes minutes.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
     from navloom.config import ConfigError
 
     try:

@@ -215,10 +215,12 @@ def main() -> int:
     """Exit code: 1 if a robot did not start."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, default=10)
-    parser.add_argument("--period", type=float, default=0.1, help="of each robot, s")
-    parser.add_argument("--seconds", type=float, default=60.0, help="to drive")
+    parser.add_argument("--period", type=float, default=0.1, help="control period of each robot, s")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the drive, s")
     parser.add_argument("--router", default=None, metavar="ENDPOINT", help='default: a port on loopback; "" for none')
-    parser.add_argument("--live", action="append", default=[], metavar="LINE", help="of the table live; repeats")
+    parser.add_argument(
+        "--live", action="append", default=[], metavar="LINE", help="a line of the table [live]; repeats"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     given = parser.parse_args()
     router = _free_end() if given.router is None else given.router

@@ -251,8 +251,8 @@ def main() -> None:
     """Measure what the command line asks for."""
     parser = arguments(__doc__)
     parser.add_argument("--standing", action="store_true", help="the robot has no goal")
-    parser.add_argument("--seconds", type=float, default=60.0, help="of the window (default 60)")
-    parser.add_argument("--rounds", type=int, default=1, help="robots of each side (default 1)")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the window, s (default 60)")
+    parser.add_argument("--rounds", type=int, default=1, help="number of robots of each side (default 1)")
     given = parser.parse_args()
     changes = [*([] if given.standing else [WORLD]), *given.set]
 

@@ -196,9 +196,9 @@ def as_text(found: dict[str, Any]) -> str:
 def main() -> int:
     """Exit code: 1 if the robot did not drive, 2 if the request was wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object a period, one a line")
+    parser.add_argument("--json", action="store_true", help="print a line of JSON for each period")
     parser.add_argument("--period", type=float, action="append", metavar="S", help="repeats (default 0.05 and 0.02)")
-    parser.add_argument("--seconds", type=float, default=45.0, help="to drive (default 45)")
+    parser.add_argument("--seconds", type=float, default=45.0, help="length of the drive, s (default 45)")
     parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
     given = parser.parse_args()
     code = 0

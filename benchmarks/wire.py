@@ -196,7 +196,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--rounds", type=int, default=20, help="blocks of each peer and message (default 20)")
     parser.add_argument("--trips", type=int, default=40, help="round trips of a block (default 40)")
-    parser.add_argument("--peers", default=",".join(PEERS), help=f"some of {','.join(PEERS)}; ours is always there")
+    parser.add_argument("--peers", default=",".join(PEERS), help=f"some of {','.join(PEERS)}; ours is always included")
     parser.add_argument("--dora", default=os.environ.get("DORA_PYTHON", sys.executable), metavar="PYTHON",
                         help="interpreter that has dora-rs (default: $DORA_PYTHON, else this one)")  # fmt: skip
     given = parser.parse_args()

@@ -27,11 +27,13 @@ def bench(
     ] = sys.executable,
     page_file: Annotated[
         Path | None,
-        typer.Option("--page", metavar="F.md", help="Write the figures as a page of the documentation too."),
+        typer.Option("--page", metavar="F.md", help="Also write the figures as a page of the documentation."),
     ] = None,
     date: Annotated[
         str,
-        typer.Option(metavar="YYYY-MM-DD", help="Of the measurement, for --page; default: today.", show_default=False),
+        typer.Option(
+            metavar="YYYY-MM-DD", help="Date of the measurement, for --page; default: today.", show_default=False
+        ),
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:

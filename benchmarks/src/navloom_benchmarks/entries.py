@@ -240,7 +240,7 @@ def _mujoco(boxes: list[Box], ways: NDArray[np.float64]) -> tuple[Callable[[], N
         cast()
     except TypeError:
         raise PeerError(
-            f"mujoco {mujoco.__version__}: its mj_multiRay takes other arguments than that of 3.2"
+            f"mujoco {mujoco.__version__}: the arguments of its mj_multiRay differ from those of 3.2"
         ) from None
     return cast, distances
 

@@ -228,5 +228,5 @@ class Child:
             raise PeerError(f"{self._name}: no answer within {self._patience:g} s") from None
         if not line:
             said = [text for text in self._log.read_text("utf-8").splitlines() if text.strip()]
-            raise PeerError(f"{self._name} ended: {said[-1] if said else 'without a word'}")
+            raise PeerError(f"{self._name} ended: {said[-1] if said else 'without a message'}")
         return json.loads(line)

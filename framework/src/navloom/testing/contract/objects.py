@@ -1,4 +1,4 @@
-"""Metrics, worlds, schemes, panels and messages: what is called as it is, without an object of a role."""
+"""Checks of plugins that are not classes with a verb: metrics, worlds, schemes, panels and messages."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ JUNK = (
     "x" * 5000,
     "ä",
 )
-"""What people and scripts give to a scheme that it cannot use."""
+"""Arguments that no scheme can use, as people and scripts may give them."""
 ENOUGH = 20
-"""Messages that are made of a class."""
+"""Samples that are made of a message class."""
 
 
 def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]:
-    """What a call of the plugin gives, or what to say of the error that it raises."""
+    """The answer of a call to the plugin, or a finding for the error that it raises."""
     try:
         with GUARD.within("the call"):
             return act(), None
@@ -59,7 +59,7 @@ def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]
 
 
 def _line(bench: Bench, error: BaseException) -> str:
-    """The innermost line of the plugin that an error came through."""
+    """The innermost line of the plugin in the traceback of an error."""
     places = [
         f"{PurePath(frame.f_code.co_filename).name}:{line}"
         for frame, line in traceback.walk_tb(error.__traceback__)
@@ -72,7 +72,7 @@ def _line(bench: Bench, error: BaseException) -> str:
 
 
 def _trail(ticks: int, **changes: Any) -> Trail:
-    """An episode of a robot that drives a bend past something, 0.05 s a tick."""
+    """An episode of a robot that drives a bend past an obstacle; a tick is 0.05 s."""
     time = 0.05 * np.arange(ticks, dtype=np.float64)
     turn: NDArray[np.float64] = 0.3 * time
     none = np.zeros(ticks, dtype=np.bool_)
@@ -86,7 +86,7 @@ def _trail(ticks: int, **changes: Any) -> Trail:
 
 
 def _trails() -> dict[str, Trail]:
-    """Episodes of all kinds that a study has."""
+    """Episodes of all kinds that occur in a study."""
     drive = _trail(200)
     unknown = np.full(200, math.nan)
     return {
@@ -106,7 +106,7 @@ def _trails() -> dict[str, Trail]:
 
 @check("contract", {"metric"}, "It gives a finite number within its bounds, or None, for every kind of episode.")
 def metric_values(bench: Bench) -> Iterator[Finding]:
-    """Failed episodes too, those without a tick, and those of which little is known."""
+    """Episodes may have failed, have no tick, or lack most values."""
     metric = _metric(bench)
     for name, trail in _trails().items():
         found, problem = _problem(bench, lambda trail=trail: measure(trail, [metric])[metric.name])  # type: ignore[misc]
@@ -140,7 +140,7 @@ def metric_repeats(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"metric"}, "The episode that it is given is not changed.")
 def metric_untouched(bench: Bench) -> Iterator[Finding]:
-    """Other metrics are computed of the same one."""
+    """Other metrics are computed from the same episode."""
     metric = _metric(bench)
     for name, trail in _trails().items():
         before = {one.name: np.array(getattr(trail, one.name)) for one in fields(trail)}
@@ -162,7 +162,7 @@ def _metric(bench: Bench) -> Metric:
 
 @check("contract", {"world"}, "It is a World of finite numbers, whose start and goal are within its bounds and free.")
 def world_usable(bench: Bench) -> Iterator[Finding]:
-    """For a robot of 0.4 m x 0.4 m."""
+    """Free means free for a robot of 0.4 m x 0.4 m."""
     world, problem = _problem(bench, bench.subject.thing)
     if problem is not None:
         yield problem
@@ -188,7 +188,7 @@ def world_usable(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"world"}, "It is the same world each time.")
 def world_repeats(bench: Bench) -> Iterator[Finding]:
-    """Whatever the seeds and the clock."""
+    """Global seeds and the clock are changed in between."""
     made = []
     for seeds, clock in ((1, 1.7e9), (OTHER_SEEDS, 1.9e9)):
         with alike(seeds, (clock, 0.001)):
@@ -199,7 +199,7 @@ def world_repeats(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"scheme"}, "What it cannot use it refuses by a ValueError, and it writes nothing.")
 def scheme_refuses(bench: Bench) -> Iterator[Finding]:
-    """As `navloom.worlds.WorldError`, which names what was given and what was expected."""
+    """`navloom.worlds.WorldError` is such an error; it names what was given and what was expected."""
     for text in JUNK:
         GUARD.deeds.clear()
         try:
@@ -227,7 +227,7 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
 
 
 def _scheme_deed(text: str) -> Finding:
-    """What to say of what a scheme did beside reading below its base folder."""
+    """Finding for the first side effect of a scheme; it may only read files below its base folder."""
     deed = GUARD.deeds[0]
     expected = (
         "paths from the folder that it is given: base / argument" if deed.kind == "environment" else "to read only"
@@ -258,7 +258,7 @@ def _not_finite(value: Any, path: str) -> str:
     "Each message becomes pairs of entity path and archetype, before the first pose too.",
 )
 def panel_draws(bench: Bench) -> Iterator[Finding]:
-    """It draws made messages of its class."""
+    """It draws generated messages of its class."""
     from navloom.viewer.facts import Actor, Variant
     from navloom.viewer.panels import Seen
 
@@ -286,7 +286,7 @@ def panel_draws(bench: Bench) -> Iterator[Finding]:
 
 
 def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[str, Message]]:
-    """Messages of a class, and what is odd of each."""
+    """Messages of a class, each after a phrase for what is unusual about it."""
     yield "", sample(cls, rng)
     if cls is RangeScan:
         yield " without an echo", messages.scan(math.inf)
@@ -294,7 +294,7 @@ def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[st
 
 
 def _undrawable(one: Any) -> str:
-    """Why something cannot be logged, in words; empty where it can."""
+    """Why the viewer cannot log an object, in words; empty if it can."""
     if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and one[0]):
         return repr(one)[:100]
     if not hasattr(one[1], "as_component_batches"):
@@ -310,7 +310,7 @@ def _undrawable(one: Any) -> str:
 
 @check("contract", {"message"}, "Encoded and decoded it is the same.")
 def message_codec(bench: Bench) -> Iterator[Finding]:
-    """As between processes and in recordings."""
+    """Messages are encoded between processes and in recordings."""
     cls: type[Message] = bench.subject.thing
     rng = np.random.default_rng(bench.seed)
     for number in range(ENOUGH):

@@ -1,4 +1,4 @@
-"""What a plugin takes from its process beside its inputs, and what it leaves changed there."""
+"""What a plugin reads from its process besides its inputs, and what it changes there."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SEEDS: Mapping[str, Callable[[], Any]] = MappingProxyType({
 
 @check("contract", PLAYED, "A step leaves what the process has but one of as it is: random seeds, environment, folder.")
 def global_state(bench: Bench) -> Iterator[Finding]:
-    """Other plugins of the process, and the framework, have the same. Its import leaves it as it is, too."""
+    """Other plugins of the process and the framework share this state. The import must not change it either."""
     scene = bench.sound()[0]
     with alike():
         before = {name: look() for name, look in _SEEDS.items()}
@@ -44,7 +44,7 @@ def global_state(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", PLAYED - {"platform"}, "A call reads no environment variable, and nothing of the working folder.")
 def environment(bench: Bench) -> Iterator[Finding]:
-    """They differ between the computers and the services that run a robot. A platform that is a driver may."""
+    """These differ between the computers and services that run a robot. A platform that is a driver may use them."""
     if "environment" in bench.deeds:
         deed, scene = bench.deeds["environment"]
         yield Finding(f"reads {deed.text.removeprefix('open ')}", "a parameter: a field of its Params",

@@ -14,26 +14,26 @@ from navloom.testing.inputs import IMPOSSIBLE
 __all__ = ["CHECKS"]
 
 
-@check("contract", PLAYED, "The process that runs it lives on: it neither exits, crashes nor is killed.")
+@check("contract", PLAYED, "Its process survives every call: it does not exit, crash or get killed.")
 def survives(bench: Bench) -> Iterator[Finding]:
     """Play every scene once. The runner reports a process that ended."""
     bench.of_topic()
     yield from ()
 
 
-@check("contract", PLAYED, "Each call returns: none hangs.")
+@check("contract", PLAYED, "Every call returns; none hangs.")
 def returns(bench: Bench) -> Iterator[Finding]:
     """Play every scene, as `survives` does. A timer ends a process that hangs, and the runner reports it."""
     yield from survives.run(bench)  # type: ignore[misc]
 
 
-@check("contract", PLAYED, "In every usual scene each answer is of its type and within its ranges.")
+@check("contract", PLAYED, "In every usual scene, each answer has its type, with values in their ranges.")
 def answers(bench: Bench) -> Iterator[Finding]:
     """Answers must pass the checks of the door and those of their message class."""
     yield from _faults(bench, (USUAL, "at_goal"))
 
 
-@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m bring an answer "
+@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m give an answer "
        "without NaN, or InputError.")  # fmt: skip
 def odd_readings(bench: Bench) -> Iterator[Finding]:
     """Sensors give such readings now and then."""
@@ -43,7 +43,7 @@ def odd_readings(bench: Bench) -> Iterator[Finding]:
     yield from _faults(bench, topics, may_refuse=True)
 
 
-@check("contract", {"planner"}, "A goal that cannot be reached brings a PlanFailure, never an exception or a path.")
+@check("contract", {"planner"}, "A goal that cannot be reached gives a PlanFailure, never an exception or a path.")
 def typed_failures(bench: Bench) -> Iterator[Finding]:
     """Goals in a wall and behind walls, and requests that may be answered by a path or by a failure."""
     yield from _faults(bench, ("odd_request", IMPOSSIBLE))

@@ -51,9 +51,7 @@ NATIVE_GROWTH = 8192.0
 """Growth of the process that is a leak in compiled code, bytes a step."""
 
 
-@check(
-    "contract", PLAYED, "A step takes less than the control tick; of mappers, planners and recoveries less than 1 s."
-)
+@check("contract", PLAYED, "A step takes less than the control tick, or than 1 s for mappers, planners and recoveries.")
 def step_time(bench: Bench) -> Iterator[Finding]:
     """Limit the 99th percentile of all steps after the first, each at its fastest of several plays, and the first."""
     limit = PATIENT if _is_patient(bench) else PERIOD
@@ -97,7 +95,7 @@ def _slowest(bench: Bench, scene: PlayedScene, plays: int) -> tuple[float, float
     return float(fastest[0]), float(np.percentile(late, 99.0, method="higher"))
 
 
-@check("contract", PLAYED, "An answer is no larger than its stream carries in time: 4 MiB, a map or path 16 MiB.")
+@check("contract", PLAYED, "An answer is at most 4 MiB, a map or path at most 16 MiB, so that it arrives in time.")
 def message_size(bench: Bench) -> Iterator[Finding]:
     """The encoded size counts."""
     limit = LARGEST_OF_PATIENT if _is_patient(bench) else LARGEST
@@ -133,7 +131,7 @@ def _largest(answer: Any) -> str:
     return f", most of it in {max(sizes)[1]}" if sizes else ""
 
 
-@check("contract", COMMANDING, "On an easy way no command is beyond 1.5 times the robot's limits.")
+@check("contract", COMMANDING, "On an easy course, no command exceeds 1.5 times the robot's limits.")
 def limits(bench: Bench) -> Iterator[Finding]:
     """The gate limits commands, so a small excess does no harm; degrees taken for radians are a large one."""
     for scene in bench.sound():
@@ -163,8 +161,8 @@ def beyond(twist: Twist2D, robot: RobotSpec) -> tuple[str, str] | None:
     return None
 
 
-@check("contract", PLAYED, "Nothing is printed on standard output, which belongs to the command that runs, and "
-       "no line a step on standard error.")  # fmt: skip
+@check("contract", PLAYED, "It prints nothing on standard output, which belongs to the running command, and at most "
+       "one line in two steps on standard error.")  # fmt: skip
 def silent(bench: Bench) -> Iterator[Finding]:
     """Output of Python and of C code counts, also on import."""
     steps, before = 0, PRINTED.errors()
@@ -179,8 +177,8 @@ def silent(bench: Bench) -> Iterator[Finding]:
         first = text.strip().splitlines()[0][:80]
         yield Finding(f"prints {first!r}", "logging.getLogger(__name__), or the answer's diagnostics; no print()")
     elif lines > MOST_LINES * steps:
-        yield Finding(f"prints {lines} lines on standard error in {steps} steps", "a line where something happens: "
-                      "logging.getLogger(__name__).debug(…) for each step, or the answer's diagnostics")  # fmt: skip
+        yield Finding(f"prints {lines} lines on standard error in {steps} steps", "a line only when something "
+                      "happens; for each step logging.getLogger(__name__).debug(…) or diagnostics")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -194,9 +192,9 @@ class _Rule:
 
 RULES = {
     "thread": _Rule("thread", "starts a thread", "no thread: the framework runs each node in one of its own"),
-    "process": _Rule("process", "starts a process", "no process: the work is done in the step itself"),
-    "file": _Rule("file", "writes a file", "no file: what is to be kept goes into messages"),
-    "socket": _Rule("socket", "uses a socket", "no socket: data from elsewhere come through a platform or a node"),
+    "process": _Rule("process", "starts a process", "no process: a step does its work itself"),
+    "file": _Rule("file", "writes a file", "no file: data to keep goes into messages"),
+    "socket": _Rule("socket", "uses a socket", "no socket: outside data comes from a platform or a node"),
 }
 
 
@@ -222,8 +220,8 @@ def no_files(bench: Bench) -> Iterator[Finding]:
     yield from _deeds(bench, "socket")
     left = _left_open(bench)
     if left:
-        yield Finding(f"keeps {len(left)} files open: {', '.join(left[:3])}", "each file read and closed when it is "
-                      "made: with open(…) as file")  # fmt: skip
+        yield Finding(f"keeps {len(left)} files open: {', '.join(left[:3])}", "each file read and closed in the "
+                      "constructor: with open(…) as file")  # fmt: skip
 
 
 def _left_open(bench: Bench) -> list[str]:
@@ -281,7 +279,7 @@ def memory(bench: Bench) -> Iterator[Finding]:
                     sizes.append(_sizes(bench, player.plugin))
         shot = tracemalloc.take_snapshot()
     except Fault as fault:
-        raise NotRun(f"it fails when the scene goes on: see the check `goes_on` ({fault.problem})") from None
+        raise NotRun(f"it fails when the scene is repeated: see the check `goes_on` ({fault.problem})") from None
     finally:
         tracemalloc.stop()
     quarter = count // 4
@@ -301,7 +299,7 @@ def memory(bench: Bench) -> Iterator[Finding]:
     elif min(native[1:]) > NATIVE_GROWTH:
         yield Finding(
             f"takes {native[-1]:.0f} bytes more after each step, outside Python's memory",
-            "compiled code that frees what it takes", given=f"{count} steps of scene {scene.name!r}", scene=scene.name,
+            "compiled code that frees its memory", given=f"{count} steps of scene {scene.name!r}", scene=scene.name,
         )  # fmt: skip
 
 

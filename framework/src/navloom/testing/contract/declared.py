@@ -45,13 +45,13 @@ def _models_of(cls: Any) -> dict[str, type[Params]]:
     return {"": cls.Params, **{f" of the sensor {kind!r}": model for kind, model in settings.items()}}
 
 
-@check("contract", EVERY, "It is found under its name, and the registry takes it.", is_static=True)
+@check("contract", EVERY, "It is found under its name, and the registry accepts it.", is_static=True)
 def registers(bench: Bench) -> Iterator[Finding]:
     """Find nothing: the worker fails this check for a plugin that cannot be loaded, before it runs any."""
     yield from ()
 
 
-@check("contract", CLASSES, "Verb, reset, configure and warm_up take the arguments that they are called with.",
+@check("contract", CLASSES, "Its verb, reset, configure and warm_up accept the framework's arguments.",
        is_static=True)  # fmt: skip
 def signatures(bench: Bench) -> Iterator[Finding]:
     """Each method is bound to the arguments that the framework calls it with."""
@@ -124,7 +124,7 @@ def unknown_parameters(bench: Bench) -> Iterator[Finding]:
     model: type[Params] = bench.subject.thing.Params
     if model.model_config.get("extra") != "forbid":
         yield Finding(
-            f"{model.__name__} takes unknown keys", "model_config without `extra`, so that misspelt keys are refused",
+            f"{model.__name__} accepts unknown keys", "model_config without `extra`, so that misspelt keys are refused",
             place_of(model),
         )  # fmt: skip
 
@@ -149,7 +149,7 @@ def documented(bench: Bench) -> Iterator[Finding]:
                       "each field with its meaning, unit and frame, arrays with their shape")  # fmt: skip
 
 
-@check("contract", {"metric"}, "It says its unit, what it is, and bounds that are in order.", is_static=True)
+@check("contract", {"metric"}, "It has a unit, a description, and bounds in ascending order.", is_static=True)
 def described(bench: Bench) -> Iterator[Finding]:
     """The tables of `compare` print these."""
     metric = bench.subject.thing

@@ -36,8 +36,8 @@ WORTH = 0.1
 """Step time below which growth does not matter, as a share of the tick."""
 
 
-@check("contract", PLAYED, "A long drive brings answers as its beginning does: none fails, is beyond the limits, or "
-       "takes ever longer.")  # fmt: skip
+@check("contract", PLAYED, "A long drive goes on as it began: no step fails, exceeds the limits or takes longer and "
+       "longer.")  # fmt: skip
 def goes_on(bench: Bench) -> Iterator[Finding]:
     """Scenes are repeated, with new input objects and rising stamps."""
     drive = _drive(bench.sound())
@@ -93,13 +93,13 @@ def _slowing(spent: NDArray[np.float64], lap: int, scene: PlayedScene) -> Iterat
     is_growing = second < third < last and last - third > 0.5 * (second - first)
     if is_growing and last > EVER_LONGER * first and last > WORTH * PERIOD:
         yield Finding(
-            f"takes ever longer for a step: {1000.0 * first:.1f} ms at first, {1000.0 * last:.1f} ms after "
+            f"takes longer and longer for a step: {1000.0 * first:.1f} ms at first, {1000.0 * last:.1f} ms after "
             f"{len(spent)} steps", "a step whose work does not grow with the drive",
             given=_at(scene, len(spent)), scene=scene.name,
         )  # fmt: skip
 
 
-@check("contract", PLAYED, "An answer that was given stays as it is.")
+@check("contract", PLAYED, "An answer does not change after it was given.")
 def answers_stay(bench: Bench) -> Iterator[Finding]:
     """Other nodes still read it, and recordings keep it. Reusing one array for every answer changes earlier answers."""
     for scene in bench.sound():
@@ -111,9 +111,9 @@ def answers_stay(bench: Bench) -> Iterator[Finding]:
                 given.append((answer, digest(answer)))
         for step, (answer, before) in enumerate(given):
             if digest(answer) != before:
-                yield Finding("changes an answer that it gave before", "an array of its own for each answer: a copy, "
-                              "or no read-only view of one that is written to", given=bench.at(scene, step),
-                              scene=scene.name)  # fmt: skip
+                yield Finding("changes an answer that it gave in an earlier step", "a new array in each answer: a "
+                              "copy, not a view of an array that the plugin writes to again",
+                              given=bench.at(scene, step), scene=scene.name)  # fmt: skip
                 return
 
 

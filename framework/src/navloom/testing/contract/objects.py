@@ -92,7 +92,7 @@ def _trails() -> dict[str, Trail]:
     return {
         "a drive to the goal": drive,
         "a collision": _trail(200, outcome="collision", clearance=drive.clearance - 1.1, touches=2),
-        "a drive without a goal, of which nothing is known": _trail(
+        "a drive without a goal and with unknown values": _trail(
             200, cross_track=unknown, clearance=unknown, pose_error=np.empty(0), optimal=None, goal_distance=None,
             reference=None, outcome="no_path",
         ),
@@ -100,7 +100,7 @@ def _trails() -> dict[str, Trail]:
         "one tick": _trail(1, outcome="timeout"),
         "no tick": _trail(0, outcome="error"),
         "a robot that backs up": _trail(200, vx=np.full(200, -0.2), wz=np.full(200, -0.3)),
-        "a robot that stands": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
+        "a stopped robot": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
     }  # fmt: skip
 
 
@@ -121,7 +121,7 @@ def metric_values(bench: Bench) -> Iterator[Finding]:
             return
 
 
-@check("contract", {"metric"}, "It gives the same number again, whatever seeds, clock and speed of the computer.")
+@check("contract", {"metric"}, "It gives the same number with any seeds, clock and speed of the computer.")
 def metric_repeats(bench: Bench) -> Iterator[Finding]:
     """`tick_ns` is wall time, which no run repeats."""
     metric = _metric(bench)
@@ -138,7 +138,7 @@ def metric_repeats(bench: Bench) -> Iterator[Finding]:
                 return
 
 
-@check("contract", {"metric"}, "The episode that it is given is not changed.")
+@check("contract", {"metric"}, "It does not change its episode.")
 def metric_untouched(bench: Bench) -> Iterator[Finding]:
     """Other metrics are computed from the same episode."""
     metric = _metric(bench)
@@ -153,7 +153,7 @@ def metric_untouched(bench: Bench) -> Iterator[Finding]:
 
 def _metric(bench: Bench) -> Metric:
     if not isinstance(bench.subject.thing, Metric):
-        raise NotRun(f"{bench.subject.thing!r} is no navloom.Metric: see the check `registers`")
+        raise NotRun(f"{bench.subject.thing!r} is not a navloom.Metric: see the check `registers`")
     return bench.subject.thing
 
 
@@ -194,10 +194,10 @@ def world_repeats(bench: Bench) -> Iterator[Finding]:
         with alike(seeds, (clock, 0.001)):
             made.append(_problem(bench, bench.subject.thing)[0])
     if bytes_of(made[0]) != bytes_of(made[1]):
-        yield Finding("gives another world the second time", "the same world; a scheme takes a seed: door:3")
+        yield Finding("gives another world the second time", "the same world; give a scheme its seed: door:3")
 
 
-@check("contract", {"scheme"}, "What it cannot use it refuses by a ValueError, and it writes nothing.")
+@check("contract", {"scheme"}, "It refuses bad arguments with a ValueError, and it writes nothing.")
 def scheme_refuses(bench: Bench) -> Iterator[Finding]:
     """`navloom.worlds.WorldError` is such an error; it names what was given and what was expected."""
     for text in JUNK:
@@ -230,7 +230,9 @@ def _scheme_deed(text: str) -> Finding:
     """Finding for the first side effect of a scheme; it may only read files below its base folder."""
     deed = GUARD.deeds[0]
     expected = (
-        "paths from the folder that it is given: base / argument" if deed.kind == "environment" else "to read only"
+        "paths relative to the folder that it is given: base / argument"
+        if deed.kind == "environment"
+        else "to read only"
     )
     return Finding(f"does this: {deed.text[:80]}", expected, deed.place, f"argument {text[:40]!r}")
 
@@ -255,7 +257,7 @@ def _not_finite(value: Any, path: str) -> str:
 @check(
     "contract",
     {"panel"},
-    "Each message becomes pairs of entity path and archetype, before the first pose too.",
+    "It turns each message into pairs of entity path and archetype, also before the first pose.",
 )
 def panel_draws(bench: Bench) -> Iterator[Finding]:
     """It draws generated messages of its class."""
@@ -308,7 +310,7 @@ def _undrawable(one: Any) -> str:
     return ""
 
 
-@check("contract", {"message"}, "Encoded and decoded it is the same.")
+@check("contract", {"message"}, "It is the same after encoding and decoding.")
 def message_codec(bench: Bench) -> Iterator[Finding]:
     """Messages are encoded between processes and in recordings."""
     cls: type[Message] = bench.subject.thing

@@ -27,7 +27,7 @@ ENOUGH = 8.0
 """Time after which no further values are tried, s."""
 
 
-@check("contract", PLAYED, "Every value that a parameter's bounds allow works, the others at their defaults.")
+@check("contract", PLAYED, "Every value that a parameter's bounds allow works, with the others at their defaults.")
 def extremes(bench: Bench) -> Iterator[Finding]:
     """The least and the greatest value, each choice, both positions of a switch.
 
@@ -62,7 +62,7 @@ def _refuses(fault: Fault) -> bool:
     return fault.is_refusal or (fault.call == "__init__" and isinstance(fault.__cause__, ValueError))
 
 
-@check("contract", PLAYED, "configure() takes checked parameters while the plugin runs.")
+@check("contract", PLAYED, "configure() accepts checked parameters while the plugin runs.")
 def configure(bench: Bench) -> Iterator[Finding]:
     """Parameters change between two steps, as an operator changes them.
 
@@ -77,8 +77,8 @@ def configure(bench: Bench) -> Iterator[Finding]:
             player.play(scene.inputs[:half])
             player.configure(params)
             if getattr(player.plugin, "params", None) != params:
-                told = "configure() leaves self.params as it was"
-                yield Finding(told, "super().configure(params), or self.params = params", given=f"{params!r}")
+                problem = "configure() does not change self.params"
+                yield Finding(problem, "super().configure(params), or self.params = params", given=f"{params!r}")
             player.play(scene.inputs[half:])
         except Fault as fault:
             yield bench.finding(fault, f"configure() after {half} steps of scene {scene.name!r}", scene.name)

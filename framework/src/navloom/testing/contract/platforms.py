@@ -53,7 +53,7 @@ def _world() -> World:
 def _context(bench: Bench, sensors: tuple[SensorSpec, ...], start: tuple[float, float, float] = START) -> Context:
     cls: type[Platform] = bench.subject.thing
     if not cls.is_simulated or cls.own_world(bench.subject.params) is not None:
-        raise NotRun("it does not simulate the world that it is handed")
+        raise NotRun("it does not simulate the world that it is given")
     bench.sound()
     return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=_world())
 
@@ -69,14 +69,14 @@ def _outputs(bench: Bench, context: Context, speed: float, steps: int) -> list[P
         ]
 
 
-@check("contract", {"platform"}, "Echoes of range sensors are where the world has something.")
+@check("contract", {"platform"}, "Echoes of range sensors lie on objects of the world.")
 def echoes(bench: Bench) -> Iterator[Finding]:
     """For a stopped simulated robot. Wrong bearings, frames and units, and echoes of nothing, show here."""
     cls: type[Platform] = bench.subject.thing
     kinds = [kind for kind, message in cls.sensor_kinds.items() if issubclass(message, RangeScan)]
     specs = tuple(SensorSpec(kind, kind) for kind in kinds if _has_defaults(cls, kind))
     if not specs:
-        raise NotRun("it has no range sensor without settings of its own")
+        raise NotRun("it has no range sensor that works without settings")
     context = _context(bench, specs)
     right: dict[str, list[bool]] = {}
     for out in _outputs(bench, context, 0.0, LOOKS):
@@ -86,7 +86,7 @@ def echoes(bench: Bench) -> Iterator[Finding]:
     for name, found in right.items():
         if found and sum(found) < RIGHT * len(found):
             yield Finding(
-                f"gives echoes of the sensor {name!r} of which {1.0 - np.mean(found):.0%} are where nothing is",
+                f"gives echoes of the sensor {name!r} of which {1.0 - np.mean(found):.0%} lie where there is nothing",
                 "origins and bearings in the base frame, rad, counter-clockwise, ranges in m, and +inf for no echo",
                 given=f"a robot at {START[:2]} m heading {START[2]} rad, walls to the left and ahead, and a box",
             )  # fmt: skip
@@ -118,7 +118,7 @@ def _right(scan: RangeScan, pose: Pose2D, world: World) -> list[bool]:
     return found
 
 
-@check("contract", {"platform"}, "Contact says what the truth says: that the robot touches something, or not.")
+@check("contract", {"platform"}, "Contact and truth agree on whether the robot touches something.")
 def contact(bench: Bench) -> Iterator[Finding]:
     """For a simulated robot that drives against a wall."""
     apart = 0
@@ -135,13 +135,13 @@ def contact(bench: Bench) -> Iterator[Finding]:
             return
         if out.truth.touching and out.truth.clearance > NEAR:
             yield Finding(
-                f"gives a truth that touches something, with a clearance of {out.truth.clearance:.2f} m",
+                f"gives truth.touching = True with a clearance of {out.truth.clearance:.2f} m",
                 "a clearance of 0 in contact", given=f"a robot that drives against a wall, step {step}",
             )  # fmt: skip
             return
 
 
-@check("contract", {"platform"}, "Every value that a sensor's settings allow works, the others at their defaults.")
+@check("contract", {"platform"}, "Every value that a sensor's settings allow works, with the others at their defaults.")
 def sensor_extremes(bench: Bench) -> Iterator[Finding]:
     """As `extremes`, for the settings in the tables [[sensor]]."""
     cls: type[Platform] = bench.subject.thing

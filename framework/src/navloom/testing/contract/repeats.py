@@ -19,8 +19,8 @@ HASH_SEEDS = (4242, 99)
 """PYTHONHASHSEED of the fresh processes; with a single one, a small set of strings may keep its order by chance."""
 FEW = 5
 """Steps of the short episode between two resets."""
-STREAM = "random numbers from self.context.stream('name') alone"
-IN_SELF = "state in self alone: no module or class variable that a call changes"
+STREAM = "random numbers only from self.context.stream('name')"
+IN_SELF = "state only in self: no module or class variable that a call changes"
 
 
 @check("contract", PLAYED, "Two new objects give the same answers to the same inputs.")
@@ -31,7 +31,7 @@ def repeats(bench: Bench) -> Iterator[Finding]:
         yield replace(found, expected=STREAM)
 
 
-@check("contract", PLAYED, "An episode leaves nothing behind that a later object of the plugin sees.")
+@check("contract", PLAYED, "An episode does not affect later objects of the plugin.")
 def episodes(bench: Bench) -> Iterator[Finding]:
     """Every scene was played once already; each is played twice more."""
     if bench.unrepeated is not None:
@@ -72,10 +72,10 @@ def wall_clock(bench: Bench) -> Iterator[Finding]:
     """The plugin sees a different clock, which moves in jumps."""
     _refuse_unrepeated(bench)
     if bench.led_by_clock is not None:
-        yield replace(bench.led_by_clock, expected="time from the input's stamps alone")
+        yield replace(bench.led_by_clock, expected="time only from the stamps of the input")
 
 
-@check("contract", PLAYED, "A fresh process with other PYTHONHASHSEED, clock and global seeds answers alike.")
+@check("contract", PLAYED, "A fresh process with another PYTHONHASHSEED, clock and seeds gives the same answers.")
 def fresh_process(bench: Bench) -> Iterator[Finding]:
     """Finds what one process cannot show: order of sets, addresses, seeds that a library draws on import."""
     scenes = bench.steady()
@@ -115,7 +115,7 @@ def reset_as_new(bench: Bench) -> Iterator[Finding]:
         yield found
 
 
-@check("contract", PLAYED, "What it is given is not changed.")
+@check("contract", PLAYED, "It does not change its inputs.")
 def inputs_untouched(bench: Bench) -> Iterator[Finding]:
     """The plugin gets writable inputs, which are compared afterwards.
 
@@ -130,14 +130,14 @@ def inputs_untouched(bench: Bench) -> Iterator[Finding]:
                     before = digest(loose)
                     player.step(loose)
                     if digest(loose) != before:
-                        yield Finding("changes what it was given", "a copy of its own: np.array(…) before writing",
+                        yield Finding("changes its inputs", "a copy, np.array(…), before it writes",
                                       given=bench.at(scene, step), scene=scene.name)  # fmt: skip
                         return
         except Fault:
             continue
 
 
-@check("contract", PLAYED, "Answers are the same when the inputs went through the codec, as between processes.")
+@check("contract", PLAYED, "Answers are the same if the inputs were encoded and decoded, as between processes.")
 def through_the_codec(bench: Bench) -> Iterator[Finding]:
     """Decoding makes new objects, which shows comparisons by identity."""
 

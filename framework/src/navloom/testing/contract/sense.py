@@ -43,7 +43,7 @@ def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
                 yield scene, given, step, player.step(given)
 
 
-@check("contract", {"planner"}, "A path's length is that of its points, or more where they were pruned.")
+@check("contract", {"planner"}, "A path's length is that of its points, or more if points were pruned.")
 def path_length(bench: Bench) -> Iterator[Finding]:
     """The stated length, m, is compared with that of the polyline through the points."""
     for scene, given, step, answer in _answers(bench):
@@ -68,8 +68,8 @@ def traversable(bench: Bench) -> Iterator[Finding]:
         share = _blocked_share(answer.points, answer.traversable)
         if share > BLOCKED:
             yield Finding(
-                f"gives a path of which {share:.0%} leads through cells that its traversable grid says are occupied",
-                "a grid of the same rows, columns, origin and resolution as the path was searched in",
+                f"gives a path of which {share:.0%} leads through occupied cells of its own traversable grid",
+                "the grid in which the path was searched: the same rows, columns, origin and resolution",
                 given=bench.at(scene, step), scene=scene.name,
             )  # fmt: skip
             return
@@ -136,8 +136,8 @@ def stamps(bench: Bench) -> Iterator[Finding]:
         for name, stamp_ns in _stamps_of(answer):
             if stamp_ns > now_ns + SECOND_NS or (now_ns >= SECOND_NS and 0 < stamp_ns < now_ns / UNITS):
                 yield Finding(
-                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as the stamps "
-                    "of what it is given", given=bench.at(scene, step), scene=scene.name,
+                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as in the "
+                    "stamps of its inputs", given=bench.at(scene, step), scene=scene.name,
                 )  # fmt: skip
                 return
 

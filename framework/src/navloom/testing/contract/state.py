@@ -33,7 +33,7 @@ _Line = tuple[str, int]
 """File and line number."""
 
 
-@check("contract", PLAYED, "Two instances that step in turn do not see each other.")
+@check("contract", PLAYED, "Two instances that step in turn do not affect each other.")
 def two_instances(bench: Bench) -> Iterator[Finding]:
     """An active instance and its shadow step in this way."""
     scenes = bench.steady()

@@ -23,7 +23,7 @@ TOWARDS = 0.05
 """Least change of the turn rate towards the box that counts, as a share of the robot's limit."""
 
 
-@check("contract", {"avoider"}, "It does not turn towards what stands beside its way, whichever side that is on.")
+@check("contract", {"avoider"}, "It does not turn towards obstacles on its left as well as on its right.")
 def turns_away(bench: Bench) -> Iterator[Finding]:
     """Turn rates are compared with that on an open floor.
 
@@ -39,8 +39,8 @@ def turns_away(bench: Bench) -> Iterator[Finding]:
         if min(changes) <= least:
             return
     yield Finding(
-        f"turns towards a box to its left, and towards one to its right, by {min(changes):.2f} rad/s and more",
-        "bearings counter-clockwise, left positive", given=f"a standing robot and a box at {PLACES[0]} m, base frame",
+        f"turns towards a box to its left, and towards one to its right, by at least {min(changes):.2f} rad/s",
+        "bearings counter-clockwise, left positive", given=f"a stopped robot and a box at {PLACES[0]} m, base frame",
     )  # fmt: skip
 
 

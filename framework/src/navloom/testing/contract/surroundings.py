@@ -23,7 +23,7 @@ _SEEDS: Mapping[str, Callable[[], Any]] = MappingProxyType({
 })  # fmt: skip
 
 
-@check("contract", PLAYED, "A step leaves what the process has but one of as it is: random seeds, environment, folder.")
+@check("contract", PLAYED, "A step changes no state of the process: random seeds, environment, working folder, …")
 def global_state(bench: Bench) -> Iterator[Finding]:
     """Other plugins of the process and the framework share this state. The import must not change it either."""
     scene = bench.sound()[0]
@@ -34,7 +34,7 @@ def global_state(bench: Bench) -> Iterator[Finding]:
             player.step(given)
         seeds = [name for name, look in _SEEDS.items() if look() != before[name]]
     by_import, by_calls = PROCESS_STATE.changed()
-    expected = "context.stream(name) for random numbers, and nothing else that is global"
+    expected = "random numbers from context.stream(name), and no change of the process's state"
     if seeds or by_calls:
         yield Finding(f"changes {', '.join(seeds + by_calls)}", expected, given=f"scene {scene.name!r}",
                       scene=scene.name)  # fmt: skip
@@ -42,7 +42,7 @@ def global_state(bench: Bench) -> Iterator[Finding]:
         yield Finding(f"changes {', '.join(by_import)} when it is imported", expected)
 
 
-@check("contract", PLAYED - {"platform"}, "A call reads no environment variable, and nothing of the working folder.")
+@check("contract", PLAYED - {"platform"}, "A call uses no environment variable and no working folder.")
 def environment(bench: Bench) -> Iterator[Finding]:
     """These differ between the computers and services that run a robot. A platform that is a driver may use them."""
     if "environment" in bench.deeds:

@@ -1,4 +1,4 @@
-"""Localizers and mappers in made rooms, and what a pitching laser sees of them."""
+"""Scenes and measures of localizers and mappers: generated rooms, and what a pitching laser sees of them."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ __all__ = ["LOCALIZERS", "MAPPERS"]
 Floats = NDArray[np.float64]
 
 SECONDS = 12.0
-"""Of a drive through a room, s."""
+"""Duration of a drive through a room, s."""
 TURNS = 4.0
-"""When it turns to the other side, s."""
+"""Time at which the robot turns to the other side, s."""
 NEAR, TURNED = 0.1, 0.05
-"""How far a localizer may be off, m and rad."""
+"""Greatest error of a localizer's pose, m and rad."""
 SPEED_OFF, TURN_OFF = 0.1, 0.3
-"""How far its twist may be off in half of the ticks, m/s and rad/s."""
+"""Greatest median error of a localizer's twist, m/s and rad/s."""
 NEAR_DRIFTING = 0.08
-"""The same where odometry drifts, m."""
+"""Greatest error of a localizer's position while odometry drifts, m."""
 DRIFT_WAY, DRIFT_TURN = 1.04, 0.05
-"""Drift: ways are measured too long by this factor, and turned by this much a metre, rad."""
+"""Drift of odometry: distances are too long by this factor, and the heading is off by this much, rad per metre."""
 LATE = 4
-"""Ticks after which a mapper gets a scan."""
+"""Delay of the scans that a mapper gets, ticks."""
 BEAMS = 240
-"""Of the laser."""
+"""Beams of the laser."""
 SCAN_EVERY = 2
-"""Ticks from scan to scan."""
+"""Ticks from one scan to the next."""
 TRUE_SHARE, FOUND_SHARE = 0.9, 0.8
-"""Shares of the occupied cells that must lie at something, and of what was seen that must be occupied."""
+"""Least share of the occupied cells that lie at an obstacle, and of the hits that lie in occupied cells."""
 HEIGHT = 1.0
-"""Of walls and posts, m."""
+"""Height of walls and posts, m."""
 MOUNT = 0.4
 """Height of the pitching laser, m."""
 
 
 def room(seed: int) -> Scene:
-    """A room of 7 m x 5 m with a niche and three posts; where it lies in the map is the seed's."""
+    """A room of 7 m x 5 m with a niche and three posts; the seed chooses its place in the map."""
     stream = np.random.default_rng([seed, 8])
     walls = (
         Wall(-3.5, -2.5, 3.5, -2.5), Wall(3.5, -2.5, 3.5, 1.0), Wall(3.5, 1.0, 2.5, 1.0), Wall(2.5, 1.0, 2.5, 2.5),
@@ -62,7 +62,7 @@ def room(seed: int) -> Scene:
 
 
 def true_poses(scene: Scene) -> Floats:
-    """(n, 3) of a robot that drives an eight from the scene's start, one a tick."""
+    """(n, 3) poses of a robot that drives a figure of eight from the scene's start, map frame, one a tick."""
     x, y, heading = scene.start.x, scene.start.y, scene.start.heading
     poses = [(x, y, heading)]
     for tick in range(round(SECONDS / PERIOD)):
@@ -75,7 +75,7 @@ def true_poses(scene: Scene) -> Floats:
 
 
 def odometry_of(poses: Floats, drift: bool) -> Floats:
-    """(n, 3) in the odometry frame, which starts where the robot starts."""
+    """(n, 3) poses in the odometry frame, whose origin is the robot's start."""
     found, at = [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0)
     for before, after in pairwise(poses):
         way = math.hypot(after[0] - before[0], after[1] - before[1])
@@ -137,7 +137,7 @@ def corrects_drift(make: Maker, scene: Scene) -> Measured:
 
 @dataclass(frozen=True, eq=False)
 class MapperSeen:
-    """What a mapper was shown: its last map, and the places that beams hit, (n, 2) m, map frame."""
+    """A mapper's last map, and the points that beams hit, (n, 2) m, map frame."""
 
     update: MapUpdate | None
     hits: Floats
@@ -168,7 +168,7 @@ def _track(poses: Floats, tick: int) -> PoseTrack:
 
 
 def sweep_at(scene: Scene, pose: Floats, stamp_ns: int) -> tuple[Sweep, Floats]:
-    """One sweep of a standing robot, from below the horizon upwards, and the places it hit above the floor."""
+    """A sweep of a stopped robot, from below the horizon upwards, and its hits above the floor, (n, 2) m, map frame."""
     pitches, bearings = np.radians(np.linspace(-20.0, 5.0, 60)), np.radians(np.linspace(-50.0, 50.0, 101))
     level = scene.ranges((float(pose[0]), float(pose[1])), bearings + pose[2], 30.0)
     sin, cos = np.sin(pitches)[:, None], np.cos(pitches)[:, None]
@@ -203,7 +203,7 @@ def _shown_sweeps(make: Maker, scene: Scene) -> MapperSeen:
 
 
 def accurate_mapper(make: Maker, scene: Scene) -> Measured:
-    """Of sweeps, and of scans: each for itself, where it takes both."""
+    """Judge the maps of sweeps and of scans separately if the mapper takes both; the worse one counts."""
     shows = []
     if make.sees(Sweep):
         shows.append(_shown_sweeps)
@@ -240,7 +240,7 @@ def _near_share(points: Floats, others: Floats, reach: float) -> float:
 
 
 def _surface(scene: Scene) -> Floats:
-    """(n, 2) points on all that stands in a scene, 2 cm apart, m."""
+    """(n, 2) points on the posts and walls of a scene, 2 cm apart, m, map frame."""
     found = []
     for p in scene.posts:
         turns = np.linspace(0.0, math.tau, max(8, int(math.tau * p.radius / 0.02)))
@@ -254,7 +254,7 @@ def _surface(scene: Scene) -> Floats:
 def _alike(
     measure: Callable[[Maker, Scene], Measured], other_of: Callable[[Scene], Scene]
 ) -> Callable[[Maker, Scene], Measured]:
-    """Whether the error is the same in another scene, to 2 cm, or 2 percent of the share."""
+    """Measure whether another scene gives the same value: errors within 2 cm, shares within 2 percentage points."""
 
     def measured(make: Maker, scene: Scene) -> Measured:
         other = other_of(scene)

@@ -172,7 +172,7 @@ def reaches(make: Maker, scene: Scene) -> Measured:
     x, y, _ = done.poses[-1].tolist()
     left = math.hypot(x - scene.target[0], y - scene.target[1])
     turned = float(np.abs(done.twists[:, 1]).sum()) * PERIOD
-    said = f"was {left:.2f} m from its target, {_ended(done)}, and had turned by {turned / math.tau:.1f} rounds"
+    said = f"ended {left:.2f} m from its target ({_ended(done)}), after {turned / math.tau:.1f} full turns"
     return Measured(done.ended == "reached" and turned <= MOST_TURNS, said, left, (done.line,))
 
 
@@ -188,7 +188,7 @@ def stops_when_closed(make: Maker, scene: Scene) -> Measured:
     late = np.abs(done.twists[len(done.twists) // 2 :, 0])
     speed = float(late.max(initial=0.0))
     if done.gap <= 0.0:
-        return Measured(False, "touched what closes it in", 0.0, (done.line,))
+        return Measured(False, "touched the obstacles around it", 0.0, (done.line,))
     return Measured(speed <= MOST_STILL, f"drove at {speed:.3f} m/s", speed, (done.line,))
 
 
@@ -206,8 +206,8 @@ def _alike(make: Maker, scene: Scene, other: Scene, sign: float) -> Measured:
     (v, w), (v2, w2) = _answers(make, scene), _answers(make, other)
     robot = robot_of(scene)
     off = max(abs(v - v2) / robot.max_linear, abs(w - sign * w2) / robot.max_angular)
-    said = f"answered {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other"
-    pairs = (_arrow("here", scene, v, w), _arrow("in the other", other, v2, w2))
+    said = f"commanded {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other scene"
+    pairs = (_arrow("here", scene, v, w), _arrow("other scene", other, v2, w2))
     return Measured(off <= SAME, said, off, pairs, (scene, other))
 
 
@@ -235,7 +235,8 @@ def mirror(make: Maker, scene: Scene) -> Measured:
 
 
 AVOIDERS = (
-    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and two rounds", open_scene, reaches, 8),
+    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and at most two full turns", open_scene,
+              reaches, 8),
     Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 12),
     Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 12),
     Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,

@@ -40,12 +40,12 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
         raise Unfit("it is no simulation (is_simulated): a real robot is not moved by a check")
     platform = make(scene, world=World("check", start=scene.start))
     poses, true, legs = [], [], ((0.3, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.2, 0.0), (0.25, 0.3))
-    worst, said, tick = 0.0, "moved as it was told", 0
+    worst, said, tick = 0.0, "followed its commands", 0
     out = platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
     first = out.odometry.pose
     if max(abs(first.x), abs(first.y), abs(first.heading)) > SLACK:
         worst = math.inf
-        said = f"began its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
+        said = f"started its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
     for v, w in ((0.0, 0.0), *legs):
         before = out.odometry.pose
         ticks = 1 if v >= 0.0 and w == 0.0 else 2  # on other legs it advances every second tick
@@ -65,7 +65,7 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
         lines.append(Line("truth", np.array(true)))
         apart = float(np.hypot(*(np.array(true) - in_map)[:, :2].T).max())
         if apart > 3.0 * SLACK and worst <= 1.0:
-            worst, said = apart / SLACK, f"had its truth {apart:.2f} m from its odometry, put to the start"
+            worst, said = apart / SLACK, f"gave a truth {apart:.2f} m from its odometry, seen from the start"
     return Measured(worst <= 1.0, said, worst, tuple(lines))
 
 
@@ -78,10 +78,10 @@ def _off(before: object, after: object, twist: Twist2D, v: float, w: float) -> t
     way_off = math.hypot(ahead - asked[0], left - asked[1]) / (SLACK + SHARE * math.hypot(*asked))
     turn_off = abs(math.remainder(turn - asked_turn, math.tau)) / (SLACK + SHARE * abs(asked_turn))
     twist_off = max(abs(twist.vx - v), abs(twist.wz - w)) / (SLACK + SHARE * max(abs(v), abs(w)))
-    told = f"told {v:g} m/s and {w:g} rad/s for {LEG:g} s, its odometry"
+    when = f"when commanded {v:g} m/s and {w:g} rad/s for {LEG:g} s"
     if twist_off > max(way_off, turn_off):
-        return twist_off, f"{told} gave a twist of {twist.vx:.3f} m/s and {twist.wz:.3f} rad/s"
-    return max(way_off, turn_off), f"{told} moved ({ahead:.3f}, {left:.3f}) m and {turn:.3f} rad"
+        return twist_off, f"gave odometry with a twist of {twist.vx:.3f} m/s and {twist.wz:.3f} rad/s {when}"
+    return max(way_off, turn_off), f"gave odometry that moved ({ahead:.3f}, {left:.3f}) m and {turn:.3f} rad {when}"
 
 
 def stuck_scene(seed: int) -> Scene:
@@ -132,9 +132,10 @@ def recovery_ends(make: Maker, scene: Scene) -> Measured:
 
 PLATFORMS = (
     Behaviour("platform", Claim.DRIVES_AS_TOLD,
-              f"the way and the turn asked for, to {SLACK} m or rad and {SHARE:.0%}", empty_scene, drives_as_told, 2),
+              f"to follow its commands within {SLACK} m or rad plus {SHARE:.0%}", empty_scene, drives_as_told, 2),
 )  # fmt: skip
 RECOVERIES = (
     Behaviour("recovery", Claim.NO_CONTACT, "to touch nothing", stuck_scene, recovery_no_contact, 6),
-    Behaviour("recovery", Claim.ENDS, f"done or failed, twice, within {LONGEST:g} s", stuck_scene, recovery_ends, 3),
+    Behaviour("recovery", Claim.ENDS, f"done or failed in both attempts, within {LONGEST:g} s", stuck_scene,
+              recovery_ends, 3),
 )  # fmt: skip

@@ -131,9 +131,9 @@ def settles(make: Maker, scene: Scene) -> Measured:
     assert referee.turn_to is not None
     off = abs(math.remainder(referee.turn_to - float(done.poses[-1, 2]), math.tau))
     if off > TURNED:
-        return Measured(False, f"was {off:.3f} rad from the heading it was to turn to at the end", float(late), lines)
+        return Measured(False, f"was {off:.3f} rad from its goal heading after turning in place", float(late), lines)
     swings = float(np.abs(done.twists[-SWINGS:, 1]).mean())
-    said = f"swings to and fro at {swings:.2f} rad/s about the heading it was to turn to"
+    said = f"swung at {swings:.2f} rad/s about its goal heading at the end"
     return Measured(done.ended == "turned" or swings < SWINGING, said, float(late), lines)
 
 
@@ -150,10 +150,10 @@ def _alike(other_of: Callable[[Scene], Scene], sign: float) -> Callable[[Maker, 
         (v, w), (v2, w2) = _answers(make, scene), _answers(make, other)
         robot = robot_of(scene)
         off = max(abs(v - v2) / robot.max_linear, abs(w - sign * w2) / robot.max_angular)
-        said = f"answered {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other"
+        said = f"commanded {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other scene"
         lines = (
             Line("reference", samples_of(scene)[:, 1:3]),
-            Line("reference of the other", samples_of(other)[:, 1:3]),
+            Line("reference, other scene", samples_of(other)[:, 1:3]),
         )
         return Measured(off <= SAME, said, off, lines, (scene, other))
 
@@ -169,7 +169,7 @@ def look_scene(seed: int) -> Scene:
 
 CONTROLLERS = (
     Behaviour("controller", Claim.SETTLES,
-              f"to reach the end, at most {OFF} m beside it after {SETTLED:.0%} of the way, and to turn in place there",
+              f"to be at most {OFF} m beside it after {SETTLED:.0%} of the way, reach its end and turn in place there",
               way_scene, settles, 8),
     Behaviour("controller", Claim.TRANSLATION, f"the same within {SAME:.0%} of the limits", look_scene,
               _alike(lambda scene: scene.moved(Place(3.37, -1.81)), 1.0), 12),

@@ -90,13 +90,13 @@ def odometry_of(poses: Floats, drift: bool) -> Floats:
 
 def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured:
     if not scene.walls:
-        raise Unfit("nothing in the scene tells where the robot is")
+        raise Unfit("nothing in the scene shows where the robot is")
     poses = true_poses(scene)
-    told = odometry_of(poses, drift)
+    drifted = odometry_of(poses, drift)
     grid = grid_of(scene)
     localizer, known = make(scene, map=grid), MapUpdate(0, grid, np.empty((0, 4)), ())
     found, twists, sees, extra = [], [], make.sees(RangeScan), make.extra
-    for tick, (pose, odometry) in enumerate(zip(poses.tolist(), told.tolist(), strict=True)):
+    for tick, (pose, odometry) in enumerate(zip(poses.tolist(), drifted.tolist(), strict=True)):
         stamp_ns = tick * PERIOD_NS
         scans = (_scan(scene, pose, stamp_ns),) if sees and tick % SCAN_EVERY == 0 else ()
         given = Odometry(stamp_ns, Pose2D(*odometry), Twist2D(0.25, 0.0, -0.7 if tick * PERIOD < TURNS else 0.7))
@@ -108,14 +108,14 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
     off = np.hypot(*(estimates - poses)[:, :2].T)
     turned = np.abs((estimates[:, 2] - poses[:, 2] + math.pi) % math.tau - math.pi)
     worst, most = float(off.max()), float(turned.max())
-    alone = transform(poses[0], told[:, :2])
+    alone = transform(poses[0], drifted[:, :2])
     lines = (Line("true", poses[:, :2]), Line("odometry alone", alone), Line("estimate", estimates, is_robot=True))
     said = f"was up to {worst:.3f} m and {most:.3f} rad off"
     if drift:
-        said += f", where odometry alone is {float(np.hypot(*(alone - poses[:, :2]).T).max()):.3f} m off"
+        said += f", while odometry alone is {float(np.hypot(*(alone - poses[:, :2]).T).max()):.3f} m off"
     v_off, w_off = np.median(np.abs(twists), axis=0).tolist()
     if v_off > SPEED_OFF or w_off > TURN_OFF:
-        said = f"gave a twist that is {v_off:.2f} m/s and {w_off:.2f} rad/s off that of the odometry"
+        said = f"gave a twist that differs from that of the odometry by {v_off:.2f} m/s and {w_off:.2f} rad/s"
         return Measured(False, said, v_off, lines)
     return Measured(worst <= limit and most <= TURNED, said, worst, lines)
 
@@ -218,7 +218,7 @@ def _accuracy(seen: MapperSeen, scene: Scene) -> Measured:
     if not len(seen.hits):
         raise Unfit("nothing in the scene is seen")
     if seen.update is None:
-        return Measured(False, "gave no map of what it was shown", 0.0, (Line("hits", seen.hits, is_dots=True),))
+        return Measured(False, "gave no map", 0.0, (Line("hits", seen.hits, is_dots=True),))
     grid = seen.update.grid
     origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
     rows, cols = np.nonzero(grid.cells >= 65)
@@ -227,7 +227,9 @@ def _accuracy(seen: MapperSeen, scene: Scene) -> Measured:
     right = _near_share(cells, _surface(scene), slack)
     found = _near_share(seen.hits, cells, slack)
     lines = (Line("occupied cells", cells, is_dots=True), Line("hits", seen.hits[::7], is_dots=True))
-    said = f"has {right:.0%} of its occupied cells within {slack:.2f} m of something, and {found:.0%} of what was hit"
+    said = (
+        f"had {right:.0%} of its occupied cells at obstacles, and {found:.0%} of the hits in them, within {slack:.2f} m"
+    )
     return Measured(right >= TRUE_SHARE and found >= FOUND_SHARE, said, min(right, found), lines)
 
 
@@ -260,7 +262,7 @@ def _alike(
         other = other_of(scene)
         here, there = measure(make, scene), measure(make, other)
         off = abs(here.value - there.value)
-        said = f"{here.said}, and {there.said} in the other"
+        said = f"{here.said}, and {there.said} in the other scene"
         return Measured(off <= 0.02, said, off, (*here.lines, *there.lines), (scene, other))
 
     return measured
@@ -279,15 +281,15 @@ LOCALIZERS = (
               room, accurate_localizer, 3, False),
     Behaviour("localizer", Claim.CORRECTS_DRIFT, f"at most {NEAR_DRIFTING} m and {TURNED} rad off",
               room, corrects_drift, 3, False),
-    Behaviour("localizer", Claim.TRANSLATION, "the same error to 2 cm", room, _alike(accurate_localizer, _moved), 2,
+    Behaviour("localizer", Claim.TRANSLATION, "the same error within 2 cm", room, _alike(accurate_localizer, _moved), 2,
               False),
-    Behaviour("localizer", Claim.ROTATION, "the same error to 2 cm", room, _alike(accurate_localizer, _turned), 2,
+    Behaviour("localizer", Claim.ROTATION, "the same error within 2 cm", room, _alike(accurate_localizer, _turned), 2,
               False),
 )  # fmt: skip
 MAPPERS = (
     Behaviour("mapper", Claim.ACCURATE,
-              f"at least {TRUE_SHARE:.0%} of the occupied cells at something, and {FOUND_SHARE:.0%} of what was hit",
+              f"{TRUE_SHARE:.0%} of the occupied cells at obstacles, and {FOUND_SHARE:.0%} of the hits in them",
               room, accurate_mapper, 3),
-    Behaviour("mapper", Claim.TRANSLATION, "the same shares to 2 %", room, _alike(accurate_mapper, _moved), 2),
-    Behaviour("mapper", Claim.ROTATION, "the same shares to 2 %", room, _alike(accurate_mapper, _turned), 2),
+    Behaviour("mapper", Claim.TRANSLATION, "the same shares within 2 %", room, _alike(accurate_mapper, _moved), 2),
+    Behaviour("mapper", Claim.ROTATION, "the same shares within 2 %", room, _alike(accurate_mapper, _turned), 2),
 )  # fmt: skip

@@ -148,7 +148,7 @@ def _lines(answer: Path | PlanFailure) -> tuple[Line, ...]:
 def reaches(make: Maker, scene: Scene) -> Measured:
     answer = _asked(make, scene)
     if _roomy(scene) is not None:
-        said = f"{_told(answer)} where the robot has room for one"
+        said = f"{_told(answer)} where the robot has room to pass"
         return Measured(isinstance(answer, Path), said, 0.0, _lines(answer))
     if shortest(scene, 0.5 * CELL) is None:
         return Measured(
@@ -187,7 +187,7 @@ def no_contact(make: Maker, scene: Scene) -> Measured:
 
 def footprint(make: Maker, scene: Scene) -> Measured:
     radius = inscribed_radius(scene.outline)
-    return _least(make, scene, radius - DIAGONAL, f"of a robot that reaches {radius:.2f} m to every side")
+    return _least(make, scene, radius - DIAGONAL, f"while the inscribed radius is {radius:.2f} m")
 
 
 def _within(make: Maker, scene: Scene, factor: float) -> Measured:
@@ -195,9 +195,9 @@ def _within(make: Maker, scene: Scene, factor: float) -> Measured:
     if best is None:
         raise Unfit("no room for the robot: nothing to compare with")
     if isinstance(answer, PlanFailure):
-        return Measured(False, f"{_told(answer)} where there is one of {best:.2f} m", math.inf)
+        return Measured(False, f"{_told(answer)} where a path of {best:.2f} m exists", math.inf)
     length, most = _length(answer.points), factor * best + 2.0 * DIAGONAL
-    said = f"{_told(answer)}; the shortest of any angle has {best:.2f} m, the bound is {most:.2f} m"
+    said = f"{_told(answer)}; the shortest any-angle path has {best:.2f} m, the bound is {most:.2f} m"
     return Measured(length <= most, said, length / best, _lines(answer))
 
 
@@ -214,10 +214,11 @@ def _alike(make: Maker, scene: Scene, other: Scene, grid: OccupancyGrid) -> Meas
     here, there = ask(make, scene, grid_of(scene)), ask(make, other, grid)
     if isinstance(here, PlanFailure) or isinstance(there, PlanFailure):
         alike = type(here) is type(there)
-        return Measured(alike, f"{_told(here)}, and {_told(there)} in the other", 0.0, (*_lines(here), *_lines(there)))
+        said = f"{_told(here)}, and {_told(there)} in the other scene"
+        return Measured(alike, said, 0.0, (*_lines(here), *_lines(there)))
     a, b = _length(here.points), _length(there.points)
     off = abs(a - b) / max(a, b)
-    said = f"gave a path of {a:.3f} m, and one of {b:.3f} m in the other"
+    said = f"gave a path of {a:.3f} m, and one of {b:.3f} m in the other scene"
     return Measured(off <= SAME, said, off, (*_lines(here), *_lines(there)), (scene, other))
 
 
@@ -239,10 +240,11 @@ PLANNERS = (
     Behaviour("planner", Claim.REACHES, "a path where there is room, and a failure where there is none",
               room_or_cell, reaches, 9),
     Behaviour("planner", Claim.NO_CONTACT, "a path through free cells only", room, no_contact, 9),
-    Behaviour("planner", Claim.FOOTPRINT, "the inscribed disc free along the path, to a cell's diagonal",
+    Behaviour("planner", Claim.FOOTPRINT, "the inscribed disc free along the path, within a cell's diagonal",
               tight, footprint, 9),
-    Behaviour("planner", Claim.OPTIMAL, "a length within that of a grid with eight neighbours", room, optimal, 9),
-    Behaviour("planner", Claim.OPTIMAL_ANY_ANGLE, "a length within 2 % of the shortest at any angle",
+    Behaviour("planner", Claim.OPTIMAL, "a path at most 8.24 % longer than the shortest any-angle path",
+              room, optimal, 9),
+    Behaviour("planner", Claim.OPTIMAL_ANY_ANGLE, "a path at most 2 % longer than the shortest any-angle path",
               room, optimal_any_angle, 9),
     Behaviour("planner", Claim.TRANSLATION, f"the same length within {SAME:.1%}", room, translation, 6),
     Behaviour("planner", Claim.ROTATION, f"the same length within {SAME:.1%}", room, rotation, 6),

@@ -93,22 +93,22 @@ class Scene:
     def words(self) -> str:
         """The scene as one phrase."""
         s = self.start
-        told = [
+        parts = [
             f"robot of {self.length:g} m x {self.width:g} m at {_at(s.x, s.y)} heading {math.degrees(s.heading):.0f}°"
         ]
-        told.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
-        told += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
-        told += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
+        parts.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
+        parts += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
+        parts += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
         if self.came:
-            told.append(f"having come {self.came:g} m")
+            parts.append(f"after {self.came:g} m straight ahead")
         if self.lasers is not ALL_ROUND:
-            told.append("lasers at " + " and ".join(f"({one.x:g}, {one.y:g})" for one in self.lasers))
+            parts.append("lasers at " + " and ".join(f"({one.x:g}, {one.y:g})" for one in self.lasers))
         if self.map_heading:
-            told.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
+            parts.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
         if self.has_earlier_map:
-            told.append("after a request on the mirrored map")
+            parts.append("after a request on the mirrored map")
         more = max(0, len(self.posts) - FEW) + max(0, len(self.walls) - FEW)
-        return ", ".join(told) + (f" and {more} more things" if more else "")
+        return ", ".join(parts) + (f" and {more} more obstacles" if more else "")
 
     def moved(self, place: Place) -> Scene:
         """The scene turned about the origin by a heading and then moved."""

@@ -150,7 +150,7 @@ def _claims(bench: Bench) -> Iterator[Finding]:
     for claim, reason in dict(cls.disclaims).items():
         if claim not in purpose:
             told = ", ".join(sorted(f"Claim.{one.name}" for one in purpose)) or "nothing"
-            yield Finding(f"disclaims {claim!r}", f"what its role claims for it: {told}", given="the class")
+            yield Finding(f"disclaims {claim!r}", f"a claim of its role: {told}", given="the class")
         elif not (isinstance(reason, str) and len(reason.split()) > 2):
             yield Finding(f"disclaims {claim.name} with the reason {reason!r}", "a sentence that says why")
 
@@ -165,7 +165,7 @@ def _demand_of(claim: Claim) -> str:
 
 
 CHECKS = (
-    Check("claims", BEHAVIOUR, frozenset(PURPOSE), "Claims are those that its role has scenes for.", _claims, True),
+    Check("claims", BEHAVIOUR, frozenset(PURPOSE), "Its role has scenes for each of its claims.", _claims, True),
     *(
         Check(claim.value, BEHAVIOUR, frozenset(b.role for b in BEHAVIOURS if b.claim is claim), _demand_of(claim),
               _run_of(claim))

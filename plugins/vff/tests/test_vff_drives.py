@@ -102,7 +102,7 @@ def test_driving_from_the_start_it_passes_obstacle_o() -> None:
 
 @pytest.mark.slow
 @BOTH_KINDS
-def test_of_fifty_fields_at_least_45_are_crossed_and_none_with_contact(sensors: str) -> None:
+def test_at_least_45_of_50_fields_are_crossed_and_none_with_contact(sensors: str) -> None:
     words = told(f"fields, {sensors}", all_of(field, [(seed,) for seed in range(50)], sensors=sensors))
     assert set(words) <= {"reached", "trapped"}
     assert words["reached"] >= 45

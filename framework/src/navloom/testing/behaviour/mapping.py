@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.echoes import scan_points
 from navloom.geometry.frames import compose, transform
 from navloom.geometry.world import Place
 from navloom.messages import MapUpdate, Odometry, Pose2D, PoseTrack, RangeScan, Sweep, Twist2D
@@ -157,9 +158,7 @@ def _shown_scans(make: Maker, scene: Scene) -> MapperSeen:
 
 
 def _places(scan: RangeScan, pose: list[float]) -> Floats:
-    heard = np.isfinite(scan.ranges)
-    ranges, bearings = scan.ranges[heard], scan.bearings[heard]
-    return transform(np.array(pose), np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1))
+    return transform(np.array(pose), scan_points(scan))
 
 
 def _track(poses: Floats, tick: int) -> PoseTrack:

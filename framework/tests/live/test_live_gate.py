@@ -185,6 +185,24 @@ def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal()
     assert gate.node.gone == ""
 
 
+def test_after_a_restart_of_the_platform_the_monitor_begins_again() -> None:
+    """Odometry alone cannot show a restart that puts the robot back by 4 m within 0.9 s."""
+    gate = Gate()
+    monitor = gate.node.gate.monitor
+    assert monitor is not None
+
+    def stand(tick: int, x: float, sequence: int) -> None:
+        odometry = Odometry(round(tick * PERIOD * 1e9), Pose2D(x, 0.0, 0.0), STILL)
+        gate.give(PLATFORM, "odometry", odometry, tick, sequence)
+        gate.look()
+
+    for tick in range(81):
+        stand(tick, 0.05 * tick, tick + 1)
+    stand(98, 0.0, 1)
+    stand(99, 0.0, 2)
+    assert monitor.judge(Twist2D(0.02, 0.0, 0.0), 0.0, 99 * PERIOD).kind == ""
+
+
 def rings(gate: Gate) -> set[str]:
     return {feed.wire.input.name for feed in gate.hosted.cell.feeds if feed.inlet.rings}
 

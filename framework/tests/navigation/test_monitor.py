@@ -224,6 +224,14 @@ def test_a_restarted_platform_elsewhere_does_not_count_as_in_unseen_space() -> N
     assert [drive.step(0.2, 0.3).kind for _ in range(5)] == [""] * 5
 
 
+def test_odometry_that_turns_faster_than_a_robot_can_also_shows_a_restart() -> None:
+    """Seen space lies in the odometry frame; with another heading, it would be on another side of the robot."""
+    drive = Drive(LIMITS, wall(20.0))
+    drive.step(0.0)
+    drive.monitor.move(Odometry(round(PERIOD * 1e9), Pose2D(0.0, 0.0, math.pi / 2), Twist2D(0.0, 0.0, 0.0)))
+    assert drive.monitor.judge(Twist2D(1.0, 0.0, 0.0), 1.0, PERIOD).kind == "unseen"
+
+
 # --- a ring of sonars, blind behind and nearer than range_min ---------------------------------------------------------
 
 SIDE, RANGE_MIN, RANGE_MAX = 0.8, 0.3, 4.0

@@ -225,13 +225,13 @@ class LiveGate(LiveRunner):
         return next(filter(None, found), "")
 
     def _follow_platform(self) -> None:
-        """After a restart of the platform, wait for a later step of the goal node, which ends the goal.
+        """After a restart of the platform, tell the gate, and wait for a later step of the goal, which ends the goal.
 
         Until then the trajectory is still authorised, but the robot's pose is not known.
         """
         slot = self._feeds["odometry"].slot
         if slot.envelope is not None and self._platform.has_restarted(slot.envelope):
-            self._awaited_tick = slot.tick
+            self._awaited_tick, self.gate.has_new_platform = slot.tick, True
         if self._awaited_tick >= 0:
             for source in self.cell.reports:
                 if source[0] == "goal":

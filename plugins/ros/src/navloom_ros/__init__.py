@@ -1,4 +1,8 @@
-"""ROS 2 over Zenoh without ROS: messages, the wire of rmw_zenoh, services and actions."""
+"""ROS 2 over Zenoh without a ROS installation: messages, the wire protocol of rmw_zenoh, services and actions.
+
+Plugins built on it: the command `navloom ros` (`cli`), the platform `ros2_base` (`base`), and the mapper `ros_map` and
+the planner `ros_path` (`elsewhere`). The names below are public and usable without a navloom robot.
+"""
 
 from navloom import Registry, hookimpl
 
@@ -35,7 +39,7 @@ __all__ = [
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the command `ros`."""
+    """Register the command `ros`."""
     from navloom_ros.cli import app
 
     registry.command("ros", app)

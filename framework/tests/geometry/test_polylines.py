@@ -22,7 +22,7 @@ def test_parallel_lines_are_as_far_apart_as_they_are() -> None:
 
 
 def test_the_farther_side_counts_whichever_polyline_it_is_of() -> None:
-    # From the short line all is near; from the long one's end (10, 0) it is 6 m to (4, 0).
+    # The short line is near everywhere; the end (10, 0) of the long one is 6 m from (4, 0).
     short, long = line((0, 0), (4, 0)), line((0, 0), (10, 0))
     assert hausdorff_distance(short, long) == hausdorff_distance(long, short) == pytest.approx(6.0)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -66,10 +65,10 @@ def _prepare(page_file: Path) -> None:
         ConfigError: It cannot be written.
     """
     from navloom.config import ConfigError
+    from navloom.files import make_writable
 
     try:
-        page_file.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=page_file.parent).close()
+        make_writable(page_file.parent)
     except OSError as error:
         raise ConfigError(f"--page {page_file}: cannot be written: {error.strerror}; name another file") from None
     if page_file.is_dir():

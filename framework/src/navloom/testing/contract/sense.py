@@ -1,4 +1,4 @@
-"""What answers say in numbers."""
+"""Whether the numbers in an answer can be right: lengths, covariances, angles and stamps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.frames import inverse, transform
+from navloom.geometry.cells import cells_at, has_cells
+from navloom.geometry.polylines import Polyline
 from navloom.messages import Message, OccupancyGrid, Path, RangeScan
 from navloom.plugins.registry import NODE
 from navloom.testing.bench import Bench, alike
@@ -27,15 +28,15 @@ OCCUPIED = 50
 BLOCKED = 0.05
 """Share of a path that may touch blocked cells: a diagonal step touches their corners."""
 ENDS = 0.5
-"""Way at each end of a path that is not judged, m."""
+"""Length at each end of a path that is not judged, m."""
 SECOND_NS = 1_000_000_000
 UNITS = 500
-"""How many times a stamp in another unit than ns is too small, at least."""
+"""A stamp that is this many times smaller than the run clock is not in ns."""
 FULL_TURN = math.tau + 1e-6
 
 
 def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
-    """PlayedScene, input, step and answer of every sound scene."""
+    """Scene, input, step number and answer of each step of the sound scenes."""
     for scene in bench.sound():
         with alike():
             player = bench.player(scene)
@@ -43,9 +44,9 @@ def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
                 yield scene, given, step, player.step(given)
 
 
-@check("contract", {"planner"}, "A path's length is that of its points, or more where they were pruned.")
+@check("contract", {"planner"}, "A path's length is that of its points, or more if points were pruned.")
 def path_length(bench: Bench) -> Iterator[Finding]:
-    """In m."""
+    """The stated length, m, is compared with that of the polyline through the points."""
     for scene, given, step, answer in _answers(bench):
         if not isinstance(answer, Path):
             continue
@@ -61,40 +62,35 @@ def path_length(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"planner"}, "A path leads through free cells of its own traversable grid.")
 def traversable(bench: Bench) -> Iterator[Finding]:
-    """It is pruned and smoothed within that grid. Near its ends the robot may stand close to something."""
+    """Paths are pruned and smoothed within that grid. Near the ends of a path, obstacles may be close."""
     for scene, _, step, answer in _answers(bench):
         if not isinstance(answer, Path) or answer.traversable is None:
             continue
         share = _blocked_share(answer.points, answer.traversable)
         if share > BLOCKED:
             yield Finding(
-                f"gives a path of which {share:.0%} leads through cells that its traversable grid says are occupied",
-                "a grid of the same rows, columns, origin and resolution as the path was searched in",
+                f"gives a path of which {share:.0%} leads through occupied cells of its own traversable grid",
+                "the grid in which the path was searched: the same rows, columns, origin and resolution",
                 given=bench.at(scene, step), scene=scene.name,
             )  # fmt: skip
             return
 
 
 def _blocked_share(points: Floats, grid: OccupancyGrid) -> float:
-    """Share of a path, without what is near its ends, in occupied cells of a grid or beside it."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.arange(ENDS, along[-1] - ENDS, 0.25 * grid.resolution)
-    if not len(at):
+    """Share of a path that lies in occupied cells of a grid or outside the grid, without the path's two ends."""
+    line = Polyline(points)
+    distances = np.arange(ENDS, line.length - ENDS, 0.25 * grid.resolution)
+    if not len(distances):
         return 0.0
-    dense = np.column_stack([np.interp(at, along, points[:, k]) for k in (0, 1)])
-    origin = grid.origin
-    to_grid = inverse(np.array([origin.x, origin.y, origin.heading]))
-    cells = np.floor(transform(to_grid, dense) / grid.resolution).astype(int)
-    rows, columns = grid.cells.shape
-    is_inside = (cells >= 0).all(axis=1) & (cells[:, 1] < rows) & (cells[:, 0] < columns)
-    is_free = np.zeros(len(cells), dtype=np.bool_)
-    is_free[is_inside] = grid.cells[cells[is_inside, 1], cells[is_inside, 0]] < OCCUPIED
-    return 1.0 - float(is_free.mean())
+    cells = cells_at(grid, line.at(distances))
+    known = cells[has_cells(grid, cells)]
+    is_free = grid.cells[known[:, 0], known[:, 1]] < OCCUPIED
+    return 1.0 - float(is_free.sum()) / len(cells)
 
 
 @check("contract", {"localizer"}, "The covariance is symmetric, and no direction has a negative variance.")
 def covariance(bench: Bench) -> Iterator[Finding]:
-    """What filters and gates invert."""
+    """Filters and gates invert the covariance."""
     for scene, _, step, answer in _answers(bench):
         given = answer.covariance
         scale = max(float(np.abs(given).max()), 1e-12)
@@ -111,7 +107,7 @@ def covariance(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"platform"}, "Bearings and half angles of scans are in rad, and beams begin within 10 m of base.")
 def scan_geometry(bench: Bench) -> Iterator[Finding]:
-    """What no sensor can have."""
+    """Larger values mean wrong units: no sensor has them."""
     for scene, _, step, answer in _answers(bench):
         for name, scan in answer.scans.items():
             if not isinstance(scan, RangeScan) or not scan.ranges.size:
@@ -130,14 +126,14 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"mapper", NODE}, "Stamps are on the run clock, in ns.")
 def stamps(bench: Bench) -> Iterator[Finding]:
-    """In the scenes it soon is at 1 s and more: a stamp in s or ms is next to nothing then."""
+    """Once the run clock is past 1 s, a stamp in s or ms is far too small for one in ns."""
     for scene, given, step, answer in _answers(bench):
         now_ns = given.tick.time_ns if bench.subject.kind == NODE else given.stamp_ns
         for name, stamp_ns in _stamps_of(answer):
             if stamp_ns > now_ns + SECOND_NS or (now_ns >= SECOND_NS and 0 < stamp_ns < now_ns / UNITS):
                 yield Finding(
-                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as the stamps "
-                    "of what it is given", given=bench.at(scene, step), scene=scene.name,
+                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as in the "
+                    "stamps of its inputs", given=bench.at(scene, step), scene=scene.name,
                 )  # fmt: skip
                 return
 

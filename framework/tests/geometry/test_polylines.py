@@ -2,11 +2,19 @@ import math
 
 import numpy as np
 import pytest
-from navloom.geometry.polylines import hausdorff_distance
+from navloom.geometry.polylines import Polyline, hausdorff_distance
 
 
 def line(*points: tuple[float, float]) -> np.ndarray:
     return np.array(points, dtype=np.float64)
+
+
+def test_points_along_a_line_are_where_its_corners_put_them() -> None:
+    corner = Polyline(line((0, 0), (3, 0), (3, 0), (3, 4)))
+    assert corner.length == 7.0 and corner.along.tolist() == [0.0, 3.0, 3.0, 7.0]
+    places = corner.at(np.array([-1.0, 1.5, 3.0, 5.0, 9.0]))
+    assert places.tolist() == [[0.0, 0.0], [1.5, 0.0], [3.0, 0.0], [3.0, 2.0], [3.0, 4.0]]
+    assert Polyline(line((1, 2))).at(np.array([0.0, 1.0])).tolist() == [[1.0, 2.0]] * 2
 
 
 def test_parallel_lines_are_as_far_apart_as_they_are() -> None:

@@ -128,7 +128,7 @@ class Node:
             return self._changed.wait_for(lambda: condition(self.graph), timeout)
 
     def settle(self, quiet: float = 0.3, longest: float = 3.0) -> None:
-        """Wait until the graph has not changed for `quiet` s, at most `longest` s: then existing nodes are discovered."""
+        """Wait until the graph has not changed for `quiet` s, at most `longest` s, to discover existing nodes."""
         end = time.monotonic() + longest
         with self._changed:
             while time.monotonic() < end and self._changed.wait(quiet):

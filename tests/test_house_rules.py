@@ -75,6 +75,8 @@ FETCHED = {"time", "threading", "socket", "random", "zenoh"}
 OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
     "ros/node.py": {"threading", "time"},
+    "ros/services.py": {"threading"},
+    "ros/topics.py": {"threading", "time"},
     "ros/actions.py": {"threading"},
     "ros/joining.py": {"threading"},
     "ros/link.py": {"time"},

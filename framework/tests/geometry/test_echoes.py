@@ -1,4 +1,4 @@
-"""Echoes as points, poses along a track, and cells at places: with numbers that can be checked by hand."""
+"""Echoes as points, poses along a track, and cells at places, with numbers that can be checked by hand."""
 
 import math
 
@@ -46,7 +46,7 @@ def test_a_sweep_follows_the_equation_of_its_geometry(geometry, left, up):
     assert not np.allclose(sweep_points(sweep, other)[0, 0], echo)
 
 
-def test_a_heading_turns_the_short_way_and_ends_hold():
+def test_between_two_poses_the_heading_turns_the_short_way_and_the_ends_are_kept():
     track = PoseTrack(np.array([0, 100]) + 10**18, np.array([[0.0, 0.0, 3.0], [2.0, 0.0, -3.0]]))
     poses = poses_at(track, np.array([-5, 50, 200]) + 10**18)
     np.testing.assert_allclose(poses[:, 0], [0.0, 1.0, 2.0])

@@ -10,8 +10,10 @@ from navloom_ros.actions import ActionClient, ActionServer, Goal
 from navloom_ros.errors import BadDefinition, BadName, MalformedMessage, RosError, UnfitMessage, UnknownType
 from navloom_ros.message_types import Types
 from navloom_ros.nav2.adapter import Nav2Navigator
-from navloom_ros.node import NoAnswer, Node, Received
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT, LATCHED, SENSOR, Qos
+from navloom_ros.services import NoAnswer
+from navloom_ros.topics import Received
 from navloom_ros.wire import NoRouter
 
 __all__ = [

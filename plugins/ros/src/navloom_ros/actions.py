@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from navloom_ros.graph import ACTION_PART
-from navloom_ros.node import Call, Node
+from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED, Qos
+from navloom_ros.services import Call
 from navloom_ros.wire import now_ns
 
 __all__ = [

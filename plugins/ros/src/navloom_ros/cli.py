@@ -21,10 +21,11 @@ from navloom_ros.graph import Graph, Listed
 from navloom_ros.hashing import NOT_HASHED
 from navloom_ros.message_types import DISTRIBUTIONS, Types
 from navloom_ros.names import full_name
-from navloom_ros.node import Node, Received
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT
 from navloom_ros.serving.outlets import PUBLISHED, STREAMS
 from navloom_ros.tokens import Entity
+from navloom_ros.topics import Received
 from navloom_ros.wire import ROUTER
 
 __all__ = ["app"]

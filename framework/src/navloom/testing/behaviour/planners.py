@@ -10,6 +10,7 @@ import numpy as np
 
 from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
 from navloom.geometry.frames import transform
+from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place, Raster, World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles import PlannerInput
@@ -170,15 +171,11 @@ def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
         from scipy.spatial import KDTree
 
         centres = np.stack([x + (cols + 0.5) * CELL, y + (rows + 0.5) * CELL], axis=1)
-        least = float(KDTree(centres).query(_dense(points))[0].min())
+        line = Polyline(points)
+        dense = line.at(np.linspace(0.0, line.length, 2 + int(line.length / (0.2 * CELL))))
+        least = float(KDTree(centres).query(dense)[0].min())
     said = f"{_told(answer)} that comes within {least:.3f} m of the middle of an occupied cell, {what}"
     return Measured(least >= radius, said, least, (Line("path", points),))
-
-
-def _dense(points: np.ndarray) -> np.ndarray:
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.linspace(0.0, along[-1], 2 + int(along[-1] / (0.2 * CELL)))
-    return np.stack([np.interp(at, along, points[:, k]) for k in (0, 1)], axis=1)
 
 
 def no_contact(make: Maker, scene: Scene) -> Measured:

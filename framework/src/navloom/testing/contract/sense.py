@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.frames import inverse, transform
+from navloom.geometry.cells import cells_at, has_cells
+from navloom.geometry.polylines import Polyline
 from navloom.messages import Message, OccupancyGrid, Path, RangeScan
 from navloom.plugins.registry import NODE
 from navloom.testing.bench import Bench, alike
@@ -77,19 +78,14 @@ def traversable(bench: Bench) -> Iterator[Finding]:
 
 def _blocked_share(points: Floats, grid: OccupancyGrid) -> float:
     """Share of a path that lies in occupied cells of a grid or outside the grid, without the path's two ends."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.arange(ENDS, along[-1] - ENDS, 0.25 * grid.resolution)
-    if not len(at):
+    line = Polyline(points)
+    distances = np.arange(ENDS, line.length - ENDS, 0.25 * grid.resolution)
+    if not len(distances):
         return 0.0
-    dense = np.column_stack([np.interp(at, along, points[:, k]) for k in (0, 1)])
-    origin = grid.origin
-    to_grid = inverse(np.array([origin.x, origin.y, origin.heading]))
-    cells = np.floor(transform(to_grid, dense) / grid.resolution).astype(int)
-    rows, columns = grid.cells.shape
-    is_inside = (cells >= 0).all(axis=1) & (cells[:, 1] < rows) & (cells[:, 0] < columns)
-    is_free = np.zeros(len(cells), dtype=np.bool_)
-    is_free[is_inside] = grid.cells[cells[is_inside, 1], cells[is_inside, 0]] < OCCUPIED
-    return 1.0 - float(is_free.mean())
+    cells = cells_at(grid, line.at(distances))
+    known = cells[has_cells(grid, cells)]
+    is_free = grid.cells[known[:, 0], known[:, 1]] < OCCUPIED
+    return 1.0 - float(is_free.sum()) / len(cells)
 
 
 @check("contract", {"localizer"}, "The covariance is symmetric, and no direction has a negative variance.")

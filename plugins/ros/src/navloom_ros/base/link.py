@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 from navloom_ros.base.guardian import Guard, velocity
 from navloom_ros.joining import Joining, Network
-from navloom_ros.node import Node, Publisher, Received, Subscription
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT, Qos
+from navloom_ros.topics import Publisher, Received, Subscription
 
 __all__ = ["TRANSFORMS", "Link", "Settings", "Topic", "now_ns"]
 

@@ -25,9 +25,10 @@ from navloom_ros.elsewhere.params import RosMapParams, RosPathParams
 from navloom_ros.elsewhere.reading import Unusable, cells_of
 from navloom_ros.errors import RosError
 from navloom_ros.joining import Joining
-from navloom_ros.node import Node, Subscription
+from navloom_ros.node import Node
 from navloom_ros.params import network_of
 from navloom_ros.qos import LATCHED
+from navloom_ros.topics import Subscription
 
 __all__ = ["RosMap", "RosPath"]
 

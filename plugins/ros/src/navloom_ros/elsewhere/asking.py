@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_ros.elsewhere.reading import Unusable, points_of, pose_of
-from navloom_ros.node import Client, Node, Publisher, Subscription
+from navloom_ros.node import Node
+from navloom_ros.services import Client
+from navloom_ros.topics import Publisher, Subscription
 
 __all__ = ["PathSource"]
 

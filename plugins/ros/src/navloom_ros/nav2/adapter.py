@@ -14,7 +14,8 @@ from navloom import Feedback, GoalResult, Point2D
 
 from navloom_ros.actions import CANCELED, SUCCEEDED, ActionClient, SentGoal
 from navloom_ros.message_types import Types
-from navloom_ros.node import NoAnswer, Node
+from navloom_ros.node import Node
+from navloom_ros.services import NoAnswer
 from navloom_ros.wire import ROUTER
 
 __all__ = ["Nav2Handle", "Nav2Navigator"]

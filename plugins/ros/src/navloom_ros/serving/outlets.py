@@ -6,8 +6,9 @@ from collections.abc import Collection
 from typing import Any
 
 from navloom_ros.errors import UnfitMessage
-from navloom_ros.node import Node, Publisher
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT, LATCHED, Qos
+from navloom_ros.topics import Publisher
 from navloom_ros.translating import Translated
 
 __all__ = ["PUBLISHED", "STREAMS", "Outlets"]

@@ -67,7 +67,7 @@ KINDS = {
         "The platform `$name` for navloom: a simulated unicycle with motor lag, a laser, sonars and a pitched laser.",
         "rays",
         (_DRIVE, f"navloom compare paper --set platform.plugin=$name --vary avoider=improved_vfh,vff{_STUDY}"),
-        "To turn it into a driver, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
+        "To make it a driver, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
         "no truth.",
     ),
     "node": PluginKind(

@@ -10,14 +10,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.frames import compose, transform
+from navloom.geometry.frames import compose, inverse, transform
 from navloom.geometry.world import Place
-from navloom.messages import MapUpdate, Odometry, Pose2D, PoseTrack, RangeScan, Sweep, Twist2D
+from navloom.messages import MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseTrack, RangeScan, Sweep, Twist2D
 from navloom.roles import LocalizerInput, MapperInput
 from navloom.roles.claims import Claim
-from navloom.testing.behaviour.measured import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan
+from navloom.testing.behaviour.measured import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, scan_from
 from navloom.testing.behaviour.planners import grid_of
-from navloom.testing.behaviour.scene import Post, Scene, Wall
+from navloom.testing.behaviour.scene import MAST, Post, Scene, Wall
 
 __all__ = ["LOCALIZERS", "MAPPERS"]
 
@@ -33,6 +33,8 @@ SPEED_OFF, TURN_OFF = 0.1, 0.3
 """How far its twist may be off in half of the ticks, m/s and rad/s."""
 NEAR_DRIFTING = 0.08
 """The same where odometry drifts, m."""
+VAGUE = 1.0
+"""Standard deviation of its heading with which a localizer does not track, rad."""
 DRIFT_WAY, DRIFT_TURN = 1.04, 0.05
 """Drift: ways are measured too long by this factor, and turned by this much a metre, rad."""
 LATE = 4
@@ -43,6 +45,10 @@ SCAN_EVERY = 2
 """Ticks from scan to scan."""
 TRUE_SHARE, FOUND_SHARE = 0.9, 0.8
 """Shares of the occupied cells that must lie at something, and of what was seen that must be occupied."""
+OCCUPIED = 65
+"""Occupancy, percent, from which a cell counts as occupied."""
+BETTER = 0.25
+"""Share of the hits that a map moved by half a cell has more of in occupied cells than it has as it is: a shift."""
 HEIGHT = 1.0
 """Of walls and posts, m."""
 MOUNT = 0.4
@@ -96,12 +102,15 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
     grid = grid_of(scene)
     localizer, known = make(scene, map=grid), MapUpdate(0, grid, np.empty((0, 4)), ())
     found, twists, sees, extra = [], [], make.sees(RangeScan), make.extra
+    vague = 0.0
     for tick, (pose, odometry) in enumerate(zip(poses.tolist(), told.tolist(), strict=True)):
         stamp_ns = tick * PERIOD_NS
         scans = (_scan(scene, pose, stamp_ns),) if sees and tick % SCAN_EVERY == 0 else ()
         given = Odometry(stamp_ns, Pose2D(*odometry), Twist2D(0.25, 0.0, -0.7 if tick * PERIOD < TURNS else 0.7))
         answer = localizer.localize(LocalizerInput(given, scans, known, ("laser",) * len(scans), extra=extra))
         estimate, twist = answer.pose, answer.twist
+        if answer.state == "tracking":
+            vague = max(vague, math.sqrt(max(0.0, float(answer.covariance[2, 2]))))
         found.append((estimate.x, estimate.y, estimate.heading))
         twists.append((twist.vx - given.twist.vx, twist.wz - given.twist.wz))
     estimates = np.array(found)
@@ -117,11 +126,15 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
     if v_off > SPEED_OFF or w_off > TURN_OFF:
         said = f"gave a twist that is {v_off:.2f} m/s and {w_off:.2f} rad/s off that of the odometry"
         return Measured(False, said, v_off, lines)
+    if vague > VAGUE:
+        said = f"tracks with a standard deviation of its heading of {vague:.1f} rad"
+        return Measured(False, said, vague, lines)
     return Measured(worst <= limit and most <= TURNED, said, worst, lines)
 
 
 def _scan(scene: Scene, pose: list[float], stamp_ns: int) -> RangeScan:
-    return full_scan(scene, (pose[0], pose[1], pose[2]), stamp_ns, BEAMS)
+    """Of a laser that is not in the middle of the robot."""
+    return scan_from(scene, MAST[0], (pose[0], pose[1], pose[2]), stamp_ns, BEAMS)
 
 
 def accurate_localizer(make: Maker, scene: Scene) -> Measured:
@@ -159,7 +172,8 @@ def _shown_scans(make: Maker, scene: Scene) -> MapperSeen:
 def _places(scan: RangeScan, pose: list[float]) -> Floats:
     heard = np.isfinite(scan.ranges)
     ranges, bearings = scan.ranges[heard], scan.bearings[heard]
-    return transform(np.array(pose), np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1))
+    ways = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    return transform(np.array(pose), scan.origins[heard] + ranges[:, None] * ways)
 
 
 def _track(poses: Floats, tick: int) -> PoseTrack:
@@ -221,14 +235,40 @@ def _accuracy(seen: MapperSeen, scene: Scene) -> Measured:
         return Measured(False, "gave no map of what it was shown", 0.0, (Line("hits", seen.hits, is_dots=True),))
     grid = seen.update.grid
     origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
-    rows, cols = np.nonzero(grid.cells >= 65)
+    rows, cols = np.nonzero(grid.cells >= OCCUPIED)
     cells = transform(origin, (np.stack([cols, rows], axis=1) + 0.5) * grid.resolution)
     slack = grid.resolution + 0.05
     right = _near_share(cells, _surface(scene), slack)
     found = _near_share(seen.hits, cells, slack)
     lines = (Line("occupied cells", cells, is_dots=True), Line("hits", seen.hits[::7], is_dots=True))
     said = f"has {right:.0%} of its occupied cells within {slack:.2f} m of something, and {found:.0%} of what was hit"
+    x, y, better = _best_shift(grid, seen.hits)
+    if better > BETTER:
+        said = (
+            f"is shifted: with it moved by ({x:g}, {y:g}) cells, {better:.0%} more of what was hit is in occupied cells"
+        )
+        return Measured(False, said, min(right, found), lines)
     return Measured(right >= TRUE_SHARE and found >= FOUND_SHARE, said, min(right, found), lines)
+
+
+def _best_shift(grid: OccupancyGrid, hits: Floats) -> tuple[float, float, float]:
+    """Half cells along the raster's axes by which it is best moved, and the share of hits in occupied cells it gains.
+
+    What was hit lies in occupied cells, unless the raster as a whole is shifted.
+    """
+    to_grid = inverse(np.array([grid.origin.x, grid.origin.y, grid.origin.heading]))
+    places = transform(to_grid, hits) / grid.resolution
+    moves = [(x, y) for x in (0.0, -0.5, 0.5) for y in (0.0, -0.5, 0.5)]
+    shares = [_occupied_share(grid, places - move) for move in moves]
+    best = int(np.argmax(shares))
+    return *moves[best], shares[best] - shares[0]
+
+
+def _occupied_share(grid: OccupancyGrid, places: Floats) -> float:
+    """Share of places, (n, 2) columns and rows of a raster, that are in occupied cells."""
+    cells = np.floor(places).astype(int)
+    is_inside = ((cells >= 0) & (cells < grid.cells.shape[::-1])).all(axis=1)
+    return float((grid.cells[cells[is_inside, 1], cells[is_inside, 0]] >= OCCUPIED).sum()) / len(places)
 
 
 def _near_share(points: Floats, others: Floats, reach: float) -> float:

@@ -78,7 +78,7 @@ class RangeMaxInKm(Robot):
 
 
 @ENTRIES.plant("same_noise", caught_by="own_noise")
-class SameNoise(SensorsSim):
+class SameNoise(Robot):
     """A seed of its own."""
 
     def __init__(self, params: Any, context: Context) -> None:

@@ -85,7 +85,7 @@ def _room(make: Maker, half: float, turns: int) -> tuple[float, float, float]:
     grid = OccupancyGrid(np.where(is_block | is_wall, 100, 0).astype(np.int8), CELL, Pose2D(-SIDE, -SIDE, 0.0))
     start, goal = np.round(transform(turn, np.array([[-ENDS, 0.0], [ENDS, 0.0]])), 9).tolist()
     planner = make(Scene(Place(*start), tuple(goal)))
-    request = PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0))
+    request = PlanRequest(1, *(Pose2D(x, y, 0.0) for x, y in (start, goal)))
     answer = planner.plan(PlannerInput(request, MapUpdate(0, grid, np.empty((0, 4)), ()), make.extra))
     if not isinstance(answer, Path):
         raise Unfit(f"it finds no path round a block of {2.0 * half:g} m: {answer.detail}")

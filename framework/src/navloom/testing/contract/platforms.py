@@ -175,7 +175,8 @@ def _of_free_beams(seen: RangeScan | Sweep, pose: Pose2D, world: World) -> Float
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     away = scenes.cast(world, (places @ turn + (pose.x, pose.y, 0.0)).reshape(-1, 3), (ways @ turn).reshape(-1, 3),
                        floor=True).reshape(count, -1).min(axis=1)  # fmt: skip
-    return ranges[away > CLEAR * seen.range_max + 0.5]
+    free: Floats = ranges[away > CLEAR * seen.range_max + 0.5]
+    return free
 
 
 def _beams(seen: RangeScan | Sweep) -> tuple[Floats, Floats, Floats]:

@@ -1,4 +1,4 @@
-"""What tests across the houses share: the data folder, and runs from a config."""
+"""Fixtures that tests across the packages share: the data folder, and runs of the shipped config `paper`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navloom.study.episode import Episode, run_episode
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """The folder of public data sets; tests that want it are skipped where it is absent."""
+    """The folder of public data sets; tests that need it are skipped without it."""
     folder = os.environ.get("NAVLOOM_DATA", "")
     if not folder or not Path(folder).is_dir():
         pytest.skip("NAVLOOM_DATA does not name a folder with the public data sets")

@@ -26,7 +26,7 @@ NO_COVARIANCE = np.zeros((3, 3))
 
 
 class Ending(NamedTuple):
-    """How a drive ended, and the least gap to anything on the way, m."""
+    """Outcome of a drive, and its least clearance, m."""
 
     word: str
     gap: float
@@ -75,14 +75,14 @@ def drive(world: World, start: Place, goal: Place, seed: int, seconds: float = 1
 
 
 def field(seed: int) -> Ending:
-    """A clutter field of 20 posts from its front to the target behind it."""
+    """Drive through a clutter field of 20 posts, from its front to the target behind it."""
     world = clutter_world(str(seed), Path())
     assert world.start is not None and world.goal is not None
     return drive(world, world.start, world.goal, seed)
 
 
 def door(width: float, approach: int) -> Ending:
-    """A doorway in a long wall, approached from a seeded place and heading."""
+    """Drive through a doorway in a long wall, from a seeded place and heading."""
     stream = np.random.default_rng([approach, 17])
     wall = (
         Box("left of the door", (-8.0, -0.5 * width), (3.0, 3.2)),
@@ -94,7 +94,7 @@ def door(width: float, approach: int) -> Ending:
 
 
 def trap(approach: int) -> Ending:
-    """A dead end of 3 m by 3 m between the robot and its target."""
+    """Drive towards a target behind a dead end of 3 m by 3 m."""
     from navloom.worlds.small import u_trap
 
     stream = np.random.default_rng([approach, 18])
@@ -111,7 +111,7 @@ def test_a_wide_door_is_passed() -> None:
     assert door(1.8, 0).word == "reached"
 
 
-def test_a_dead_end_is_called_so() -> None:
+def test_a_dead_end_is_reported_as_trapped() -> None:
     assert trap(0).word == "trapped"
 
 
@@ -121,7 +121,7 @@ def all_of(work: object, *columns: object) -> list[Ending]:
 
 
 @pytest.mark.slow
-def test_of_fifty_fields_at_least_45_are_crossed_and_none_with_contact() -> None:
+def test_at_least_45_of_50_fields_are_crossed_and_none_with_contact() -> None:
     endings = all_of(field, range(50))
     words = Counter(ending.word for ending in endings)
     print(f"fields: {dict(words)}, least gap {min(ending.gap for ending in endings):.3f} m")
@@ -142,7 +142,7 @@ def test_doors_of_1_6_m_and_more_are_always_passed_and_none_is_touched() -> None
 
 
 @pytest.mark.slow
-def test_dead_ends_are_called_so_and_never_touched() -> None:
+def test_dead_ends_are_reported_as_trapped_and_never_touched() -> None:
     words = Counter(ending.word for ending in all_of(trap, range(20)))
     print("traps:", dict(words))
     assert words == {"trapped": 20}

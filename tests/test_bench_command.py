@@ -1,4 +1,4 @@
-"""`navloom bench`: how pairs are timed, what is said of peers that are missing, what it prints and refuses."""
+"""`navloom bench`: how pairs are timed, how a missing peer is reported, what it prints and refuses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ANSWERS = "import sys; print(7, flush=True); [print(int(line) * 2, flush=True) f
 
 @pytest.fixture
 def barn_file(tmp_path: Path) -> Path:
-    """One world, number 5, of two cylinders beside the way from the origin 4 m ahead."""
+    """A file with one world, number 5: two cylinders beside the straight way from the origin to (4, 0)."""
     path = tmp_path / "worlds.npz"
     np.savez(
         path, world=[5], cyl=[[2.0, 1.5, 0.1], [2.0, -1.5, 0.1]], cyl_off=[0, 2], start=[0.0, 0.0, 0.0],
@@ -32,7 +32,7 @@ def barn_file(tmp_path: Path) -> Path:
 
 
 def block(name: str, order: list[str], durations: list[float]) -> Callable[[], float]:
-    """Gives durations in turn, and writes down when it was asked."""
+    """A block that returns the durations in turn, and appends its name to the order of calls."""
     left: Iterator[float] = iter(durations)
 
     def once() -> float:
@@ -51,7 +51,7 @@ def test_blocks_take_turns_and_the_first_of_each_does_not_count() -> None:
     assert (row.low, row.ratio, row.high) == (2.5, 3.0, 3.5)  # of 2, 3 and 4
 
 
-def test_without_a_peer_there_is_our_figure_and_why() -> None:
+def test_a_row_without_a_peer_has_our_figure_and_the_reason() -> None:
     row = paired("thing", "µs", lambda: 3e-6, Peer("them", absence="them is not installed: pip install them"), 2, "hot")
     assert (row.ours, row.theirs, row.ratio) == (pytest.approx(3.0), None, None)
     assert row.note == "them is not installed: pip install them; hot"

@@ -1,4 +1,4 @@
-"""The same config and seed give the same bytes, in any process, whatever looks on."""
+"""The same config and seed give the same bytes, in any process, whatever observes the run."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def test_with_all_noise_off_two_seeds_agree(paper: Run) -> None:
     assert trace(paper, *QUIET) == trace(paper, *QUIET, "run.seed=8")
 
 
-def test_a_changed_gain_changes_it(paper: Run) -> None:
+def test_a_changed_gain_changes_the_trace(paper: Run) -> None:
     assert trace(paper) != trace(paper, "controller.k3=0.7")
 
 
-def test_a_shadow_does_not(paper: Run) -> None:
+def test_a_shadow_does_not_change_the_trace(paper: Run) -> None:
     assert trace(paper) == trace(paper, SHADOW)
 
 

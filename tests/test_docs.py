@@ -39,7 +39,7 @@ def command_line() -> Any:
 
 
 def faults_of(step: Step) -> list[str]:
-    """What the command line does not know of a command: its name, or an option."""
+    """The command name or option of a step that the command line does not know."""
     known: Any = command_line()
     options = {"--help"}
     for word in words(step.text.replace("'", " ")):
@@ -48,7 +48,7 @@ def faults_of(step: Step) -> list[str]:
             if word not in options:
                 return [f"{step}: no option {word}"]
         elif word.isupper():
-            return []  # a placeholder of the command itself
+            return []  # a placeholder for the command itself
         elif hasattr(known, "commands"):
             commands = known.whole() if isinstance(known, Commands) else known.commands
             if word not in commands:
@@ -98,7 +98,7 @@ WRITING = TOP / "docs" / "writing-a-plugin.md"
 
 
 class Drove:
-    """Who drives, from which s of run time on."""
+    """Observer that keeps which instance drives, and since which run time, s."""
 
     wants = frozenset({("gate", "status")})
     wants_steps = False
@@ -113,7 +113,7 @@ class Drove:
             self.since.append((at.stamp_ns * 1e-9, message.instance))
 
     def on_step(self, record: StepRecord) -> None:
-        """Not asked for."""
+        """Never called: `wants_steps` is False."""
 
 
 REST = {
@@ -121,7 +121,7 @@ REST = {
     "mapper": '[mapper]\nplugin = "known_map"\n',
     "sensor": '[[sensor]]\nname = "laser"\nkind = "laser_2d"\n',
 }
-"""What the fragment of a config lacks to be a whole one."""
+"""Tables that complete a fragment of a config, by name."""
 CONFIGS = [
     pytest.param(page, block, id=f"{page.stem}-{number}")
     for page in PAGES
@@ -196,7 +196,7 @@ def test_the_unit_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def executed(source: str, module: str) -> dict[str, Any]:
-    """What a block of code declares, as the module of a plugin."""
+    """Names that a block of code declares when it runs as the module of a plugin."""
     scope: dict[str, Any] = {"__name__": module}
     exec(compile(source, module, "exec", dont_inherit=True), scope)
     return scope
@@ -206,5 +206,5 @@ def executed(source: str, module: str) -> dict[str, Any]:
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text("utf-8")
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", text) + re.findall(r'src="([^"]+)"', text):
-        is_generated = target.startswith("reference/")  # then tests/test_site.py holds it
+        is_generated = target.startswith("reference/")  # tests/test_site.py checks it
         assert is_generated or (page.parent / target).exists(), target

@@ -1,4 +1,4 @@
-"""docs/architecture.md and decisions.md: the files that they name exist, and hold what the text looks for in them."""
+"""docs/architecture.md and decisions.md: the files that they name exist and contain the names that the text gives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def rows(title: str) -> list[str]:
     return [line for line in text[: text.index("\n## ")].splitlines() if line.startswith("|")][2:]
 
 
-def test_each_path_from_a_question_leads_to_names_that_are_there() -> None:
+def test_each_row_from_a_question_to_code_names_code_that_exists() -> None:
     found = 0
     for row in rows("To find a line of code"):
         text = ""
@@ -46,7 +46,7 @@ def test_each_package_is_in_the_table() -> None:
     assert packages <= listed
 
 
-def test_each_class_on_the_way_of_a_sweep_and_a_command_exists() -> None:
+def test_each_class_named_on_the_way_of_a_sweep_and_a_command_exists() -> None:
     text = PAGES[0].read_text("utf-8").split("**The way of a sweep**", 1)[1].split("**Every random number**", 1)[0]
     code = "".join(path.read_text("utf-8") for path in SOURCE.rglob("*.py"))
     classes = set(re.findall(r"`([A-Z]\w+)", text))

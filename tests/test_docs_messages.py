@@ -1,4 +1,4 @@
-"""The message reference names every message, field, type and port: what is added or renamed must be written there."""
+"""The message reference names every message, field, type and port: additions and renames must be written there."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def rows(title: str) -> list[list[str]]:
 
 
 RULES = {"": "", "heading": ", in [-π, π]", "positive": ", > 0", "not_negative": ", >= 0", "stamp": ", >= 0"}
-"""How the page writes what a number is held to."""
+"""Rule of a number -> how the page writes it."""
 BOUNDED = {MAX_TEXT: "str", 255: "name"}
-"""How the page calls a text by its bound."""
+"""Bound of a text, bytes -> its type as the page writes it."""
 
 
 def written(kind: Kind) -> str:
@@ -69,7 +69,7 @@ def test_every_field_is_there_with_its_type_and_a_meaning(cls: type[Message]) ->
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
 def test_every_docstring_names_every_field(cls: type[Message]) -> None:
-    """`navloom messages NAME` prints what it says of each."""
+    """`navloom messages NAME` prints the docstring's text about each field."""
     assert [name for name in cls.kinds if not re.search(rf"\b{name}\b", cls.__doc__ or "")] == []
 
 

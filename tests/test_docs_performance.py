@@ -1,4 +1,4 @@
-"""`navloom bench --page`: every figure is on the page, and the page of the documentation is one of these."""
+"""`navloom bench --page`: every figure is on the page, and docs/performance.md is such a page."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_page_of_quick_figures_says_so() -> None:
     assert "**Made with `--quick`" in page({**FOUND, "quick": True}, "2026-11-23")
 
 
-def test_the_documents_page_was_made_by_this_code_from_a_full_measurement() -> None:
+def test_docs_performance_md_was_written_by_this_code_from_a_full_measurement() -> None:
     text = DOCUMENT.read_text("utf-8")
     assert text.startswith(navloom_benchmarks.page.HEAD) and "--quick`:" not in text
     assert f"| {' | '.join(navloom_benchmarks.page.COLUMNS)} |" in text

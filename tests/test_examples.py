@@ -29,7 +29,7 @@ Test = Callable[..., None]
 
 
 def runs(*files: str) -> Callable[[Test], Test]:
-    """Say which files a test runs."""
+    """Declare which files a test runs."""
     RUN.update(files)
     return lambda test: test
 
@@ -44,7 +44,7 @@ def script(name: str, *arguments: str, timeout: float = 120.0) -> list[str]:
 
 @pytest.fixture
 def turtle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The distribution of examples/turtle is installed, as by an editable install from its pyproject.toml."""
+    """Installs the distribution of examples/turtle, as an editable install from its pyproject.toml does."""
     put_on_path(EXAMPLES / "turtle", tmp_path / "site", monkeypatch)
 
 
@@ -65,7 +65,7 @@ def test_the_page_names_every_example_with_a_command_that_exists() -> None:
 
 
 @runs("own_controller.py")
-def test_a_controller_of_ones_own_keeps_closer_to_its_trajectory() -> None:
+def test_the_example_controller_keeps_closer_to_its_trajectory_than_the_shipped_one() -> None:
     own, shipped = script("own_controller.py")
     assert own.startswith("bearing: succeeded") and shipped.startswith("lyapunov_tracker: succeeded")
     beside = [float(line.split("at most ")[1].split()[0]) for line in (own, shipped)]
@@ -74,7 +74,7 @@ def test_a_controller_of_ones_own_keeps_closer_to_its_trajectory() -> None:
 
 @runs("turtle/pyproject.toml", "turtle/navloom_turtle.py", "turtle/turtle.toml")
 @pytest.mark.usefixtures("turtle")
-def test_a_robot_of_ones_own_is_listed_and_drives_to_its_goal(
+def test_the_example_robot_is_listed_and_drives_to_its_goal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def navloom(*words: str) -> str:
@@ -93,7 +93,7 @@ def test_a_robot_of_ones_own_is_listed_and_drives_to_its_goal(
 
 
 def drives(name: str, monkeypatch: pytest.MonkeyPatch, *changes: str) -> dict[str, Any]:
-    """The result of an example whose platform brings a simulator of its own, as a file."""
+    """Summary of a drive in an example whose platform, used as a file, brings its own simulator."""
     folder = EXAMPLES / name
     monkeypatch.setenv(one_file.FILES, "[]")
     one_file.use_files([folder / f"navloom_{name}.py"])
@@ -174,7 +174,7 @@ def test_a_mission_drives_a_live_robot_over_all_places(monkeypatch: pytest.Monke
 
 
 class Drivers:
-    """Who has the wheels, from which time on, s; the gate says it where it changes."""
+    """Observer that keeps which instance drives, and since which run time, s; the gate publishes each change."""
 
     wants = frozenset({("gate", "status")})
     wants_steps = False
@@ -190,7 +190,7 @@ class Drivers:
         raise AssertionError("not asked for")
 
     def spells(self, instance: str) -> list[tuple[float, float]]:
-        """Begin and end of each time an instance had them."""
+        """Begin and end of each spell in which an instance drove, s."""
         ends = [time for time, _ in self.changes[1:]]
         return [(start, end) for (start, who), end in zip(self.changes, ends, strict=False) if who == instance]
 

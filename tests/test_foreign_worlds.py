@@ -1,4 +1,4 @@
-"""A platform that brings a simulator of its own: no [world], and what needs one comes from it or is left out."""
+"""A platform that brings its own simulator needs no [world]: results that need a world use its own, or are left out."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ POST = Cylinder("post", 1.0, 1.5, 0.2)
 
 
 class IslandParams(Params):
-    """Whether it tells what stands in it."""
+    """Whether the platform gives its world."""
 
     tells: bool = Field(True, description="It tells its world.")
 
 
 class Island(Platform[IslandParams]):
-    """Drives exactly as it is commanded, in a simulator that is not navloom's: a plane with one post."""
+    """Drives exactly as it is commanded, in its own simulator, a plane with one post."""
 
     name = "island"
     is_simulated = True
@@ -92,7 +92,7 @@ def driven(config: str, *changes: str) -> Episode:
     return run_episode(load_config(config, changes), discovery=discovery())
 
 
-def test_a_platform_that_tells_its_world_has_a_shortest_way_and_a_checked_goal(config: str) -> None:
+def test_a_platform_that_gives_its_world_has_a_shortest_way_and_a_checked_goal(config: str) -> None:
     result = driven(config).summary()
     assert (result["outcome"], result["truly_reached"]) == ("succeeded", True)
     assert result["optimal_length_m"] == pytest.approx(2.0) and 0.9 < result["spl"] <= 1.0
@@ -101,14 +101,14 @@ def test_a_platform_that_tells_its_world_has_a_shortest_way_and_a_checked_goal(c
         check_task(system)
 
 
-def test_a_platform_that_tells_none_drives_and_leaves_out_what_needs_one(config: str) -> None:
+def test_a_platform_that_gives_no_world_drives_and_leaves_out_the_results_that_need_one(config: str) -> None:
     result = driven(config, "platform.tells=false").summary()
     assert (result["outcome"], result["truly_reached"]) == ("succeeded", True)
     assert result["optimal_length_m"] is None and result["spl"] is None
     assert result["path_length_m"] > 1.7 and result["min_clearance_m"] > 0.5
 
 
-def test_what_a_platform_tells_changes_nothing_of_the_drive(config: str) -> None:
+def test_the_drive_is_the_same_whether_or_not_the_platform_gives_its_world(config: str) -> None:
     traces = {driven(config, f"platform.tells={tells}").summary()["trace_sha256"] for tells in ("true", "false")}
     assert len(traces) == 1
 
@@ -120,20 +120,20 @@ def test_a_world_beside_that_of_the_platform_is_refused(config: str) -> None:
         assemble(load_config(config, ["world.ref=doorway"]), discovery())
 
 
-def test_its_world_can_be_the_map(config: str) -> None:
+def test_the_world_of_the_platform_can_be_the_map(config: str) -> None:
     cells = assemble(load_config(config, ["map.ref=world"]), discovery()).map
     assert cells is not None and (cells.cells == 100).any()
     with pytest.raises(ConfigError, match="the platform has none"):
         assemble(load_config(config, ["map.ref=world", "platform.tells=false"]), discovery())
 
 
-def test_a_world_that_is_none_is_blamed_on_the_platform(config: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_value_that_is_no_world_is_blamed_on_the_platform(config: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Island, "own_world", classmethod(lambda cls, params: "a hall"))
     with pytest.raises(ValueError, match="island fails in own_world: TypeError: it gives str, expected World or None"):
         assemble(load_config(config), discovery())
 
 
 @pytest.mark.parametrize("tells", ["true", "false"])
-def test_a_study_without_a_world_is_in_that_of_the_platform(config: str, tells: str) -> None:
+def test_a_study_without_a_world_uses_that_of_the_platform(config: str, tells: str) -> None:
     (case,) = worlds_of(load_config(config, [f"platform.tells={tells}"]), (), discovery())
     assert (case.ref, case.values, bool(case.sha256)) == (OWN_WORLD, {}, tells == "true")

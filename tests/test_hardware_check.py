@@ -21,7 +21,7 @@ Command = Callable[..., tuple[int, str, str]]
 
 
 class Watched(PlayedBase):
-    """A base that remembers the highest speed that its wheels were told."""
+    """A base that keeps the highest wheel speed that was commanded, m/s."""
 
     fastest = 0.0
 

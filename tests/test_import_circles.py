@@ -43,7 +43,7 @@ def import_graph(modules: dict[str, Path]) -> networkx.DiGraph:
     for module, path in modules.items():
         graph.add_node(module)
         for name, line in imports_of(module, path):
-            while name and name not in modules:  # what is no module is a name within one
+            while name and name not in modules:  # a name that is no module is an object in one
                 name = name.rpartition(".")[0]
             if name and name != module and not graph.has_edge(module, name):
                 graph.add_edge(module, name, line=line)
@@ -51,7 +51,7 @@ def import_graph(modules: dict[str, Path]) -> networkx.DiGraph:
 
 
 def circles(modules: dict[str, Path], top: Path) -> list[str]:
-    """Of each set of modules that all import each other, directly or not: its members, and one circle edge by edge."""
+    """One text for each set of modules that import each other, directly or not: its members and one circle, by edge."""
     graph = import_graph(modules)
     told = []
     for members in sorted(map(sorted, networkx.strongly_connected_components(graph))):

@@ -1,4 +1,4 @@
-"""A robot that starts elsewhere than it believes corrects itself, or ends lost: never a success that is not true."""
+"""A robot that starts elsewhere than it believes corrects its pose or ends lost; it never reports a false success."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_wrong_start_is_corrected_and_the_goal_truly_reached() -> None:
     assert (summary["outcome"], summary["truly_reached"], summary["collisions"]) == ("succeeded", True, 0)
 
 
-def test_on_the_map_of_another_building_it_ends_lost_where_it_stands() -> None:
+def test_on_the_map_of_another_building_it_ends_lost_near_its_start() -> None:
     episode = run_episode(load_config("building", ["map.ref=paper_gates", "run.stop_after=60"]))
     assert episode.result.outcome == "lost" and episode.summary()["truly_reached"] is False
     assert "of the echoes fit the map, less than 40%" in episode.result.reason
@@ -102,7 +102,7 @@ def campaign(file: Path, count: int, seed: int, offset: float) -> list[dict[str,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BUILDINGS)
-def test_of_a_hundred_wrong_starts_at_most_one_is_a_false_success(data: Path, name: str) -> None:
+def test_at_most_one_of_100_wrong_starts_is_a_false_success(data: Path, name: str) -> None:
     rows = campaign(data / "rosmaps" / name, 100, 1, offset=1.0)
     assert sum(row["outcome"] == "succeeded" and not row["truly_reached"] for row in rows) <= 1
 

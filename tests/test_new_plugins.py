@@ -1,4 +1,4 @@
-"""What `navloom plugins new` writes, in an environment of the built wheels alone: 20 minutes on two cores.
+"""Plugins that `navloom plugins new` writes, in an environment of the built wheels alone: 20 minutes on two cores.
 
 Each kind is made, installed, checked by its own tools and by `navloom check`, and used: a role drives `paper`
 and is in the table of `navloom compare`.
@@ -49,7 +49,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture(scope="module")
 def made(run: Run) -> Callable[[str], str]:
-    """The folder of a new plugin `demo` of a kind, which is installed."""
+    """Generates and installs a plugin `demo` of a kind, once; gives its folder."""
     folders: dict[str, str] = {}
 
     def made(kind: str) -> str:

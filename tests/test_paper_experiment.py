@@ -1,4 +1,4 @@
-"""The experiment of Hoang et al. 2013: which way the robot takes, how it tracks, and how it passes obstacle O."""
+"""The experiment of Hoang et al. 2013: the route of the robot, its tracking, and how it passes obstacle O."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.nois
 
 @cache
 def as_described() -> Episode:
-    """The shipped experiment, once for all tests that only look at it."""
+    """The shipped experiment, run once for all tests that only read its results."""
     return run_episode(load_config("paper"))
 
 
@@ -60,7 +60,7 @@ def test_obstacle_o_is_passed_with_clearance_and_the_trajectory_met_again() -> N
     assert abs(episode.recorder.cross_tracks[-1]) < 0.1
 
 
-def test_without_the_obstacle_nobody_takes_over(paper: Run) -> None:
+def test_without_the_obstacle_the_avoider_never_takes_over(paper: Run) -> None:
     episode = paper("world.ref=paper_gates")
     assert episode.result.outcome == "succeeded"
     assert [engaged for _, engaged in episode.recorder.engaged] == [False]
@@ -110,7 +110,7 @@ def test_five_seeds_reach_d_without_contact() -> None:
 
 
 @pytest.mark.slow
-def test_of_a_hundred_seeds_at_least_95_reach_d_and_none_touches() -> None:
+def test_at_least_95_of_100_seeds_reach_d_and_none_touches() -> None:
     outcomes = campaign(range(100))
     reached = [seed for seed, outcome, _ in outcomes if outcome == "succeeded"]
     print(f"{len(reached)} of 100 reach D, contacts: {sum(row[2] for row in outcomes)}")

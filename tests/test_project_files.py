@@ -1,4 +1,4 @@
-"""What a project has beside its code: each file is checked for what its readers, or its tools, take from it."""
+"""Project files beside the code: each is checked for what its readers or tools need from it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import yaml
 
 TOP = Path(__file__).resolve().parents[1]
 DISTRIBUTIONS = {"ruff": "ruff", "mypy": "mypy", "lint-imports": "import-linter"}
-"""By program of a hook, the distribution that brings it."""
+"""Program of a hook -> the distribution that installs it."""
 
 
 def read(name: str) -> Any:
@@ -67,7 +67,7 @@ def test_every_hook_is_a_tool_of_the_test_group_and_fetches_nothing() -> None:
 
 
 @pytest.mark.parametrize("hook", hooks(), ids=lambda hook: hook["id"])
-def test_hooks_choose_files_that_are_there(hook: dict[str, Any]) -> None:
+def test_hooks_match_files_that_exist(hook: dict[str, Any]) -> None:
     pattern = re.compile(hook.get("files", r"\.pyi?$"))
     listed = subprocess.run(["git", "ls-files"], cwd=TOP, capture_output=True, text=True, timeout=30, check=False)
     if listed.returncode:
@@ -77,7 +77,7 @@ def test_hooks_choose_files_that_are_there(hook: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("hook", [one for one in hooks() if one["id"].startswith("ruff")], ids=lambda hook: hook["id"])
 def test_hooks_on_files_repair_what_breaks_a_house_rule(hook: dict[str, Any], tmp_path: Path) -> None:
-    """mypy and import-linter run on everything, as tests/test_house_rules.py shows."""
+    """tests/test_house_rules.py covers mypy and import-linter, which check the whole project."""
     shutil.copy(TOP / "pyproject.toml", tmp_path)
     bad = tmp_path / "bad.py"
     bad.write_text("import sys\nimport os\nprint( os.name,sys.path )\n", "utf-8")
@@ -97,7 +97,7 @@ def test_the_changelog_keeps_its_form() -> None:
     assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"} and kinds
 
 
-def test_what_contributing_tells_people_to_run_and_to_read_is_there() -> None:
+def test_commands_and_files_that_contributing_names_exist() -> None:
     text = (TOP / "CONTRIBUTING.md").read_text("utf-8")
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", text):
         assert (TOP / target).exists(), target

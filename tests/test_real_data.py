@@ -55,14 +55,14 @@ start = {{ x = {x}, y = {y}, heading_deg = {heading} }}
 goal = {{ x = {gx}, y = {gy} }}
 """
 BUILDINGS = {"willow_full_0.1.yaml": 30.0, "aws_small_house.yaml": 8.0}
-"""Maps and the least length of an optimal path, m."""
+"""Map -> least length of an optimal path, m."""
 
 
 def pairs(file: Path, least: float, seed: int, count: int) -> list[tuple[Place, Place]]:
-    """Seeded pairs of free places with an optimal way of at least a length, m.
+    """Seeded pairs of free places whose optimal path has at least a length, m.
 
-    The way is that of a disc of 0.35 m, in which the square robot of 0.5 m can turn: on cells of 0.1 m the planner
-    finds no way through gaps of 0.6 m, which leave it 5 cm on either side.
+    The path is that of a disc of radius 0.35 m, in which the square robot of 0.5 m can turn. On cells of 0.1 m the
+    planner finds no path through gaps of 0.6 m, which leave 5 cm on either side.
     """
     raster = load_raster(file)
     gap = distance_transform_edt(~raster.occupied) * raster.resolution
@@ -152,7 +152,7 @@ def test_moving_ai_scenarios_have_the_exact_optimal_length(data: Path, name: str
 def test_a_real_sweep_is_mapped_without_its_floor(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # The floor of this recording scatters by some centimetres: its tolerance is twice the default's.
+    # The floor of this recording scatters by some centimetres, so its tolerance is twice the default.
     file = data / "scan3d" / "pitching_lms200_0.npz"
     words = ["map", str(file), "--set", "floor_tolerance=0.12", "--set", "cell=0.1", "--out", str(tmp_path), "--json"]
     monkeypatch.setattr(sys, "argv", ["navloom", *words])

@@ -13,7 +13,7 @@ TRACES = {
     "building": "e77f509737e4814140cc3707a80dd26bc116527c9e1040d686c0482c7c971c43",
     "explore": "759ba63d9f58a07fce8eb54c0a8e6d35b79425b447057c6e84239c15d03afa1d",
 }
-"""SHA-256 of trace.bin by config, with its own seed. A change of one belongs into the changelog."""
+"""SHA-256 of trace.bin by config, with its own seed. A change of one belongs in the changelog."""
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="recorded on x86_64: other processors may round otherwise")

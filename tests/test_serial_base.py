@@ -1,4 +1,4 @@
-"""The serial base of the examples against a base that is played on a pseudo-terminal, with physics of its own."""
+"""The serial base of the examples, driving a base that is simulated, with physics, on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from serial_protocol import BUMPER, EMERGENCY_STOP, WATCHDOG, Frames, Status, fr
 
 PERIOD = 0.05
 STOPPED = 0.150
-"""s within which the base is to be told to stop, where its line still works."""
+"""Longest time from a fault to a stop command at the base, where its line still works, s."""
 SETTLED = 0.03
-"""s that the played base may take to see its own watchdog run out, and a busy host to run it."""
+"""Margin for the simulated base to notice that its watchdog has expired, on a busy host, s."""
 SPEC = robot(wheel_radius=0.05, half_track=0.15)
 
 
 class Loop:
-    """What a live robot does with its platform: a command and a report each tick, and a stop where it cannot drive.
+    """Calls a platform as a live robot does: each tick a command and a report, and a stop where a report fails.
 
     Attributes:
-        wanted: What the gate says.
-        fault: Why the last report failed; empty where it did not.
+        wanted: Command of the gate.
+        fault: Why the last report failed; empty if it did not.
         output: The last report.
-        slowest: s that a call took at most.
+        slowest: Longest duration of a tick, s.
     """
 
     def __init__(self, platform: SerialBase) -> None:
@@ -86,7 +86,7 @@ def loop(base: PlayedBase) -> Iterator[Loop]:
 
 
 def until(holds: Callable[[], bool], limit: float, what: str) -> float:
-    """Wait until something holds. Gives the time it took, s."""
+    """Wait until a condition holds; returns the time it took, s."""
     began = time.monotonic()
     while not holds():
         assert time.monotonic() - began < limit, f"{what} within {limit} s"
@@ -95,12 +95,12 @@ def until(holds: Callable[[], bool], limit: float, what: str) -> float:
 
 
 def drives(base: PlayedBase, loop: Loop, speed: float = 0.3) -> None:
-    """Let it drive on, until its wheels turn."""
+    """Drive forward and wait until the wheels turn at 90 % of the speed."""
     loop.wanted = Twist2D(speed, 0.0, 0.0)
     until(lambda: min(base.wheels) > 0.9 * speed, 3.0, f"the base drives; {loop.fault}")
 
 
-def test_it_drives_as_it_is_told_and_reckons_its_way(base: PlayedBase, loop: Loop) -> None:
+def test_it_obeys_commands_and_its_odometry_follows_the_wheels(base: PlayedBase, loop: Loop) -> None:
     drives(base, loop)
     loop.wanted = Twist2D(0.3, 0.0, 1.0)
     until(lambda: loop.output.odometry.pose.heading > 0.5, 3.0, "it turns")
@@ -123,7 +123,7 @@ def test_its_stamps_rise_and_are_no_older_than_two_statuses(base: PlayedBase, lo
     assert stamps == sorted(stamps) and stamps[-1] - stamps[0] > 5 * PERIOD * 1e9
 
 
-def test_emergency_stop_and_bumper_are_said(base: PlayedBase, loop: Loop) -> None:
+def test_emergency_stop_and_bumper_are_reported(base: PlayedBase, loop: Loop) -> None:
     drives(base, loop)
     base.flags = BUMPER
     until(lambda: loop.output.contact.touching, 1.0, "the bumper is told")
@@ -145,7 +145,7 @@ def test_a_base_that_was_switched_off_does_not_move_the_pose(base: PlayedBase, l
     assert loop.output.odometry.pose.x == before
 
 
-def test_a_platform_that_is_not_asked_any_more_lets_the_base_stop(base: PlayedBase) -> None:
+def test_the_base_stops_when_its_platform_is_no_longer_called(base: PlayedBase) -> None:
     platform = SerialBase(SerialBase.Params(port=str(base.port)), context(SPEC, role="platform", period=PERIOD))
     platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
     platform.drive(Twist2D(0.3, 0.0, 0.0), 0)
@@ -163,7 +163,7 @@ CUT = ("unplugged", "stuck")
 
 
 def endure(base: PlayedBase, loop: Loop, fault: str) -> tuple[float, float]:
-    """Have a fault while it drives. Gives s from the fault to the stop, and from its end until it drives again."""
+    """Cause a fault while it drives. Returns s from the fault to the stop, and from its end to driving again."""
     drives(base, loop)
     began = time.monotonic()
     if fault == "unplugged":

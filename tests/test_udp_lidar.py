@@ -1,4 +1,4 @@
-"""The lidar of the examples against a capture that the test makes: datagrams with their times, and what befell them."""
+"""The lidar of the examples with captures that the test makes: timed datagrams, some lost, doubled or damaged."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ Capture = list[tuple[float, bytes]]
 
 
 def ranges_of(number: int) -> np.ndarray:
-    """Readings of a scan, m, to the mm: one without measurement, one without echo."""
+    """Ranges of a scan, m, to the mm: one beam has no measurement, one no echo."""
     ranges = np.round(2.0 + 0.01 * number + 0.02 * np.arange(BEAMS), 3)
     ranges[3], ranges[5] = math.nan, math.inf
     return ranges
 
 
 def capture(scans: int, clock_us: int = 0, period: float = 0.02) -> Capture:
-    """What a lidar sends: s, datagram. Its clock is its own."""
+    """Time of sending, s, and datagram of each packet of a lidar, whose own clock starts at `clock_us`, µs."""
     found: Capture = []
     for number in range(scans):
         at = number * period
@@ -47,7 +47,7 @@ def capture(scans: int, clock_us: int = 0, period: float = 0.02) -> Capture:
 
 
 class Cart:
-    """A platform with one lidar, a socket that sends to it, and the scans that it gave."""
+    """A platform with one lidar, a socket that sends to it, and the scans that it published."""
 
     def __init__(self, **settings: object) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -63,7 +63,7 @@ class Cart:
         self.until(lambda: "no scan yet" in self.fault)  # it listens
 
     def tick(self) -> None:
-        """What a live robot does each tick."""
+        """Advance the platform, as a live robot does each tick."""
         time_ns = round(1e9 * (time.monotonic() - self.began))
         try:
             given = self.platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, time_ns))
@@ -80,7 +80,7 @@ class Cart:
             self.tick()
 
     def replay(self, sent: Capture) -> None:
-        """Send a capture at its own pace, with a tick now and then."""
+        """Send a capture at its own pace, and tick at least every 4 ms meanwhile."""
         began = time.monotonic()
         for at, packet in sent:
             while (left := began + at - time.monotonic()) > 0.0:
@@ -103,7 +103,7 @@ def cart() -> Iterator[Cart]:
 
 
 def test_a_capture_becomes_its_scans_with_its_stamps(cart: Cart) -> None:
-    cart.replay(capture(15, clock_us=2**32 - 150_000))  # whose clock wraps on the way
+    cart.replay(capture(15, clock_us=2**32 - 150_000))  # the clock of the lidar wraps meanwhile
     cart.until(lambda: len(cart.scans) >= 14)
     scan = cart.scans[2]
     number = round((scan.ranges[0] - 2.0) / 0.01)
@@ -137,7 +137,7 @@ def test_losses_doubles_and_noise_leave_scans_with_fewer_beams(cart: Cart) -> No
         assert scan.ranges.tolist() == pytest.approx(ranges_of(number)[places].tolist())
 
 
-def test_late_datagrams_of_an_older_scan_are_passed_over() -> None:
+def test_late_datagrams_of_an_older_scan_are_ignored() -> None:
     scans = Scans()
     first, second = (list(packets_of(n, 0, 0.0, 1.0, 1000, ranges_of(n), 3)) for n in (65535, 0))
     order = (first[0], first[2], second[0], first[1], second[1], second[2], second[1])
@@ -155,7 +155,7 @@ def test_a_lidar_that_falls_silent_stops_the_robot_with_the_reason(cart: Cart) -
     cart.until(lambda: cart.fault == "")
 
 
-def test_a_stranger_is_not_heard_and_a_taken_port_is_said(cart: Cart) -> None:
+def test_datagrams_of_another_device_are_ignored_and_a_port_in_use_is_reported(cart: Cart) -> None:
     other = Cart(device="127.0.0.2")
     other.replay(capture(3))
     assert other.scans == [] and "no scan yet" in other.fault

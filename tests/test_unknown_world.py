@@ -1,4 +1,4 @@
-"""Without a map: a robot with a planar laser maps while it drives, and reaches what it had not seen."""
+"""A robot without a map, with a planar laser, maps while it drives and reaches a goal that it could not see."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_it_drives_round_a_wall_that_it_could_not_see_when_it_planned(tmp_path: 
     episode = run_episode(load_config("explore", [f"world.ref={tmp_path / 'hidden.toml'}"]))
     assert (episode.result.outcome, episode.recorder.touches) == ("succeeded", 0)
     first = episode.recorder.plans[0].points
-    assert abs(np.interp(5.1, first[:, 0], first[:, 1])) < 2.0  # straight through it
+    assert abs(np.interp(5.1, first[:, 0], first[:, 1])) < 2.0  # straight through the hidden wall
     assert len(episode.recorder.plans) >= 2
     assert episode.recorder.path_length > 9.0  # the way round is 9.3 m, where the first plan was 8.3 m long
 

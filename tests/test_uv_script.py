@@ -1,4 +1,4 @@
-"""`uv.py`, with which both commands of the README begin: every kind of Python, with a pip that installs a fake uv."""
+"""`uv.py`, which both commands of the README run: Python with and without pip and venv; pip installs a fake uv."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """Runs a copy of the script, with modules in the place of pip and venv."""
+    """Runs a copy of the script, with other modules in place of pip and venv."""
     checkout, modules = tmp_path / "checkout", tmp_path / "modules"
     checkout.mkdir()
     modules.mkdir()

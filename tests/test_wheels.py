@@ -1,4 +1,4 @@
-"""Every distribution as others get it: complete wheels, and an empty environment that has nothing but them."""
+"""Every distribution as users get it: the wheels are complete, and work in an environment of nothing else."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_distributions_of_the_project_ask_for_compatible_releases_of_each_other(
 
 @pytest.mark.slow
 def test_wheels_alone_drive_compare_and_take_a_plugin(tmp_path: Path) -> None:
-    """Builds and installs with pip alone, which takes the wheels of other projects from the index: some minutes."""
+    """Builds and installs with pip alone, which takes the wheels of other projects from the index: minutes."""
     took: dict[str, float] = {}
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
 

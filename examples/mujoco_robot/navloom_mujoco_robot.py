@@ -35,8 +35,6 @@ OBSTACLES = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 """Flags of the groups of geoms that rays can hit."""
 HEIGHT = 0.2
 """Height of the laser above the floor, m."""
-FLOOR = 20.0
-"""Distance by which the floor extends from the origin, m."""
 
 
 class MujocoParams(Params):

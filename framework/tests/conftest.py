@@ -1,4 +1,4 @@
-"""What tests of several houses share."""
+"""Fixtures of tests of several packages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Install = Callable[..., None]
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
-    """Install a distribution of one module, for this test only: its name, its source, its entry points, its version."""
+    """Installs a distribution of one module for this test: name, source, entry points, version."""
     folder = tmp_path / "site"
     folder.mkdir()
     monkeypatch.syspath_prepend(str(folder))

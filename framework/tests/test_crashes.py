@@ -1,4 +1,4 @@
-"""Which line of a plugin a process ended at, read from what Python printed when a signal ended it."""
+"""The line of a plugin at which a process crashed, read from the dump that Python prints at a signal."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ WATCHED = CALLER.replace(
 
 
 def ended(folder: Path, how: str) -> tuple[int, Path]:
-    """Exit code and log of a process in which a plugin ends the process."""
+    """Exit code and log of a process that a plugin ends."""
     (folder / "torn_plugin.py").write_text(PLUGIN, "utf-8")
     log = folder / "think.log"
     with log.open("wb") as file:
@@ -75,14 +75,14 @@ def test_the_plugins_line_is_found_in_the_log(tmp_path: Path, how: str, number: 
     assert said[0] == "think: ready" and not any(map(is_of_dump, said))
 
 
-def test_a_dump_of_an_earlier_process_says_nothing_of_this_one(tmp_path: Path) -> None:
+def test_the_dump_of_an_earlier_process_is_ignored(tmp_path: Path) -> None:
     _, log = ended(tmp_path, "segv")
     with log.open("a") as file:
         file.write("think: ready\n")
     assert last_crash(log) == ""
 
 
-def test_of_a_package_it_is_the_innermost_line(tmp_path: Path) -> None:
+def test_for_a_package_the_innermost_line_is_named(tmp_path: Path) -> None:
     (tmp_path / "__init__.py").touch()
     here = os.path.dirname(os.path.dirname(os.path.abspath(crashed_at.__code__.co_filename)))
     dump = textwrap.dedent(f"""\
@@ -108,7 +108,7 @@ def test_of_a_package_it_is_the_innermost_line(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs memory that two processes share by its number")
 @pytest.mark.parametrize("is_whole", [False, True])
-def test_beside_a_command_the_crash_is_one_message(tmp_path: Path, is_whole: bool) -> None:
+def test_a_command_reports_the_crash_in_one_message(tmp_path: Path, is_whole: bool) -> None:
     (tmp_path / "torn_plugin.py").write_text(PLUGIN, "utf-8")
     script = WATCHED.format(folder=str(tmp_path), how="segv", whole=is_whole)
     process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
@@ -120,14 +120,14 @@ def test_beside_a_command_the_crash_is_one_message(tmp_path: Path, is_whole: boo
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs memory that two processes share by its number")
-def test_a_command_that_ends_in_order_leaves_nobody_beside_it() -> None:
+def test_a_command_that_ends_normally_leaves_no_process_behind() -> None:
     script = "from navloom.crash_watch import watch_over\nwatch_over(False)\nprint('done')\nraise SystemExit(3)"
     process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
-    # Its output ends with it: who else holds standard error would keep `run` waiting.
+    # Its output ends with it: another process that holds standard error would keep `run` waiting.
     assert (process.returncode, process.stdout, process.stderr) == (3, "done\n", "")
 
 
-def test_of_code_that_holds_the_gil_it_is_said_how_to_end_it() -> None:
+def test_for_code_that_holds_the_gil_the_message_says_how_to_end_it() -> None:
     from navloom.crash_watch import _message
 
     here = os.path.dirname(os.path.dirname(os.path.abspath(crashed_at.__code__.co_filename)))

@@ -1,4 +1,4 @@
-"""When an avoider says why: at the declared rate, and where it becomes trapped."""
+"""When an avoider gives diagnostics: at the declared rate, and when it becomes trapped."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Still(Avoider):
 
 
 def ticks_explained(rate_hz: float, statuses: list[str]) -> list[int]:
-    """The ticks of 0.05 s in which an avoider with these statuses says why."""
+    """Ticks of 0.05 s in which an avoider with these statuses gives diagnostics."""
     context = Context(
         "main", 0.05, ROBOT, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0), diagnostics_rate_hz=rate_hz
     )
@@ -40,7 +40,7 @@ def test_diagnostics_are_due_at_the_declared_rate(rate_hz: float, ticks: list[in
     assert ticks_explained(rate_hz, ["clear"] * 21) == ticks
 
 
-def test_a_robot_that_becomes_trapped_says_why_at_once_and_once() -> None:
+def test_a_robot_that_becomes_trapped_gives_diagnostics_at_once_and_once() -> None:
     assert ticks_explained(2.0, ["steering", "steering", "trapped", "trapped", "steering", "trapped"]) == [0, 2, 5]
 
 

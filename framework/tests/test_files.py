@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic writes: a file is complete or absent."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from navloom.files import write_whole
 
 
-def test_a_file_is_replaced_by_what_was_given(tmp_path: Path) -> None:
+def test_a_file_is_replaced_by_the_new_contents(tmp_path: Path) -> None:
     path = tmp_path / "told.txt"
     write_whole(path, b"\x00old")
     assert path.read_bytes() == b"\x00old"
@@ -17,7 +17,7 @@ def test_a_file_is_replaced_by_what_was_given(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_cannot_be_written_leaves_nothing_of_itself(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_no_temporary_file(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(OSError):
         write_whole(tmp_path / "folder", "text")

@@ -1,4 +1,4 @@
-"""A role's parameter: it sets `Params`, and mypy knows `self.params`; without it, all is as it was."""
+"""The type parameter of a role sets `Params` and types `self.params`; without it, `Params` is an attribute."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Listener(NodePlugin[GapParams]):
     ticks = True
 
     def step(self, tick: Tick) -> None:
-        """Nothing."""
+        """Does nothing."""
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,14 @@ from navloom.roles.struct import struct
 
 @struct
 class Asked:
-    """What a verb is given."""
+    """The input of a verb."""
 
     stamp_ns: int
     names: tuple[str, ...]
     share: float = 1.0
 
 
-def test_fields_are_taken_in_order_or_by_name_and_a_default_stands_in() -> None:
+def test_fields_are_taken_in_order_or_by_name_with_defaults() -> None:
     assert Asked(3, ("a",)) == Asked(names=("a",), stamp_ns=3, share=1.0)
 
 

@@ -1,4 +1,4 @@
-"""Puts the planted and the odd plugins on the path as if they were installed, each under an entry point of its own."""
+"""Puts the planted and the odd plugins on the path as if installed, each with its own entry point."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FAULTY = ("planted.avoiders", "planted.planners", "planted.movers", "planted.map
 
 
 def _entries(*modules: str) -> dict[str, tuple[Entry, str]]:
-    """Entries by full name, as `avoider.degrees`, and what leads to each."""
+    """Entries by full name, such as `avoider.degrees`, each with the target of its entry point."""
     found = {}
     for module in modules:
         entries = import_module(module).ENTRIES
@@ -33,10 +33,10 @@ ODD = _entries("odd.plugins")
 
 
 def install(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have this process and those that start from it find all of them.
+    """Make all of them visible to this process and its children.
 
     Args:
-        folder: Where their metadata goes.
+        folder: Folder for their metadata.
     """
     info = folder / "planted-1.0.dist-info"
     info.mkdir(parents=True)

@@ -19,7 +19,7 @@ from navloom.testing.tiers import find_check
 
 
 def main() -> None:
-    """Do what standard input says."""
+    """Run the checks that standard input lists."""
     pairs = json.loads(sys.stdin.read())
     out = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     PRINTED.capture()

@@ -1,4 +1,4 @@
-"""Planted faults are caught by the check that is named with them and blamed on the plugin; sound plugins pass."""
+"""Each planted fault is caught by its check and blamed on the plugin; sound plugins pass every check."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from navloom.testing.subject import CHECKED
 from navloom.testing.tiers import TIERS
 
 DEADLY = {"survives", "returns"}
-"""Checks whose finding is the end of the process: each plugin needs one of its own."""
+"""Checks in which a fault ends the process, so each plugin needs its own process."""
 SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", "reaches", "threads", "episodes",
         "repeats", "typed_failures", "optimal", "optimal_any_angle", "footprint", "ends", "settles",
         "accurate", "goes_on"}  # fmt: skip
-"""Checks that take seconds: not in every run."""
+"""Checks that take seconds, run only with `-m slow`."""
 KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
          "scheme", "message", "node"}  # fmt: skip
 
@@ -32,7 +32,7 @@ def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def results_of(pairs: Sequence[tuple[str, str]]) -> dict[str, dict[str, Any]]:
-    """One check on each of some plugins, all in one process: results by plugin."""
+    """Results of one check on each of several plugins, all in one process, by plugin."""
     done = subprocess.run(
         [sys.executable, str(HERE / "one_process.py")], input=json.dumps(pairs), capture_output=True, text=True,
         timeout=600.0,
@@ -42,7 +42,7 @@ def results_of(pairs: Sequence[tuple[str, str]]) -> dict[str, dict[str, Any]]:
 
 
 def first_of_each_check(skipped: set[str]) -> list[tuple[str, str]]:
-    """One fault for each check that has any."""
+    """One fault for each check that has faults."""
     found: dict[str, str] = {}
     for name, (entry, _) in FAULTS.items():
         if entry.caught_by not in skipped:
@@ -51,7 +51,7 @@ def first_of_each_check(skipped: set[str]) -> list[tuple[str, str]]:
 
 
 def missed(pairs: Sequence[tuple[str, str]], results: dict[str, dict[str, Any]]) -> list[str]:
-    """Faults that the named check did not find, or that it blames on other code than the plugin's."""
+    """Faults that their check did not find, or blamed on other code than the plugin's."""
     wrong = []
     for name, check in pairs:
         result = results[name]["result"]
@@ -64,7 +64,7 @@ def missed(pairs: Sequence[tuple[str, str]], results: dict[str, dict[str, Any]])
 
 
 def is_planted(place: str) -> bool:
-    """Whether a place, as `avoiders.py:12`, is in a planted module."""
+    """Whether a place, such as `avoiders.py:12`, is in a planted module."""
     return (HERE / "planted" / place.partition(":")[0]).is_file()
 
 

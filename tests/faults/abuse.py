@@ -1,8 +1,8 @@
-"""Abuse of a certificate: what it costs a driving robot. `python tests/faults/abuse.py --help`.
+"""Abuse of a certificate, and its cost to a driving robot: `python tests/faults/abuse.py --help`.
 
-The processes of the robot are split as usual and meet behind a TLS router, all on this host; each attack is a process
-of its own (`attacker.py`). One robot takes one attack after the other until something of it restarts or its goal ends;
-then a new robot takes its place. The script writes a JSON file with every trial, and prints a table by kind.
+The processes of the robot are split as usual and meet behind a TLS router, all on this host; each attack is its own
+process (`attacker.py`). One robot takes one attack after the other until one of its processes restarts or its goal
+ends; then a new robot takes its place. The script writes a JSON file with every trial, and prints a table by kind.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ ATTACKER = Path(__file__).with_name("attacker.py")
 SHADOW = "shadow.avoider.shadow_vfh"
 """Name of the shadow's certificate."""
 KINDNESS = 20
-"""Added to the attacker's niceness: it would be on another host, and not compete for this one's processors."""
+"""Added to the attacker's niceness: it would be on another host and not compete for this host's processors."""
 AFTER = 1.25
-"""How long the motors are watched after an attack, s: longer than the lease of a session that ends."""
+"""How long the motors are watched after an attack, longer than the lease of a session, s."""
 AGAIN = 60.0
-"""How long the robot may take to drive at full speed again, s."""
+"""Longest time for the robot to drive at full speed again, s."""
 FILLING = (
     "300 silent connections",
     "300 half handshakes",
     "garbage to the TLS port",
     "handshakes without a certificate",
 )
-"""Kinds after which nobody may join for long: Zenoh waits 0.1 s after each handshake that fails."""
+"""Kinds after which no client can join for a long time: Zenoh waits 0.1 s after each failed handshake."""
 MORE = """
 router = "tls/127.0.0.1:{port}"
 keys = "{keys}"
@@ -65,22 +65,22 @@ plugin = "faulty_vfh"
 
 @dataclass
 class Trial:
-    """What one attack did.
+    """Effects of one attack.
 
     Attributes:
-        kind: Its name.
-        stops: How often the motors were told to stand while it went on and AFTER s later.
-        stood: s for which they were, in sum.
-        restarts: Of the robot's processes, the router's too.
+        kind: Name of the attack.
+        stops: Stop commands to the motors during the attack and the AFTER s that follow.
+        stood: Total time under a stop command, s.
+        restarts: Restarts of the robot's processes, the router included.
         touched: The robot touched something.
-        goal: "kept", or how it ended.
-        again: s from the end of the attack until the robot drove at full speed.
-        joined: s until the attacker had joined, which the attack before may make long.
-        took: s from the start of its process until the robot drove at full speed again.
-        growth: MB and open files that each process has more than before, where it is much.
-        spent: Share of a processor that each process took while the attack went on.
-        load: Of the machine, as a 1 min average.
-        problem: Why it could not be measured to its end.
+        goal: "kept", or how the goal ended.
+        again: Time from the end of the attack until the robot drove at full speed, s.
+        joined: Time until the attacker had joined, which the previous attack may prolong, s.
+        took: Time from the start of the attacker's process until the robot drove at full speed again, s.
+        growth: Increase in MB and open files of each process, where it is large.
+        spent: Share of a processor that each process used during the attack.
+        load: Load of the machine, 1 min average.
+        problem: Why the measurement could not be completed; else empty.
     """
 
     kind: str
@@ -99,7 +99,7 @@ class Trial:
 
     @property
     def is_harmless(self) -> bool:
-        """The robot is as before, and may take another attack."""
+        """The robot is as before, so it can take another attack."""
         return not self.restarts and self.goal == "kept" and not self.problem
 
 
@@ -111,7 +111,7 @@ class Target:
     attacker: subprocess.Popen[str]
 
     def order(self, line: str) -> None:
-        """Give the attacker a line."""
+        """Send a line to the attacker."""
         assert self.attacker.stdin is not None
         self.attacker.stdin.write(f"{line}\n")
         self.attacker.stdin.flush()
@@ -124,7 +124,7 @@ class Target:
 
 @contextmanager
 def target() -> Iterator[Target]:
-    """A robot that drives behind a TLS router of its own, gone afterwards."""
+    """A robot that drives behind its own TLS router; ended on exit."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
@@ -149,7 +149,7 @@ def target() -> Iterator[Target]:
 
 
 def trial(aim: Target, kind: str, seconds: float) -> Trial:
-    """One attack on a robot at full speed."""
+    """Run one attack on a robot at full speed."""
     found, started = Trial(kind, load=os.getloadavg()[0]), time.monotonic()
     try:
         _watch(aim, found, seconds)
@@ -160,7 +160,7 @@ def trial(aim: Target, kind: str, seconds: float) -> Trial:
 
 
 def _watch(aim: Target, found: Trial, seconds: float) -> None:
-    """Raises AssertionError where the attack does not begin, or where the robot does not drive any more afterwards."""
+    """Measure an attack; raises AssertionError if it does not begin, or if the robot no longer drives afterwards."""
     robot = aim.robot
     started = time.monotonic()
     with _joined(aim, found.kind, seconds):
@@ -192,7 +192,7 @@ def _watch(aim: Target, found: Trial, seconds: float) -> None:
 
 @contextmanager
 def _joined(aim: Target, kind: str, seconds: float) -> Iterator[None]:
-    """The process of an attack, from its joining to its death."""
+    """The process of an attack, from when it joins until it is killed."""
     certificate = KINDS[kind][0]
     aim.order(json.dumps([kind, SHADOW if certificate == "shadow" else certificate, seconds]))
     word, _, pid = aim.hear().partition(" ")
@@ -207,7 +207,7 @@ def _joined(aim: Target, kind: str, seconds: float) -> Iterator[None]:
 
 
 def _stops(words: Sequence[Line], end_ns: int) -> tuple[int, float]:
-    """How often the motors were told to stand, and for how many s until then."""
+    """Number of stop commands to the motors, and total time under one until `end_ns`, s."""
     stops, stood = 0, 0
     for word, after in itertools.pairwise(words):
         stops += word.turns and not after.turns
@@ -222,7 +222,7 @@ def _restarts() -> int:
 
 
 def _sizes(robot: Rig) -> dict[str, tuple[int, int]]:
-    """MB of memory and open files of each process."""
+    """Memory, MB, and open files of each process."""
     found = {}
     for name, pid in robot.pids().items():
         status = Path(f"/proc/{pid}/status").read_text("utf-8")
@@ -232,7 +232,7 @@ def _sizes(robot: Rig) -> dict[str, tuple[int, int]]:
 
 
 def _spent(robot: Rig) -> dict[str, float]:
-    """s of processors that each process has had, in Python and outside it."""
+    """Processor time that each process has used, user and system, s."""
     found = {}
     for name, pid in robot.pids().items():
         fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
@@ -246,12 +246,12 @@ def _growth(before: dict[str, tuple[int, int]], after: dict[str, tuple[int, int]
 
 
 def _most_spent(spent: dict[str, float]) -> float:
-    """Share of a processor of the process that took most, without the router."""
+    """Largest share of a processor that one process used, the router excluded."""
     return max((share for name, share in spent.items() if name != "router"), default=0.0)
 
 
 def table(trials: Sequence[dict[str, Any]]) -> str:
-    """What each kind did, in Markdown."""
+    """Effects of each kind of attack, as a Markdown table."""
     heads = ("abuse", "with", "n", "with stops", "stops", "stood at most, s", "restarts", "goals lost", "contact",
              "most of a processor", "problems")  # fmt: skip
     lines = [" | ".join(heads), " | ".join("---" for _ in heads)]
@@ -267,7 +267,7 @@ def table(trials: Sequence[dict[str, Any]]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """Run what is asked for."""
+    """Run the attacks that the arguments name, until each has its count; returns all trials."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kinds", nargs="*", help="names, or parts of names; else all")
     parser.add_argument("--with", dest="identity", default="", help="viewer, shadow or operator only")
@@ -275,7 +275,7 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     parser.add_argument("--seconds", type=float, default=4.0, help="of each attack")
     parser.add_argument("--out", type=Path, default=Path("abuse.json"), help="file; what is in it counts")
     given = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its robot is taken down whoever ends it
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # takes its robot down too
     trials: list[dict[str, Any]] = json.loads(given.out.read_text("utf-8")) if given.out.exists() else []
     kinds = [
         kind

@@ -1,9 +1,8 @@
-"""Attacks on a robot by a client that means harm: `python attacker.py ENDPOINT KEYS`.
+"""Attacks on a robot by a malicious client: `python attacker.py ENDPOINT KEYS`.
 
-Each line of standard input, a JSON list of kind, identity and seconds, starts one attack in a process of its own, which
-is forked, so that it joins at once. The process prints "ready PID" when it has joined, begins at the next line and
-prints "done" after these seconds. "gone" follows when the process has ended. It only ever talks to ENDPOINT, which is
-on this host.
+Each line of standard input, a JSON list of kind, identity and seconds, starts one attack in its own process, forked so
+that it joins at once. That process prints "ready PID" when it has joined, begins at the next line and prints "done"
+after these seconds. "gone" follows when the process has ended. An attack connects only to ENDPOINT, on this host.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from navloom.transport.links import Link, settings
 __all__ = ["KINDS", "Attack", "main"]
 
 JOIN = 30.0
-"""Time in which an attack must join, s."""
+"""Longest time for an attack to join, s."""
 PREFIX = "lab/r1"
 MB = 2**20
 READABLE = (
@@ -38,7 +37,7 @@ READABLE = (
     "planner/*/failure", "reference/*/trajectory", "goal/*/drive", "goal/*/recovery", "goal/*/feedback",
     "goal/*/result", "gate/*/selection", "gate/*/status",
 )  # fmt: skip
-"""Keys that anybody with a certificate may ask for."""
+"""Keys that any client with a certificate may query."""
 COMMANDS = ("gate/main/command", "controller/faulty_tracker/command", "avoider/faulty_vfh/command")
 BOMB = b"\x91\x91" + b"\xdd\x00\x0f\xff\xff" + b"\x80" * 0xFFFFF
 """A list of a million empty maps in MessagePack."""
@@ -46,14 +45,14 @@ BOMB = b"\x91\x91" + b"\xdd\x00\x0f\xff\xff" + b"\x80" * 0xFFFFF
 
 @dataclass
 class Attack:
-    """What an attack has.
+    """Means of an attack.
 
     Attributes:
-        session: Joined with the identity's certificate.
+        session: Session that joined with the identity's certificate.
         join: Opens another session.
-        address: Of the router.
-        limit: When it ends, s, monotonic.
-        held: What is to stay alive to the end.
+        address: Address of the router.
+        limit: End of the attack, monotonic clock, s.
+        held: Objects that stay alive until the end.
     """
 
     session: Any
@@ -63,7 +62,7 @@ class Attack:
     held: list[Any]
 
     def goes_on(self) -> bool:
-        """There is time left."""
+        """Whether there is time left."""
         return time.monotonic() < self.limit
 
     def rounds(self, most: int = 1_000_000) -> Iterator[int]:
@@ -71,7 +70,7 @@ class Attack:
         return itertools.takewhile(lambda _: self.goes_on(), range(most))
 
     def ask(self, key: str, payload: bytes = b"", **more: Any) -> None:
-        """Ask and let the answers pass by."""
+        """Query a key, and ignore the replies."""
         with contextlib.suppress(zenoh.ZError):
             self.session.get(
                 f"{PREFIX}/{key}", zenoh.handlers.Callback(lambda reply: None, indirect=False), payload=payload,
@@ -91,11 +90,11 @@ class Attack:
 Run = Callable[[Attack], None]
 
 
-# --- questions ------------------------------------------------------------------------------------------------------
+# --- queries --------------------------------------------------------------------------------------------------------
 
 
 def large(key: str, size: int, count: int, filled: bytes = b" ") -> Run:
-    """Questions with a large payload."""
+    """Queries with a large payload."""
 
     def run(attack: Attack) -> None:
         payload = (filled * (size // len(filled) + 1))[:size]
@@ -106,7 +105,7 @@ def large(key: str, size: int, count: int, filled: bytes = b" ") -> Run:
 
 
 def large_to_all(attack: Attack) -> None:
-    """20 MB to everything that may be asked for."""
+    """Queries of 20 MB to every key that may be queried."""
     payload = bytes(20 * MB)
     for number in attack.rounds(len(READABLE)):
         attack.ask(READABLE[number], payload)
@@ -119,13 +118,13 @@ def large_parameters(attack: Attack) -> None:
 
 
 def large_attachment(attack: Attack) -> None:
-    """20 MB attached to a question."""
+    """Queries with an attachment of 20 MB."""
     for _ in attack.rounds(4):
         attack.ask("*/*/describe", attachment=bytes(20 * MB))
 
 
 def flood(*keys: str, payload: bytes = b"", sessions: int = 1) -> Run:
-    """Questions as fast as they go."""
+    """Queries as fast as possible."""
 
     def run(attack: Attack) -> None:
         attacks = [attack, *(Attack(attack.join(), attack.join, *_rest(attack)) for _ in range(sessions - 1))]
@@ -141,7 +140,7 @@ def _rest(attack: Attack) -> tuple[tuple[str, int], float, list[Any]]:
 
 
 def paced(key: str, rate: float) -> Run:
-    """Questions at a rate, 1/s."""
+    """Queries at a rate, 1/s."""
 
     def run(attack: Attack) -> None:
         began = time.monotonic()
@@ -153,7 +152,7 @@ def paced(key: str, rate: float) -> Run:
 
 
 def liveliness_questions(attack: Attack) -> None:
-    """Ask who is alive as fast as it goes."""
+    """Query liveliness as fast as possible."""
     for _ in attack.rounds():
         with contextlib.suppress(zenoh.ZError):
             handler = zenoh.handlers.Callback(lambda reply: None, indirect=False)
@@ -164,7 +163,7 @@ def liveliness_questions(attack: Attack) -> None:
 
 
 def puts(*keys: str, size: int = 100, most: int = 1_000_000) -> Run:
-    """Publish as fast as it goes."""
+    """Publish as fast as possible."""
 
     def run(attack: Attack) -> None:
         payload = bytes(size)
@@ -186,14 +185,14 @@ def bombs(*keys: str) -> Run:
 
 
 def deletes(attack: Attack) -> None:
-    """Delete everything as fast as it goes."""
+    """Delete every key as fast as possible."""
     for _ in attack.rounds():
         with contextlib.suppress(zenoh.ZError):
             attack.session.delete(f"{PREFIX}/**", priority=zenoh.Priority.REAL_TIME)
 
 
 def replay(attack: Attack) -> None:
-    """Hear commands for a second, then publish them again and again."""
+    """Record commands for a second, then publish them again and again."""
     heard: list[tuple[str, bytes]] = []
 
     def take(sample: Any) -> None:
@@ -216,7 +215,7 @@ def _forget(*_: Any) -> None:
 
 
 def subscribers(form: str, count: int) -> Run:
-    """Subscribers by the thousand, each to a key of its own."""
+    """Thousands of subscribers, each to another key."""
 
     def run(attack: Attack) -> None:
         for number in attack.rounds(count):
@@ -227,14 +226,14 @@ def subscribers(form: str, count: int) -> Run:
 
 
 def churn(attack: Attack) -> None:
-    """Subscribe to a command and leave again, as fast as it goes."""
+    """Subscribe to a command and undeclare again, as fast as possible."""
     for _ in attack.rounds():
         handler = zenoh.handlers.Callback(_forget, indirect=False)
         attack.session.declare_subscriber(f"{PREFIX}/gate/main/command", handler).undeclare()
 
 
 def queryables(form: str, count: int) -> Run:
-    """Offers to answer by the thousand, at keys of which the robot serves some."""
+    """Thousands of queryables, at keys some of which the robot serves."""
 
     def run(attack: Attack) -> None:
         for number in attack.rounds(count):
@@ -246,7 +245,7 @@ def queryables(form: str, count: int) -> Run:
 
 
 def watchers(attack: Attack) -> None:
-    """Liveliness subscribers by the thousand, each told all that is alive."""
+    """Thousands of liveliness subscribers, each of which receives every token there is."""
     for number in attack.rounds(5000):
         handler = zenoh.handlers.Callback(_forget, indirect=False)
         key = f"{PREFIX}/**" if number % 2 else f"{PREFIX}/*/*/alive/x{number}"
@@ -254,7 +253,7 @@ def watchers(attack: Attack) -> None:
 
 
 def tokens(form: str, count: int) -> Run:
-    """Tokens of lives that are none."""
+    """Liveliness tokens of nodes that do not exist."""
 
     def run(attack: Attack) -> None:
         for number in attack.rounds(count):
@@ -264,7 +263,7 @@ def tokens(form: str, count: int) -> Run:
 
 
 def flapping(form: str) -> Run:
-    """A token that comes and goes as fast as it can, each time as another life."""
+    """A liveliness token that appears and disappears as fast as possible, each time under another id."""
 
     def run(attack: Attack) -> None:
         for number in attack.rounds():
@@ -274,7 +273,7 @@ def flapping(form: str) -> Run:
 
 
 def answers(key: str, size: int) -> Run:
-    """Answer whoever asks for a key with so many bytes, at once and ever again."""
+    """Answer every query of a key with `size` bytes, and make nodes query it again and again."""
 
     def run(attack: Attack) -> None:
         payload = bytes(size)
@@ -286,7 +285,7 @@ def answers(key: str, size: int) -> Run:
         handler = zenoh.handlers.Callback(answer, indirect=False)
         attack.held.append(attack.session.declare_queryable(f"{PREFIX}/{key}", handler, complete=True))
         role_name = key.rsplit("/", 1)[0]
-        for number in attack.rounds():  # a new life makes everybody ask again
+        for number in attack.rounds():  # a new token makes every node query again
             token = attack.session.liveliness().declare_token(f"{PREFIX}/{role_name}/alive/{number}")
             time.sleep(0.2)
             token.undeclare()
@@ -298,21 +297,21 @@ def answers(key: str, size: int) -> Run:
 
 
 def storm(attack: Attack) -> None:
-    """Join and leave as fast as it goes."""
+    """Join and leave as fast as possible."""
     for _ in attack.rounds():
         with contextlib.suppress(zenoh.ZError):
             attack.join().close()
 
 
 def crowd(attack: Attack) -> None:
-    """Join a hundred times and stay."""
+    """Join a hundred times, and keep the sessions open."""
     for _ in attack.rounds(100):
         with contextlib.suppress(zenoh.ZError):
             attack.held.append(attack.join())
 
 
 def half_open(first: bytes, count: int) -> Run:
-    """Connections that say little or nothing, and stay."""
+    """Connections that send little or nothing, and stay open."""
 
     def run(attack: Attack) -> None:
         for _ in attack.rounds(count):
@@ -332,7 +331,7 @@ def garbage(attack: Attack) -> None:
 
 
 def without_certificate(attack: Attack) -> None:
-    """TLS handshakes that show no certificate, as fast as they go."""
+    """TLS handshakes without a client certificate, as fast as possible."""
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     for _ in attack.rounds():
@@ -349,7 +348,7 @@ HELLO = bytes.fromhex("16030100f8010000f4030300") + bytes(40)
 
 
 def stopped_reader(attack: Attack) -> None:
-    """Subscribe to everything, then be stopped by the system."""
+    """Subscribe to everything, then be stopped by SIGSTOP."""
     handler = zenoh.handlers.Callback(_forget, indirect=False)
     attack.held.append(attack.session.declare_subscriber(f"{PREFIX}/**", handler))
     time.sleep(0.5)
@@ -358,7 +357,7 @@ def stopped_reader(attack: Attack) -> None:
 
 
 def slow_reader(attack: Attack) -> None:
-    """Subscribe to everything over a connection that brings 20 kB/s, and ask for maps all the time."""
+    """Subscribe to everything over a connection that delivers 20 kB/s, and query maps all the time."""
     end = f"127.0.0.1:{_slow_way(attack.address)}"
     given = json.loads(CONFIG["text"].replace(f"{attack.address[0]}:{attack.address[1]}", end))
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(given)))
@@ -376,7 +375,7 @@ CONFIG: dict[str, str] = {}
 
 
 def _slow_way(address: tuple[str, int]) -> int:
-    """Port of a way to an address on which little comes back."""
+    """Port of a proxy to an address that passes little data back."""
     listening = socket.create_server(("127.0.0.1", 0))
     listening.listen()
 
@@ -401,7 +400,7 @@ def _carry(source: socket.socket, sink: socket.socket, size: int, pause: float) 
 
 
 OWN = "avoider/shadow_vfh"
-"""What the shadow's certificate is for."""
+"""Role and instance of the shadow's certificate."""
 
 KINDS: dict[str, tuple[str, Run]] = {
     "nothing": ("viewer", lambda attack: time.sleep(max(0.0, attack.limit - time.monotonic()))),
@@ -465,11 +464,11 @@ KINDS: dict[str, tuple[str, Run]] = {
     "operator: its commands, garbage": ("operator", puts("operator/main/command")),
     "operator: its commands, bombs": ("operator", bombs("operator/main/command")),
 }  # fmt: skip
-"""Certificate and run of each kind of abuse."""
+"""Kind of abuse -> identity of the certificate, and the attack."""
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Until the end of its input."""
+    """Run one attack after the other until the end of standard input."""
     end, keys = arguments
     for line in iter(sys.stdin.readline, ""):
         kind, identity, seconds = json.loads(line)
@@ -480,13 +479,13 @@ def main(arguments: Sequence[str]) -> None:
             except Exception:
                 traceback.print_exc()
             finally:
-                os._exit(0)  # no closing in order: thousands of declarations would take their time
+                os._exit(0)  # no orderly close: thousands of declarations would take long
         os.waitpid(pid, 0)
         print("gone", flush=True)
 
 
 def attack(kind: str, end: str, keys: Path, identity: str, seconds: float) -> None:
-    """One attack, from joining to its end."""
+    """Run one attack, from joining to its end."""
     CONFIG["text"] = json.dumps(settings(Link("client", (), (end,), keys, identity)))
     host, _, port = end.partition("/")[2].rpartition(":")
 
@@ -497,14 +496,14 @@ def attack(kind: str, end: str, keys: Path, identity: str, seconds: float) -> No
     while session is None:
         try:
             session = join()
-        except zenoh.ZError:  # silent connections of the attack before may still hold the router's places
+        except zenoh.ZError:  # silent connections of the previous attack may still use the router's limit
             if time.monotonic() > limit:
                 raise
     print(f"ready {os.getpid()}", flush=True)
     sys.stdin.readline()
     given = Attack(session, join, (host, int(port)), time.monotonic() + seconds, [])
     KINDS[kind][1](given)
-    time.sleep(max(0.0, given.limit - time.monotonic()))  # what it holds, it holds to the end
+    time.sleep(max(0.0, given.limit - time.monotonic()))  # what it holds stays held until the end
     print("done", flush=True)
 
 

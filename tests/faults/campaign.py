@@ -1,6 +1,6 @@
 """The campaign: each fault many times at full speed. `python tests/faults/campaign.py --help`.
 
-It writes a JSON file with every single outcome, and prints the distribution as a table.
+It writes a JSON file with every outcome, and prints the distributions as a table.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ GROUPS: dict[str, Sequence[Fault]] = {
     "deletions": DELETIONS,
 }
 OWN = ("ends", "disks")
-"""Groups in which each fault has a robot of its own."""
+"""Groups in which each trial starts a new robot."""
 COLUMNS: tuple[tuple[str, str, float], ...] = (
     ("ran_on", "ran on, ms", 1e3),
     ("zero", "zero, ms", 1e3),
@@ -46,26 +46,26 @@ COLUMNS: tuple[tuple[str, str, float], ...] = (
 
 
 class Book:
-    """Outcomes, kept in a file as they come."""
+    """Outcomes, saved to a file as they come in."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.entries: list[dict[str, Any]] = json.loads(path.read_text("utf-8")) if path.exists() else []
 
     def add(self, outcome: Outcome) -> None:
-        """Write one down."""
+        """Add an outcome, and save."""
         self.entries.append(outcome.to_json())
         self.path.write_text(json.dumps(self.entries, indent=1), "utf-8")
         told = {key: round(value, 3) for key, value in outcome.to_json().items() if isinstance(value, float)}
         print(f"{outcome.fault}: {told} {outcome.goal} {outcome.problem}", flush=True)
 
     def count(self, name: str) -> int:
-        """How often a fault is in it."""
+        """Number of outcomes of a fault."""
         return sum(entry["fault"] == name for entry in self.entries)
 
 
 def run(faults: Sequence[Fault], count: int, book: Book) -> None:
-    """Every fault until the book has it so often, in turns; after a problem with a robot that is started anew."""
+    """Inject the faults in turn until the book has `count` of each; after a problem, start a new robot."""
     while any(book.count(fault.name) < count for fault in faults):
         make = rig_with_clock if faults[0] in RESOURCES else Rig
         with rig(SHADOWS if faults[0] in STUCK else "", make) as robot:
@@ -90,7 +90,7 @@ def _turns(robot: Rig, faults: Sequence[Fault], count: int, book: Book) -> bool:
 
 
 def run_ends(count: int, book: Book) -> None:
-    """The supervisor's death, each time of a robot of its own."""
+    """Kill the supervisor, each time of a new robot."""
     kinds = [*((stopped, False, "") for stopped in ENDS), ("", True, ""), *(("", False, way) for way in WAYS)]
     while due := [kind for kind in kinds if book.count(name_of_end(*kind)) < count]:
         for kind in due:
@@ -99,7 +99,7 @@ def run_ends(count: int, book: Book) -> None:
 
 
 def run_disks(count: int, book: Book) -> None:
-    """Full disks, each time of a robot of its own: what records on it ends."""
+    """Fill the disk, each time with a new robot: the process that records to it ends."""
     while due := [fault for fault in FULL_DISK if book.count(fault.name) < count]:
         for fault in due:
             with rig_on_small_disk() as robot:
@@ -107,7 +107,7 @@ def run_disks(count: int, book: Book) -> None:
 
 
 def spread(values: Iterable[float | None], scale: float) -> str:
-    """Least, median, 95th percentile and most."""
+    """Minimum, median, 95th percentile and maximum."""
     known = sorted(value * scale for value in values if value is not None)
     if not known:
         return ""
@@ -117,7 +117,7 @@ def spread(values: Iterable[float | None], scale: float) -> str:
 
 
 def table(entries: Sequence[dict[str, Any]]) -> str:
-    """The distribution of every fault, in Markdown; each cell is least / median / 95th percentile / most."""
+    """Distribution of each fault, as a Markdown table; cells are minimum / median / 95th percentile / maximum."""
     heads = ["fault", "n", *(title for _, title, _ in COLUMNS), "goal kept", "contact"]
     lines = [" | ".join(heads), " | ".join("---" for _ in heads)]
     for name in dict.fromkeys(entry["fault"] for entry in entries):
@@ -130,14 +130,14 @@ def table(entries: Sequence[dict[str, Any]]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] = print) -> list[dict[str, Any]]:
-    """Run what is asked for."""
+    """Run the groups that the arguments name; returns all outcomes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("groups", nargs="*", default=[*GROUPS, *OWN], help=f"of {', '.join((*GROUPS, *OWN))}")
     parser.add_argument("--count", type=int, default=20, help="of each fault")
     parser.add_argument("--only", default="", help="faults whose name has this in it")
     parser.add_argument("--out", type=Path, default=Path("faults.json"), help="file; what is in it counts")
     given = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its robot is taken down whoever ends it
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # takes its robot down too
     book, began = Book(given.out), time.monotonic()
     for group in given.groups:
         if group in ("resources", "disks") and why_not():

@@ -1,6 +1,6 @@
 """Certificates that are renewed, replaced and revoked while a robot behind a TLS router drives at full speed.
 
-`python tests/faults/certificate_campaign.py --count 20` prints what became of the motors, as a table.
+`python tests/faults/certificate_campaign.py --count 20` prints the effects on the motors as a table.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from navloom.transport.links import Link, settings
 __all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]
 
 WATCHED = 8.0
-"""s a robot is watched to which nothing is done."""
+"""How long a robot is watched without a change, s."""
 DONE = "all connections use the new certificates"
 DAYS = 60
 TRIES = 20
-"""Commands and questions that a revoked operator sends."""
+"""Commands and queries that a revoked operator sends."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one change.
+    """Effects of one change.
 
     Attributes:
-        took: s until the router had changed over.
-        zeros: Words to the motors that told them to stand.
-        slowest: Least speed of the robot meanwhile, m/s.
-        below: s that it was below 0.9 of its full speed.
-        restarts: Of any process.
-        locked_out: s from the revocation until its owner got no answer any more; None for other changes.
+        took: Time until the router used the new certificates, s.
+        zeros: Stop commands to the motors.
+        slowest: Lowest speed of the robot meanwhile, m/s.
+        below: Time below 90 % of full speed, s.
+        restarts: Restarts of any process.
+        locked_out: Time from the revocation to the owner's last answer, s; None for other changes.
         touched: Something was touched.
     """
 
@@ -67,7 +67,7 @@ class Certificates:
         self.robot, self.folder, self.end = robot, folder, end
 
     def change(self, kind: str) -> Outcome:
-        """One change, at full speed."""
+        """Make one change while the robot drives at full speed."""
         robot = self.robot
         if kind == "revoke an operator":
             add_identity(self.folder, Identity("bob", "operator"), (), DAYS, datetime.now(UTC))
@@ -91,23 +91,23 @@ class Certificates:
         )
 
     def nothing(self) -> None:
-        """What a machine that is shared with others does by itself."""
+        """For comparison: no change, to measure the disturbance of a shared machine."""
         time.sleep(WATCHED)
 
     def renew_all(self) -> None:
-        """New certificates of everybody."""
+        """Renew every certificate."""
         before = self._changes()
         renew(self.folder, (), (), DAYS, datetime.now(UTC))
         self._await_router(before)
 
     def replace_nodes(self) -> None:
-        """The robot's own certificate is revoked and replaced."""
+        """Revoke and replace the robot's own certificate."""
         before = self._changes()
         revoke(self.folder, "nodes", datetime.now(UTC), DAYS)
         self._await_router(before)
 
     def revoke_operator(self) -> float:
-        """An operator is locked out, who then tries all he may have been able to; gives the s until he was out."""
+        """Revoke an operator, who then tries everything he was allowed; returns the time until he was locked out, s."""
         before, kept = self._changes(), self.folder.parent / "kept"
         shutil.copytree(self.folder, kept)
         try:
@@ -128,12 +128,12 @@ class Certificates:
         return last - began
 
     def kill_router(self) -> None:
-        """For comparison: the router ends, and is started again."""
+        """For comparison: kill the router, which is restarted."""
         os.kill(self.robot.pids()["router"], 9)
         time.sleep(WATCHED)
 
     def stop_router(self) -> None:
-        """For comparison: the router is stopped by the system for a while, and goes on."""
+        """For comparison: stop the router with SIGSTOP for a while, then continue it."""
         router = self.robot.pids()["router"]
         os.kill(router, signal.SIGSTOP)
         time.sleep(WATCHED / 2)
@@ -142,7 +142,7 @@ class Certificates:
 
     @contextmanager
     def _hostile(self, folder: Path) -> Iterator[zenoh.Session]:
-        """A session of bob's that goes by no rule but the router's."""
+        """A session of bob that only the router restricts."""
         given = settings(Link("client", (), (self.end,), folder, "bob"))
         with zenoh.open(zenoh.Config.from_json5(json.dumps(given))) as session:
             yield session
@@ -153,7 +153,7 @@ class Certificates:
         return False
 
     def _abuse(self, session: zenoh.Session) -> None:
-        """Nothing of this may reach the robot."""
+        """Send commands and queries, none of which may reach the robot."""
         for _ in range(TRIES):
             for service in ("gate/main/stop", "goal/main/cancel"):
                 with suppress(zenoh.ZError):
@@ -187,7 +187,7 @@ KINDS: dict[str, Callable[[Certificates], float | None]] = {
 
 @contextmanager
 def certificates() -> Iterator[Certificates]:
-    """A robot behind a TLS router on loopback that drives, gone afterwards whatever happens."""
+    """A robot that drives behind a TLS router on loopback; always ended on exit."""
     with TemporaryDirectory(prefix="nk", dir="/tmp") as place:
         folder = Path(place) / "keys"
         new_authority(folder, CertificateRequest("lab", "r1", HOSTS, DAYS, datetime.now(UTC)))
@@ -199,7 +199,7 @@ def certificates() -> Iterator[Certificates]:
 
 
 def table(outcomes: dict[str, list[Outcome]]) -> str:
-    """The distribution of each kind, as median (largest)."""
+    """Distribution of each kind, as median (maximum)."""
 
     def spread(values: list[float], form: str = ".1f") -> str:
         return f"{statistics.median(values):{form}} ({max(values):{form}})" if values else ""

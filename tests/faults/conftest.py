@@ -1,4 +1,4 @@
-"""Puts this folder's own modules within reach of its tests."""
+"""Makes this folder's modules importable by its tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a robot: who supervises it dies or is stopped, while it drives."""
+"""The supervisor of a driving robot is killed or stopped."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from navloom.operating.host_faults import is_stopped
 __all__ = ["ENDS", "end_of_supervisor", "name_of_end"]
 
 LIMIT = 20.0
-"""s in which the robot's processes must have ended, for the campaign to go on."""
+"""Longest wait for the robot's processes to end, s."""
 ENDS = ("", *SHARES)
-"""Process that is stopped while the supervisor is killed; none in the first."""
+"""Process that is stopped while the supervisor is killed; an empty name for none."""
 
 
 def name_of_end(stopped: str, is_stopped_first: bool, way: str = "") -> str:
-    """What a death of the supervisor is called in the book."""
+    """Name of such a fault in the book."""
     name = "SIGSTOP, SIGKILL up" if is_stopped_first else "SIGKILL up"
     name += f", a plugin {WAYS[way]}" if way else ""
     return f"{name}, {stopped} stopped" if stopped else name
 
 
 def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = False, way: str = "") -> Outcome:
-    """Kill `up` at full speed, and see what becomes of its processes and of the motors.
+    """Kill `up` at full speed, and measure how its processes and the motors end.
 
     Args:
-        rig: Its robot is down afterwards.
-        stopped: Process that is stopped at that time.
-        is_stopped_first: The supervisor itself has been stopped for a while, which must not disturb anybody.
-        way: How a plugin has made children before that; empty for not at all.
+        rig: The robot; down afterwards.
+        stopped: Process that is stopped at that time; empty for none.
+        is_stopped_first: Stop the supervisor itself for a while before, which must not disturb the robot.
+        way: How a plugin has created children before, a key of WAYS; empty for none.
     """
     outcome = Outcome(name_of_end(stopped, is_stopped_first, way))
     if way:

@@ -1,4 +1,4 @@
-"""Faults that are put into a robot at full speed, and what is measured of each."""
+"""Faults that are injected into a robot at full speed, and the measurements of each."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ __all__ = [
 ]
 
 STOP, AGAIN = 10.0, 90.0
-"""s in which the motors must stand after a fault, and drive again after its end, for the campaign to go on."""
+"""Longest wait for the motors to be stopped after a fault, and to turn again after its end, s."""
 BEFORE = 200_000_000
-"""ns before a fault that its record begins with: the command that was under way is among them."""
+"""Length of the record before a fault, ns: it includes the command in effect at the fault."""
 HOLD = 2.0
-"""s a stopped process stays so: twice the lease after which others count it as gone."""
+"""How long a process stays stopped, s: twice the lease after which others treat it as lost."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class Fault:
     """One kind of fault.
 
     Attributes:
-        name: As in the table.
-        begin: Puts it in.
-        lift: Takes it away once the motors stand; None where nothing has to be done.
-        hold: s between that and the lifting.
-        stops: The motors must stop. Otherwise they may drive on with healthy commands.
-        is_platform: The platform's own process is hit: its motors cannot be told to stop.
-        watch: s to look on where the motors need not stop.
-        look: What else to see before and after.
-        prepare: What must be there before.
+        name: Name in the table.
+        begin: Injects the fault.
+        lift: Removes the fault once the motors are stopped; None if nothing has to be done.
+        hold: Time between the stop of the motors and `lift`, s.
+        stops: The motors must stop. Otherwise they may keep driving on healthy commands.
+        is_platform: The fault hits the platform's own process, whose motors receive no stop command.
+        watch: How long to observe where the motors need not stop, s.
+        look: Further observation, made before and after.
+        prepare: Called before, with the robot, to set up the fault.
     """
 
     name: str
@@ -68,23 +68,23 @@ class Fault:
 
 @dataclass
 class Outcome:
-    """What came of one fault; times in s from its beginning where nothing else is said.
+    """Effects of one fault; times in s from its beginning unless stated otherwise.
 
     Attributes:
-        fault: Its name.
-        ran_on: Longest time the motors went on with one command before the next, or zero; None for the platform's own.
-        zero: Until the motors were told to stand; None where they were not.
-        stood: From then until the robot stood; None for a platform that died.
-        way: m driven until it stood; None where that is not known.
-        left_driving: Until the goal was told to be in another state than driving, or ended; None where neither was.
-        again: From the end of the fault until the motors turned again; None where they had not stopped.
-        goal: "kept", or how it ended.
-        fresh: A platform that came back moved only on a command that was made after that.
+        fault: Name of the fault.
+        ran_on: Longest time that the motors repeated one command, until another or a stop; None for the platform's own.
+        zero: Time until the first stop command to the motors; None if there was none.
+        stood: Time from then until the robot was stopped; None for a platform that died.
+        way: Distance driven until it was stopped, m; None if unknown.
+        left_driving: Time until the goal reported another state than driving, or ended; None if it did neither.
+        again: Time from the end of the fault until the motors turned again; None if they had not stopped.
+        goal: "kept", or how the goal ended.
+        fresh: A restarted platform moved only on a command that was made after its restart.
         touched: The robot touched something.
-        old: Words to the motors that were old commands, let in again.
-        load: Of the machine, as a 1 min average.
-        note: What else there is to say.
-        problem: Why it could not be measured to its end; empty where it could.
+        old: Number of old commands that reached the motors again.
+        load: Load of the machine, 1 min average.
+        note: Further observations.
+        problem: Why the measurement could not be completed; else empty.
     """
 
     fault: str
@@ -103,15 +103,15 @@ class Outcome:
     problem: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """For the campaign's file."""
+        """Plain values for the campaign's file."""
         return asdict(self)
 
 
 def inject(rig: Rig, fault: Fault) -> Outcome:
-    """Put a fault into a robot at full speed, wait until it drives again at full speed, and say what came of it.
+    """Inject a fault into a robot at full speed, wait until it drives at full speed again, and measure the effects.
 
     Raises:
-        AssertionError: It did not stop, or not drive again, in any reasonable time.
+        AssertionError: The robot did not stop, or did not drive again, within STOP or AGAIN.
     """
     fault.prepare(rig)
     rig.wait_full_speed(AGAIN)
@@ -160,7 +160,7 @@ def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) 
         is_new = not goals or turned is None or turned.time_ns > goals[0]
         outcome.fresh = first is not None and not first.turns and is_new
     else:
-        # What comes after a zero is driven by who is healthy again: an avoider may well say the same for a second.
+        # After a stop, commands come from a healthy node again; an avoider may repeat one for a second.
         outcome.ran_on = ran_on([word for word in words if zero is None or word.time_ns <= zero.time_ns])
         outcome.old = old_words(motors.words, began)
         standing = motors.standing_after(zero.time_ns) if zero is not None else None
@@ -202,19 +202,19 @@ def _process_faults(share: str) -> list[Fault]:
 
 
 PROCESSES = [fault for group in zip(*map(_process_faults, SHARES), strict=True) for fault in group]
-"""Each signal to each process of the default split; one after the other the processes take turns."""
+"""Each signal to each process of the default split; successive faults hit different processes."""
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
 def tell(instance: str, way: str) -> Callable[[Rig], None]:
-    """Has a part fail in a way of `fault_plugins.fail`."""
+    """Makes an instance fail, in a way of `fault_plugins.fail`."""
     return lambda rig: rig.tell(instance, way).stat() and None
 
 
 def untell(instance: str, way: str) -> Callable[[Rig], None]:
-    """Lets it do so no more."""
+    """Ends what `tell` began."""
     return lambda rig: (rig.faults / f"{instance}.{way}").unlink()
 
 
@@ -245,7 +245,7 @@ SEIZED = [_part_fault(instance, way) for way in ("seize", "hold") for instance i
 
 
 def order(what: str, line: str) -> Callable[[Rig], None]:
-    """Has an outsider do something."""
+    """Sends a line to an outsider."""
 
     def give(rig: Rig) -> None:
         stdin = rig.outsider(what).stdin
@@ -257,12 +257,12 @@ def order(what: str, line: str) -> Callable[[Rig], None]:
 
 
 def answer(what: str) -> Callable[[Rig], None]:
-    """Waits until it has."""
+    """Waits for the outsider's answer."""
     return lambda rig: rig.hear(rig.outsider(what)) and None
 
 
 def malformed(rig: Rig) -> dict[str, Any]:
-    """Malformed messages and how many came at all, by node and stream, of the streams a flood goes to."""
+    """Counts of malformed and of all received messages, by node and stream, for the flooded streams."""
     return {
         f"{role} {stream}": (counts["malformed"], counts["received"])
         for (role, _), node in rig.describe().items()
@@ -290,7 +290,7 @@ STRANGERS = [
         prepare=lambda rig: rig.outsider("flood"),
     )
 ]
-"""Somebody else on the robot's own sockets."""
+"""Faults by another process on the robot's own sockets."""
 
 
 # --- parts that are stuck ---------------------------------------------------------------------------------------------
@@ -303,13 +303,13 @@ OTHER_STREAMS = (
     ("gate", "avoider/faulty_vfh/command"),
     ("goal", "reference/main/reference"),
 )
-"""Reader and stream whose ages are looked at while another part is stuck."""
+"""Role of a reader and its stream, whose message ages are measured while another node is stuck."""
 AGES = 256
-"""Messages whose ages a node keeps."""
+"""Number of messages whose ages a node keeps."""
 
 
 def ages(rig: Rig) -> dict[str, Any]:
-    """Median and 99th percentile of the age, s, of the next 256 messages of streams that have no part in a fault."""
+    """Median and 99th percentile of the age, s, of the next 256 messages of streams that the fault does not touch."""
     first = _received(rig.describe())
     until(lambda: _all_new(_received(rig.describe()), first), AGAIN, "256 new messages of each stream")
     nodes = {role: node for (role, instance), node in rig.describe().items() if not instance.startswith("shadow")}
@@ -334,7 +334,7 @@ def _all_new(now: dict[tuple[str, str], int], first: dict[tuple[str, str], int])
 
 
 def _free(instance: str, way: str, share: str) -> Callable[[Rig], None]:
-    """End what is stuck with its process, whose next life is well."""
+    """Kill the process of the stuck instance; after its restart the instance is healthy."""
 
     def free(rig: Rig) -> None:
         (rig.faults / f"{instance}.{way}").unlink()
@@ -362,4 +362,4 @@ name = "shadow_map"
 role = "mapper"
 plugin = "faulty_map"
 """
-"""Further tables of a robot that has somebody to be stuck."""
+"""Tables of a config that add the shadows which get stuck."""

@@ -1,4 +1,4 @@
-"""Faults after which something may be left: plugins that fork, and a runtime folder that somebody deletes."""
+"""Faults that may leave processes or files over: plugins that fork, and a runtime folder that is deleted."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ WAYS = {
     "pool": "has a pool of processes",
     "stray": "goes on in a fork",
 }
-"""How a plugin comes to have children, by the word that has it do so."""
+"""How a plugin creates children: order of `fault_plugins.fail` -> words in the fault's name."""
 PLUGIN = "faulty_tracker"
 REAPED = 3.0
-"""Time in which children that have ended must be reaped, on a machine with much else to do, s."""
+"""Longest time until children that have ended must be reaped, on a loaded machine, s."""
 STRAY = 0.5
-"""Time in which a plugin has forked a child that goes on, s."""
+"""Time for a plugin to fork a child that continues as the node, s."""
 
 
 def forks(rig: Rig) -> list[int]:
-    """Processes below a robot that are not its own."""
+    """Descendants of a robot that are not its own processes."""
     own = {rig.up.pid, *rig.pids().values()}
     return [pid for pid in below(rig.folder) if pid not in own and not _is_nursery(pid)]
 
 
 def _is_nursery(pid: int) -> bool:
-    """It is the nursery, and not forked off it, which takes another name."""
+    """Whether a process is the nursery itself; a process forked from it takes another name."""
     try:
         name = Path(f"/proc/{pid}/comm").read_text("utf-8")
         return name.startswith("python") and b"runtime.nursery" in Path(f"/proc/{pid}/cmdline").read_bytes()
@@ -46,12 +46,12 @@ def _is_nursery(pid: int) -> bool:
 
 
 def fork_first(way: str) -> Callable[[Rig], None]:
-    """Have the controller make children, and wait until they are there."""
+    """Make the controller create children, and wait until they run."""
 
     def prepare(rig: Rig) -> None:
         told = rig.tell(PLUGIN, way)
         if way == "stray":
-            time.sleep(STRAY)  # it may have ended before it was seen
+            time.sleep(STRAY)  # the child may end before it can be seen
         else:
             until(lambda: forks(rig), AGAIN, "the plugin has made a child")
         told.unlink()
@@ -64,7 +64,7 @@ def _kill(share: str) -> Callable[[Rig], None]:
 
 
 def _children(rig: Rig) -> dict[str, Any]:
-    """Those there are, and zombies of `up` that it has not reaped after a while."""
+    """Children that run, and zombies that `up` has not reaped within REAPED."""
     limit = time.monotonic() + REAPED
     while zombies(rig) and time.monotonic() < limit:
         time.sleep(0.05)
@@ -80,7 +80,7 @@ def _describe(pid: int) -> str:
 
 
 def zombies(rig: Rig) -> list[str]:
-    """Children of `up` that nobody has reaped."""
+    """Children of `up` that have not been reaped."""
     found = []
     for name in filter(str.isdigit, os.listdir("/proc")):
         try:
@@ -96,12 +96,12 @@ FORKS = [
     Fault(f"{PLUGIN} {words}, SIGKILL drive", _kill("drive"), prepare=fork_first(way), look=_children, hold=0.5)
     for way, words in WAYS.items()
 ]
-"""A process is killed whose plugin has children."""
+"""A process is killed while its plugin has children."""
 
 
 def delete_folder(rig: Rig) -> None:
     """Delete the runtime folder with all sockets."""
-    shutil.rmtree(rig.folder / "rt", ignore_errors=True)  # `up` may make it again before it is empty
+    shutil.rmtree(rig.folder / "rt", ignore_errors=True)  # `up` may create it again before it is empty
 
 
 def _delete_and_kill(share: str) -> Callable[[Rig], None]:
@@ -126,4 +126,4 @@ DELETIONS = [
         for share in SHARES
     ),
 ]
-"""Somebody deletes the runtime folder of a robot that drives."""
+"""The runtime folder of a driving robot is deleted."""

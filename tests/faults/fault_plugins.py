@@ -1,6 +1,6 @@
-"""Plugins for tests: a simulated robot that records each word to its motors, and parts that fail when they are told to.
+"""Plugins for tests: a simulated robot that records each motor command, and plugins that fail on demand.
 
-They are told by a file in the folder that NAVLOOM_FAULTS names: `touch INSTANCE.WAY`, with one of the ways of `fail`.
+A file in the folder that NAVLOOM_FAULTS names makes them fail: `touch INSTANCE.WAY`, with one of the ways of `fail`.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from navloom_sensors_sim.adapter import SensorsSim
 __all__ = ["FOLDER", "install"]
 
 FOLDER = "NAVLOOM_FAULTS"
-"""Environment variable: folder of the files that tell a part to fail."""
+"""Environment variable: folder of the files that make a plugin fail."""
 MODULE = Path(__file__).stem
 
 
 class LoggedSim(SensorsSim):
-    """The simulated robot, with a record in the file of NAVLOOM_MOTOR_RECORD for each word its motors get."""
+    """The simulated robot; appends each motor command to the file that NAVLOOM_MOTOR_RECORD names."""
 
     name = "logged_sim"
 
@@ -60,12 +60,12 @@ class LoggedSim(SensorsSim):
         self._write(START, Twist2D(0.0, 0.0, 0.0))
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
-        """Have the wheels take a command."""
+        """Record a command, and pass it to the wheels."""
         self._write(DRIVE, command)
         super().drive(command, time_ns)
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Drive on, and record what came of it."""
+        """Advance, and record the true state."""
         output = super().advance(given)
         truth = output.truth
         assert truth is not None
@@ -81,7 +81,7 @@ class LoggedSim(SensorsSim):
 
 
 def fork(*, has_session: bool = False, is_stray: bool = False) -> None:
-    """Fork a child that sleeps, or goes on here."""
+    """Fork a child that sleeps or, if stray, continues here."""
     if os.fork() == 0:
         if has_session:
             os.setsid()
@@ -91,16 +91,16 @@ def fork(*, has_session: bool = False, is_stray: bool = False) -> None:
 
 
 def flood() -> None:
-    """Print 100 MB twice, and a last word."""
+    """Print 100 MB twice, and a last line."""
     for _ in range(2):
         print("x" * 10**8, flush=True)
     print("the last word", flush=True)
 
 
 KEPT: list[Any] = []
-"""What must not be forgotten for as long as this process runs."""
+"""Objects that must live as long as this process."""
 DONE: set[str] = set()
-"""Files that have had their way in this process."""
+"""Files that this process has already obeyed once."""
 ONCE: dict[str, Callable[[], Any]] = {
     "fork": fork,
     "daemon": lambda: fork(has_session=True),
@@ -111,20 +111,20 @@ ONCE: dict[str, Callable[[], Any]] = {
 
 
 def nan_twist() -> Twist2D:
-    """What no plugin can make by the front door."""
+    """A NaN twist made past the checks of the constructor."""
     twist = Twist2D(0.0, 0.0, 0.0)
     Twist2D.__dict__["vx"].__set__(twist, math.nan)
     return twist
 
 
 def fail(instance: str) -> str:
-    """Fail as a file says.
+    """Fail as a file orders.
 
-    Ways: `hang` sleeps for ever; `spin` computes for ever; `seize` computes for ever in one call of C code that keeps
-    the interpreter to itself; `hold` sleeps for ever in one; `raise` raises; `nan` makes a command of NaN; `smuggle`
-    gives one made past the checks; `eat` takes memory without end; `open` takes every descriptor that its process may
-    have, until told otherwise. Once each: `fork` forks a child that sleeps, `daemon` one with a session of its own,
-    `stray` one that goes on as if it were the node; `pool` starts a pool of two processes; `flood` prints 100 MB twice.
+    Ways: `hang` sleeps for ever; `spin` computes for ever; `seize` computes for ever in one call of C code that holds
+    the GIL; `hold` sleeps for ever in such a call; `raise` raises; `nan` makes a command of NaN; `smuggle` returns one
+    made past the checks; `eat` allocates memory without end; `open` takes every descriptor that its process may have,
+    until its file is gone. Once each: `fork` forks a child that sleeps, `daemon` one in its own session, `stray` one
+    that continues as if it were the node; `pool` starts a pool of two processes; `flood` prints 100 MB twice.
 
     Returns:
         "smuggle", or an empty text.
@@ -166,13 +166,13 @@ def fail(instance: str) -> str:
 
 
 HOARD: list[Any] = []
-"""What a part keeps from others."""
+"""Memory or descriptors that a plugin keeps from others."""
 FEW_FILES = 8
-"""Descriptors more than it has that a process may have, so that they are used up in a moment."""
+"""Descriptors that a process may still open, so few that they are used up at once."""
 
 
 def take_descriptors() -> None:
-    """Open files until there are no more to be had."""
+    """Open files until the limit of descriptors is reached."""
     if not HOARD:
         used = len(os.listdir("/proc/self/fd"))
         resource.setrlimit(resource.RLIMIT_NOFILE, (used + FEW_FILES, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
@@ -182,7 +182,7 @@ def take_descriptors() -> None:
 
 
 class FaultyTracker(LyapunovTracker):
-    """The tracker, until told to fail."""
+    """The tracker, with failures on demand."""
 
     name = "faulty_tracker"
 
@@ -195,7 +195,7 @@ class FaultyTracker(LyapunovTracker):
 
 
 class FaultyVfh(ImprovedVfh):
-    """The avoider, until told to fail."""
+    """The avoider, with failures on demand."""
 
     name = "faulty_vfh"
 
@@ -208,7 +208,7 @@ class FaultyVfh(ImprovedVfh):
 
 
 class FaultyAStar(AStar):
-    """The planner, until told to fail."""
+    """The planner, with failures on demand."""
 
     name = "faulty_astar"
 
@@ -219,7 +219,7 @@ class FaultyAStar(AStar):
 
 
 class FaultyMap(KnownMap):
-    """The mapper, until told to fail."""
+    """The mapper, with failures on demand."""
 
     name = "faulty_map"
 
@@ -234,16 +234,16 @@ PARTS: tuple[Any, ...] = (LoggedSim, FaultyTracker, FaultyVfh, FaultyAStar, Faul
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Adds all of them: an entry point each leads here."""
+    """Add all of them; each has an entry point to this module."""
     for part in PARTS:
         registry.add(part)
 
 
 def install(folder: Path) -> str:
-    """Make them known as installed plugins to processes whose PYTHONPATH begins with the answer.
+    """Make these plugins appear installed to processes whose PYTHONPATH begins with the returned text.
 
     Args:
-        folder: For their metadata; it must not exist.
+        folder: Folder of their metadata; it must not exist.
     """
     about = folder / f"{MODULE}-1.0.dist-info"
     about.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""A live robot that is driven to and fro at full speed while faults are put into it."""
+"""A live robot that drives to and fro at full speed while faults are injected."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ START, END = 120.0, 20.0
 SHARES = ("robot", "think", "drive", "safe")
 """Processes of the default split."""
 FULL = 0.5
-"""m/s, the robot's highest speed."""
+"""Highest speed of the robot, m/s."""
 HALL = 150.0
-"""m that can be driven in one direction."""
+"""Length that can be driven in one direction, m."""
 ROOM = 12.0
-"""m left to the goal below which the robot may have to slow down during a fault."""
+"""Distance to the goal below which the robot may have to slow down during a fault, m."""
 CONFIG = """
 [run]
 seed = 11
@@ -107,7 +107,7 @@ y = [-1.7, 1.7]
 
 @dataclass(frozen=True)
 class Note:
-    """Something the driver saw: a state of the goal, a result, or an error; time in ns, monotonic."""
+    """An observation of the driver: a state of the goal, a result or an error; time of the monotonic clock, ns."""
 
     time_ns: int
     kind: str
@@ -115,7 +115,7 @@ class Note:
 
 
 def until(claim: Callable[[], Any], timeout: float, what: str) -> Any:
-    """Wait until a claim holds that gives no event of its own, such as a line in a file; gives what it gave."""
+    """Poll until a claim without an event, such as a line in a file, holds; returns its value."""
     limit = time.monotonic() + timeout
     while not (found := claim()):
         if time.monotonic() > limit:
@@ -125,7 +125,7 @@ def until(claim: Callable[[], Any], timeout: float, what: str) -> Any:
 
 
 def is_running(pid: int) -> bool:
-    """A process is there and not a zombie."""
+    """Whether a process exists and is no zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -133,13 +133,13 @@ def is_running(pid: int) -> bool:
 
 
 class Driver(threading.Thread):
-    """Keeps a goal on its way: sends the next one as soon as one has ended, from one end of the hall to the other.
+    """Keeps the robot driving: sends the next goal, at the other end of the hall, as soon as one has ended.
 
     Attributes:
-        notes: What it saw.
-        anew: Set to have it send another goal at once, which pre-empts the one on its way.
-        target: Where the next goals lie, m along the hall; None for the end that is further away.
-        toward: Where the newest goal lies, m along the hall.
+        notes: Observations, in order of time.
+        anew: Set it to send another goal at once, which pre-empts the current one.
+        target: Place of the next goals along the hall, m; None for the end that is further away.
+        toward: Place of the newest goal along the hall, m.
     """
 
     def __init__(self, motors: Callable[[], tuple[float, float]]) -> None:
@@ -153,7 +153,7 @@ class Driver(threading.Thread):
         self._news = threading.Condition()
 
     def run(self) -> None:
-        """Until told to end."""
+        """Send goals until `ending` is set."""
         while not self.ending.is_set():
             try:
                 with Navigator() as navigator:
@@ -169,7 +169,7 @@ class Driver(threading.Thread):
         if target is None:
             target = 0.0 if self._place()[0] > HALL - ROOM - 10.0 else HALL
         self.toward = target
-        self._note("asked", f"{target:g}")  # the motors may turn for it before the answer is here
+        self._note("asked", f"{target:g}")  # the motors may turn for it before the answer arrives
         handle = navigator.go(target, 0.0)
         self._note("goal", f"{handle.goal_id} to {target:g}")
         state = ""
@@ -190,7 +190,7 @@ class Driver(threading.Thread):
             self._news.notify_all()
 
     def wait_for(self, claim: Callable[[Note], bool], after_ns: int, timeout: float) -> Note | None:
-        """The first thing noted after a time that fits; None where nothing does within s."""
+        """The first note after a time that fits the claim; None if there is none within the timeout, s."""
 
         def found() -> Note | None:
             return next((note for note in self.notes if note.time_ns > after_ns and claim(note)), None)
@@ -201,21 +201,21 @@ class Driver(threading.Thread):
 
 
 class Rig:
-    """A robot that is up, with its motors' record and a driver. Use `rig`.
+    """A robot that is up, with the record of its motors and a driver. Use `rig`.
 
     Attributes:
-        folder: Runtime folder and everything else.
-        faults: Folder of the files that tell parts to fail.
-        motors: What they were told.
-        driver: Who keeps it driving.
-        up: `navloom up`.
-        census: Of what it has on this host.
+        folder: Folder of all files, the runtime folder included.
+        faults: Folder of the files that make plugins fail.
+        motors: Record of the motor commands.
+        driver: Thread that keeps the robot driving.
+        up: Process of `navloom up`.
+        census: Processes and other resources that the robot has on this host.
 
     Args:
-        folder: For all files.
-        more: Further tables of its config.
-        environment: More of it, for all processes.
-        arguments: More of `navloom up`.
+        folder: Folder of all files.
+        more: Further tables of the config.
+        environment: Further variables for all processes.
+        arguments: Further arguments of `navloom up`.
     """
 
     def __init__(
@@ -243,7 +243,7 @@ class Rig:
         self._outsiders: dict[str, subprocess.Popen[str]] = {}
 
     def start(self) -> None:
-        """Bring it up; returns when every node is there."""
+        """Start the robot; returns when every node is there."""
         with self.log.open("ab") as log:
             self.up = subprocess.Popen(
                 [*COMMAND, "up", str(self.config), *self._arguments], env=self.environment, stdout=log, stderr=log
@@ -254,22 +254,22 @@ class Rig:
         self.census.start()
 
     def said(self, text: str) -> bool:
-        """`navloom up` said this."""
+        """Whether `navloom up` has printed a text."""
         return text in self.log.read_text("utf-8")
 
     def run(self, *arguments: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
-        """Another command on the same robot."""
+        """Run another command on the same robot."""
         return subprocess.run(
             [*COMMAND, *arguments], env=self.environment, capture_output=True, text=True, timeout=timeout, check=False
         )
 
     def describe(self) -> dict[tuple[str, str], dict[str, Any]]:
-        """What each node that answers says of itself, by role and instance."""
+        """Description of each node that answers, by role and instance."""
         with Navigator() as navigator:
             return {(node["role"], node["instance"]): node for node in navigator.client.describe()}
 
     def outsider(self, what: str) -> subprocess.Popen[str]:
-        """A process beside the robot's own that joins its network, started once; it takes and gives lines."""
+        """A process that joins the robot's network, started once; it reads and prints lines."""
         process = self._outsiders.get(what)
         if process is None or process.poll() is not None:
             command = [sys.executable, str(Path(__file__).with_name("outsider.py")), what]
@@ -282,7 +282,7 @@ class Rig:
 
     @staticmethod
     def hear(process: subprocess.Popen[str]) -> dict[str, Any]:
-        """The next line an outsider gives."""
+        """The next line that an outsider prints, as JSON."""
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line, "the outsider has ended"
@@ -290,18 +290,18 @@ class Rig:
         return found
 
     def pids(self) -> dict[str, int]:
-        """Processes of the robot that are there, by name; one that is being started again is not."""
+        """Running processes of the robot, by name; one that is being restarted is left out."""
         fates = RobotFolder("lab", "r1").fates()
         return {name: fate.pid for name, fate in fates.items() if fate.pid is not None and is_running(fate.pid)}
 
     def tell(self, instance: str, way: str) -> Path:
-        """Have a part fail, until the file that this gives is gone."""
+        """Make an instance fail until the returned file is deleted."""
         path = self.faults / f"{instance}.{way}"
         path.touch()
         return path
 
     def wait_full_speed(self, timeout: float = 60.0) -> None:
-        """Wait until it drives at full speed with room ahead."""
+        """Wait until the robot drives at full speed with room ahead."""
         try:
             until(self.is_at_full_speed, timeout, "the robot drives at full speed with room ahead")
         except AssertionError as error:
@@ -309,7 +309,7 @@ class Rig:
             raise AssertionError(f"{error}; it is at {x:.1f} m on its way to {toward:g} m; last: {notes}") from None
 
     def is_at_full_speed(self) -> bool:
-        """It has been driving at full speed for half a second, with room ahead; where there is none it is sent back."""
+        """Whether it has driven at full speed for half a second with room ahead; without room it is sent back."""
         speed, ticks = self.motors.speed(10), self.motors.ticks[-5:]
         if not ticks:
             return False
@@ -320,7 +320,7 @@ class Rig:
         return speed > 0.97 * FULL and (ticks[-1].x - ticks[0].x) * ahead > 0.0
 
     def reach_a_goal(self, timeout: float = 60.0) -> str:
-        """Drive to a place nearby; gives how that ended."""
+        """Drive to a place 3 m ahead; returns the result."""
         now = time.monotonic_ns()
         self.driver.target = self.motors.place[0] + 3.0
         self.driver.anew.set()
@@ -331,7 +331,7 @@ class Rig:
         return "no result" if ended is None else ended.text
 
     def end(self) -> float:
-        """`navloom down`; gives the s until `up` and all its processes have ended."""
+        """Send SIGTERM to `up`; returns the time until it and all its processes have ended, s."""
         self.driver.ending.set()
         self._end_outsiders()
         pids = self.pids().values()
@@ -353,7 +353,7 @@ class Rig:
             outsider.communicate()
 
     def clear(self) -> None:
-        """Leave nothing behind, whatever happened."""
+        """End every process, in whatever state."""
         self.driver.ending.set()
         self.census.ending.set()
         self._end_outsiders()
@@ -378,15 +378,15 @@ class Rig:
 
 @contextmanager
 def rig(more: str = "", make: Callable[[Path, str], Rig] = Rig) -> Iterator[Rig]:
-    """A robot that is up and drives, gone afterwards whatever happens.
+    """A robot that is up and drives; always ended on exit.
 
     Args:
         more: Further tables of its config.
-        make: Makes it of a folder and these.
+        make: Makes the rig from a folder and these tables.
     """
-    folder = Path(tempfile.mkdtemp(prefix="nf", dir="/tmp"))  # short: the name of a socket has little room
+    folder = Path(tempfile.mkdtemp(prefix="nf", dir="/tmp"))  # short: the path of a socket is limited
     before = os.environ.get("NAVLOOM_RUNTIME_DIR")
-    os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "rt")  # for the driver, which joins from within this process
+    os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "rt")  # for the driver, which joins from this process
     try:
         made = make(folder, more)
         try:

@@ -1,8 +1,8 @@
-"""Mutated messages and random bytes into what decodes them: `python tests/faults/fuzz_codec.py --help`.
+"""Fuzzes the decoders of messages with mutated messages and random bytes: `python tests/faults/fuzz_codec.py --help`.
 
-Valid messages of every class are spoiled. Nothing but the typed error may come out. It prints how many were refused and
-decoded, the worst time of one and the most memory that one had at once. Each is also read with the compiled reader put
-aside: verdict, text and every bit of a message must be the same.
+Valid messages of every class are mutated; only the typed error may be raised. It prints how many were refused and
+decoded, the longest time of one, and the largest memory that one used at once. With --compare, messages are also read
+by the generic reader: verdict, text and every bit of a message must be the same.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from navloom.messages.kinds import Kind
 __all__ = ["Findings", "contents", "differences", "fuzz_codec", "main", "sample"]
 
 TRACED = 20
-"""Every so manieth decode is also watched for memory, which makes it ten times slower, so it is not timed."""
+"""Every so many decodes one is traced for memory; tracing makes it ten times slower, so it is not timed."""
 AT = Envelope("lab/r1/localizer/main/pose", 3, 4, 200_000_000, 150_000_000, 0)
 BOMBS = (b"\x9f", b"\x91", b"\x81\xa1a", b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xdc\x10\x00", b"\x80",
          b"\xc6\xff\xff\xff\xff", b"\xdb\x00\xff\xff\xff", b"\xc9\x00\x00\x10\x00", b"\xcb\x7f\xf8\0\0\0\0\0\0",
          b"\xd3\x80\0\0\0\0\0\0\0", b"\xcf\xff\xff\xff\xff\xff\xff\xff\xff", b"\xc1", b"\xc0")  # fmt: skip
-"""What nests, claims much, or is at the end of a range."""
+"""MessagePack that nests, claims a huge length, or is at the end of a range."""
 VALUES = (None, -1, 0, 1, True, False, 2**62, 2**63 - 1, 2**63, 2**64 - 1, -(2**63), 1.5, -0.0, 4.0, math.pi, math.nan,
           math.inf, -math.inf, 5e-324, "", "x" * 300, "é" * 100, "é" * 200, [], [1], [1.5], ["a"], [None], {},
           [[]] * 50, {"x": {}}, b"b", msgpack.ExtType(5, b"x"), msgpack.Timestamp(1))  # fmt: skip
-"""What a field may be changed to."""
+"""Values that replace a field."""
 SIZES = (1, 8, 64, 500, 4000, 60_000, 250_000, 1_000_000)
 
 
 @dataclass
 class Findings:
-    """What came of it.
+    """Results of a run.
 
     Attributes:
-        refused, decoded: How many ended in the typed error, and in a message.
-        wrong: What ended in anything else, as text.
-        worst_s, worst_bytes: Longest time of one, of a processor, and most memory that one had at once.
-        slowest: What took the longest.
+        refused, decoded: Number of inputs that gave the typed error, and a message.
+        wrong: Inputs that gave anything else, as text.
+        worst_s, worst_bytes: Longest processor time of one input, s, and largest memory that one used at once.
+        slowest: The input that took longest.
     """
 
     refused: int = 0
@@ -63,7 +63,7 @@ class Findings:
     slowest: str = ""
 
     def attempt(self, act: Callable[[], Any], what: str, expected: type[Exception], is_traced: bool) -> None:
-        """Do it once, by the clock or watched for memory."""
+        """Decode once, timed or traced for memory."""
         if is_traced:
             tracemalloc.start()
         began = time.thread_time()
@@ -116,7 +116,7 @@ def _array(spec: Array, source: random.Random, sizes: dict[str, int]) -> Any:
 
 
 def mutants(valid: bytes, source: random.Random) -> Iterator[bytes]:
-    """One of each way to spoil bytes."""
+    """One mutant for each way to mutate bytes."""
     place = source.randrange(len(valid))
     flipped = bytearray(valid)
     for _ in range(source.randrange(1, 6)):
@@ -129,7 +129,7 @@ def mutants(valid: bytes, source: random.Random) -> Iterator[bytes]:
 
 
 def headers(valid: bytes, source: random.Random) -> Iterator[bytes]:
-    """Headers whose length fits and whose contents do not: spoiled, replaced, or with a bomb in a field."""
+    """Headers of the right length with wrong contents: mutated, with other values, or with a bomb in a field."""
     (length,) = struct.unpack_from("<I", valid)
     packed, rest = valid[4 : 4 + length], valid[4 + length :]
     for spoiled in mutants(packed, source):
@@ -180,7 +180,7 @@ def joined(packed: bytes, tail: bytes) -> bytes:
 
 
 def with_bomb(header: dict[str, Any], name: str, source: random.Random) -> bytes:
-    """A header with up to a megabyte of one thing in a field."""
+    """A header with a bomb of up to a megabyte in a field."""
     bomb, size = source.choice(BOMBS), source.choice(SIZES)
     fields = {key: value for key, value in header["fields"].items() if key != name}
     parts = [b"\x83", msgpack.packb("envelope"), msgpack.packb(header["envelope"]), msgpack.packb("fields")]
@@ -191,7 +191,7 @@ def with_bomb(header: dict[str, Any], name: str, source: random.Random) -> bytes
 
 
 def spoiled(count: int, seed: int) -> Iterator[tuple[str, bytes, random.Random]]:
-    """So many spoiled messages of every class: label, bytes, and a source for what is done with them."""
+    """Label and bytes of at least `count` mutated messages of all classes, and the random source."""
     source = random.Random(seed)
     classes = sorted(SCHEMAS.values(), key=lambda cls: cls.schema_name)
     done = 0
@@ -204,7 +204,7 @@ def spoiled(count: int, seed: int) -> Iterator[tuple[str, bytes, random.Random]]
 
 
 def fuzz_codec(count: int, seed: int) -> Findings:
-    """So many decodes of messages of every class, of envelopes alone, and of messages of no class."""
+    """Decode at least `count` messages of all classes: whole, the envelope alone, or without a class."""
     found = Findings()
     for done, (label, data, source) in enumerate(spoiled(count, seed)):
         whole: Callable[[], Any] = lambda: decode(data, label)  # noqa: B023, E731
@@ -215,7 +215,7 @@ def fuzz_codec(count: int, seed: int) -> Findings:
 
 
 def differences(count: int, seed: int) -> list[str]:
-    """Of so many messages, those that come out otherwise where the compiled reader is put aside."""
+    """Messages, of at least `count`, that the compiled reader and the generic one read differently."""
 
     def refuse(*_: object) -> Any:
         raise ValueError
@@ -273,12 +273,12 @@ def report(name: str, found: Findings) -> dict[str, Any]:
 
 
 def resident_mb() -> float:
-    """Memory of this process."""
+    """Resident memory of this process, MB."""
     return round(int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20, 1)
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """The command line; 1 where anything but the typed error came out."""
+    """The command line; returns 1 if anything but the typed error was raised, or the readers differ."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,4 @@
-"""Valid files to begin mutating from, as small as they can be, and what makes mutated ones fit their checksums."""
+"""Valid files to mutate, as small as possible, and functions that correct the checksums of mutated ones."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ REQUEST: dict[str, Any] = {
     "metrics": ["success", "spl"],
     "open_loop": {"baseline": "a", "shadows": {"vff_1": "b"}, "left_out": {}},
 }
-"""Of the study that the journal belongs to."""
+"""Request of the study that the journal belongs to."""
 SIZES = {"linear": {"rms": 0.1, "max": 0.2}}
 SHADOW = {
     "role": "avoider", "instance": "vff_1", "against": ["a"], "ticks": 9, "unanswered": 0, "differing_share": 0.5,
@@ -119,7 +119,7 @@ def png(mode: str) -> bytes:
 
 
 def png_with_checksums(content: bytes) -> bytes:
-    """A PNG whose chunks have the checksums of what they hold, so that what they hold is read."""
+    """The PNG with correct checksums of its chunks, so that readers reach their contents."""
     out, at = content[:8], 8
     while at + 12 <= len(content):
         (length,) = struct.unpack_from(">I", content, at)
@@ -140,7 +140,7 @@ def npz(**arrays: Any) -> bytes:
 
 
 def npz_with_checksums(content: bytes) -> bytes:
-    """The archive with checksums of what its members hold; as it is where that cannot be found."""
+    """The archive with correct checksums of its members; unchanged if its members cannot be listed."""
     content = bytearray(content)
     try:
         entries = zipfile.ZipFile(io.BytesIO(bytes(content))).infolist()
@@ -178,11 +178,11 @@ ROBOTLASER1 0 -1.57 3.14 1.57 80 0.01 0 3 1 2 3 1 7 0.1 0 0 0.1 0 0 0.2 0 0 0 0 
 RLASER 2 1 2 0 0 3.14 0 0 0 1.4 nohost 0.5
 """
 RAW_CARMEN = CARMEN.replace(b"NEFF 12\n", b"")
-"""Without the marks of a log whose poses were corrected."""
+"""The log without the marks of corrected poses."""
 
 
 def recordings(folder: Path) -> list[bytes]:
-    """A small recording, closed, not closed, and with its chunks unpacked, so that what is in them is mutated too."""
+    """A small recording: closed, truncated, and with uncompressed chunks so that mutations reach their contents."""
     path = folder / "r.mcap"
     writer = RecordingWriter(path, header_of(load_config("paper"), "lockstep", {}), {})
     with writer:
@@ -209,7 +209,7 @@ def recordings(folder: Path) -> list[bytes]:
 
 
 def bag_seeds(folder: Path) -> dict[str, bytes]:
-    """Small bags of each kind, by the end of their names."""
+    """Small bags of each kind, by file name."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "plugins" / "ros" / "tests"))
     import ros_bags as bags
     from rosbags.rosbag2 import StoragePlugin

@@ -1,8 +1,8 @@
 """Mutated and random files for every decoder of files: `python tests/faults/input_fuzz.py --count 1000000`.
 
-All cases of a decoder run in this process, on files in memory. A decoder gives a value or an error of its own type;
-anything else is a defect, and so is a case that takes long. What is found is kept under `--keep`. The table that the
-script prints is that of docs/inputs.md.
+All cases of a decoder run in this process, on files in memory. A decoder gives a value or its typed error; anything
+else is a defect, and so is a case that takes long. Files of defects are saved in the folder `--keep`. The script prints
+the table of docs/inputs.md.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ from navloom_ros.bag_import import import_bag
 from navloom_ros.bags import opened
 
 SLOWEST, LONGEST = 20.0, 200.0
-"""Processor time and wall time after which a case counts as a defect, s: it computes, or it waits, for ever."""
+"""Processor time and wall time after which a case is a defect, s: it computes, or waits, for ever."""
 SHARED = "/dev/shm" if Path("/dev/shm").is_dir() else None
-"""Folder of the files: in memory where there is one."""
+"""Folder in memory for the files, if the system has one."""
 INSTALLED = functools.cache(Discovery)
-"""The plugins, which are the same in all cases: to find them takes longer than most."""
+"""The installed plugins, found once: finding them takes longer than most cases."""
 NUMBERS = [0, 1, 2, 127, 128, 255, 256, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1]
 TEXTS = b"""[[ ]] { } , . = : " ' \"\"\" ''' # \n \r\n \0 - + e E inf nan 1e309 -1 0x 0b 1_0 !! & * << ? | > % @ true
 false null [] {} [[[[[[ }}}}}} 9999999999999999999999 0.0000001 1979-05-27
@@ -82,19 +82,19 @@ class TooSlow(BaseException):
 
 @dataclass
 class Decoder:
-    """What is fuzzed: files of a folder, one of which is mutated, and how they are read."""
+    """A decoder under test: valid seeds of its file, how the file is read, and its typed errors."""
 
     name: str
     seeds: list[bytes]
     read: Callable[[Path], object]
     errors: tuple[type[Exception], ...]
     pack: Callable[[bytes], bytes] = bytes
-    """From what is mutated to what is written, as compressing it."""
+    """Turns the mutated bytes into those of the file, for example by compressing them."""
 
 
 @dataclass
 class Result:
-    """What a decoder did."""
+    """Results of one decoder; times in s, of a processor except for `seconds`."""
 
     count: int = 0
     read: int = 0
@@ -147,7 +147,7 @@ def fuzz(decoder: Decoder, count: int, seconds: float, seed: int, keep: Path | N
     ):
         folder = Path(name)
         (folder / "f").write_bytes(decoder.pack(decoder.seeds[0]))
-        with suppress(*decoder.errors):  # imports and compiles what the first case would pay for
+        with suppress(*decoder.errors):  # import and compile before the first case is timed
             decoder.read(folder / "f")
         forget_peak()
         resident, start, spent = peak_mb(), time.monotonic(), time.process_time()
@@ -184,7 +184,7 @@ def fuzz(decoder: Decoder, count: int, seconds: float, seed: int, keep: Path | N
 
 
 def forget_peak() -> None:
-    """Have the system measure this process's peak memory from now on: that of an earlier decoder would hide it."""
+    """Reset the peak memory of this process, which an earlier decoder may have raised."""
     Path("/proc/self/clear_refs").write_text("5", "ascii")
 
 
@@ -249,7 +249,7 @@ def read_yaml(path: Path) -> object:
 
 
 def read_override(path: Path) -> object:
-    change = path.read_bytes().replace(b"\0", b"")  # which ends an argument of a command
+    change = path.read_bytes().replace(b"\0", b"")  # a NUL ends an argument of a command
     path.with_name("c.toml").write_bytes(SMALL_CONFIG)
     return load_config(str(path.with_name("c.toml")), [os.fsdecode(change)])
 
@@ -291,7 +291,7 @@ def _named(path: Path, name: str) -> Path:
 
 
 def decoders(folder: Path) -> list[Decoder]:
-    """Every decoder of files, with valid files to begin from."""
+    """Every decoder of files, with valid files to mutate."""
     world, config, sweeps = (WorldError,), (ConfigError, PluginError), (ConfigError, InputError, MessageError)
     bags = [
         Decoder(f"bag {name[2:]}", [content], read_bag(name), (RecordingError, WriteError))

@@ -1,4 +1,4 @@
-"""What a robot has left on this host: processes, zombies, sockets, shared memory and temporary files."""
+"""Leftovers of a robot on this host: processes, zombies, sockets, shared memory and temporary files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ __all__ = ["Census", "below"]
 
 SEGMENTS = "/dev/shm/"
 OFTEN = 0.2
-"""Time between two looks at what a robot has, s."""
+"""Time between two observations of a robot's resources, s."""
 REAPED = 3.0
-"""Time in which the system must have reaped what has lost its parent, s."""
+"""Longest wait for the system to reap orphans, s."""
 
 
 class Census(threading.Thread):
-    """Notes what a robot has while it is up, so that what is left of exactly that can be counted afterwards.
+    """Records the resources of a robot while it is up, so that those left over can be counted afterwards.
 
     Args:
-        folder: That all of its processes, and no others, have in their environment; its runtime folder is below it.
+        folder: Folder that only the robot's processes have in their environment; contains the runtime folder.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -32,13 +32,13 @@ class Census(threading.Thread):
         self._pids: set[int] = set()
 
     def run(self) -> None:
-        """Until told to end."""
+        """Observe until `ending` is set."""
         while not self.ending.is_set():
             self.note()
             self.ending.wait(OFTEN)
 
     def note(self) -> None:
-        """Look at once."""
+        """Record the processes and shared memory that exist now."""
         for pid in below(self.folder):
             self._pids.add(pid)
             with suppress(OSError):
@@ -50,11 +50,11 @@ class Census(threading.Thread):
 
     @property
     def segments(self) -> int:
-        """How much shared memory it has had so far."""
+        """Number of shared memory segments seen so far."""
         return len(self._segments)
 
     def left(self) -> dict[str, int]:
-        """What there is of a robot that is down, by kind."""
+        """Number of leftovers of a robot that is down, by kind."""
         self.ending.set()
         limit = time.monotonic() + REAPED
         while any(map(_is_zombie, self._pids)) and time.monotonic() < limit:

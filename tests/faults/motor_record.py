@@ -1,4 +1,4 @@
-"""The record of a robot's motors: each word they got, what the robot did and when; and what it says of a fault.
+"""The record of a robot's motors, each command and true state with its time, and measurements of faults from it.
 
 Times are ns of this machine's monotonic clock, the same for all its processes.
 """
@@ -18,9 +18,9 @@ __all__ = ["ADVANCE", "DRIVE", "RECORD", "START", "Line", "MotorRecord", "old_wo
 RECORD = "NAVLOOM_MOTOR_RECORD"
 """Environment variable: file of the record."""
 DRIVE, ADVANCE, START = 1, 2, 3
-"""A word to the motors, a tick driven, and the beginning of a new process."""
+"""Kinds of entry: a command to the motors, a tick driven, and the start of a new process."""
 STILL = 1e-3
-"""m/s and rad/s below which the robot stands."""
+"""Speed below which the robot is stopped, m/s and rad/s."""
 _FORM = struct.Struct("<BBxxiq7d")
 
 
@@ -29,13 +29,13 @@ class Line(NamedTuple):
 
     Attributes:
         kind: DRIVE, ADVANCE or START.
-        touching: The robot touches something; ADVANCE only, as all that follows `wz`.
-        pid: Of the platform's process.
-        time_ns: When.
-        vx, wz: The word, m/s and rad/s.
+        touching: The robot touches something; set in ADVANCE entries only, like all fields after `wz`.
+        pid: Process of the platform.
+        time_ns: Time of the entry.
+        vx, wz: The command, m/s and rad/s.
         x, y: True place, m, map frame.
         speed, turn: True velocity, m/s and rad/s.
-        clearance: To the nearest wall, m.
+        clearance: Distance to the nearest wall, m.
     """
 
     kind: int
@@ -51,25 +51,25 @@ class Line(NamedTuple):
     clearance: float
 
     def bytes(self) -> bytes:
-        """As it lies in the file."""
+        """The entry as in the file."""
         return _FORM.pack(*self)
 
     @property
     def turns(self) -> bool:
-        """The motors are told to turn."""
+        """Whether the command turns the motors."""
         return bool(self.vx or self.wz)
 
     @property
     def stands(self) -> bool:
-        """The robot stands."""
+        """Whether the robot is stopped."""
         return max(abs(self.speed), abs(self.turn)) < STILL
 
 
 def ran_on(words: Sequence[Line]) -> float:
-    """Longest time that motors went on with one and the same word, s, before they got another, or zero.
+    """Longest time that the motors repeated one command, s, until another command or a stop.
 
-    A healthy chain gives a new word each tick, which slip makes different from the last; one that comes again is the
-    same old command, sent again. A process of its own has motors of its own: nothing runs on from one to the next.
+    A healthy chain gives a new command each tick, which slip makes different from the last; an equal one is the old
+    command, sent again. Each process has its own motors: no command carries over from one process to the next.
 
     Args:
         words: DRIVE and START entries in order of time.
@@ -88,9 +88,9 @@ def ran_on(words: Sequence[Line]) -> float:
 
 
 def old_words(words: Sequence[Line], since_ns: int) -> int:
-    """How many words after a time turned the motors just as an earlier one had, with another one in between.
+    """Number of commands after a time that equal an earlier one, with another one in between.
 
-    Slip makes each word of a healthy chain differ from all before: such a word is an old command that was let in.
+    Slip makes each command of a healthy chain differ from all before, so these are old commands that got through.
     """
     seen: set[tuple[float, float]] = set()
     last, found = (0.0, 0.0), 0
@@ -114,12 +114,12 @@ class MotorRecord:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._read = 0
-        self._lock = threading.Lock()  # its readers are the driver's thread and the test's
+        self._lock = threading.Lock()  # the driver's thread and the test's read it
         self.words: list[Line] = []
         self.ticks: list[Line] = []
 
     def look(self) -> MotorRecord:
-        """Take in what was added."""
+        """Read the entries that were added."""
         with self._lock:
             if not self._path.exists():
                 return self
@@ -134,32 +134,32 @@ class MotorRecord:
         return self
 
     def speed(self, words: int = 1) -> float:
-        """Least forward speed, m/s, in the newest so many words; 0 where there are fewer."""
+        """Lowest forward speed in the newest `words` commands, m/s; 0 if there are fewer."""
         newest = self.look().words[-words:]
         return min(word.vx for word in newest) if len(newest) == words else 0.0
 
     @property
     def place(self) -> tuple[float, float]:
-        """True place, m."""
+        """True place at the newest tick, m, map frame; NaN before the first."""
         return (self.ticks[-1].x, self.ticks[-1].y) if self.look().ticks else (math.nan, math.nan)
 
     @property
     def touched(self) -> bool:
-        """It touched something, at any time."""
+        """Whether the robot has touched something at any time."""
         return any(tick.touching for tick in self.look().ticks)
 
     def between(self, begin_ns: int, end_ns: int) -> list[Line]:
-        """DRIVE and START entries of a time."""
+        """DRIVE and START entries of an interval."""
         return [word for word in self.look().words if begin_ns <= word.time_ns <= end_ns]
 
     def zero_after(self, time_ns: int) -> Line | None:
-        """The first word to stand, or the first life of a process, after a time."""
+        """The first stop command, or start of a process, after a time."""
         return next((word for word in self.look().words if word.time_ns > time_ns and not word.turns), None)
 
     def turn_after(self, time_ns: int) -> Line | None:
-        """The first word to turn after a time."""
+        """The first command that turns the motors after a time."""
         return next((word for word in self.look().words if word.time_ns > time_ns and word.turns), None)
 
     def standing_after(self, time_ns: int) -> Line | None:
-        """The first tick in which the robot stands, after a time."""
+        """The first tick, from a time on, in which the robot is stopped."""
         return next((tick for tick in self.look().ticks if tick.time_ns >= time_ns and tick.stands), None)

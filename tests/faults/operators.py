@@ -1,7 +1,7 @@
-"""Two operators who give goals and cancel them at random: `python tests/faults/operators.py --help`.
+"""Two operators send goals and cancel them at random: `python tests/faults/operators.py --help`.
 
-Every request must end in an answer or in a typed error within its bound, and be done once at most. The process with the
-goal's node can be ended now and then meanwhile. It prints a line of JSON for each session.
+Every request must end in an answer or a typed error within a bound, and be carried out once at most. Optionally the
+process with the goal node is killed every few seconds. It prints a line of JSON for each session.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ restart_limit = 1000
 """
 )
 BOUND = 10.0
-"""s after which a request that has not ended hangs: more than any client waits."""
+"""Time after which a request counts as hanging, s: more than any client waits."""
 GOALS = 230 / 310
-"""Share of goals among the requests; the others cancel."""
+"""Share of requests that send a goal; the others cancel."""
 AGAIN = 60.0
-"""s for a process that was killed to be there again."""
+"""Longest time for a killed process to be up again, s."""
 PAUSE = 0.2
-"""s between two requests of an operator at most."""
+"""Longest pause between two requests of an operator, s."""
 KILL_EVERY = 6.0
-"""s between two ends of the process with the goal's node."""
+"""Time between two kills of the process with the goal node, s."""
 JOINED = 10
-"""Requests that an operator gives before he joins the robot's network again, as each command of the CLI does."""
+"""Requests of an operator before it joins the robot's network again, as each command of the CLI does."""
 
 
 def operator(seed: int, requests: int) -> dict[str, Any]:
-    """Ask at random; gives how each request ended, the longest time, and the numbers of the goals."""
+    """Send random requests; returns how they ended, the longest time, and the numbers of the goals."""
     source = random.Random(seed)
     ended: Counter[str] = Counter()
     goals: list[int] = []
@@ -87,7 +87,7 @@ def _ask(client: Client, what: str, given: dict[str, Any]) -> tuple[str, int]:
 
 
 def _count_attempts(client: Client, ended: Counter[str]) -> None:
-    """Note what each question on the wire came to, whatever the client makes of it."""
+    """Count queries that time out or get no reply, whether or not the client repeats them."""
     ask = client.bus.ask
 
     def counted(*args: Any, **kwargs: Any) -> Iterator[Any]:
@@ -104,7 +104,7 @@ def _count_attempts(client: Client, ended: Counter[str]) -> None:
 
 
 def session(requests: int, seed: int, kills: bool, settings: list[str], folder: Path) -> dict[str, Any]:
-    """Two operators at one robot; gives what became of all requests, and how many goals the robot was given."""
+    """Two operators at one robot; returns how all requests ended, and how many goals the robot received."""
     config = folder / "robot.toml"
     config.write_text(CONFIG, "utf-8")
     with up(str(config), *settings) as robot:
@@ -144,7 +144,7 @@ def _summed(said: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _last_goal(robot: Up) -> int:
-    """How many goals the robot was given: one more is given, and its number tells."""
+    """Number of goals that the robot has received: that of one more goal, less one."""
     os.environ["NAVLOOM_RUNTIME_DIR"] = robot.environment["NAVLOOM_RUNTIME_DIR"]
     limit = time.monotonic() + AGAIN
     while True:

@@ -1,9 +1,9 @@
-"""A stranger on the robot's own network: `python outsider.py WHAT`, told by lines what to do and when.
+"""A foreign process on the robot's network: `python outsider.py WHAT`; each line of standard input starts it once.
 
-`replay` records every command of controller, avoider and gate from the beginning; `go old`, `go fresh` or `go future`
-then publishes them again as fast as it can for a second. `forge` hears the commands of controller and avoider and, for
-five seconds, follows each with one of its own within the robot's limits. `flood` publishes 10,000 malformed messages to
-keys that the robot reads. Each answers with a line of JSON when it is done.
+`replay` records every command of controller, avoider and gate from the start; `go old`, `go fresh` or `go future` then
+publishes them again, thousands a second, for one second. `forge` follows each command of controller and avoider, for
+five seconds, with a forged one within the robot's limits. `flood` publishes 10,000 malformed messages to keys that the
+robot reads. Each prints a line of JSON when it is done.
 """
 
 from __future__ import annotations
@@ -40,21 +40,21 @@ FLOODED = (
     "mapper/faulty_map/map",
 )
 MALFORMED, HUGE = 10_000, 4
-"""Messages of a flood, and how many of them are larger than any message may be."""
+"""Messages of a flood, and how many of them are larger than a message may be."""
 KEPT = 600
-"""Commands of each stream that are kept: of 30 s."""
+"""Commands of each stream that are kept: those of 30 s."""
 REPLAY = 1.0
-"""s a replay lasts."""
+"""Duration of a replay, s."""
 MARK = 0.123
-"""rad/s that no healthy command asks for: a replayed one that does has got through to the motors."""
+"""Turn rate that no healthy command has, rad/s: a motor command with it is a forged one that got through."""
 FORGED = 5.0
-"""s a forgery lasts."""
+"""Duration of a forgery, s."""
 AHEAD_NS = 5_000_000_000
-"""How far commands of the future are ahead."""
+"""How far ahead commands from the future are stamped, ns."""
 
 
 def replay(client: Client) -> None:
-    """Record, and publish again as asked for."""
+    """Record commands; for each line of input, publish them again in its mode."""
     heard: dict[str, deque[bytes]] = {key: deque(maxlen=KEPT) for key in map(client.keys.prefix.__add__, _slashed())}
     for key in heard:
         client.bus.subscribe(key, lambda key, data, label: heard[key].append(data or b""))
@@ -71,7 +71,7 @@ def _slashed() -> list[str]:
 
 
 def _publish(client: Client, kept: dict[str, list[bytes]], mode: str) -> int:
-    """Old: bytes as they were, of up to 30 s ago. Fresh: those of the last second. Future: marked, and 5 s ahead."""
+    """Publish commands again: old, up to 30 s back; fresh, of the last second; or future, marked and 5 s ahead."""
     ways = {key: client.bus.publication(key, quality_of(Command)) for key in kept}
     count = {"old": KEPT, "fresh": 20, "future": 20}[mode]
     limit, sent = time.monotonic() + REPLAY, 0
@@ -81,7 +81,7 @@ def _publish(client: Client, kept: dict[str, list[bytes]], mode: str) -> int:
             label = schema_label(TrackingCommand if "/controller/" in key else Command)
             ways[key].put(_ahead(data, label) if mode == "future" else data, label)
             sent += 1
-        time.sleep(0.01)  # 5,000 a second are a hundred times the robot's own
+        time.sleep(0.01)  # 5,000 a second: a hundred times the robot's own rate
     return sent
 
 
@@ -95,7 +95,7 @@ def _ahead(data: bytes, label: str) -> bytes:
 
 
 def forge(client: Client) -> None:
-    """Follow each command of controller and avoider with a forged one, for as long as a forgery lasts."""
+    """For each line of input, follow each command of controller and avoider with a forged one, for FORGED s."""
     keys = [f"{client.keys.prefix}/{key}" for key in COMMANDS[:2]]
     ways = {key: client.bus.publication(key, quality_of(Command)) for key in keys}
     counts = {"until": 0.0, "sent": 0}
@@ -118,7 +118,7 @@ def forge(client: Client) -> None:
 
 
 def flood(client: Client) -> None:
-    """Publish malformed messages as fast as they go, each time a line comes."""
+    """For each line of input, publish malformed messages as fast as possible."""
     keys = [f"{client.keys.prefix}/{key}" for key in FLOODED]
     ways = {key: client.bus.publication(key, quality_of(Command)) for key in keys}
     huge = bytes(LARGEST + 64)
@@ -133,7 +133,7 @@ def flood(client: Client) -> None:
 
 
 def rubbish() -> Iterator[tuple[bytes, str]]:
-    """Bytes and schema label of what is no message: unknown and wrong schemas, cut ones, random ones, lying ones."""
+    """Bytes and schema label of malformed messages: unknown or wrong schema, truncated, random, false length, NaN."""
     source = random.Random(4)
     good = encode(Command(Twist2D(0.5, 0.0, MARK)), Envelope("a/b/c/d/e", 1, 1, 1, 1, 0))
     label = schema_label(Command)
@@ -153,7 +153,7 @@ def _say(what: dict[str, Any]) -> None:
 
 
 def main(what: str) -> None:
-    """Until told to end by the end of its input."""
+    """Do WHAT until the end of standard input."""
     with join() as client:
         {"replay": replay, "forge": forge, "flood": flood}[what](client)
 

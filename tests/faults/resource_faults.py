@@ -1,4 +1,4 @@
-"""Faults of what all processes share: memory, processors, descriptors, disk, wall clock; and forged commands."""
+"""Faults of shared resources: memory, processors, descriptors, disk, wall clock; and forged commands."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from wall_clocks import set_clock, settable_clock, why_no_clocks
 __all__ = ["FULL_DISK", "RESOURCES", "rig_on_small_disk", "rig_with_clock", "why_not"]
 
 GROUPS = Path("/sys/fs/cgroup/memory")
-"""Limits of memory, where the system keeps them in a tree of their own (version 1 of control groups)."""
+"""Memory limits of the system, where it has version 1 of control groups."""
 MEMORY = 500 * 2**20
-"""bytes that a process which eats memory may have: about twice what it has."""
+"""Memory limit of the process that eats memory, bytes: about twice what it normally uses."""
 DISK = 8
-"""MB of the small disk."""
+"""Size of the small disk, MB."""
 HOGGED, JUMPED, FORGED, FULL = 10.0, 3.0, 7.0, 5.0
-"""s to look on: while processors are taken, after a clock jumped, from a forgery's beginning, while a disk is full."""
+"""Times of observation, s: with busy processors, after a clock's jump, from a forgery's start, with a full disk."""
 JUMPS = {"an hour ahead": 3600.0, "an hour back": -3600.0, "ten years ahead": 315_360_000.0, "right again": 0.0}
 
 
 def why_not() -> str:
-    """Why these faults cannot be made here; empty where they can."""
+    """Why these faults cannot be injected here; empty if they can."""
     if os.geteuid() != 0:
         return "a small disk and a limit of memory need root"
     return why_no_clocks() or ("" if GROUPS.is_dir() else f"{GROUPS} is not there, which a limit of memory needs")
@@ -42,7 +42,7 @@ def why_not() -> str:
 
 
 def _eat(rig: Rig) -> None:
-    """Have the avoider take memory until the system ends its process."""
+    """Make the avoider allocate memory until the system kills its process."""
     group = GROUPS / rig.folder.name
     group.mkdir(exist_ok=True)
     (group / "memory.limit_in_bytes").write_text(str(MEMORY), "utf-8")
@@ -58,21 +58,21 @@ def _stop_eating(rig: Rig) -> None:
 
 
 def _take_descriptors(rig: Rig) -> None:
-    """Leave the process `drive` none, and end the gate, whose next life has to be let in there."""
+    """Use up the descriptors of the process `drive`, and kill the gate, which must connect to `drive` again."""
     tell("faulty_vfh", "open")(rig)
     until(lambda: descriptors_left(rig.pids()["drive"]) <= 0, 5.0, "every descriptor is taken")
     os.kill(rig.pids()["safe"], signal.SIGKILL)
 
 
 def descriptors_left(pid: int) -> int:
-    """How many more a process may open."""
+    """Number of descriptors that a process may still open."""
     limits = Path(f"/proc/{pid}/limits").read_text("utf-8").splitlines()
     limit = next(int(line.split()[3]) for line in limits if line.startswith("Max open files"))
     return limit - len(os.listdir(f"/proc/{pid}/fd"))
 
 
 def _hog(rig: Rig) -> None:
-    """Two processes that compute, at the usual priority."""
+    """Keep every processor busy for a while, at normal priority."""
     command = [
         sys.executable,
         "-c",
@@ -88,7 +88,7 @@ def _jump(ahead: float) -> Callable[[Rig], None]:
 
 
 def forged_words(rig: Rig) -> dict[str, Any]:
-    """Words to the motors that were a stranger's, and stops, so far."""
+    """Forged motor commands and stops, so far."""
     words = sum(word.wz == MARK for word in rig.motors.look().words)
     stops = sum(line.startswith("stopped:") for line in rig.log.read_text("utf-8").splitlines())
     return {"forged words": words, "stops": stops}
@@ -103,7 +103,7 @@ RESOURCES = [
     Fault("forged commands within the limits", order("forge", "go"), answer("forge"), stops=False, watch=FORGED,
           look=forged_words, prepare=lambda rig: rig.outsider("forge")),
 ]  # fmt: skip
-"""What takes from all, one robot for many of them."""
+"""Faults of shared resources; one robot takes many of them."""
 
 
 def rig_with_clock(folder: Path, more: str) -> Rig:
@@ -116,7 +116,7 @@ def rig_with_clock(folder: Path, more: str) -> Rig:
 
 @contextmanager
 def rig_on_small_disk() -> Iterator[Rig]:
-    """A robot with runtime folder, logs and recording on a small disk of their own."""
+    """A robot with runtime folder, logs and recording on a small disk."""
     mounted: list[Path] = []
 
     def make(folder: Path, more: str) -> Rig:
@@ -158,4 +158,4 @@ FULL_DISK = [
     Fault("the disk is full, SIGKILL drive", _fill_and_kill("drive"), _empty, hold=5.0),
     Fault("the disk is full, SIGKILL safe", _fill_and_kill("safe"), _empty, hold=5.0),
 ]
-"""Each on a robot of its own."""
+"""Each trial starts a new robot."""

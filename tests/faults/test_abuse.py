@@ -1,6 +1,6 @@
-"""Abuse of a viewer's certificate, some kinds of it on one driving robot: nothing starts again, no goal is lost.
+"""Some kinds of abuse of a viewer's certificate on one driving robot: no process restarts, no goal is lost.
 
-How often the robot stops meanwhile is measured by `abuse.py` (docs/abuse-campaigns.md); here other tests share the
+`abuse.py` measures how often the robot stops meanwhile (docs/abuse-campaigns.md); here other tests share the
 processors.
 """
 
@@ -18,11 +18,11 @@ CHOSEN = (
     "20,000 subscribers to commands",
 )
 MOST = 0.5
-"""Share of a processor that a process of the robot may take meanwhile, the router excepted."""
+"""Largest share of a processor that a process of the robot may use meanwhile, the router excluded."""
 
 
 @pytest.mark.slow
-def test_what_a_viewer_does_ends_no_process_and_no_goal_and_costs_the_robots_processes_little() -> None:
+def test_a_viewer_ends_no_process_and_no_goal_and_costs_the_robot_little_processor_time() -> None:
     with target() as aim:
         for kind in CHOSEN:
             found = trial(aim, kind, 3.0)
@@ -31,14 +31,14 @@ def test_what_a_viewer_does_ends_no_process_and_no_goal_and_costs_the_robots_pro
 
 
 @pytest.mark.slow
-def test_a_reader_that_takes_little_does_not_hold_up_what_the_processes_say_to_each_other() -> None:
+def test_a_slow_reader_does_not_delay_messages_between_the_robots_processes() -> None:
     with target() as aim:
         trials = [trial(aim, "a slow reader", 2.0) for _ in range(5)]
     assert all(found.is_harmless for found in trials), trials
-    assert max(found.stood for found in trials) < 0.2, trials  # up to 0.8 s in half of them, with one thread that sends
+    assert max(found.stood for found in trials) < 0.2, trials  # with one sending thread: up to 0.8 s
 
 
-def test_every_kind_of_abuse_is_told_with_its_certificate() -> None:
+def test_the_table_has_every_kind_of_abuse_with_its_certificate() -> None:
     entry = {
         "stops": 2,
         "stood": 0.5,

@@ -1,6 +1,6 @@
-"""Certificates change while the robot drives: nothing restarts, the goal is kept, and who is revoked can do nothing.
+"""Certificates change while the robot drives: nothing restarts, the goal is kept, and a revoked client can do nothing.
 
-Whether it stops for a moment is for `certificate_campaign.py` to say: here other tests share the processors.
+`certificate_campaign.py` measures whether it stops for a moment; here other tests share the processors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Faults at full speed, one of each kind that matters: it stops, comes back, reaches its goal and ends.
+"""One fault of each important kind at full speed: the robot stops, recovers, reaches its goal and ends.
 
-How fast it stops is measured by `campaign.py` (docs/fault-campaigns.md); here other tests share the processors.
+`campaign.py` measures how fast it stops (docs/fault-campaigns.md); here other tests share the processors.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from fault_leftovers import DELETIONS, FORKS, zombies
 from fault_rig import rig
 
 SOON, EXIT = 1.5, 10.0
-"""s that motors may run on, and that the end may take, on a machine that does something else as well."""
+"""Longest time that motors may repeat a command, and longest time to end, on a loaded machine, s."""
 CHOSEN = (
     "SIGSTOP safe, SIGCONT",
     "faulty_tracker raises each tick",
@@ -33,11 +33,11 @@ rest = ["platform", "localizer", "mapper", "planner", "goal", "gate"]
 """
 
 
-def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
+def test_after_each_fault_it_drives_again_and_at_last_reaches_its_goal() -> None:
     faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *SEIZED, *FORKS, *DELETIONS, *STRANGERS)}
     deletion = "runtime folder deleted, SIGKILL drive"
-    faults[deletion] = replace(faults[deletion], prepare=faults[POOL].prepare)  # the pool ends with its process, too
-    with rig("shared_memory = true\n") as robot:  # else there would be none that could be left
+    faults[deletion] = replace(faults[deletion], prepare=faults[POOL].prepare)  # the pool must end, too
+    with rig("shared_memory = true\n") as robot:  # so that there are segments that could be left over
         for name in CHOSEN:
             outcome = inject(robot, faults[name])
             assert outcome.goal == "kept" and outcome.old == 0 and not outcome.touched, outcome
@@ -49,7 +49,7 @@ def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
         assert zombies(robot) == [] and robot.describe()
         assert robot.end() < EXIT
         assert robot.census.segments > 0 and not any(robot.census.left().values()), robot.census.left()
-        # its driver gives goal after goal: one on its way goes down with the robot, which is exit code 1
+        # the driver sends goal after goal: a goal that goes down with the robot gives exit code 1
         assert robot.up.returncode == (1 if robot.said("went down, and goal") else 0)
 
 
@@ -59,5 +59,5 @@ def test_no_process_is_left_when_its_supervisor_is_killed_not_even_a_stopped_one
         census = outcome.note["census"]
         assert census.pop("files") == 2 and not any(census.values()), census  # what it ran, for doctor
         assert outcome.note["left"] == [] and outcome.zero is not None and not outcome.touched, outcome
-        # and the folder of a dead robot is in nobody's way
+        # and the folder of a dead robot does not count as a robot
         assert "no robot of this user is up" in robot.run("down").stderr

@@ -1,4 +1,4 @@
-"""Spoiled messages: typed errors only, whatever comes, and little time and memory for each."""
+"""Mutated messages give typed errors only, and cost little time and memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 @pytest.mark.parametrize("count", [5_000, pytest.param(200_000, marks=pytest.mark.slow)])
-def test_spoiled_messages_give_typed_errors_and_cost_little(count: int) -> None:
+def test_mutated_messages_give_typed_errors_and_cost_little(count: int) -> None:
     gc.freeze()  # collecting the objects of earlier tests is not a cost of decoding
     try:
         found = fuzz_codec.fuzz_codec(count, seed=count)
@@ -22,5 +22,5 @@ def test_spoiled_messages_give_typed_errors_and_cost_little(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [5_000, pytest.param(200_000, marks=pytest.mark.slow)])
-def test_the_compiled_reader_says_what_the_other_says_of_every_message(count: int) -> None:
+def test_the_compiled_and_the_generic_reader_agree_on_every_message(count: int) -> None:
     assert fuzz_codec.differences(count, seed=count) == []

@@ -1,4 +1,4 @@
-"""Every decoder of files on mutated and random ones: a value or an error of its own type, soon."""
+"""Every decoder of files, given mutated and random files, gives a value or its typed error, within bounds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_SECONDS, MOST_MEMORY_MB = 10.0, 300.0
 def test_every_decoder_reads_its_valid_files(tmp_path: Path) -> None:
     for decoder in decoders(tmp_path):
         (tmp_path / "f").write_bytes(decoder.pack(decoder.seeds[0]))
-        if decoder.name != "study":  # which asks for a whole study round it
+        if decoder.name != "study":  # needs a whole study around it
             decoder.read(tmp_path / "f")
 
 

@@ -1,4 +1,4 @@
-"""What a record of the motors says of a fault, on records that can be checked by hand."""
+"""Measurements of faults from records of the motors that can be checked by hand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def tick(at_ms: int, speed: float, x: float = 0.0, touching: bool = False) -> Li
     return Line(ADVANCE, touching, 7, at_ms * MS, 0.0, 0.0, x, 0.0, speed, 0.0, 1.0)
 
 
-def test_a_record_is_read_as_it_grows_and_half_an_entry_waits(tmp_path: Path) -> None:
+def test_a_record_is_read_as_it_grows_and_a_partial_entry_waits(tmp_path: Path) -> None:
     path = tmp_path / "motors.bin"
     motors = MotorRecord(path)
     assert motors.look().words == [] and motors.speed() == 0.0
@@ -42,11 +42,11 @@ def test_a_record_is_read_as_it_grows_and_half_an_entry_waits(tmp_path: Path) ->
     ],
     ids=["healthy", "same-again", "standing", "turning", "another-process"],
 )
-def test_how_long_motors_ran_on_one_command(words: list[Line], expected: float) -> None:
+def test_the_longest_time_on_one_command(words: list[Line], expected: float) -> None:
     assert ran_on(words) == pytest.approx(expected)
 
 
-def test_an_old_command_let_in_again_is_seen() -> None:
+def test_an_old_command_that_comes_again_is_counted() -> None:
     words = [word(0, 0.5, 0.01), word(50, 0.5, 0.02), word(100, 0.5, 0.02), word(150, 0.5, 0.01), word(200, 0.5, 0.03)]
     assert old_words(words, 0) == 1
     assert old_words(words, 160 * MS) == 0
@@ -54,7 +54,7 @@ def test_an_old_command_let_in_again_is_seen() -> None:
     assert old_words(standing, 0) == 0
 
 
-def test_when_the_motors_stood_and_turned_again(tmp_path: Path) -> None:
+def test_the_first_stop_standstill_and_turn_after_a_time_are_found(tmp_path: Path) -> None:
     path = tmp_path / "motors.bin"
     lines = [word(0, 0.5), word(90, 0.0), tick(100, 0.4), tick(150, 5e-4), word(700, 0.1)]
     path.write_bytes(b"".join(line.bytes() for line in lines))

@@ -1,4 +1,4 @@
-"""Two operators at one robot: every request ends, with an answer or a typed error, and is done once at most."""
+"""Two operators at one robot: every request ends, in an answer or a typed error, and is carried out once at most."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TWO_PROCESSES = (
 
 
 def account(found: dict[str, Any], requests: int) -> None:
-    """Every request ended within its bound; no goal was given twice, and none to nobody."""
+    """Check that every request ended in time, and that answered and received goals agree."""
     ended = {how: count for how, count in found["ended"].items() if not how.startswith("(")}
     assert sum(ended.values()) == requests and not [how for how in ended if "hangs" in how], found
     assert found["goals_answered_twice"] == 0 and found["longest_s"] < 7.0, found

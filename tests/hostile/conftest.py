@@ -1,4 +1,4 @@
-"""Puts this folder's own modules within reach of its tests, and imports what commands import, once."""
+"""Makes this folder's modules importable by its tests, and imports once what the commands import."""
 
 from __future__ import annotations
 

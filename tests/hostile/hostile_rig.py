@@ -1,4 +1,4 @@
-"""Runs a command on a file made to do harm: in a forked child, with a bound on its inputs, its memory and its time."""
+"""Runs a command on a hostile file in a forked child, with bounds on its inputs, memory and time."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MEMORY_MB = 3000
 SECONDS, WAIT = 20, 120
 """Processor time and wall time after which a command is killed, s."""
 ZEROS = 100_000_000
-"""Bytes that a bomb unpacks to."""
+"""Size that a bomb unpacks to, bytes."""
 NOTICES = ("dropped", "later ones load them")
-"""Ends of lines that are no errors."""
+"""Ends of lines on standard error that are no errors."""
 
 
 class Outcome(NamedTuple):
-    """Exit code, standard error, peak of the memory beyond what was there before, MB, and processor time, s."""
+    """Exit code, standard error, peak increase of memory, MB, and processor time, s."""
 
     code: int
     error: str
@@ -34,14 +34,14 @@ class Outcome(NamedTuple):
 
 
 def status_mb(name: str) -> float:
-    """A line of this process's status, as VmHWM, MB."""
+    """A value of this process's /proc status, such as VmHWM, MB."""
     found = re.search(rf"{name}:\s+(\d+) kB", Path("/proc/self/status").read_text("ascii"))
     assert found is not None
     return int(found[1]) / 1e3
 
 
 def navloom(folder: Path, *words: str, bound_mb: float = BOUND_MB) -> Outcome:
-    """The command line in a child of its own."""
+    """Run the command line in a forked child."""
     said, told = folder / "stderr.txt", folder / "told.txt"
     child = os.fork()
     if not child:
@@ -53,7 +53,7 @@ def navloom(folder: Path, *words: str, bound_mb: float = BOUND_MB) -> Outcome:
 
 
 def _run(words: tuple[str, ...], said: Path, told: Path, bound_mb: float) -> None:
-    """Never returns."""
+    """Run the command and write its outcome; never returns."""
     code = -1
     try:
         signal.alarm(WAIT)
@@ -63,7 +63,7 @@ def _run(words: tuple[str, ...], said: Path, told: Path, bound_mb: float) -> Non
         sys.argv = ["navloom", *words]
         sys.stdout = io.StringIO()
         before = status_mb("VmRSS")
-        Path("/proc/self/clear_refs").write_text("5", "ascii")  # the peak counts from here
+        Path("/proc/self/clear_refs").write_text("5", "ascii")  # reset the peak
         limit = round((status_mb("VmSize") + MEMORY_MB) * 1e6)
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         began = time.process_time()
@@ -82,7 +82,7 @@ def _run(words: tuple[str, ...], said: Path, told: Path, bound_mb: float) -> Non
 def refused(
     folder: Path, text: str, *words: str, bound_mb: float = BOUND_MB, peak_mb: float = 60.0, seconds: float = 3.0
 ) -> None:
-    """A command that is refused in one line, at a cost."""
+    """Check that a command is refused in one line that matches `text`, within bounds of memory and time."""
     found = navloom(folder, *words, bound_mb=bound_mb)
     lines = found.error.splitlines()
     assert lines and all(line.endswith(NOTICES) for line in lines[:-1]), found.error[-800:]
@@ -95,14 +95,14 @@ MAP_YAML = "{image: m.pgm, resolution: 0.1, origin: [0, 0, 0], negate: 0, occupi
 
 
 def laughs(levels: int, item: str) -> str:
-    """Each level nine times the one before."""
+    """A YAML map description with nested aliases: each level has nine times the items of the one before."""
     lines = [f"a0: &a0 {item}"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, levels)]
     return "\n".join([*lines, f"image: *a{levels - 1}", MAP_YAML[1:-1].replace(", ", "\n").partition("\n")[2]])
 
 
 def merges(levels: int) -> str:
-    """The same by merging tables, which copies them."""
+    """The same growth by merge keys, which copy tables."""
     lines = ["a0: &a0 {x: 1}"]
     lines += [f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 9)}]}}" for n in range(1, levels)]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Sweeps, configs, worlds and maps made to do harm: one line, exit code 2, and little memory and time."""
+"""Hostile sweeps, configs, worlds and maps are refused in one line, with exit code 2 and little memory and time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from navloom.config import load_config
 
 
 def npy(shape: str, kind: str = "<f8", version: int = 1, padding: int = 0) -> bytes:
-    """The header of an array."""
+    """The header of a .npy file."""
     text = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".encode() + b" " * padding + b"\n"
     return b"\x93NUMPY" + bytes([version, 0]) + struct.pack("<H" if version == 1 else "<I", len(text)) + text
 
@@ -97,7 +97,7 @@ def test_a_hostile_override_is_refused(tmp_path: Path, change: str, said: str) -
     refused(tmp_path, f"--set .*{said}", "config", "check", "paper", "--set", change)
 
 
-def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
+def test_pipes_folders_and_devices_are_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.toml")
     (tmp_path / "folder.toml").mkdir()
     for name, said in (("pipe.toml", "is a pipe"), ("folder.toml", "Is a directory"), ("/dev/zero", "is a device")):
@@ -118,7 +118,7 @@ def test_a_file_that_grows_is_read_up_to_the_bound(tmp_path: Path, monkeypatch: 
 
     def opened(path: Path, refusal: bounds.Refusal) -> io.BufferedReader:
         file = grown(path, refusal)
-        monkeypatch.setattr(os, "fstat", lambda number: os.stat_result((0,) * 10))  # its size before it grew
+        monkeypatch.setattr(os, "fstat", lambda number: os.stat_result((0,) * 10))  # the size before
         return file  # type: ignore[return-value]
 
     monkeypatch.setattr(bounds, "open_file", opened)
@@ -128,7 +128,7 @@ def test_a_file_that_grows_is_read_up_to_the_bound(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.parametrize("given", ["much", "0", "-1", "nan", "1e300"])
-def test_a_bound_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, given: str) -> None:
+def test_a_bound_that_is_no_positive_number_is_refused(monkeypatch: pytest.MonkeyPatch, given: str) -> None:
     from navloom.inputs.bounds import bytes_of
 
     monkeypatch.setenv("NAVLOOM_MAX_INPUT_MB", given)
@@ -188,12 +188,12 @@ def test_a_hostile_image_is_refused(tmp_path: Path, kind: str) -> None:
     refused(tmp_path, said, "run", "paper", "--set", f"world.ref=rosmap:{tmp_path / 'm.yaml'}")
 
 
-def test_an_image_of_many_pixels_takes_few_bytes_each(tmp_path: Path) -> None:
+def test_an_image_of_20_million_pixels_takes_at_most_10_bytes_each(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(MAP_YAML)
     (tmp_path / "m.pgm").write_bytes(png(5000, 4000, bytes(5001 * 4000)))
     found = navloom(tmp_path, "plan", str(tmp_path / "m.yaml"), "--from", "-1,-1", "--to", "-2,-2", bound_mb=100)
-    assert found.code in (1, 2) and "Traceback" not in found.error, found  # outside the map, which is read by then
-    assert found.peak_mb < 200.0, found  # 10 bytes a pixel; they took 21
+    assert found.code in (1, 2) and "Traceback" not in found.error, found  # outside the map that was read
+    assert found.peak_mb < 200.0, found  # 10 bytes a pixel; once it was 21
 
 
 MAP = b"type octile\nheight %d\nwidth 1\nmap\n"

@@ -1,4 +1,4 @@
-"""Recordings, ROS bags and studies made to do harm: one line, exit code 2, and little memory and time."""
+"""Hostile recordings, ROS bags and studies are refused in one line, with exit code 2 and little memory and time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def chunk(content: bytes, size: int, how: bytes = b"zstd") -> bytes:
 
 @functools.cache
 def head() -> bytes:
-    """What a recording of the paper's run says of itself."""
+    """The header of a recording of the paper's run, as JSON."""
     return header_of(load_config("paper"), "lockstep", {}).to_text().encode()
 
 
@@ -62,11 +62,11 @@ def test_a_hostile_recording_is_refused(tmp_path: Path, kind: str) -> None:
     content, said = RECORDINGS[kind]
     path = tmp_path / "r.mcap"
     path.write_bytes(content())
-    refused(tmp_path, said, "replay", str(path), peak_mb=250.0, seconds=6.0)  # loading kernels takes 100 MB of it
+    refused(tmp_path, said, "replay", str(path), peak_mb=250.0, seconds=6.0)  # loading kernels takes 100 MB of that
 
 
 def packed_bag(path: Path, ros: int) -> Path:
-    """A good bag, but for a chunk that unpacks to 100 MB: odometry, a scan, its mount, and a long text beside them."""
+    """A valid bag with odometry, a scan, its mount, and a text that makes its chunk unpack to 100 MB."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -113,7 +113,7 @@ COMPUTED = {
 
 
 def computed_bag(path: Path, kind: str) -> Path:
-    """A good bag, but for its messages."""
+    """A valid bag but for its table of messages, which is computed."""
     bag = bags.room_bag(path, 2)
     database = sqlite3.connect(next(bag.glob("*.db3")))
     database.executescript(f"DROP TABLE messages; {COMPUTED[kind]};")

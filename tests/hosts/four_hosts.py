@@ -1,4 +1,4 @@
-"""A robot spread over four hosts: base, brain, drive, and the router's hub; with a desk to give goals from."""
+"""A robot spread over four hosts: base, brain, drive, and hub with the router; goals come from a desk."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Robot:
 
     Attributes:
         lab: Its hosts.
-        realm, name: Its names.
-        secure: Over TLS, with certificates of its own; else plain TCP.
-        port: Of its router.
+        realm, name: Realm and name of the robot.
+        secure: Use TLS with its own certificates; else plain TCP.
+        port: Port of its router.
     """
 
     lab: Lab
@@ -43,7 +43,7 @@ class Robot:
 
     @property
     def motors(self) -> Path:
-        """Where each word to its motors is kept."""
+        """Log of each command to the motors."""
         return self.lab.folder / f"{self.name}-motors.log"
 
     @property
@@ -53,20 +53,20 @@ class Robot:
 
     @property
     def endpoint(self) -> str:
-        """Of its router."""
+        """Endpoint of its router."""
         return f"{'tls' if self.secure else 'tcp'}/{self.lab['hub'].address}:{self.port}"
 
     @property
     def options(self) -> list[str]:
-        """Where a command on the desk finds it."""
+        """Options with which a command on the desk reaches the robot."""
         way = ["--keys", str(self.keys)] if self.secure else ["--insecure"]
         return ["--robot", f"{self.realm}/{self.name}", "--connect", self.endpoint, *way]
 
     def write(self) -> Path:
         """Write its config and certificates.
 
-        Its wheels do not slip, because it drives for an hour on odometry alone. A campaign stops it and kills its
-        processes so often that neither its goals nor its restarts have a limit.
+        The wheels do not slip, because the robot drives for an hour on odometry alone. A campaign stops it and kills
+        its processes so often that neither the time nor the number of restarts is limited.
         """
         text = SHIPPED.read_text("utf-8") + "\n"
         for old, new in (
@@ -89,7 +89,7 @@ class Robot:
         return path
 
     def bring_up(self) -> None:
-        """`navloom up --host` on each host at once; returns when every one says that the robot is complete."""
+        """`navloom up --host` on each host at once; returns when each reports that every node is there."""
         config = self.write()
         way = [] if self.secure else ["--insecure"]
         for name in FOUR:
@@ -98,16 +98,16 @@ class Robot:
             program.wait_for("every node is there")
 
     def take_down(self) -> dict[str, int]:
-        """Ctrl-C on each host, the router's last; exit code of each."""
+        """Press Ctrl-C on each host, the router's last; returns the exit code of each."""
         return {name: self.programs[name].end() for name in ("brain", "drive", "base", "hub")}
 
     def looks(self) -> str:
-        """What the desk is told of it; in JSON, with what became of the messages of every stream."""
+        """Output of `list` and `doctor` on the desk, in JSON, with the message counts of every stream."""
         desk = self.lab["desk"]
         return "\n".join(desk.run(word, "--json", *self.options).stdout for word in ("list", "doctor"))
 
     def shuttle(self, *places: str) -> Program:
-        """A program on the desk that sends it to and fro between places X,Y, and says how each goal ended."""
+        """A program on the desk that sends the robot to and fro between places X,Y, and prints how each goal ended."""
         desk = self.lab["desk"]
         keys = str(self.keys) if self.secure else "-"
         return desk.python("shuttle.py", f"{self.realm}/{self.name}", self.endpoint, keys, *places)

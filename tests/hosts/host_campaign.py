@@ -1,6 +1,6 @@
-"""Faults of the network, each many times, put into a robot on four hosts that drives to and fro over a slow cable.
+"""Injects network faults, each many times, into a robot on four hosts that drives to and fro over a slow cable.
 
-`python tests/hosts/host_campaign.py --times 20` prints what became of the motors, as a table.
+`python tests/hosts/host_campaign.py --times 20` prints the effects on the motors as a table.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from wall_clocks import WallClocks, why_no_clocks
 __all__ = ["FAULTS", "Campaign", "Outcome", "campaign", "table"]
 
 CUT = 3.0
-"""s a cable stays out."""
+"""How long a cable stays cut, s."""
 FULL = 0.35
-"""m/s from which on the robot counts as at full speed; its reference is 0.4 on straights."""
+"""Speed from which the robot counts as at full speed, m/s; its reference is 0.4 on straights."""
 LOOK = 2.0
-"""s that motors are watched after a fault that ought not to stop them."""
+"""How long the motors are watched after a fault that must not stop them, s."""
 HOUR = 3600.0
 PLACES = ("0,7.6", "0,0")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one fault: of the motors, whether anything was touched, and how goals ended meanwhile."""
+    """Effects of one fault: on the motors, whether the robot touched something, and how goals ended meanwhile."""
 
     fault: Fault
     touched: bool
@@ -49,9 +49,9 @@ class Campaign:
     """A robot that drives to and fro.
 
     Attributes:
-        lab, robot, motors: It, and what its motors were told.
-        clocks: Of its hosts; None where they cannot be set.
-        chance: Spreads the faults over a tick and a lease.
+        lab, robot, motors: Its hosts, the robot, and the log of its motors.
+        clocks: Wall clocks of the hosts; None where they cannot be set.
+        chance: Random delays that spread the faults over a tick and a lease.
     """
 
     lab: Lab
@@ -65,7 +65,7 @@ class Campaign:
         self._ahead = dict.fromkeys(FOUR, 0.0)
 
     def inject(self, name: str) -> Outcome:
-        """One fault, at full speed."""
+        """Inject one fault at full speed."""
         until(self._is_fast, 180, f"{FULL} m/s before: {name}; {self._shuttle.said[-3:]}")
         said = len(self._shuttle.said)
         fault = FAULTS[name](self)
@@ -80,7 +80,7 @@ class Campaign:
         return self._until_again(began, time.monotonic())
 
     def kill_router(self) -> Fault:
-        """SIGKILL to the router, which is started again by `navloom up`."""
+        """Send SIGKILL to the router, which `navloom up` restarts."""
         up = self.robot.programs["hub"].process.pid
         children = Path(f"/proc/{up}/task/{up}/children").read_text("ascii").split()
         began = time.monotonic()
@@ -89,14 +89,14 @@ class Campaign:
         return self._until_again(began, time.monotonic())
 
     def jump(self, host: str) -> Fault:
-        """Set a host's wall clock an hour ahead, or back."""
+        """Set a host's wall clock an hour ahead or, if it is ahead, back."""
         assert self.clocks is not None
         self._ahead[host] = HOUR - self._ahead[host]
         self.clocks.set(host, self._ahead[host])
         return self.look_on()
 
     def look_on(self) -> Fault:
-        """Do nothing: what a machine that is shared with others does by itself."""
+        """Observe without a fault, to measure the disturbance of a shared machine."""
         began = time.monotonic()
         time.sleep(LOOK)
         self.motors.look()
@@ -124,7 +124,7 @@ FAULTS: dict[str, Callable[[Campaign], Fault]] = {
 
 @contextmanager
 def campaign(is_secure: bool = True) -> Iterator[Campaign]:
-    """A robot on four hosts, on its way, gone afterwards."""
+    """A robot on four hosts that drives; ended on exit."""
     with lab(*NAMES, slow={"brain": Slow()}) as hosts:
         clocks = None if why_no_clocks() else WallClocks(hosts)
         robot = Robot(hosts, secure=is_secure)
@@ -139,7 +139,7 @@ def campaign(is_secure: bool = True) -> Iterator[Campaign]:
 
 
 def table(outcomes: dict[str, list[Outcome]]) -> str:
-    """The distribution of each fault, as median (largest)."""
+    """Distribution of each fault, as median (maximum)."""
 
     def spread(values: list[float | None], unit: float) -> str:
         known = sorted(value for value in values if value is not None)

@@ -1,7 +1,7 @@
-"""Several hosts on one machine: network namespaces on a switch of their own, with cables that can be cut or slow.
+"""Several hosts on one machine: network namespaces on their own switch, with cables that can be cut or slow.
 
-Every name carries the number of this process and of the rig within it, addresses exist in the namespaces alone, and
-nothing is made in the machine's own network: any number of rigs can stand side by side.
+Every name contains the number of this process and of the rig within it, addresses exist only in the namespaces, and
+nothing is created in the machine's own network, so any number of rigs can run side by side.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Slow:
 
 
 class Program:
-    """A process on a host, with what it says."""
+    """A process on a host, with the lines that it prints."""
 
     def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
         self.process = subprocess.Popen(
@@ -64,7 +64,7 @@ class Program:
             self._news.notify_all()
 
     def wait_for(self, text: str, timeout: float = START, after: int = 0) -> int:
-        """Wait until a line with this text was said; gives the number of lines up to it."""
+        """Wait until a line with this text is printed; returns the number of lines up to it."""
 
         def found() -> int:
             return next((n + 1 for n, line in enumerate(self.said) if n >= after and text in line), 0)
@@ -76,7 +76,7 @@ class Program:
             return found()
 
     def end(self, number: signal.Signals = signal.SIGINT) -> int:
-        """Ctrl-C, or another signal; gives the exit code."""
+        """Send Ctrl-C, or another signal; returns the exit code."""
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
@@ -92,12 +92,12 @@ class Host:
     """One host.
 
     Attributes:
-        name: As in the config's `[live.hosts]`.
-        namespace: Of its network.
-        address: In the switch's network.
-        runtime: Its runtime folder.
-        uptime: s its monotonic clock is ahead of this machine's.
-        environment: Of its processes, beside this one's.
+        name: Name in the config's `[live.hosts]`.
+        namespace: Network namespace.
+        address: Address in the switch's network.
+        runtime: Runtime folder.
+        uptime: How far its monotonic clock is ahead of this machine's, s.
+        environment: Variables of its processes in addition to this one's.
     """
 
     name: str
@@ -109,7 +109,7 @@ class Host:
     programs: list[Program] = field(default_factory=list)
 
     def command(self, *arguments: str) -> list[str]:
-        """A navloom command, as it is run within this host."""
+        """Command line that runs a navloom command on this host."""
         return [*self._inside(), *COMMAND, *arguments]
 
     def _inside(self) -> list[str]:
@@ -123,25 +123,25 @@ class Host:
         return {**os.environ, "NAVLOOM_RUNTIME_DIR": str(self.runtime), **self.environment}
 
     def start(self, *arguments: str) -> Program:
-        """A navloom command that goes on."""
+        """Start a navloom command that keeps running."""
         self.programs.append(Program(self.command(*arguments), self.surroundings()))
         return self.programs[-1]
 
     def python(self, script: str, *arguments: str) -> Program:
-        """A script of this folder that goes on."""
+        """Start a script of this folder that keeps running."""
         command = [*self._inside(), sys.executable, str(Path(__file__).with_name(script)), *arguments]
         self.programs.append(Program(command, self.surroundings()))
         return self.programs[-1]
 
     def run(self, *arguments: str, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
-        """A navloom command that ends."""
+        """Run a navloom command to its end."""
         return subprocess.run(
             self.command(*arguments), env=self.surroundings(), capture_output=True, text=True, timeout=timeout,
             check=False,
         )  # fmt: skip
 
     def json(self, *arguments: str, timeout: float = 120.0) -> Any:
-        """What a navloom command prints with --json."""
+        """Value that a navloom command prints with --json."""
         done = self.run(*arguments, "--json", timeout=timeout)
         assert done.stdout, done.stderr
         return json.loads(done.stdout)
@@ -151,10 +151,10 @@ class Lab:
     """Hosts on a switch. Use `lab`.
 
     Args:
-        folder: For runtime folders and logs.
-        names: Of the hosts.
-        slow: Cables that are not fast.
-        own_clocks: Each host after the first has a monotonic clock of its own, as real hosts do.
+        folder: Folder for runtime folders and logs.
+        names: Names of the hosts.
+        slow: Slow cables, by host.
+        own_clocks: Each host after the first has its own monotonic clock, as real hosts do.
     """
 
     def __init__(self, folder: Path, names: Sequence[str], slow: dict[str, Slow], own_clocks: bool) -> None:
@@ -174,7 +174,7 @@ class Lab:
         return self.hosts[name]
 
     def build(self) -> None:
-        """Make namespaces, switch and cables."""
+        """Create namespaces, switch and cables."""
         switch = f"{self.prefix}-{SWITCH}"
         _ip("netns", "add", switch)
         _ip("-n", switch, "link", "add", "name", "br0", "type", "bridge", "forward_delay", "0", "stp_state", "0")
@@ -209,7 +209,7 @@ class Lab:
         _ip("-n", f"{self.prefix}-{SWITCH}", "link", "set", "dev", name, "down")
 
     def mend(self, name: str) -> None:
-        """Put it back."""
+        """Put a host's cable back."""
         _ip("-n", f"{self.prefix}-{SWITCH}", "link", "set", "dev", name, "up")
 
     def clear(self) -> None:
@@ -230,8 +230,8 @@ class Lab:
 
 @contextmanager
 def lab(*names: str, slow: dict[str, Slow] | None = None, own_clocks: bool = True) -> Iterator[Lab]:
-    """Hosts of these names, gone afterwards whatever happens."""
-    folder = Path(tempfile.mkdtemp(prefix="nl", dir="/tmp"))  # short: the name of a socket has little room
+    """Hosts of these names; always removed on exit."""
+    folder = Path(tempfile.mkdtemp(prefix="nl", dir="/tmp"))  # short: the path of a socket is limited
     made = Lab(folder, names, slow or {}, own_clocks and _has_time_namespaces())
     try:
         made.build()
@@ -242,7 +242,7 @@ def lab(*names: str, slow: dict[str, Slow] | None = None, own_clocks: bool = Tru
 
 
 def why_not() -> str:
-    """Why no hosts can be made here; empty where they can."""
+    """Why hosts cannot be created here; empty if they can."""
     if shutil.which("ip") is None:
         return "`ip` of iproute2 is not installed"
     if not Path("/dev/net/tun").exists():
@@ -262,7 +262,7 @@ def why_not() -> str:
 
 @contextmanager
 def last_words(*programs: Program, ask: Callable[[], str]) -> Iterator[None]:
-    """Where something does not come about, tell what programs have said last, and what comes of asking then."""
+    """Add the last lines of programs, and the answer of `ask`, to the message of an AssertionError."""
     try:
         yield
     except AssertionError as error:
@@ -270,7 +270,7 @@ def last_words(*programs: Program, ask: Callable[[], str]) -> Iterator[None]:
 
 
 def until(claim: Callable[[], Any], timeout: float, what: str) -> Any:
-    """Wait until a claim holds that gives no event of its own, such as a line in a file; gives what it gave."""
+    """Poll until a claim without an event, such as a line in a file, holds; returns its value."""
     limit = time.monotonic() + timeout
     while not (found := claim()):
         if time.monotonic() > limit:

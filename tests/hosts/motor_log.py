@@ -1,4 +1,4 @@
-"""A platform for tests: the simulated robot, with a line in a file for each word its motors get."""
+"""A platform for tests: the simulated robot, which logs each command to its motors in a file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["MotorLog", "install"]
 
 
 class MotorLogParams(SensorsSimParams):
-    """Those of the simulated robot, and where its log goes."""
+    """Parameters of the simulated robot, and the file of its log."""
 
     motor_log: str = Field(description="file that each command to the motors is added to")
 
 
 class MotorLog(SensorsSim):
-    """The simulated robot. A line is: monotonic time in ns, forward speed in m/s, turn rate in rad/s.
+    """The simulated robot with a log. A line is: monotonic time in ns, forward speed in m/s, turn rate in rad/s.
 
-    Lines with the word `at` hold what the robot did in a tick: time in ns, true speed, turn rate, contact, x, y.
+    A line that begins with `at` is the true state after a tick: time in ns, speed, turn rate, contact, x, y.
     """
 
     name = "motor_log"
@@ -35,12 +35,12 @@ class MotorLog(SensorsSim):
         self._log = os.open(self.params.motor_log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
-        """Have the wheels take a command."""
+        """Log a command, and pass it to the wheels."""
         os.write(self._log, b"%d %.6f %.6f\n" % (time.monotonic_ns(), command.vx, command.wz))
         super().drive(command, time_ns)
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Drive on."""
+        """Advance, and log the true state."""
         output = super().advance(given)
         truth = output.truth
         if truth is not None:
@@ -57,7 +57,7 @@ def navloom_register(registry: Registry) -> None:
 
 
 def install(folder: Path) -> str:
-    """Make it known as an installed plugin to processes whose PYTHONPATH is the answer.
+    """Make the platform appear installed to processes whose PYTHONPATH is the returned text.
 
     Args:
         folder: Empty folder for its metadata.

@@ -1,4 +1,4 @@
-"""What a motor log says about a fault: how long the motors ran on, when they stood, and when they turned again."""
+"""Measures from a motor log how long the motors ran on after a fault, when they stopped, and when they turned again."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from pathlib import Path
 __all__ = ["Fault", "MotorWords"]
 
 STILL = 1e-3
-"""m/s and rad/s below which the robot stands."""
+"""Speed below which the robot is stopped, m/s and rad/s."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What came of one fault.
+    """Effects of one fault on the motors.
 
     Attributes:
-        ran_on: Longest time without a word to motors that turned, s.
-        stopped: From its beginning to the first zero, s; None where the motors never stopped.
-        stood: From that zero until the robot stood, s.
-        again: From its end until the motors turned again, s; None where they turned then.
+        ran_on: Longest time without a new command while the motors turned, s.
+        stopped: Time from the start of the fault to the first stop command, s; None if there was none.
+        stood: Time from that command until the robot was stopped, s.
+        again: Time from the end of the fault until the motors turned again, s; None if they were turning at its end.
     """
 
     ran_on: float
@@ -33,10 +33,10 @@ class MotorWords:
     """Reads a motor log as it grows.
 
     Attributes:
-        words: (s, forward speed m/s, turn rate rad/s) of each word to the motors, monotonic time of the base.
-        states: (s, forward speed, turn rate) of the robot at each tick.
+        words: (time s, forward speed m/s, turn rate rad/s) of each command, monotonic clock of the base.
+        states: (time, forward speed, turn rate) of the robot at each tick, same units.
         place: (x, y) at the newest tick, m.
-        touched: It touched something.
+        touched: The robot has touched something.
     """
 
     def __init__(self, path: Path) -> None:
@@ -48,7 +48,7 @@ class MotorWords:
         self.touched = False
 
     def look(self) -> MotorWords:
-        """Take in what was added."""
+        """Read the lines that were added."""
         if not self._path.exists():
             return self
         with self._path.open("rb") as file:
@@ -69,19 +69,19 @@ class MotorWords:
 
     @property
     def speed(self) -> float:
-        """The newest word to the motors, m/s; 0 before the first."""
+        """Forward speed of the newest command, m/s; 0 before the first."""
         return self.look().words[-1][1] if self.look().words else 0.0
 
     def turned_after(self, time: float) -> float | None:
-        """When the motors were first told to turn after a time, s."""
+        """Time of the first command after a time that turns the motors, s; None if there is none."""
         return next((at for at, speed, turn in self.look().words if at > time and (speed or turn)), None)
 
     def fault(self, began: float, ended: float, limit: float) -> Fault:
-        """What came of a fault.
+        """Effects of a fault.
 
         Args:
-            began, ended: Its times, s.
-            limit: Time up to which it is looked at, s: the motors turn again by then.
+            began, ended: Start and end of the fault, s.
+            limit: End of the measurement, s; the motors turn again by then.
         """
         words = [word for word in self.words if began - 0.2 < word[0] <= limit]
         gaps = [after[0] - word[0] for word, after in itertools.pairwise(words) if word[1] or word[2]]

@@ -1,6 +1,6 @@
-"""Drives a robot to and fro between places for as long as it runs: `python shuttle.py ROBOT ENDPOINT KEYS X,Y X,Y …`.
+"""Drives a robot to and fro between places until it is ended: `python shuttle.py ROBOT ENDPOINT KEYS X,Y X,Y …`.
 
-KEYS is a folder of certificates, or `-` for plain TCP. Each goal's end is one line.
+KEYS is a folder of certificates, or `-` for plain TCP. It prints a line for the end of each goal.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A slow cable between two TAP devices in two network namespaces: rate, delay and loss, in both directions.
 
-It stands in for `tc netem`, which many kernels of containers and small virtual machines lack, and takes the same
+It replaces `tc netem`, which many kernels of containers and small virtual machines lack, and takes the same
 figures: `python slow_wire.py NAMESPACE/DEVICE NAMESPACE/DEVICE RATE DELAY LOSS`, in bit/s, s and a share of frames.
 """
 
@@ -23,7 +23,7 @@ CLONE_NEWNET = 0x40000000
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
 LARGEST_FRAME = 65_536
 QUEUE = 1000
-"""Frames that wait at most, as netem's default limit; those beyond are lost."""
+"""Largest number of waiting frames, netem's default limit; further frames are lost."""
 
 
 @dataclass
@@ -45,7 +45,7 @@ class Direction:
     free_at: float = 0.0
 
     def enter(self, frame: bytes, now: float) -> None:
-        """A frame goes in at a time, s."""
+        """Accept a frame at a time, s."""
         if len(self.waiting) >= QUEUE or self.chance.random() < self.loss:
             return
         self.free_at = max(now, self.free_at) + 8 * len(frame) / self.rate
@@ -59,12 +59,12 @@ class Direction:
         return arrived
 
     def wait(self, now: float) -> float:
-        """s until the next frame arrives; inf where none is on its way."""
+        """Time until the next frame arrives, s; inf if none is under way."""
         return max(0.0, self.waiting[0][0] - now) if self.waiting else float("inf")
 
 
 def open_tap(place: str) -> int:
-    """File of the TAP device at NAMESPACE/DEVICE, which is there already."""
+    """File descriptor of the existing TAP device at NAMESPACE/DEVICE."""
     namespace, _, device = place.partition("/")
     entry = os.open(f"/run/netns/{namespace}", os.O_RDONLY)
     if ctypes.CDLL(None, use_errno=True).setns(entry, CLONE_NEWNET):
@@ -96,16 +96,16 @@ def main(arguments: list[str]) -> None:
 
 
 def _take(tap: int, way: Direction, now: float) -> None:
-    """Everything that waits at one end goes in."""
+    """Accept every frame that waits at one end."""
     while True:
         try:
             way.enter(os.read(tap, LARGEST_FRAME), now)
-        except OSError:  # no more, or the end is down
+        except OSError:  # no more frames, or the end is down
             return
 
 
 def _give(tap: int, frame: bytes) -> None:
-    """A frame comes out; lost where the end is down."""
+    """Deliver a frame; it is lost if the end is down."""
     try:
         os.write(tap, frame)
     except OSError:

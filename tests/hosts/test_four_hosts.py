@@ -1,4 +1,4 @@
-"""A robot on four hosts with a router, as one would deploy it; cables are pulled while it scans and while it drives."""
+"""A robot on four hosts with a router, as in a deployment; cables are cut while it scans and while it drives."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from motor_words import MotorWords
 WITHOUT = why_not()
 pytestmark = pytest.mark.skipif(bool(WITHOUT), reason=WITHOUT or "hosts can be made")
 CUT = 1.5
-"""s: more than the lease of 1 s, after which the others know."""
+"""How long a cable stays cut, s: more than the lease of 1 s, after which the other hosts notice."""
 
 
-def test_a_goal_over_four_hosts_outlives_cables_that_are_pulled() -> None:
+def test_a_goal_over_four_hosts_survives_cut_cables() -> None:
     with lab(*NAMES, slow={"brain": Slow()}) as hosts:
         robot = Robot(hosts)
         robot.bring_up()

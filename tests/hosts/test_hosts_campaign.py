@@ -1,4 +1,4 @@
-"""Every fault of the network many times: minutes, so not part of the ordinary run."""
+"""Every network fault many times: takes minutes, so only with `-m slow`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from wall_clocks import why_no_clocks
 WITHOUT = why_not() or why_no_clocks()
 TIMES = 20
 WANTED = 0.150
-"""s that motors may go on after the last good word they were given."""
+"""Longest time that motors may run on after the last good command, s."""
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(bool(WITHOUT), reason=WITHOUT or "hosts can be made")
-def test_motors_stand_in_time_whatever_the_network_does_and_the_goal_is_carried_on() -> None:
+def test_motors_stop_in_time_at_every_network_fault_and_goals_succeed() -> None:
     with campaign() as running:
         outcomes = {name: [running.inject(name) for _ in range(TIMES)] for name in FAULTS}
     print(table(outcomes))

@@ -1,4 +1,4 @@
-"""What is read from a motor log, on one made by hand."""
+"""Measurements from a motor log made by hand."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ at 1250000000 0.000000 0.000000 0 1.0600 2.0000
 """
 
 
-def test_a_fault_is_timed_by_what_the_motors_were_told(tmp_path: Path) -> None:
+def test_a_fault_is_timed_by_the_commands_to_the_motors(tmp_path: Path) -> None:
     log = tmp_path / "motors.log"
     log.write_text(LOG + "5550000000 0.1", "utf-8")  # the last line is being written
     motors = MotorWords(log)
@@ -31,7 +31,7 @@ def test_a_fault_is_timed_by_what_the_motors_were_told(tmp_path: Path) -> None:
     assert motors.place == (1.06, 2.0) and not motors.touched
 
 
-def test_motors_that_never_stopped_say_so(tmp_path: Path) -> None:
+def test_motors_that_never_stopped_have_no_time_of_stopping(tmp_path: Path) -> None:
     log = tmp_path / "motors.log"
     log.write_text("".join(f"{n}000000000 0.4 0.0\n" for n in range(5)), "utf-8")
     fault = MotorWords(log).look().fault(1.0, 2.0, 4.5)

@@ -1,4 +1,4 @@
-"""The slow cable itself, on paper: rate, delay and loss are what was asked for."""
+"""The model of the slow cable has the rate, delay and loss that were requested."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_share_of_the_frames_is_lost() -> None:
     assert 0.75 * QUEUE < len(cable.due(1e9)) < 0.85 * QUEUE
 
 
-def test_a_full_queue_loses_what_comes_then() -> None:
+def test_a_full_queue_loses_further_frames() -> None:
     cable = way()
     for _ in range(QUEUE + 5):
         cable.enter(b"x", 0.0)

@@ -1,4 +1,4 @@
-"""Two robots in two realms on one host: each drives by its own commands alone."""
+"""Two robots in two realms on one host: each obeys only its own commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ REALMS = ("north", "south")
 
 
 @pytest.mark.slow
-def test_two_robots_reach_their_goals_and_neither_hears_the_others_commands(
+def test_two_robots_reach_their_goals_and_neither_obeys_the_others_commands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", install(tmp_path / "plugins"))

@@ -1,4 +1,4 @@
-"""Wall clocks of a lab's hosts that can be set while everything runs, as by an operator; monotonic clocks go on."""
+"""Wall clocks of a lab's hosts that can be set while everything runs; monotonic clocks are not affected."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["WallClocks", "settable_clock", "set_clock", "why_no_clocks"]
 
 
 def why_no_clocks() -> str:
-    """Why wall clocks cannot be set here; empty where they can."""
+    """Why wall clocks cannot be set here; empty if they can."""
     return "" if shutil.which("cc") else "no C compiler `cc`, which the settable wall clock is built with"
 
 
@@ -21,8 +21,8 @@ def settable_clock(library: Path, offset: Path) -> dict[str, str]:
     """Environment of processes whose wall clock `set_clock` sets.
 
     Args:
-        library: File to build; shared by those that have it already.
-        offset: File of the clock.
+        library: Library to build; reused if it exists.
+        offset: File with the offset of the clock.
     """
     if not library.exists():
         source = Path(__file__).with_name("wall_clock.c")
@@ -38,7 +38,7 @@ def set_clock(offset: Path, ahead: float) -> None:
 
 
 class WallClocks:
-    """Gives each host a wall clock of its own. Made before anything is started on them.
+    """Gives each host its own wall clock. Create it before any process of the hosts.
 
     Args:
         lab: The hosts.

@@ -1,4 +1,4 @@
-"""What README and docs tell their readers to type, as steps in the order of each page."""
+"""Commands and files of README and docs, as steps in the order of each page."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ NOT_RUN = {
     ("publishing.md", "navloom run building"): "of a plugin that is installed; the tutorial runs the same as a file",
     ("installing.md", "navloom run paper"): "in an environment of wheels; tests/test_wheels.py runs it there",
 }  # fmt: skip
-"""Commands that no test types, by page and beginning, and why."""
+"""Commands that no test runs: page and beginning of the command -> reason."""
 
 SHORT_STUDY = "navloom compare paper --vary avoider=improved_vfh,vff --worlds empty --seeds 0:1 --jobs 1 --out study"
 
 PROGRAMS = {"mkdir", "navloom", "python"}
-"""What a command may begin with without a reason here why it is not run."""
+"""Programs whose commands are run unless NOT_RUN lists them."""
 
 STAND_INS = {
     ("README.md", "navloom paper"): "navloom paper --help",
@@ -67,7 +67,7 @@ STAND_INS = {
     ("tutorial.md", "navloom compare"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
-"""Commands of more than some seconds, by page and beginning, and what is typed instead but with `-m slow`."""
+"""Slow commands: page and beginning of the command -> what is run instead, except with `-m slow`."""
 
 TOKENS = re.compile(
     r"^<!-- (?P<direction>[^\n]*?) -->$|^```(?P<language>\w*)\n(?P<block>.*?)^```$|"
@@ -76,7 +76,7 @@ TOKENS = re.compile(
 )
 PROMPT = re.compile(r"\w*\$\s+")
 GROUPS = {"config", "export", "keys", "params"}
-"""Commands that have commands."""
+"""Commands with subcommands."""
 UV = re.compile(r"uv run (?:--group \w+ )*")
 
 
@@ -86,9 +86,9 @@ class Step:
 
     Attributes:
         kind: command; inline, a command within the text; form, a command with placeholders or a name alone; python;
-            file, to be written; set-up, taken by `.ci/run`; scene, what the page supposes, by a comment `before: …`.
-        text: The command as it is typed, the code, the file's content, or the scene.
-        name: Of the file.
+            file, to be written; set-up, run by `.ci/run`; scene, what the page assumes, from a comment `before: …`.
+        text: The command as typed, the code, the file's content, or the scene.
+        name: Name of the file.
         output: Lines that the page shows below the command.
     """
 
@@ -104,7 +104,7 @@ class Step:
 
 
 def steps(page: Path) -> list[Step]:
-    """Everything on a page, in its order."""
+    """All steps of a page, in order."""
     text = page.read_text("utf-8")
     found: list[Step] = []
     marked = ""
@@ -126,7 +126,7 @@ def steps(page: Path) -> list[Step]:
 
 
 def _is_whole(command: str) -> bool:
-    """It can be typed: it has arguments, and none of them is a placeholder."""
+    """Whether a command can be run: it has arguments, and none is a placeholder."""
     parts = command.split()
     return len(parts) > (3 if parts[1] in GROUPS else 2) and re.search(r"[A-Z…|]", command) is None
 
@@ -153,13 +153,13 @@ def _of_block(page: str, line: int, language: str, block: str, marked: str) -> l
 
 
 def listed(table: dict[tuple[str, str], str], step: Step) -> tuple[str, str] | None:
-    """The entry of a table that a command falls under: the longest beginning."""
+    """The table entry of a command, the one with the longest beginning; None without one."""
     found = [entry for entry in table if entry[0] == step.page and step.text.startswith(entry[1])]
     return max(found, key=lambda entry: len(entry[1]), default=None)
 
 
 def needs_a_shell(command: str) -> bool:
-    """It is more than one navloom command by itself."""
+    """Whether a command is more than a single navloom command."""
     return not command.startswith("navloom ") or re.search(r" [|>] | && ", command) is not None
 
 

@@ -1,4 +1,4 @@
-"""A live robot for tests: its own runtime folder, the command line as a user has it, nothing left behind."""
+"""A live robot for tests, started by the command line in its own runtime folder; everything ends with the test."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ plugin = "known_map"
 drive = false
 start = { x = 0.0, y = 0.0 }
 """
-"""A robot with sonars where nothing is, that waits for goals; more of `[navigation]` and other tables may follow."""
+"""A robot with sonars in an empty world, waiting for goals; keys of `[navigation]` and other tables may follow."""
 HOSTING = ("up", "node")
-"""Commands that make their process a part of a robot."""
+"""Commands whose process becomes part of a robot."""
 START = 90.0
 END = 20.0
 
 
 class Up:
-    """`navloom up` as a process, with what it says."""
+    """`navloom up` as a process, with the lines that it prints."""
 
     def __init__(self, folder: Path, arguments: list[str]) -> None:
         self.environment = {**os.environ, "NAVLOOM_RUNTIME_DIR": str(folder)}
@@ -73,7 +73,7 @@ class Up:
             self._news.notify_all()
 
     def wait_for(self, text: str, timeout: float = START, after: int = 0) -> int:
-        """Wait until a line with this text was said; gives the number of lines up to it."""
+        """Wait until a line with this text is printed; returns the number of lines up to it."""
         with self._news:
             if not self._news.wait_for(
                 lambda: any(text in line for line in self.said[after:]) or self._is_over(), timeout
@@ -88,9 +88,9 @@ class Up:
         return bool(self.said) and self.said[-1] == "(ended)"
 
     def run(self, *arguments: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
-        """Another command on the same robot.
+        """Run another command on the same robot.
 
-        It runs in this process: an interpreter for each would cost 2 s of a processor. Those that host nodes have one.
+        It runs in this process, because a new interpreter costs 2 s of a processor; commands that host nodes get one.
         """
         if arguments[0] in HOSTING:
             command = [*COMMAND, *arguments]
@@ -114,13 +114,13 @@ class Up:
         return subprocess.CompletedProcess([*arguments], code, out, err)
 
     def json(self, *arguments: str, timeout: float = 60.0) -> Any:
-        """What another command prints with --json."""
+        """Value that another command prints with --json."""
         done = self.run(*arguments, "--json", timeout=timeout)
         assert done.stdout, done.stderr
         return json.loads(done.stdout)
 
     def end(self) -> int:
-        """Ctrl-C; gives the exit code."""
+        """Send Ctrl-C; returns the exit code."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         return self.process.wait(END)
@@ -148,7 +148,7 @@ def _bounded(seconds: float, what: str) -> Iterator[None]:
 
 @contextmanager
 def runtime_folder() -> Iterator[Path]:
-    """A short path: a socket's name may have no more than some hundred characters."""
+    """A folder with a short path: that of a socket is limited to about a hundred characters."""
     folder = Path(tempfile.mkdtemp(prefix="nl", dir="/tmp"))
     try:
         yield folder
@@ -158,7 +158,7 @@ def runtime_folder() -> Iterator[Path]:
 
 @contextmanager
 def up(*arguments: str) -> Iterator[Up]:
-    """A robot that is up, ended whatever happens."""
+    """A robot that is up; always ended on exit."""
     with runtime_folder() as folder:
         robot = Up(folder, list(arguments))
         try:
@@ -174,7 +174,7 @@ def up(*arguments: str) -> Iterator[Up]:
 
 
 def is_running(pid: int) -> bool:
-    """A process is there and not a zombie."""
+    """Whether a process exists and is no zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
     except OSError:

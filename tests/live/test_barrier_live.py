@@ -1,4 +1,4 @@
-"""Under the barrier, whatever the spread over processes, the trace is that of lockstep."""
+"""Under the barrier, the trace equals that of lockstep, however the nodes are spread over processes."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_the_trace_is_that_of_lockstep_with_swap_latency_stop_and_new_parameters
 
 
 VARYING = {"wall_s", "tick_us", "planner_ms", "mapper_ms", "shadows"}
-"""What is measured, and what nobody waits for."""
+"""Keys of a summary that may differ: measured times, and shadows, which the barrier does not wait for."""
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""README and docs, typed from top to bottom: each page in a folder of its own, on live robots of its own."""
+"""The steps of README and docs, run from top to bottom: each page in its own folder, with its own live robots."""
 
 from __future__ import annotations
 
@@ -29,19 +29,20 @@ from navloom.cli import main
 from navloom.plugins import Registry
 
 START, END = 120.0, 30.0
-"""s that a command may take to begin, and to end after it was told to."""
+"""Longest time for a command to start its work, and to end once asked to, s."""
 STAYING = {
     "up": "every node is there", "goal": "driving|succeeded", "record": "recording", "echo": "", "teleop": "x ends",
     "replay": "publish",
 }  # fmt: skip
-"""Commands that need a terminal of their own, and a pattern of what they say once they do what they are for. A robot
-that was stopped before it left is at its goal already."""
+"""Commands that need their own terminal -> pattern of the line that they print once they work.
+
+A goal may succeed at once, where the robot was stopped before it left."""
 MAY_FIND = {"doctor", "compare", "report"}
-"""Commands whose exit code is 1 where what they look at is not as it should be."""
+"""Commands that exit with 1 when they find a problem."""
 
 
 class Terminal:
-    """A command that goes on until it is ended: by a key where it reads keys, else by Ctrl-C."""
+    """A command that runs until it is ended: by a key if it reads keys, else by Ctrl-C."""
 
     def __init__(
         self, step: Step, arguments: list[str], folder: Path | None = None, runtime: Path | None = None
@@ -64,7 +65,7 @@ class Terminal:
         threading.Thread(target=self._read, daemon=True).start()
 
     def wait(self) -> None:
-        """Until it does what it is for."""
+        """Wait until the command works, by its pattern in STAYING."""
         awaited = re.compile(STAYING[self.command])
         with self._news:
             self._news.wait_for(lambda: self._over or any(map(awaited.search, self.said)), START)
@@ -81,7 +82,7 @@ class Terminal:
             self._news.notify_all()
 
     def end(self) -> None:
-        """End it as a user does; an interrupted goal or an unfinished drive is no failure of the page."""
+        """End the command as a user does; an interrupted goal or drive is no failure of the page."""
         try:
             if self.command == "teleop":
                 self._press_x()
@@ -97,7 +98,7 @@ class Terminal:
         assert code in allowed, (str(self.step), code, self.said[-20:])
 
     def _press_x(self) -> None:
-        """Press x until it is over: what is typed before the terminal is set up is lost."""
+        """Press x until the command ends: keys pressed before the terminal is set up are lost."""
         limit = time.monotonic() + END
         while self.process.poll() is None and time.monotonic() < limit:
             os.write(self.keyboard, b"x")
@@ -106,7 +107,7 @@ class Terminal:
 
 
 class Reader:
-    """Types what a page says, in a folder of its own."""
+    """Runs the steps of a page in its own folder."""
 
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         self.folder, self.capsys, self.monkeypatch = folder, capsys, monkeypatch
@@ -114,7 +115,7 @@ class Reader:
         self.pids: dict[str, int] = {}
 
     def take(self, step: Step, is_slow: bool = False) -> None:
-        """One step of a page."""
+        """Run one step of a page."""
         if step.kind == "file":
             with (self.folder / step.name).open("a", encoding="utf-8") as file:
                 file.write("\n" + step.text)
@@ -127,7 +128,7 @@ class Reader:
             self._type(step, step.text if entry is None else STAND_INS[entry])
 
     def close(self, command: str = "") -> None:
-        """End the terminals of one command, or all, the newest first."""
+        """End the terminals of one command, or all terminals, newest first."""
         for terminal in [one for one in reversed(self.terminals) if command in ("", one.command)]:
             self.terminals.remove(terminal)
             terminal.end()
@@ -150,7 +151,7 @@ class Reader:
             self.close(command)
 
     def run(self, step: Step, arguments: list[str] | None = None) -> None:
-        """A command that ends by itself, in this process: an interpreter for each would cost a second."""
+        """Run a command that ends by itself; in this process, because a new interpreter costs a second."""
         arguments = arguments or words(step.text)
         self.capsys.readouterr()
         self.monkeypatch.setattr(sys, "argv", ["navloom", *arguments])
@@ -170,7 +171,7 @@ class Reader:
             register(Registry())
 
     def _ask_shell(self, step: Step) -> None:
-        """A command with a redirection or another program; its home is the page's folder."""
+        """Run a command with a redirection or another program in a shell whose home is the page's folder."""
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         environment = {**os.environ, "HOME": str(self.folder), "PATH": path}
         done = subprocess.run(["bash", "-c", step.text], env=environment, capture_output=True, text=True, timeout=START)
@@ -183,7 +184,7 @@ class Reader:
             self._type(step, step.text)
 
     def send(self, number: signal.Signals, process: str) -> None:
-        """Send a signal to a process of the robot; after a death, wait until it is there again."""
+        """Send a signal to a process of the robot; after SIGKILL, wait until it has restarted."""
         from navloom.operating.navigator import Navigator
 
         with Navigator() as navigator:
@@ -196,14 +197,14 @@ class Reader:
 
 
 def _pids(navigator: Any, process: str) -> set[int]:
-    """In which processes its nodes answer."""
+    """Numbers of the processes in which the nodes of a process answer."""
     return {node["pid"] for node in navigator.client.describe() if node["process"] == process}
 
 
 def missing(shown: tuple[str, ...], said: str) -> list[str]:
-    """Words that a page shows and a command did not say: the first of each line, and all of a table's header.
+    """Words that a page shows and the command did not print: the first of each line, and all of a table's header.
 
-    Names and numbers differ from run to run, so only words in lower case count that are no path and no number.
+    Names and numbers differ from run to run, so only words in lower case that are no path and no number count.
     """
     is_table = re.search(r"\S {2,}\S.* {2,}\S", shown[0]) is not None
     lines = [line.split() if is_table and line == shown[0] else line.split()[:1] for line in shown]
@@ -221,7 +222,7 @@ def a_sweep(reader: Reader) -> None:
 
 
 def a_bag(reader: Reader) -> None:
-    """The ROS 1 bag of a robot that drives through a room."""
+    """A ROS 1 bag of a robot that drives through a room."""
     path = TOP / "plugins" / "ros" / "tests" / "ros_bags.py"
     spec = importlib.util.spec_from_file_location("navloom_docs_bags", path)
     assert spec is not None and spec.loader is not None
@@ -232,7 +233,7 @@ def a_bag(reader: Reader) -> None:
 
 
 def a_carmen_log(reader: Reader) -> None:
-    """A robot that drives along a wall 2 m to its left."""
+    """A CARMEN log of a robot that drives along a wall 2 m to its left."""
     ranges = " ".join(f"{min(2.0 / max(math.sin(math.radians(beam)), 0.03), 60.0):.3f}" for beam in range(-90, 90))
     lines = []
     for number in range(20):
@@ -242,14 +243,14 @@ def a_carmen_log(reader: Reader) -> None:
 
 
 def the_readmes_robot(reader: Reader) -> None:
-    """robot.toml as the README has it."""
+    """The robot.toml of the README."""
     for step in steps(TOP / "README.md"):
         if step.kind == "file" and step.name == "robot.toml":
             reader.take(step)
 
 
 def the_tutorials_avoider(reader: Reader) -> None:
-    """clear_way.py as the tutorial has it, in a folder of its own."""
+    """The clear_way.py of the tutorial, in its own folder."""
     folder = reader.folder / "navloom-clear-way"
     folder.mkdir()
     for step in steps(TOP / "docs" / "tutorial.md"):
@@ -268,7 +269,7 @@ SCENES: dict[str, Callable[[Reader], None]] = {
     "drive is killed": lambda reader: reader.send(signal.SIGKILL, "drive"),
     "that terminal is closed": lambda reader: reader.close(),
 }
-"""What a page supposes, by the words of its comment `before: …`; any other words are a command."""
+"""Scenes that a page assumes, by the words of its comment `before: …`; other words are a command."""
 
 
 @pytest.fixture
@@ -285,20 +286,20 @@ def reader(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyte
 
 
 def has_something(page: Path, slow: bool) -> bool:
-    """Whether a page has a step to take; for the slow test, one that has a stand-in otherwise."""
+    """Whether a page has a step to run; for the slow test, one that the fast test replaces by a stand-in."""
     taken = [step for step in steps(page) if step.kind in ("command", "inline", "python") and not listed(NOT_RUN, step)]
     return any(listed(STAND_INS, step) for step in taken) if slow else bool(taken)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if has_something(page, False)], ids=lambda page: page.name)
-def test_a_page_can_be_typed_from_top_to_bottom(page: Path, reader: Reader) -> None:
+def test_every_step_of_a_page_works_from_top_to_bottom(page: Path, reader: Reader) -> None:
     for step in steps(page):
         reader.take(step)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if has_something(page, True)], ids=lambda page: page.name)
-def test_the_long_commands_of_a_page_can_be_typed(page: Path, reader: Reader) -> None:
+def test_the_long_commands_of_a_page_work(page: Path, reader: Reader) -> None:
     for step in steps(page):
         if step.kind == "file" or listed(STAND_INS, step):
             reader.take(step, is_slow=True)
@@ -306,7 +307,7 @@ def test_the_long_commands_of_a_page_can_be_typed(page: Path, reader: Reader) ->
 
 @pytest.mark.slow
 def test_the_two_hosts_of_the_security_page(reader: Reader, free_address: str) -> None:
-    """Both hosts on the loopback, each with folders of its own; the address is the only thing that differs."""
+    """Both hosts run on the loopback, each in its own folders; only the address differs from the page."""
     page = [replaced(step, free_address) for step in steps(TOP / "docs" / "security.md")]
     commands = [step for step in page if step.kind == "command"]
     new_keys, copy, up_base, up_brain, goal = commands
@@ -332,7 +333,7 @@ def test_the_two_hosts_of_the_security_page(reader: Reader, free_address: str) -
 
 
 def replaced(step: Step, address: str) -> Step:
-    """A step with the loopback for the address of the page's first host."""
+    """A step with a loopback address in place of that of the page's first host."""
     host = address.partition(":")[0]
     return dataclasses.replace(step, text=step.text.replace("10.0.0.1:7447", address).replace("10.0.0.1", host))
 

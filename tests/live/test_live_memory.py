@@ -1,4 +1,4 @@
-"""What a robot must not forget: a stop, a swap and a goal outlive every process, whichever way it ended."""
+"""A stop, a swap and a goal number survive the end of any process, killed or terminated."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ ONE = ["--set", 'live.processes = { all = ["platform", "localizer", "mapper", "p
 
 
 def driven(navigator: Navigator, x: float) -> object:
-    """A goal on its way."""
+    """Send a goal, and wait until the robot drives; gives its handle."""
     handle = navigator.go(x, 0.0)
     assert next(f for f in handle.updates(timeout=60) if f.state == "driving" and f.distance > 0.5)
     return handle
 
 
 def end(robot: Up, navigator: Navigator, role: str, number: signal.Signals) -> int:
-    """End the process of a role, and wait until another is in its place; gives the lines said up to there."""
+    """Send a signal to the process of a role, and wait until its end is reported; gives the lines up to there."""
     node = next(node for node in navigator.client.describe() if node["role"] == role)
     seen = len(robot.said)
     os.kill(node["pid"], number)
@@ -37,7 +37,7 @@ def config(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_a_robot_of_one_process_that_dies_neither_forgets_its_goal_nor_that_it_was_stopped(config: str) -> None:
+def test_a_killed_robot_of_one_process_restarts_stopped_and_ends_its_goal_with_an_error(config: str) -> None:
     with up(config, *ONE) as robot:
         robot.wait_for("every node is there")
         with _navigator(robot) as navigator:
@@ -55,8 +55,8 @@ def test_a_robot_of_one_process_that_dies_neither_forgets_its_goal_nor_that_it_w
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)
 
 
-@pytest.mark.slow  # 47 s; the one above shows the same memory after a kill
-def test_a_stop_outlives_a_gate_that_ends_in_order_and_a_swap_the_process_of_its_instance(config: str) -> None:
+@pytest.mark.slow  # 47 s; the test above shows the same after a kill
+def test_a_stop_survives_a_terminated_gate_and_a_swap_survives_a_killed_avoider(config: str) -> None:
     with up(config) as robot:
         robot.wait_for("every node is there")
         with _navigator(robot) as navigator:

@@ -1,4 +1,4 @@
-"""A live robot over its processes, used as from two terminals."""
+"""A live robot in its default processes, used as from two terminals."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_goal_from_another_terminal_is_reached_and_everything_ends(tmp_path: P
 
 
 def _look_in(robot: Up) -> None:
-    """Every command that looks, on a robot that stands."""
+    """Check the commands that only observe, on a stopped robot."""
     status = robot.json("status")
     assert status["robot"] == "lab/r1" and status["gate_status"]["reason"] == "no_trajectory"
     assert status["silent_nodes"] == [] and status["goal_result"] is None
@@ -83,7 +83,7 @@ def _nodes(robot: Up) -> list[dict[str, object]]:
 
 
 class _navigator:
-    """A Navigator on the robot of another runtime folder than this process's."""
+    """A Navigator on a robot whose runtime folder is not that of this process."""
 
     def __init__(self, robot: Up) -> None:
         self._folder = robot.environment["NAVLOOM_RUNTIME_DIR"]
@@ -102,7 +102,7 @@ class _navigator:
             os.environ["NAVLOOM_RUNTIME_DIR"] = self._before
 
 
-def test_what_an_operator_can_do(tmp_path: Path) -> None:
+def test_an_operator_sets_parameters_swaps_stops_drives_and_cancels(tmp_path: Path) -> None:
     config = tmp_path / "beside.toml"
     config.write_text(BESIDE, "utf-8")
     with up(str(config)) as robot:
@@ -114,7 +114,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
         # rejected at once, with the reason
         done = robot.run("goal", "-500", "0")
         assert done.returncode == 1 and "rejected: (-500, 0) is outside the world empty" in done.stdout
-        # parameters: all or none
+        # parameters are set all together or not at all
         before = robot.json("params", "get", "avoider.other")
         assert robot.run("params", "set", "controller", "k3=1.25", "k1=0.8").returncode == 0
         wrong = robot.run("params", "set", "controller", "k3=2.0", "k1=-1")
@@ -127,7 +127,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             handle = navigator.go(4.2, 0.0)
             updates = handle.updates(timeout=60)
             assert next(f for f in updates if f.state == "driving" and 0.0 < f.distance < 4.0)
-            # a swap in the middle of the drive, to an instance that has not run so far
+            # a swap during the drive, to an instance that has not run before
             assert robot.json("swap", "avoider", "other")["epoch"] == 1
             wrong = robot.run("swap", "avoider", "othr")
             assert wrong.returncode == 2 and "there is no avoider 'othr'; there are improved_vfh, other" in wrong.stderr
@@ -141,7 +141,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             resumed = len(robot.said)
             assert robot.run("resume").returncode == 0
             robot.wait_for("controller lyapunov_tracker drives", after=resumed)
-            # an operator drives himself, then leaves the robot to itself
+            # an operator drives, then the robot drives itself again
             by_hand = len(robot.said)
             assert robot.run("teleop", "--vx", "-0.2", "--for", "0.5").returncode == 0
             after = robot.wait_for("an operator drives", after=by_hand)
@@ -159,7 +159,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             second_gate = robot.run("node", str(config), "gate")
             assert second_gate.returncode == 2 and "gate main of robot lab/r1: runs already" in second_gate.stderr
             listening = navigator.listen(["gate/selection", "platform/odometry"])
-            told = listening.take(1.0)  # what is kept comes first, though it was said before
+            told = listening.take(1.0)  # a late joiner gets the last selection first
             assert ("gate", "main", "selection") in [one[:3] for one in told]
             assert any(one.port == "odometry" for _ in range(20) for one in listening.take(0.1))
             navigator.place(1.0, 2.0, 0.5)
@@ -170,13 +170,13 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
 
 
 def _go_down_during_a_goal(robot: Up, navigator: Navigator) -> None:
-    """Both terminals, that of the goal and that of `up`, end with its typed result."""
+    """Check that the commands `goal` and `up` both end with the result of the goal that went down."""
     before = navigator.go(-3.0, 0.0)
     following = subprocess.Popen(
         [*COMMAND, "goal", "-3.0", "0", "--json"], env=robot.environment, stdout=subprocess.PIPE, text=True
     )
     try:
-        assert before.wait(30).outcome == "cancelled"  # the next goal is on its way
+        assert before.wait(30).outcome == "cancelled"  # the next goal has pre-empted it
         assert robot.run("down").returncode == 0
         out, _ = following.communicate(timeout=30)
     finally:
@@ -191,7 +191,7 @@ def _go_down_during_a_goal(robot: Up, navigator: Navigator) -> None:
 
 
 @pytest.mark.slow
-def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Path) -> None:
+def test_a_killed_process_restarts_and_the_goal_is_reached(tmp_path: Path) -> None:
     config = tmp_path / "beside.toml"
     config.write_text(BESIDE, "utf-8")
     with up(str(config)) as robot:
@@ -207,7 +207,7 @@ def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Pat
             stopped = robot.wait_for("stopped: ", after=seen)
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)
             assert handle.wait(60).outcome == "succeeded"
-            # what was changed while it ran is not lost with the process
+            # parameters that were set survive the process
             assert navigator.get_parameters("controller", "lyapunov_tracker")["k3"] == 1.5
 
 
@@ -223,7 +223,7 @@ def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Pat
     ],
     ids=["no-robot", "unknown-robot", "no-hosts", "nodes-left-out", "bad-port", "no-such-node"],
 )
-def test_wrong_requests_are_one_message(
+def test_a_wrong_request_gives_one_message(
     arguments: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["navloom", *arguments])
@@ -235,7 +235,7 @@ def test_wrong_requests_are_one_message(
     assert text in said.err and said.err.startswith("navloom: ") and said.err.count("\n") == 1
 
 
-def test_a_node_waits_for_its_router_and_says_so_until_it_is_told_to_end() -> None:
+def test_a_node_without_a_router_says_that_it_waits_and_ends_on_sigterm() -> None:
     with runtime_folder() as folder:
         process = subprocess.Popen(
             [*COMMAND, "node", "paper", "localizer", "--connect", "tcp/127.0.0.1:9"],

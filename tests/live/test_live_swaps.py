@@ -1,4 +1,4 @@
-"""Swaps in the middle of a drive: every tick has its command, and never two drive."""
+"""Swaps during a drive: every tick has a command, and two instances never drive at once."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ shadow = true
 
 
 class Listener:
-    """Every command and step of the gate, its selections and its word on who drives."""
+    """Keeps every command, step, selection and status of the gate."""
 
     def __init__(self, navigator: Navigator) -> None:
         self.commands: list[tuple[int, int]] = []
@@ -93,7 +93,7 @@ def check(listener: Listener, outcome: str, span: tuple[int, int], swaps: int, i
     stops = [status.reason for status in listener.statuses if "selection" in status.reason]
     assert (outcome, sorted(stepped - ticks), stops) == ("succeeded", [], [])
     assert len(stepped) > 0.5 * len(asked)
-    if is_alone:  # beside other tests there may be ticks in which no process of the robot gets a processor
+    if is_alone:  # beside other tests the robot may get no processor in some ticks
         assert sorted(asked - ticks) == []
     epochs = [epoch for _, epoch in listener.commands]
     assert epochs == sorted(epochs) and max(epochs) == swaps
@@ -107,7 +107,7 @@ def check(listener: Listener, outcome: str, span: tuple[int, int], swaps: int, i
         pytest.param(200, 0.1, "when_blocked", id="two-hundred", marks=pytest.mark.slow),
     ],
 )
-def test_no_tick_is_without_a_command_and_never_two_drive(
+def test_every_tick_has_a_command_and_two_instances_never_drive_at_once(
     swaps: int, speed: float, handover: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = tmp_path / "swaps.toml"

@@ -1,4 +1,4 @@
-"""A live robot that is driven at a wall by hand stops before it: the gate looks, whatever else has died."""
+"""A live robot that is driven at a wall by hand stops before it: the gate sees the wall, whatever else has failed."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ drive = false
 
 
 def config(folder: Path, angle: float) -> str:
-    """A robot before the wall, on a line that meets the middle of it at an angle off its normal, degrees."""
+    """Config of a robot on a line that meets the middle of the wall at an angle to its normal, degrees."""
     world = folder / "wall.toml"
     world.write_text(WALL, "utf-8")
     path = folder / f"at_{angle:g}.toml"
@@ -69,17 +69,17 @@ def config(folder: Path, angle: float) -> str:
 
 
 def distance(angle: float) -> float:
-    """Between the start and the wall, m: less at steep angles, so that the wall is long enough."""
+    """Distance between start and wall, m: less at steep angles, so that the wall is long enough."""
     return 2.0 if angle <= 60.0 else 0.8
 
 
 def duration(angle: float) -> float:
-    """How long the robot is driven at 0.6 m/s to come to the wall for certain, s."""
+    """Time that the robot drives at 0.6 m/s, more than it needs to reach the wall, s."""
     return distance(angle) / math.cos(math.radians(angle)) / 0.6 + 5.0
 
 
 def driven_at_the_wall(robot: Up, seconds: float = 8.0) -> dict[str, Any]:
-    """Drive straight on by hand; gives the simulator's word on where the robot is 1 s later, when it has braked."""
+    """Drive straight ahead by hand; gives the simulator's truth 1 s later, when the robot has braked."""
     done = robot.run("teleop", "--vx", "0.6", "--for", f"{seconds:g}")
     assert done.returncode in (0, 1), done.stderr
     told = robot.run("echo", "platform/truth", "--count", "20", "--json")
@@ -93,7 +93,7 @@ def assert_stopped_before_it(last: dict[str, Any]) -> None:
     assert abs(truth["twist"]["vx"]) < 0.02
 
 
-def test_a_robot_that_is_driven_at_a_wall_by_hand_stops_before_it(tmp_path: Path) -> None:
+def test_a_robot_driven_at_a_wall_by_hand_stops_before_it(tmp_path: Path) -> None:
     with up(config(tmp_path, 30.0)) as robot:
         robot.wait_for("every node is there")
         assert_stopped_before_it(driven_at_the_wall(robot))
@@ -125,7 +125,7 @@ def navloom_register(registry):
 
 
 def jumping_localizer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make it known to the processes that are started from here."""
+    """Make the localizer appear installed to processes that this one starts."""
     about = folder / "jumping_localizer-1.0.dist-info"
     about.mkdir()
     (folder / "jumping_localizer.py").write_text(JUMPS, "utf-8")
@@ -135,7 +135,7 @@ def jumping_localizer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 ANGLES = range(0, 81, 4)
-"""Off the wall's normal, degrees."""
+"""Angles to the normal of the wall, degrees."""
 PROCESSES = {
     "robot": ["platform"],
     "where": ["localizer"],
@@ -156,7 +156,7 @@ def test_it_stops_at_any_angle(tmp_path: Path, angle: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("angle", ANGLES)
-def test_it_stops_with_the_localizer_killed_under_way(tmp_path: Path, angle: int) -> None:
+def test_it_stops_though_its_localizer_is_killed_during_the_drive(tmp_path: Path, angle: int) -> None:
     with up(config(tmp_path, angle), *APART) as robot:
         robot.wait_for("every node is there")
         with _navigator(robot) as navigator:

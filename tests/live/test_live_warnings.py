@@ -1,4 +1,4 @@
-"""A live robot whose plugins do what is warned of: each warning is said once, while it drives, and is in its result."""
+"""A live robot whose plugins cause every warning: each is printed once, during the drive, and is in the result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from live_rig import EMPTY, up
 
-pytestmark = pytest.mark.slow  # a robot of its own, which drives until all is seen
+pytestmark = pytest.mark.slow  # starts a robot, which drives until each warning has come
 
 PLUGINS = """
 import threading
@@ -85,7 +85,7 @@ SAID = {
 }
 
 
-def test_each_warning_is_said_once_while_the_robot_is_up(tmp_path: Path) -> None:
+def test_each_warning_is_printed_once_while_the_robot_is_up(tmp_path: Path) -> None:
     config, plugins = tmp_path / "robot.toml", tmp_path / "everything_wrong.py"
     config.write_text(CONFIG, "utf-8")
     plugins.write_text(PLUGINS, "utf-8")

@@ -1,4 +1,4 @@
-"""The paper's run live, as the README has it: `navloom up paper`, and its goal from another terminal."""
+"""The paper's run live, as in the README: `navloom up paper`, and its goal from another terminal."""
 
 from __future__ import annotations
 

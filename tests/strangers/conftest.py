@@ -12,6 +12,6 @@ PEOPLE = Path(__file__).parents[2] / "examples" / "people"
 
 @pytest.fixture
 def people(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Config of a robot that minds people."""
+    """Config of a robot that avoids people."""
     put_on_path(PEOPLE, tmp_path / "site", monkeypatch)
     return PEOPLE / "people.toml"

@@ -12,11 +12,11 @@ __all__ = ["put_on_path"]
 
 
 def put_on_path(project: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have this process and those that start from it find a project's modules and entry points.
+    """Make a project's modules and entry points visible to this process and its children.
 
     Args:
         project: Folder with its pyproject.toml and modules.
-        folder: Where its metadata goes.
+        folder: Folder for its metadata.
     """
     about = tomllib.loads((project / "pyproject.toml").read_text("utf-8"))["project"]
     name, version = about["name"], about["version"]

@@ -1,4 +1,4 @@
-"""One distribution brings a sensor, two nodes and an avoider that reads them; no file of the framework knows of it."""
+"""One distribution adds a sensor, two nodes and an avoider that reads them; the framework does not know it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NODES = ("platform", "localizer", "mapper", "planner", "controller", "avoider", 
 
 
 class Heard:
-    """What the gate says of itself, by tick."""
+    """Observer that keeps the reason of the gate's status, by tick."""
 
     wants = frozenset({("gate", "status")})
     wants_steps = False
@@ -52,11 +52,11 @@ class Heard:
         self.reasons[at.tick] = message.reason
 
     def on_step(self, record: StepRecord) -> None:
-        """Not asked for."""
+        """Never called: `wants_steps` is False."""
 
 
 class Drawn:
-    """A sink that keeps where people were drawn, m, map frame."""
+    """A sink that keeps the positions at which people were drawn, m, map frame."""
 
     def __init__(self) -> None:
         self.people: list[list[list[float]]] = []
@@ -69,7 +69,7 @@ class Drawn:
             self.people.append(batch.as_arrow_array().to_pylist())
 
     def layout(self, blueprint: Any) -> None:
-        """Not looked at."""
+        """Ignored."""
 
     series = layout
     close = layout
@@ -91,7 +91,7 @@ def test_the_nodes_step_and_the_avoider_reads_them_in_lockstep(people: Path) -> 
     assert shadow["differences"]["wz"]["max"] == 0.0
 
 
-def test_nothing_of_it_is_left_in_another_system_of_the_process(people: Path) -> None:
+def test_its_nodes_are_not_in_another_system_of_the_same_process(people: Path) -> None:
     system = assemble(load_config(str(people)))
     assert system.catalogue.answer_ports("people") == ("tracks",)
     other = assemble(load_config("paper"))
@@ -99,7 +99,7 @@ def test_nothing_of_it_is_left_in_another_system_of_the_process(people: Path) ->
     assert [port.role for port in other.catalogue.ports()] == [port.role for port in FRAMEWORK.ports()]
 
 
-def test_an_alternative_reads_only_what_it_asks_for(people: Path) -> None:
+def test_an_alternative_reads_only_the_inputs_that_it_declares(people: Path) -> None:
     system = assemble(load_config(str(people)))
     read = {
         name: {given.name for given in system.wiring["avoider", name].inputs} for name in ("polite", "improved_vfh")
@@ -107,7 +107,7 @@ def test_an_alternative_reads_only_what_it_asks_for(people: Path) -> None:
     assert read["polite"] - read["improved_vfh"] == {"extra.tracks"}
 
 
-def test_two_nodes_of_one_plugin_need_a_word_on_which_is_read(people: Path) -> None:
+def test_with_two_publishers_the_config_must_name_the_one_to_read(people: Path) -> None:
     both = 'node=[{ name = "left", plugin = "people_tracker" }, { name = "right", plugin = "nearest_tracker" }]'
     said = refused(people, both)
     assert "avoider.inputs.tracks: polite reads Tracks, and there are left.tracks, right.tracks: name one" in said
@@ -142,7 +142,7 @@ def test_two_nodes_of_one_plugin_need_a_word_on_which_is_read(people: Path) -> N
         ),
     ],
 )
-def test_what_does_not_fit_is_named(people: Path, change: str, said: str) -> None:
+def test_a_config_that_does_not_fit_is_refused_with_the_place(people: Path, change: str, said: str) -> None:
     assert said in refused(people, change)
 
 
@@ -153,7 +153,7 @@ def test_an_avoider_that_waits_for_tracks_is_not_blamed(people: Path) -> None:
     assert 130 <= late < 135 and heard.reasons[0] == "waits: avoider polite for people.tracks"
 
 
-def test_an_avoider_that_never_had_tracks_is_warned_of(people: Path) -> None:
+def test_an_avoider_that_never_gets_tracks_gives_a_warning(people: Path) -> None:
     (warning,) = run_episode(load_config(str(people), ("run.stop_after=1.0", "node.people.latency=2.0"))).warnings
     assert warning.kind == "waiting" and str(warning).startswith("avoider polite never stepped: ")
     assert str(warning).endswith(" people.tracks")
@@ -202,7 +202,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
     }
 
 
-def test_its_streams_are_looked_into_like_those_of_the_framework(
+def test_hz_echo_and_graph_show_its_streams_like_those_of_the_framework(
     people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: Typed
 ) -> None:
     recording = tmp_path / "run.mcap"
@@ -220,7 +220,7 @@ def test_its_streams_are_looked_into_like_those_of_the_framework(
 
 @contextmanager
 def republished(recording: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The recording is published again, at its own pace."""
+    """Publish a recording again, at its own pace."""
     is_published, ending = threading.Event(), threading.Event()
     with runtime_folder() as folder, ThreadPoolExecutor(1) as pool:
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(folder))
@@ -244,7 +244,7 @@ def test_the_graph_of_the_config_has_the_node_and_what_reads_it(people: Path, in
     } <= set(wires)
 
 
-def test_its_panel_draws_people_where_they_stand(people: Path) -> None:
+def test_its_panel_draws_people_at_their_places(people: Path) -> None:
     pytest.importorskip("rerun", reason="the extra `view` is not installed")
     loaded, drawn = load_config(str(people), SHORT), Drawn()
     panels, wrong = panels_of(Discovery())
@@ -266,7 +266,7 @@ def test_trackers_and_avoiders_are_compared(people: Path, in_process: Typed) -> 
     assert "polite+nearest_tracker" in out and "improved_vfh+people_tracker" in out
 
 
-def test_a_tracker_runs_in_shadow_of_the_one_that_is_compared_with_it(people: Path) -> None:
+def test_open_loop_runs_the_other_tracker_as_a_shadow(people: Path) -> None:
     methods = methods_of(str(people), ["node.people.plugin=people_tracker,nearest_tracker"], (), Discovery())
     found = open_loop_of(methods, "people_tracker")
     (table,) = [table for table in found.loaded.config.alternative if table.role == "people"]
@@ -316,7 +316,7 @@ def navloom_register(registry):
 def watcher(
     folder: Path, patch: pytest.MonkeyPatch, more: str, names: str = "Command", put: str = "Seen(tick.time_ns)"
 ) -> None:
-    """A distribution with one node is installed."""
+    """Install a distribution with one node."""
     project = folder / "watcher"
     project.mkdir()
     module = f"fake_watcher_{abs(hash(more + put))}"
@@ -411,7 +411,7 @@ class Mine(Avoider):
 """
 
 
-def test_the_class_of_an_extra_input_is_known_to_mypy(tmp_path: Path) -> None:
+def test_mypy_knows_the_class_of_an_extra_input(tmp_path: Path) -> None:
     source = tmp_path / "typed.py"
     source.write_text(TYPED, "utf-8")
     checked = subprocess.run(
@@ -421,7 +421,7 @@ def test_the_class_of_an_extra_input_is_known_to_mypy(tmp_path: Path) -> None:
     assert 'Item "None" of "GateStatus | None" has no attribute "reason"' in checked.stdout
 
 
-def test_what_holds_names_the_node_and_the_streams_it_reads(people: Path, in_process: Typed) -> None:
+def test_config_show_has_the_node_and_the_streams_it_reads(people: Path, in_process: Typed) -> None:
     rows = {line.split()[0]: line.split()[1] for line in in_process("config", "show", str(people))[1].splitlines()}
     assert rows["node.0.name"] == '"people"' and rows["node.0.inputs.pose"] == '"localizer.pose"'
     assert rows["avoider.inputs.tracks"] == '"people.tracks"'

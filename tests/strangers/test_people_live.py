@@ -22,7 +22,7 @@ SHARES = """live.processes={ robot = ["platform", "localizer"], think = ["mapper
 
 
 class Heard:
-    """Reasons of the gate and tracks of the tracker, as they come."""
+    """Keeps the reasons of the gate, and the instances whose other messages were received."""
 
     def __init__(self, navigator: Navigator) -> None:
         self.reasons: list[str] = []
@@ -42,7 +42,7 @@ class Heard:
             self._news.notify_all()
 
     def wait_for(self, reason: str, timeout: float = 60.0, after: int = 0) -> int:
-        """Wait for a status with this reason; gives the number of statuses up to it."""
+        """Wait for a status with this reason; returns the number of statuses up to it."""
         with self._news:
             if not self._news.wait_for(lambda: reason in self.reasons[after:], timeout):
                 raise AssertionError(f"{reason!r} not heard within {timeout:g} s: {self.reasons[after:]}")
@@ -51,7 +51,7 @@ class Heard:
 
 @contextmanager
 def driving(people: Path, monkeypatch: pytest.MonkeyPatch, *changes: str) -> Iterator[tuple[Up, Heard]]:
-    """A robot on its way, and what is heard of it."""
+    """A robot that drives to a goal, and what it publishes."""
     words = [word for change in changes for word in ("--set", change)]
     with up(str(people), "--set", "navigation.drive=false", "--set", "run.stop_after=600", *words) as robot:
         robot.wait_for("every node is there")
@@ -64,12 +64,12 @@ def driving(people: Path, monkeypatch: pytest.MonkeyPatch, *changes: str) -> Ite
 
 
 def kill(robot: Up, role: str) -> None:
-    """End the process of a node as a crash does."""
+    """Kill the process of a role."""
     os.kill(next(node["pid"] for node in robot.json("list") if node["role"] == role), signal.SIGKILL)
 
 
-def test_two_shares_under_the_barrier_give_the_trace_of_lockstep(people: Path, tmp_path: Path) -> None:
-    changes = ("run.stop_after=8.0", "node.people.latency=1.0", SHARES)  # the avoider waits for tracks at first
+def test_under_the_barrier_its_trace_is_that_of_lockstep(people: Path, tmp_path: Path) -> None:
+    changes = ("run.stop_after=8.0", "node.people.latency=1.0", SHARES)  # so that the avoider waits for tracks at first
     lockstep = run_episode(load_config(str(people), changes))
     with runtime_folder() as folder:
         robot = Up(folder, [str(people), "--barrier", "--json", *(word for one in changes for word in ("--set", one))])
@@ -79,7 +79,7 @@ def test_two_shares_under_the_barrier_give_the_trace_of_lockstep(people: Path, t
     assert f'"trace_sha256": "{lockstep.log.trace_sha256}"' in said, robot.said
 
 
-def test_a_tracker_that_is_not_required_may_die_and_the_avoider_is_swapped_meanwhile(
+def test_the_robot_drives_on_when_an_optional_tracker_is_killed_and_the_avoider_swapped(
     people: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with driving(people, monkeypatch) as (robot, heard):

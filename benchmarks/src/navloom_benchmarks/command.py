@@ -1,9 +1,8 @@
-"""`navloom bench`: this machine's figures beside the peers installed."""
+"""The command line of `navloom bench`; `measuring` does the work."""
 
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,11 +26,13 @@ def bench(
     ] = sys.executable,
     page_file: Annotated[
         Path | None,
-        typer.Option("--page", metavar="F.md", help="Write the figures as a page of the documentation too."),
+        typer.Option("--page", metavar="F.md", help="Also write the figures as a page of the documentation."),
     ] = None,
     date: Annotated[
         str,
-        typer.Option(metavar="YYYY-MM-DD", help="Of the measurement, for --page; default: today.", show_default=False),
+        typer.Option(
+            metavar="YYYY-MM-DD", help="Date of the measurement, for --page; default: today.", show_default=False
+        ),
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -58,12 +59,16 @@ def bench(
 
 
 def _prepare(page_file: Path) -> None:
-    """Make the folder of the page: a page that cannot be written is refused before minutes of measurement."""
+    """Create the folder of the page, and check that it can be written, before the measurement, which takes minutes.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
     from navloom.config import ConfigError
+    from navloom.files import make_writable
 
     try:
-        page_file.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=page_file.parent).close()
+        make_writable(page_file.parent)
     except OSError as error:
         raise ConfigError(f"--page {page_file}: cannot be written: {error.strerror}; name another file") from None
     if page_file.is_dir():

@@ -1,12 +1,23 @@
-"""Atomic writes: a file exists whole or not at all."""
+"""Atomic writes, where a file exists whole or not at all, and folders to write to."""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-__all__ = ["write_each", "write_whole"]
+__all__ = ["make_writable", "write_each", "write_whole"]
+
+
+def make_writable(folder: Path) -> None:
+    """Make a folder if it is missing, and try that files can be written there.
+
+    Raises:
+        OSError: They cannot.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    tempfile.TemporaryFile(dir=folder).close()
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

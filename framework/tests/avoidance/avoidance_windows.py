@@ -26,7 +26,7 @@ def insert(
 
 
 def filled_window():
-    """Every cell occupied, the robot of CENTRE in the middle."""
+    """A window with every cell occupied and the robot at CENTRE."""
     window = new_window(SIZE)
     window[0][:], window[1][:] = 2, -20
     return window

@@ -1,7 +1,7 @@
-"""Drives in lockstep with an avoider driving from start to goal: of all avoiders on the same worlds and seeds.
+"""Drives in lockstep that an avoider steers from start to goal: the same worlds and seeds for all avoiders.
 
-Without a map: the reference is the straight line of an empty map, its look-ahead point the goal itself, and only the
-sensors see obstacles. With one: a planner's path on the true map, and a look-ahead point on it. The gate's limits hold.
+Without a map, the reference is the straight line on an empty map, its look-ahead point is the goal, and only the
+sensors see obstacles. With one, it is a planner's path on the true map and a point on it. The gate's limits apply.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ JACKAL = (
 BARN = Path(os.environ.get("NAVLOOM_DATA", "")) / "barn" / "barn_dev.npz"
 BOUNDS = (-8.0, -8.0, 8.0, 10.0)
 UP = 0.5 * math.pi
-"""The heading along y, rad."""
+"""Heading along the y axis, rad."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Ending:
 
     Attributes:
         word: reached, trapped, contact or timeout.
-        gap: Least distance of the footprint to anything, m.
+        gap: Smallest distance of the footprint to an obstacle, m.
         seconds: Duration, s.
         track: (n, 2) positions, m, map frame.
     """
@@ -83,14 +83,14 @@ def drive(
     """Drive the paper's robot, 0.8 x 0.8 m, 0.5 m/s, 25 deg/s, or another by `settings`.
 
     Args:
-        world: What there is.
-        start, goal: Where the robot is, and goes to.
-        seed: Of every random stream.
+        world: The world.
+        start, goal: Places where the drive begins and ends.
+        seed: Seed of every random stream.
         avoider: Name of the plugin.
         sensors: TOML tables of the sensors.
         params: TOML assignments to the avoider's table.
         settings: Overrides of the config.
-        knows_map: Plan on the true map and look 1.5 m ahead, instead of straight to the goal.
+        knows_map: Plan on the true map and look 1.5 m ahead; else drive straight to the goal.
         limit: Longest duration, s.
     """
     ahead = 1.5 if knows_map else 100.0
@@ -129,14 +129,14 @@ def drive(
 
 
 def empty_map(world: World) -> OccupancyGrid:
-    """A free map of the world's bounds."""
+    """A free map of the size of the world."""
     left, low, right, high = world.bounds
     floor = np.zeros((round((high - low) / 0.2), round((right - left) / 0.2)), np.int8)
     return OccupancyGrid(floor, 0.2, Pose2D(left, low, 0.0))
 
 
 def true_map(world: World, cell: float = 0.05) -> OccupancyGrid:
-    """A raster of a world of cylinders: cells whose centre is in one, or nearer to it than half a cell."""
+    """A raster of a world of cylinders: occupied cells have their centre in one, or within half a cell of it."""
     left, low, right, high = world.bounds
     x = np.arange(left + 0.5 * cell, right, cell)
     y = np.arange(low + 0.5 * cell, high, cell)
@@ -147,14 +147,14 @@ def true_map(world: World, cell: float = 0.05) -> OccupancyGrid:
 
 
 def field(seed: int, **options: object) -> Ending:
-    """A clutter field of 20 posts, 1.6 m apart, between start and goal."""
+    """Drive through a clutter field of 20 posts, 1.6 m apart."""
     world = clutter_world(str(seed), Path())
     assert world.start is not None and world.goal is not None
     return drive(world, world.start, world.goal, seed, **options)  # type: ignore[arg-type]
 
 
 def door(width: float, approach: int, **options: object) -> Ending:
-    """A doorway in a wall 16 m long, approached from a seeded place and heading."""
+    """Drive to a goal behind a doorway in a wall 16 m long, from a seeded place and heading."""
     stream = np.random.default_rng([approach, 17])
     wall = (
         Box("left of the door", (-8.0, -0.5 * width), (3.0, 3.2)),
@@ -166,7 +166,7 @@ def door(width: float, approach: int, **options: object) -> Ending:
 
 
 def way_past(ending: Ending) -> str:
-    """Of a drive to a door: through it, around the wall's end, or the word where neither."""
+    """Way of a drive to a door: through it or round the end of the wall; else the word of its ending."""
     if ending.word != "reached":
         return ending.word
     crossing = ending.track[np.argmax(ending.track[:, 1] > 3.1)]
@@ -174,7 +174,7 @@ def way_past(ending: Ending) -> str:
 
 
 def dead_end(width: float, depth: float, approach: int, **options: object) -> Ending:
-    """A dead end, open towards the robot, with its end wall at y = 5 m between the robot and its goal."""
+    """Drive towards a goal behind a dead end that is open towards the robot and ends at y = 5 m."""
     stream = np.random.default_rng([approach, 18])
     half, mouth = 0.5 * width, 5.0 - depth
     walls = (
@@ -188,17 +188,17 @@ def dead_end(width: float, depth: float, approach: int, **options: object) -> En
 
 
 def sudden(seed: int, **options: object) -> Ending:
-    """A box of 0.3 m that appears 0.35 to 0.7 m before the front of the robot, which drives at 0.5 m/s by then."""
+    """Drive at 0.5 m/s towards a box of 0.3 m that appears 0.35 to 0.7 m before the front of the robot."""
     stream = np.random.default_rng([seed, 5])
     ahead, aside, time = stream.uniform(0.75, 1.1), stream.uniform(-0.5, 0.5), stream.uniform(2.2, 3.0)
-    near = 0.5 * (time - 0.5) + ahead  # half a second and half the speed go into the start
+    near = 0.5 * (time - 0.5) + ahead  # half a second at half the speed: the start
     box = Box("box", (aside - 0.15, aside + 0.15), (near, near + 0.3), appears_at=time)
     world = World("sudden", (box,), bounds=(-8.0, -6.0, 8.0, 10.0))
     return drive(world, Place(0.0, 0.0, 0.5 * math.pi), Place(0.0, 7.0), seed, **options)  # type: ignore[arg-type]
 
 
 def barn(number: int, settings: Sequence[str] = JACKAL, **options: object) -> Ending:
-    """A BARN world with a Jackal at up to 2 m/s and a 2D laser of 720 beams."""
+    """Drive a Jackal with a 2D laser of 720 beams at up to 2 m/s through a BARN world."""
     world = barn_world(f"{BARN}#{number}", Path())
     assert world.start is not None and world.goal is not None
     options = {"sensors": FINE_LASER, "limit": world.time_limit or 100.0, "settings": settings, **options}
@@ -206,14 +206,14 @@ def barn(number: int, settings: Sequence[str] = JACKAL, **options: object) -> En
 
 
 def all_of(work: Callable[..., Ending], rows: Iterable[tuple[object, ...]], **options: object) -> list[Ending]:
-    """One drive for each row of arguments, on two cores."""
+    """Run one drive for each row of arguments, on two cores."""
     with ProcessPoolExecutor(2) as pool:
         waiting = [pool.submit(work, *row, **options) for row in rows]
         return [drive.result() for drive in waiting]
 
 
 def told(name: str, endings: Sequence[Ending], word: Callable[[Ending], str] = lambda e: e.word) -> Counter[str]:
-    """Count how drives ended, and print it with the least gap."""
+    """Count how drives ended; print the counts and the smallest gap."""
     words = Counter(word(ending) for ending in endings)
     print(f"{name}: {dict(sorted(words.items()))}, least gap {min(ending.gap for ending in endings):.3f} m")
     return words

@@ -1,4 +1,4 @@
-"""What the tests of avoiders give to one: the paper's robot with its ring of sonars, or a laser, at a pose."""
+"""Inputs for tests of avoiders: the paper's robot at a pose, with its ring of sonars or a laser."""
 
 import math
 
@@ -23,13 +23,13 @@ def make(method, footprint=SQUARE, **params):
 
 
 def sonars(ranges):
-    """One reading, m, for each of BEARINGS."""
+    """A scan of sonars with one range, m, for each of BEARINGS."""
     origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
     return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
 
 
 def laser(ranges):
-    """Readings, m, from 1.5 rad on the right to 1.5 rad on the left."""
+    """A laser scan with ranges, m, from 1.5 rad on the right to 1.5 rad on the left."""
     n = len(ranges)
     bearings = np.linspace(-1.5, 1.5, n)
     return RangeScan(0, np.zeros((n, 2)), bearings, np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0)

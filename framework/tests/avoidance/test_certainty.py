@@ -34,7 +34,7 @@ def test_cells_of_the_cone_nearer_than_the_echo_become_zero():
     insert(window, [[0.0, 15.0, 1.0]])
     assert at(window, 0.65, 0.05) == 0
     assert at(window, 0.65, 0.45) == 2  # 34 degrees off the axis: outside the cone
-    assert at(window, 1.35, 0.05) == 2  # behind the echo: not seen
+    assert at(window, 1.35, 0.05) == 2  # behind the echo: not visible
 
 
 def test_no_echo_zeroes_the_whole_cone():
@@ -45,7 +45,7 @@ def test_no_echo_zeroes_the_whole_cone():
     assert at(window, -0.55, 0.05) == 2
 
 
-def test_echo_beyond_range_max_is_none():
+def test_an_echo_beyond_range_max_counts_as_no_echo():
     window = filled_window()
     insert(window, [[0.0, 15.0, 4.5]])
     assert at(window, 1.95, 0.05) == 0
@@ -59,7 +59,7 @@ def test_memory_survives_with_cone_and_not_with_window():
         assert at(window, -0.95, 0.05) == left
 
 
-def test_window_scrolls_by_whole_cells_and_keeps_what_was_seen_in_place():
+def test_window_scrolls_by_whole_cells_and_its_contents_stay_in_place():
     window = new_window(SIZE)
     insert(window, [[0.0, 0.0, 1.0]])
     insert(window, [[180.0, 0.0, math.inf]], pose=(0.05 + 0.37, 0.05 - 0.52, 0.3))
@@ -68,7 +68,7 @@ def test_window_scrolls_by_whole_cells_and_keeps_what_was_seen_in_place():
     np.testing.assert_array_equal(window[1], [4 - 20, -5 - 20])
 
 
-def test_what_leaves_the_window_is_forgotten():
+def test_cells_that_leave_the_window_are_forgotten():
     window = new_window(SIZE)
     insert(window, [[0.0, 0.0, 1.0]])
     insert(window, [[180.0, 0.0, math.inf]], pose=(-2.0, 0.05, 0.0))
@@ -93,7 +93,7 @@ def test_part_of_an_arc_that_a_neighbour_sees_through_is_left_out():
         assert at(window, 1.05, 0.05) == 3
 
 
-def test_reading_at_range_min_marks_what_may_be_nearer():
+def test_reading_at_range_min_marks_the_depth_before_it_too():
     for depth, value in ((0.0, 0), (0.25, 2)):
         window = new_window(SIZE)
         insert(window, [[0.0, 15.0, 0.3]], depth=depth)
@@ -101,7 +101,7 @@ def test_reading_at_range_min_marks_what_may_be_nearer():
         assert at(window, 0.35, 0.05) == 3
 
 
-def test_blind_zone_is_kept_where_the_sensor_says_nothing_of_it():
+def test_cells_in_the_blind_zone_of_a_sensor_are_kept():
     for clears, value in ((True, 0), (False, 2)):
         window = filled_window()
         insert(window, [[0.0, 15.0, 1.0]], clears_blind=clears)

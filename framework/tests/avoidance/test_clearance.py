@@ -17,7 +17,7 @@ def cells(*points):
 
 
 def free(points, command, speed=0.0, margin=0.05, lag=0.0, dead_time=0.0, floor=0.05):
-    """is_free() at a speed and turn rate that the newest command asked for too."""
+    """is_free() with a speed and turn rate that are also those of the newest command."""
     twist = (speed, command[1])
     in_flight = np.array([twist])
     return is_free(
@@ -83,7 +83,7 @@ def test_speed_is_reduced_before_the_turn():
     assert reduced([(0.51, 0.0)], (0.5, 0.1), speed=0.3) == (0.25, 0.1)
 
 
-def test_blocked_turn_creeps_ahead_and_boxed_in_stands():
+def test_a_blocked_turn_creeps_ahead_and_a_boxed_in_robot_stops():
     assert reduced([(0.35, 0.451)], (0.0, TURN)) == (0.1, 0.0)
     assert reduced([(0.35, 0.451), (0.45, 0.0), (-0.35, 0.451)], (0.0, TURN)) == (0.0, 0.0)
 
@@ -94,7 +94,7 @@ def test_blocked_turn_creeps_ahead_and_boxed_in_stands():
     st.floats(0.0, 0.5),
     st.floats(-TURN, TURN),
 )
-def test_what_is_sent_is_free_or_nothing(points, speed, turn):
+def test_a_sent_command_is_free_or_zero(points, speed, turn):
     outside = [p for p in points if max(abs(p[0]), abs(p[1])) > 0.46]
     sent = reduced(outside, (speed, turn))
     assert sent == (0.0, 0.0) or free(outside, sent)

@@ -69,14 +69,14 @@ def test_no_echo_shrinks_the_axis_to_the_end_of_the_window_and_never_below_zero(
     assert (window[0] == 0).sum() == 21
 
 
-def test_an_echo_beyond_range_max_is_none():
+def test_an_echo_beyond_range_max_counts_as_no_echo():
     window = filled(5)
     insert(window, [[0.0, 4.5]])
     assert at(window, 1.95, 0.05) == 4
     assert window[0].max() == 5
 
 
-def test_two_beams_in_one_cell_count_once_and_an_echo_before_what_saw_through():
+def test_two_beams_in_one_cell_count_once_and_an_echo_wins_over_a_beam_that_passes():
     window = filled(5)
     insert(window, [[0.0, 1.0], [1.0, 1.0], [0.0, 1.5]])
     assert at(window, 1.05, 0.05) == 8
@@ -89,7 +89,7 @@ def test_a_margin_before_the_echo_is_not_counted_down():
     assert [at(window, x, 0.05) for x in (0.85, 0.95)] == [4, 5]
 
 
-def test_a_reading_at_range_min_counts_what_may_be_nearer_and_clears_nothing():
+def test_a_reading_at_range_min_counts_the_depth_before_it_and_clears_nothing():
     for depth, value in ((0.0, 2), (0.1, 5)):
         window = filled(2)
         insert(window, [[0.0, 0.3]], depth=depth)

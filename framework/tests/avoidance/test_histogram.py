@@ -25,7 +25,7 @@ Cells = st.lists(
 
 
 def place(rows, turn=0):
-    """Cells from sector, share of the sector, distance and certainty, turned by whole sectors."""
+    """Cells given by sector, share of the sector, distance and certainty, turned by whole sectors."""
     return np.array(
         [[d * math.cos((k + s + turn) * ALPHA), d * math.sin((k + s + turn) * ALPHA), c] for k, s, d, c in rows]
     )
@@ -114,7 +114,7 @@ def test_turning_the_world_by_sectors_turns_the_histogram(rows, turn, shaded):
 @settings(max_examples=100, deadline=None)
 @given(Cells, st.integers(-N, N))
 def test_histogram_is_in_the_pose_frame(rows, turn):
-    """Turning the robot one way and the cells in its base the other leaves the histogram alone."""
+    """Turning the robot one way and the cells in its base frame the other way does not change the histogram."""
     here, there = np.zeros(N), np.zeros(N)
     enlarged_density(place(rows), 0.0, 0.453, 2.0, here)
     enlarged_density(place(rows, -turn), turn * ALPHA, 0.453, 2.0, there)

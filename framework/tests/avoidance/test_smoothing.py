@@ -1,4 +1,4 @@
-"""Less noise in the ranges of a laser."""
+"""Smoothing of the ranges of a laser."""
 
 import math
 

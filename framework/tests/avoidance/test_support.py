@@ -1,4 +1,4 @@
-"""The consistency rule: which echoes of a cone count, on cells that can be counted by hand."""
+"""The consistency rule decides which echoes of a cone count; on cells that can be counted by hand."""
 
 import math
 
@@ -52,13 +52,13 @@ def test_two_false_echoes_apart_do_not_support_each_other():
     assert Grid(memory=1).scans(1.2, 0.8).sum() == 0
 
 
-def test_a_reading_that_sees_through_takes_the_support_away():
-    """With memory for three scans the echo at 0.8 is still kept, but the one at 2.0 saw through it."""
+def test_a_reading_beyond_an_echo_takes_its_support_away():
+    """With memory for three scans the echo at 0.8 m is still kept, but the reading of 2.0 m passes it."""
     assert Grid(memory=3).scans(0.8, 2.0, 0.8).sum() == 0
 
 
 def test_support_lasts_as_many_scans_as_the_record_keeps():
-    """The reading between is nearer, so it does not see through."""
+    """The reading between is nearer, so it does not pass the echo."""
     assert Grid(memory=1).scans(1.5, 0.8, 1.5).sum() == 0
     grid = Grid(memory=2)
     grid.scans(1.5, 0.8, 1.5)
@@ -90,7 +90,7 @@ def test_support_reaches_one_cell(row, column, supported):
     assert not has_support(heard, row, column)
 
 
-def test_where_every_echo_has_support_the_grid_is_the_papers():
+def test_where_every_echo_has_support_the_grid_equals_that_without_the_rule():
     """A robot at rest in a room that does not change: from the second scan on, both grids are equal bit for bit."""
     rows = [[bearing, SONAR, 1.0 + 0.003 * abs(bearing)] for bearing in (90, 50, 30, 10, -10, -30, -50, -90)]
     on, off = (new_window(SIZE), new_record(SIZE)), (new_window(SIZE), new_record(0))

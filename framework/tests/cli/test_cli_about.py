@@ -1,4 +1,4 @@
-"""What the command line says of itself: versions, shipped configs, the manual page."""
+"""Information of the command line about itself: versions, shipped configs, the manual page."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_the_manual_page_has_every_command_with_every_option() -> None:
                 assert f"{word.names[0] if word.names else word.metavar}" in section, (command.name, word)
 
 
-def test_no_line_of_the_manual_page_is_taken_for_a_command_of_roff() -> None:
+def test_no_line_of_the_manual_page_reads_as_a_roff_command() -> None:
     known = (".TH", ".SH", ".SS", ".TP", ".PP", ".B")
     lines = page(commands(get_command(app)), "1.2.3").splitlines()
     assert not [line for line in lines if line[:1] in (".", "'") and line.split()[0] not in known]

@@ -1,4 +1,4 @@
-"""`navloom compare` as people and scripts use it. What a worker does is tested without the command line."""
+"""`navloom compare` as people and scripts use it; workers are tested without the command line."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def config(tmp_path: Path) -> str:
 
 @pytest.fixture
 def navloom(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """The command with its episodes in this process: gives exit code, output and errors."""
+    """Runs the command with its episodes in this process; gives exit code, output and errors."""
     real = compare.run_study
 
     def in_thread(study: compare.Study, out: Path | None, **options: Any) -> compare.StudyResult:
@@ -59,7 +59,7 @@ def navloom(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
             return real(study, out, executor=executor, progress=options["progress"])
 
     monkeypatch.setattr(compare, "run_study", in_thread)
-    # Figures are tested where reports are; here they would cost seconds.
+    # The tests of reports cover figures; here they would cost seconds.
     monkeypatch.setattr(report, "find_spec", lambda name: None)
     return lambda *words: in_process("compare", *words)
 
@@ -99,7 +99,7 @@ class Wrong(Avoider):
 """
 
 
-def test_a_study_tells_each_warning_once_for_a_method_with_its_episodes(
+def test_a_study_prints_each_warning_once_for_a_method_with_its_episodes(
     navloom: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(one_file.FILES, "[]")
@@ -131,7 +131,7 @@ def test_a_broken_metric_of_another_distribution_does_not_stop_a_study(
     )
 
 
-def test_people_are_told_what_came_of_it_and_what_was_dropped(navloom: Run, config: str, tmp_path: Path) -> None:
+def test_the_printed_result_has_the_table_and_the_dropped_parameters(navloom: Run, config: str, tmp_path: Path) -> None:
     out = tmp_path / "study"
     words = (config, "--vary", "controller=kanayama,lyapunov_tracker", "--out", str(out))
     code, said, errors = navloom(*words)
@@ -189,7 +189,7 @@ def test_another_study_in_the_folder_is_exit_2(navloom: Run, config: str, tmp_pa
     assert "holds another study: seeds was [0], now [3]" in errors
 
 
-def test_interrupted_says_how_to_go_on(
+def test_an_interrupted_study_says_how_to_continue(
     navloom: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(*given: Any, **options: Any) -> None:
@@ -208,7 +208,7 @@ def test_without_dask_the_extra_is_named(navloom: Run, config: str, monkeypatch:
     assert "navloom[cluster]" in errors
 
 
-def test_people_are_told_of_false_successes_and_of_those_without_truth() -> None:
+def test_the_table_notes_false_successes_and_successes_without_truth() -> None:
     def rows(method: str, outcome: str, false: float | None) -> list[Any]:
         key, metrics = SimpleNamespace(method=method), {"false_success": false}
         return [SimpleNamespace(key=key, outcome=outcome, metrics=metrics)] * 3

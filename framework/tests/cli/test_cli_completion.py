@@ -1,4 +1,4 @@
-"""Shell completion: what a shell proposes at a place of the command line, in the shells themselves."""
+"""Shell completion: the candidates at a place of the command line, in the shells themselves."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ zle -N complete-and-say
 bindkey '^I' complete-and-say
 print -n REA; print DY
 """
-"""Start file of a zsh that says what it proposes, each in angle brackets."""
+"""Start file of a zsh that prints its candidates, each in angle brackets."""
 PROGRAM = f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m navloom "$@"\n'
 
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: the program `navloom`, a config and a file that is none, a folder, a robot `lab/r2`."""
+    """The current folder, with the program `navloom`, a config, another file, a folder, and a robot `lab/r2`."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / ".rt"))
     (tmp_path / "bin").mkdir()
@@ -66,7 +66,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def complete(here: Path) -> Complete:
-    """What bash proposes after these words, the last of which is being typed."""
+    """Candidates of bash after these words, the last of which is being typed."""
     (here / "navloom.bash").write_text(SCRIPTS["bash"](commands(get_command(app))), "utf-8")
 
     def ask(*words: str) -> list[str]:
@@ -116,14 +116,14 @@ def test_bash_completes_plugins_roles_worlds_and_shells(complete: Complete) -> N
     assert complete("navloom", "completion", "") == ["bash", "fish", "zsh"]
 
 
-def test_an_unknown_shell_is_refused_with_those_there_are(in_process: Callable[..., tuple[int, str, str]]) -> None:
+def test_an_unknown_shell_is_refused_with_the_known_ones(in_process: Callable[..., tuple[int, str, str]]) -> None:
     code, out, err = in_process("completion", "tcsh")
     assert (code, out) == (2, "") and "shell 'tcsh': expected bash, zsh, fish" in err
     code, out, _ = in_process("completion", "bash")
     assert code == 0 and out.endswith("complete -F _navloom navloom\n")
 
 
-def test_candidates_are_those_that_the_framework_finds() -> None:
+def test_candidates_are_what_the_framework_discovers() -> None:
     found = Discovery()
     roles = [info for info in found.infos() if info.role in ROLES]
     assert candidates("plugins") == sorted(f"{info.role}.{info.name}" for info in roles)
@@ -132,7 +132,7 @@ def test_candidates_are_those_that_the_framework_finds() -> None:
     assert candidates("roles") == sorted({info.role for info in roles})
 
 
-def test_a_shell_is_answered_without_importing_the_framework(here: Path) -> None:
+def test_completion_does_not_import_the_framework(here: Path) -> None:
     for kind in ("configs", "robots", "plugins", "worlds"):
         done = subprocess.run(
             [sys.executable, "-X", "importtime", "-m", "navloom", "__complete", kind],
@@ -145,7 +145,7 @@ def test_a_shell_is_answered_without_importing_the_framework(here: Path) -> None
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="needs zsh")
 def test_zsh_completes(here: Path) -> None:
-    """In a terminal, as zsh completes nothing without one."""
+    """Runs in a terminal, because zsh completes nothing without one."""
     (here / "functions").mkdir()
     (here / "functions" / "_navloom").write_text(SCRIPTS["zsh"](commands(get_command(app))), "utf-8")
     (here / ".zshrc").write_text(ZSHRC)
@@ -169,7 +169,7 @@ def test_zsh_completes(here: Path) -> None:
 
 
 def check_zsh(ask: Complete) -> None:
-    """The first completion loads the functions, and later ones find them loaded."""
+    """Check a first completion, which loads the functions, and later ones."""
     assert ask("navloom re") == ["record", "replay", "report", "resume"]
     assert ask("navloom params ") == ["get", "set"]
     assert ask("navloom run paper --se") == ["--seed", "--set"]
@@ -180,7 +180,7 @@ def check_zsh(ask: Complete) -> None:
 
 
 def wait_for(terminal: int, text: str) -> str:
-    """What a terminal shows up to a text."""
+    """Output of a terminal up to a text."""
     shown = ""
     while text not in shown:
         ready, _, _ = select.select([terminal], [], [], 20.0)

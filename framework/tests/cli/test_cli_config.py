@@ -1,4 +1,4 @@
-"""`navloom config` as a user reads it."""
+"""`navloom config check` and `show` as a user reads them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LASER = '[world]\nref = "doorway"\n[[sensor]]\nname = "laser"\nkind = "laser_2d"
 
 
 def values(in_process: CommandLine, *words: str) -> dict[str, tuple[Any, str]]:
-    """Value and source of each place that `config show` names."""
+    """Value and source of each key that `config show` prints."""
     code, said, error = in_process("config", "show", *words, "--json")
     assert code == 0, error
     return {one["place"]: (one["value"], one["source"]) for one in json.loads(said)["values"]}
@@ -40,7 +40,7 @@ def test_a_config_that_cannot_drive_does_not_fit(in_process: CommandLine, tmp_pa
         )
 
 
-def test_what_only_a_plugin_can_refuse_does_not_fit_either(in_process: CommandLine) -> None:
+def test_a_value_that_only_its_plugin_refuses_does_not_fit(in_process: CommandLine) -> None:
     code, said, error = in_process("config", "check", "building", "--set", "sensor.laser.rate_hz=7")
     assert (code, said) == (2, "") and "sensor laser: rate_hz = 7, expected the tick rate, 20" in error
 
@@ -55,7 +55,7 @@ def test_check_and_run_say_which_size_is_assumed(in_process: CommandLine, tmp_pa
     assert error.startswith(f"navloom: {notice}")
 
 
-def test_show_has_what_holds_and_where_it_came_from(in_process: CommandLine) -> None:
+def test_show_prints_each_value_and_its_source(in_process: CommandLine) -> None:
     shown = values(in_process, "building", "--set", "sensor.laser.beams=99")
     assert shown["sensor.0.beams"] == (99, "--set")
     assert shown["sensor.0.range_max"] == (20.0, "file")
@@ -66,7 +66,7 @@ def test_show_has_what_holds_and_where_it_came_from(in_process: CommandLine) -> 
     assert shown["map.ref"] == ("world", "default")
 
 
-def test_what_show_prints_can_be_set(in_process: CommandLine) -> None:
+def test_each_line_of_show_can_be_given_to_set(in_process: CommandLine) -> None:
     code, said, _ = in_process("config", "show", "paper")
     assert code == 0
     for line in said.splitlines()[1:]:
@@ -79,7 +79,7 @@ STRANGE: list[Any] = ["", "x", "7", True, -1, 0, 10**30, 1e300, 1e-300, float("n
 
 
 def mutated(name: str, number: int) -> dict[str, Any]:
-    """A shipped config with one to three of its values replaced, left out, or joined by an unknown one."""
+    """A shipped config in which one to three values are replaced, removed, or joined by an unknown key."""
     draw = random.Random(f"{name} {number}")
     tree: dict[str, Any] = tomllib.loads(shipped_configs()[name])
     for _ in range(draw.randint(1, 3)):

@@ -1,4 +1,4 @@
-"""`navloom plugins ROLE`: what a role's plugins are given, for a terminal without the site."""
+"""`navloom plugins ROLE` describes the input of a role's plugins."""
 
 import json
 
@@ -7,7 +7,7 @@ from navloom.roles import ROLES, verb_of
 
 
 @pytest.mark.parametrize("role", ROLES)
-def test_a_role_tells_every_field_with_its_meaning(in_process, role):
+def test_a_role_is_described_with_every_field_and_its_meaning(in_process, role):
     code, out, _ = in_process("plugins", role, "--json")
     told = json.loads(out)
     assert code == 0 and told["verb"].startswith(f"{verb_of(role)}(self, given: ")
@@ -16,7 +16,7 @@ def test_a_role_tells_every_field_with_its_meaning(in_process, role):
     assert [field["name"] for field in fields if not field["meaning"]] == []
 
 
-def test_the_avoider_as_people_read_it(in_process):
+def test_the_description_of_the_avoider(in_process):
     code, out, _ = in_process("plugins", "avoider")
     assert code == 0
     assert "avoid(self, given: AvoiderInput) -> Avoidance" in out

@@ -1,4 +1,4 @@
-"""`navloom export systemd` as people and scripts use it, and its units' commands as systemd runs them."""
+"""`navloom export systemd` as people and scripts use it, and the commands of its units as systemd runs them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def lines_of(path: Path) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
-def test_it_says_how_to_install_what_it_wrote(tmp_path: Path) -> None:
+def test_it_prints_how_to_install_the_units(tmp_path: Path) -> None:
     said = run("paper", "--out", str(tmp_path / "units"))
     assert f"5 units in {tmp_path / 'units'}." in said
     assert "sudo systemctl enable --now navloom-lab-r1.target" in said
@@ -71,13 +71,13 @@ def test_an_unknown_host_is_refused_by_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("user", ["two words", "x\nExecStartPre=/bin/true", "", "-u"])
-def test_a_user_that_systemd_would_not_take_is_refused_and_nothing_is_written(tmp_path: Path, user: str) -> None:
+def test_a_user_name_that_systemd_would_refuse_is_refused_and_nothing_is_written(tmp_path: Path, user: str) -> None:
     with pytest.raises(ConfigError, match=r"--user .*: expected the name of a user, or a number"):
         run("paper", f"--user={user}", "--out", str(tmp_path / "units"))
     assert not (tmp_path / "units").exists()
 
 
-def test_a_units_command_says_ready_feeds_its_watchdog_and_says_that_it_stops(tmp_path: Path) -> None:
+def test_a_units_command_notifies_systemd_when_ready_alive_and_stopping(tmp_path: Path) -> None:
     run("paper", "--out", str(tmp_path))
     command = shlex.split(lines_of(tmp_path / "navloom-lab-r1-safe.service")["ExecStart"])
     with (

@@ -1,4 +1,4 @@
-"""`navloom graph` of a config; that of a live robot is among the commands that look."""
+"""`navloom graph` of a config; test_cli_looking.py tests that of a live robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def run(*words: str) -> str:
     return done.stdout
 
 
-def test_a_config_has_its_nodes_and_who_reads_them() -> None:
+def test_the_graph_of_a_config_has_its_nodes_and_their_readers() -> None:
     found = json.loads(run("paper", "--set", "avoider.plugin=vfh", "--json"))
     assert {"role": "avoider", "instances": ["vfh"]}.items() <= next(
         node for node in found["nodes"] if node["role"] == "avoider"

@@ -31,7 +31,7 @@ def run(*words: str) -> str:
     return done.stdout
 
 
-def test_new_says_what_goes_where_and_what_stays(tmp_path: Path) -> None:
+def test_new_prints_which_files_to_copy_where_and_which_stay(tmp_path: Path) -> None:
     said = run("new", str(tmp_path / "keys"))
     assert "the router: ca.pem router.pem router-key.pem identities.json\n" in said
     assert "people and programs that only watch: ca.pem viewer.pem viewer-key.pem\n" in said
@@ -60,7 +60,7 @@ def test_new_as_json(tmp_path: Path) -> None:
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
-def test_what_new_makes_is_what_links_take(tmp_path: Path) -> None:
+def test_a_link_accepts_the_certificates_of_new(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder), "--robot", "r7")
     found = settings(Link("router", ("tls/0.0.0.0:7447",), (), folder, "router", robot="r7"))
@@ -79,14 +79,14 @@ def test_add_a_shadow(tmp_path: Path) -> None:
     assert (found["name"], found["kind"], found["days"]) == ("bob", "operator", 825)
 
 
-def test_a_second_new_is_an_error_in_words(tmp_path: Path) -> None:
+def test_a_second_new_is_refused_in_one_message(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder))
     with pytest.raises(KeysError, match="navloom keys add"):
         run("new", str(folder))
 
 
-def test_the_two_hosts_of_the_docs_are_let_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_router_admits_the_two_hosts_of_the_docs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).resolve().parents[3] / "docs" / "security.md").read_text("utf-8")
     (config,) = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     (session,) = re.findall(r"^```console\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
@@ -112,7 +112,7 @@ def test_the_two_hosts_of_the_docs_are_let_in(tmp_path: Path, monkeypatch: pytes
         assert settings(link)["transport"]["link"]["tls"]["enable_mtls"] is True
 
 
-def test_renew_says_whose_and_where_they_go(tmp_path: Path) -> None:
+def test_renew_prints_whose_certificates_and_where_to_copy_them(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder))
     said = run("renew", str(folder))
@@ -121,7 +121,7 @@ def test_renew_says_whose_and_where_they_go(tmp_path: Path) -> None:
     assert found == {"folder": str(folder), "renewed": ["viewer"], "days": 30}
 
 
-def test_revoke_says_what_to_copy(tmp_path: Path) -> None:
+def test_revoke_prints_what_to_copy(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder))
     run("add", str(folder), "bob", "--kind", "operator")

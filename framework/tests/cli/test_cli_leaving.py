@@ -40,7 +40,7 @@ sys.exit(3)
     ],
     ids=["thread", "busy executor", "thread that ends", "idle executor"],
 )
-def test_a_process_ends_whatever_threads_still_run(does: str, in_pool: bool, told: str) -> None:
+def test_a_process_ends_though_threads_still_run(does: str, in_pool: bool, told: str) -> None:
     words = [sys.executable, "-c", STAYS.format(does=does, in_pool=in_pool)]
     ended = subprocess.run(words, capture_output=True, text=True, timeout=30)
     assert ended.returncode == 3
@@ -50,7 +50,7 @@ def test_a_process_ends_whatever_threads_still_run(does: str, in_pool: bool, tol
 BROKEN = "from navloom import hookimpl\n\ndef half(x):\n    return 1 / x\n\nhalf(0)\n"
 
 
-def test_traceback_prints_what_a_message_leaves_out(
+def test_traceback_is_printed_after_the_message(
     in_process: Run, install: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(TRACEBACK, "")

@@ -1,4 +1,4 @@
-"""`navloom list`, `status`, `echo`, `hz`, `graph` and `doctor`, on a live robot of toys over its processes."""
+"""`navloom list`, `status`, `echo`, `hz`, `graph` and `doctor` on a live robot of toy plugins in several processes."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ SHARES = {
     "safe": ["gate main"],
 }  # fmt: skip
 NODES = [name for share in SHARES.values() for name in share]
-pytestmark = pytest.mark.slow  # its robots take longer to start than all the rest
+pytestmark = pytest.mark.slow  # its robots take longer to start than all its tests
 
 
 def install(folder: Path) -> str:
-    """The toys as a distribution that child processes discover; gives what PYTHONPATH must be."""
+    """Install the toys as a distribution that child processes discover; gives the PYTHONPATH for them."""
     dist = folder / "navloom_toys-1.0.dist-info"
     dist.mkdir(parents=True)
     shutil.copy(toys.__file__, folder / "navloom_toys.py")
@@ -62,7 +62,7 @@ def install(folder: Path) -> str:
 
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The robot's config, with its plugins in reach of every process that is started meanwhile."""
+    """Config of the robot, whose plugins every process started meanwhile can import."""
     folder = tmp_path_factory.mktemp("toys")
     path = folder / "toys.toml"
     path.write_text(TEXT, "utf-8")
@@ -83,7 +83,7 @@ Look = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def look(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Look:
-    """Runs a command within this process; gives exit code, standard output and standard error."""
+    """Runs a command in this process; gives exit code, standard output and standard error."""
 
     def run(where: Up | Path, *words: str) -> tuple[int, str, str]:
         folder = where.environment["NAVLOOM_RUNTIME_DIR"] if isinstance(where, Up) else str(where)
@@ -150,7 +150,7 @@ def test_echo_prints_as_many_messages_as_asked_for(robot: Up, look: Look) -> Non
     assert "  pose      (x 0, y 0, heading 0)" in out.splitlines()
 
 
-def test_echo_of_a_map_gives_the_last_one_at_once_with_its_cells_summarised(robot: Up, look: Look) -> None:
+def test_echo_of_a_map_prints_the_last_one_at_once_with_a_summary_of_its_cells(robot: Up, look: Look) -> None:
     found = as_json(look, robot, "echo", "mapper/map", "--count", "1")
     assert (found["stream"], found["envelope"]["sequence"]) == ("mapper/toy_blank/map", 1)
     cells = found["message"]["grid"]["cells"]
@@ -165,7 +165,7 @@ def test_echo_prints_chosen_fields_as_a_json_object_a_line(robot: Up, look: Look
     )
     lines = [json.loads(line) for line in out.splitlines()]
     assert (code, err, len(lines)) == (0, "", 3)
-    # no echo is an infinite range, which JSON has no word for
+    # no echo is an infinite range, which JSON cannot express
     assert [line["message"] for line in lines] == [
         {"ranges.first.0": None, "range_min": 0.1, "ranges.infinite": 1}
     ] * 3  # fmt: skip
@@ -191,7 +191,7 @@ def test_echo_prints_chosen_fields_as_a_json_object_a_line(robot: Up, look: Look
     ],
     ids=["stream", "role", "field", "entry", "part", "count", "for", "robot", "endpoint", "name"],
 )  # fmt: skip
-def test_a_wrong_request_is_answered_with_what_is_meant(
+def test_a_wrong_request_is_refused_with_the_nearest_fix(
     words: list[str], complaint: str, robot: Up, look: Look
 ) -> None:
     code, out, err = look(robot, *words)
@@ -199,7 +199,7 @@ def test_a_wrong_request_is_answered_with_what_is_meant(
     assert complaint in err
 
 
-def test_hz_measures_every_stream_and_names_the_silent_ones_apart(robot: Up, look: Look) -> None:
+def test_hz_measures_every_stream_and_lists_the_silent_ones_apart(robot: Up, look: Look) -> None:
     found = as_json(look, robot, "hz", "platform", "--for", "1.5")
     assert set(found) == {f"platform/toy_robot/{port}" for port in
                           ("odometry", "ear", "contact", "truth", "step", "parameters")}  # fmt: skip
@@ -218,7 +218,7 @@ def test_hz_measures_every_stream_and_names_the_silent_ones_apart(robot: Up, loo
     assert lines[-1] == "nothing came on localizer/odometry/parameters"
 
 
-def test_graph_has_everybody_and_what_was_heard(robot: Up, look: Look) -> None:
+def test_graph_has_every_node_and_the_messages_received(robot: Up, look: Look) -> None:
     found = as_json(look, robot, "graph")
     assert [f"{node['role']} {node['instance']}" for node in found["nodes"]] == NODES
     edges = {(edge["from"], edge["port"], edge["to"]): edge["received"] for edge in found["edges"]}
@@ -238,7 +238,7 @@ def test_graph_has_everybody_and_what_was_heard(robot: Up, look: Look) -> None:
     assert '"operator/main" -> "gate/main" [label="command", style=dotted];' in out
 
 
-def test_doctor_finds_no_more_than_that_the_computer_is_busy(robot: Up, look: Look) -> None:
+def test_doctor_finds_nothing_but_a_busy_computer(robot: Up, look: Look) -> None:
     code, out, err = look(robot, "doctor", "--json")
     found = json.loads(out)
     assert (found["robot"], found["nodes"], err) == ("lab/r1", len(NODES), "")
@@ -248,7 +248,7 @@ def test_doctor_finds_no_more_than_that_the_computer_is_busy(robot: Up, look: Lo
     assert (code, found["healthy"]) == ((0, True) if not problems else (1, False))
 
 
-def test_ctrl_c_ends_echo_as_it_should_end(robot: Up) -> None:
+def test_ctrl_c_ends_echo_without_an_error(robot: Up) -> None:
     child = subprocess.Popen(
         [*COMMAND, "echo", "platform/odometry"],
         env=robot.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -264,7 +264,7 @@ def test_ctrl_c_ends_echo_as_it_should_end(robot: Up) -> None:
     assert (child.returncode, err) == (0, "")
 
 
-def test_a_reader_that_goes_away_ends_echo_without_a_word(robot: Up) -> None:
+def test_a_closed_pipe_ends_echo_silently(robot: Up) -> None:
     child = subprocess.Popen(
         [*COMMAND, "echo", "platform/odometry"], env=robot.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
@@ -296,7 +296,7 @@ def test_without_a_robot_every_command_says_how_to_start_one(words: list[str], l
         )
 
 
-def test_without_a_robot_doctor_finds_that(look: Look, tmp_path: Path) -> None:
+def test_without_a_robot_doctor_reports_that(look: Look, tmp_path: Path) -> None:
     code, out, err = look(tmp_path, "doctor")
     assert (code, err) == (1, "")
     assert out == (
@@ -307,13 +307,13 @@ def test_without_a_robot_doctor_finds_that(look: Look, tmp_path: Path) -> None:
     assert (found["robot"], found["healthy"], found["nodes"], len(found["findings"])) == (None, False, 0, 1)
 
 
-def test_where_nobody_listens_that_is_said(look: Look, tmp_path: Path) -> None:
+def test_an_endpoint_without_a_listener_is_reported(look: Look, tmp_path: Path) -> None:
     code, out, err = look(tmp_path, "doctor", "--connect", f"unixsock-stream/{tmp_path}/nobody.sock")
     assert (code, err) == (1, "")
     assert "cannot be joined" in out and "nothing listens there" in out and "navloom router" in out
 
 
-# --- what tables say ------------------------------------------------------------------------------------------------
+# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -329,12 +329,12 @@ def test_where_nobody_listens_that_is_said(look: Look, tmp_path: Path) -> None:
     ],
     ids=["active", "shadow", "spare", "mute", "quick", "slow", "failing"],
 )
-def test_a_node_is_told_in_words(changes: dict[str, Any], words: str) -> None:
+def test_the_state_of_a_node_in_words(changes: dict[str, Any], words: str) -> None:
     assert state(described("avoider", "vfh", **{"answers": True, **changes})) == words
 
 
 def rows(bus: BusInWords) -> dict[str, str]:
-    """What `navloom status` says of a robot in words."""
+    """Rows of `navloom status` for a described robot."""
     asked = client(bus)
     return dict(status_rows("lab/r1", listing(asked), last_words(asked), changed_parameters(asked)))
 
@@ -401,7 +401,7 @@ def test_a_table_is_as_wide_as_its_longest_entries_and_brackets_are_no_markup(
 
 
 def until(claim: Callable[[], Any], what: str) -> Any:
-    """Look again until something is seen that gives no event of its own."""
+    """Poll until a condition without an event holds."""
     limit = time.monotonic() + 60.0
     while not (found := claim()):
         assert time.monotonic() < limit, what
@@ -409,7 +409,7 @@ def until(claim: Callable[[], Any], what: str) -> Any:
     return found
 
 
-def test_a_process_that_was_stopped_is_told_with_what_lets_it_go_on(robot: Up, look: Look) -> None:
+def test_a_process_stopped_by_a_signal_is_reported_with_the_command_that_continues_it(robot: Up, look: Look) -> None:
     pid = next(node["pid"] for node in as_json(look, robot, "list") if node["process"] == "think")
     os.kill(pid, signal.SIGSTOP)
     try:
@@ -425,7 +425,7 @@ def test_a_process_that_was_stopped_is_told_with_what_lets_it_go_on(robot: Up, l
     until(lambda: all(node["answers"] for node in as_json(look, robot, "list")), "everybody answers again")
 
 
-def test_a_process_that_was_killed_is_noted_when_it_is_back(robot: Up, look: Look) -> None:
+def test_a_killed_process_is_noted_after_its_restart(robot: Up, look: Look) -> None:
     before = len(robot.said)
     pid = next(node["pid"] for node in as_json(look, robot, "list") if node["process"] == "drive")
     os.kill(pid, signal.SIGKILL)
@@ -439,11 +439,11 @@ def test_a_process_that_was_killed_is_noted_when_it_is_back(robot: Up, look: Loo
     until(lambda: len(as_json(look, robot, "list")) == len(NODES), "everybody is back")
 
 
-def test_under_the_barrier_everybody_is_listed_and_a_robot_that_ends_ends_echo(config: Path, look: Look) -> None:
+def test_under_the_barrier_every_node_is_listed_and_echo_ends_with_the_robot(config: Path, look: Look) -> None:
     roles = list(dict.fromkeys(name.split()[0] for name in NODES))
     values = [
         "navigation.drive=true",
-        "navigation.speed=[0.001, 0.001]",  # 60000 ticks: it is on its way for as long as this may take
+        "navigation.speed=[0.001, 0.001]",  # 60000 ticks, longer than this test may take
         "run.stop_after=1e6",
         f"live.processes={{ all = {json.dumps(roles)} }}",
     ]

@@ -1,4 +1,4 @@
-"""Numbers that no command can use: one message that names the option, exit 2, nothing run or written."""
+"""Invalid numbers on the command line: one message that names the option, exit 2, nothing run or written."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ NEEDED = {
     "keys add": ["no-folder", "alice", "--kind", "operator"],
     "plan": ["empty", "--from", "0,0", "--to", "1,1"],
 }
-"""What commands want beside their numbers."""
+"""Further arguments that commands need beside their numbers."""
 BAD = {float: ["nan", "inf", "much"], int: ["nan", "1.5", ""]}
 
 
 def commands(app: typer.Typer, name: str = "") -> Iterator[tuple[str, Callable[..., None]]]:
-    """Every command by its words."""
+    """Every command, by its words."""
     for group in app.registered_groups:
         assert group.typer_instance is not None
         yield from commands(group.typer_instance, f"{name} {group.name}".strip())
@@ -42,7 +42,7 @@ def commands(app: typer.Typer, name: str = "") -> Iterator[tuple[str, Callable[.
 
 
 def numbers() -> Iterator[tuple[str, str, str]]:
-    """Every option and argument that is a number, with values that are none."""
+    """Every option and argument that is a number, with values that are not numbers."""
     for name, callback in commands(app):
         for key, hint in get_type_hints(callback, include_extras=True).items():
             annotated, *extra = get_args(hint) if hasattr(hint, "__metadata__") else (hint,)
@@ -62,7 +62,7 @@ def test_the_table_has_the_commands_that_take_numbers() -> None:
 
 
 @pytest.mark.parametrize(("name", "option", "value"), ALL)
-def test_what_is_no_number_is_refused(in_process: CommandLine, name: str, option: str, value: str) -> None:
+def test_a_value_that_is_no_number_is_refused(in_process: CommandLine, name: str, option: str, value: str) -> None:
     words = list(NEEDED.get(name, []))
     if option.startswith("-"):
         words += [option, value]

@@ -1,4 +1,4 @@
-"""What is refused before a robot is even looked for, and standard output that is not there."""
+"""Requests that are refused before a robot is looked for, `down`, and broken standard output."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_wrong_number_is_refused_before_anything_is_sent(arguments: list[str],
     assert done.exit_code == 2 and text in " ".join(done.output.replace("\u2502", " ").split())
 
 
-def test_down_for_every_robot_says_where_there_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_down_for_every_robot_says_that_none_is_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path))
     done = CliRunner().invoke(app, ["down", "--all"])
     assert (done.exit_code, done.output) == (0, "no robot of this user is up on this host\n")
@@ -54,7 +54,7 @@ def test_down_for_every_robot_says_where_there_is_none(tmp_path: Path, monkeypat
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the environment of a process")
 @pytest.mark.parametrize("arguments", [[], ["--robot", "lab/r1"], ["--robot", "r1"], ["--all"]])
-def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
+def test_down_names_and_ends_processes_left_over_by_a_killed_up(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path))
@@ -66,7 +66,7 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
     try:
         what = f"process {left.pid} (sleep 60) of drive"
         limit = time.monotonic() + 10.0
-        while not left_running() and time.monotonic() < limit:  # its environment is there a moment after it is
+        while not left_running() and time.monotonic() < limit:  # its environment appears a moment after the process
             time.sleep(0.01)
         (found,) = left_running()
         assert found.what == f"{what}: still running, although robot lab/r1 is down"
@@ -81,7 +81,7 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
         left.wait()
 
 
-def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_down_for_every_robot_continues_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     from navloom.cli.live import up
     from navloom.hosting.directory import DirectoryError, Running
 
@@ -100,7 +100,7 @@ def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypa
     assert isinstance(done.exception, DirectoryError) and "lab/a" in str(done.exception)
 
 
-def test_with_standard_output_closed_a_command_still_does_what_it_does() -> None:
+def test_a_command_works_with_standard_output_closed() -> None:
     command = f"{sys.executable} -c 'from navloom.cli import main; main()' plugins >&-"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
@@ -114,7 +114,7 @@ def test_a_full_disk_behind_standard_output_is_one_message() -> None:
     assert done.returncode == 1
 
 
-def test_what_a_plugin_prints_is_no_part_of_the_json(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_of_a_plugin_does_not_get_into_the_json(monkeypatch: pytest.MonkeyPatch) -> None:
     inner = episode.run_episode
 
     def talkative(*given: Any, **named: Any) -> Any:
@@ -126,7 +126,7 @@ def test_what_a_plugin_prints_is_no_part_of_the_json(monkeypatch: pytest.MonkeyP
     assert json.loads(done.stdout)["outcome"] == "timeout" and "hello from a plugin" in done.stderr
 
 
-def test_a_run_that_still_compiles_is_not_said_to_hang_but_one_that_never_begins_is(
+def test_a_run_that_compiles_is_not_reported_as_hanging_but_one_that_never_begins_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     said: list[str] = []
@@ -138,7 +138,7 @@ def test_a_run_that_still_compiles_is_not_said_to_hang_but_one_that_never_begins
     assert said[0].startswith("no tick for 0.6 s: the run is at test_cli_operate.py:")
 
 
-def test_a_run_that_does_not_come_on_says_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_makes_no_progress_reports_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr("navloom.cli.study.run.LOG.warning", said.append)
     limit = time.monotonic() + 20.0
@@ -148,10 +148,10 @@ def test_a_run_that_does_not_come_on_says_where_it_is(monkeypatch: pytest.Monkey
             pass
     (text,) = said
     assert text.startswith("no tick for 0.05 s: the run is at test_cli_operate.py:")
-    assert text.endswith(", in test_a_run_that_does_not_come_on_says_where_it_is; Ctrl-C ends it")
+    assert text.endswith(", in test_a_run_that_makes_no_progress_reports_where_it_is; Ctrl-C ends it")
 
 
-def test_a_kernel_that_is_being_compiled_is_not_taken_for_a_run_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_compilation_of_a_kernel_is_not_reported_as_hanging(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr("navloom.cli.study.run.LOG.warning", said.append)
     compiler: dict[str, Any] = {"__name__": "numba.core.compiler", "time": time}

@@ -1,4 +1,4 @@
-"""Options that every command has: levels of the log, and its JSON lines; groups of options."""
+"""Options of every command: level of the log, and JSON lines; groups of options."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def test_every_command_has_the_options_of_the_log() -> None:
         assert {"--log-level", "--log-json"} <= names, entry.name
 
 
-def test_an_error_is_one_json_object_where_json_is_asked_for(in_process: Run) -> None:
+def test_with_json_an_error_is_one_json_object(in_process: Run) -> None:
     code, out, err = in_process("run", "nothing", "--log-json")
     (line,) = map(json.loads, err.splitlines())
     assert (code, out) == (2, "")
     assert line["level"] == "error" and line["logger"] == "navloom.cli" and "'nothing'" in line["message"]
 
 
-def test_notes_are_left_out_above_their_level_and_the_answer_stays(in_process: Run) -> None:
+def test_the_log_level_drops_notes_but_not_the_answer(in_process: Run) -> None:
     words = ("run", "paper", "--set", "planner.plugin=theta_star", "--set", "run.stop_after=0.1")
     told = in_process(*words)
     quiet = in_process(*words, "--log-level", "warning")
@@ -44,7 +44,7 @@ def test_notes_are_left_out_above_their_level_and_the_answer_stays(in_process: R
     assert quiet[2] == "" and quiet[1].splitlines()[0] == told[1].splitlines()[0]
 
 
-def test_an_unknown_level_is_refused_with_those_there_are(in_process: Run) -> None:
+def test_an_unknown_level_is_refused_with_the_known_ones(in_process: Run) -> None:
     code, _, err = in_process("worlds", "--log-level", "loud")
     assert code == 2 and "warning" in err
 

@@ -1,4 +1,4 @@
-"""What a run says on the way: one line of progress, whether it stands still, and which plugin is slow."""
+"""Progress of a run: one line, reports of a run that hangs, and of a slow plugin."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Make every step of the localizer take so long, s."""
+    """Make every step of the localizer take `by` s longer."""
     real = OdometryLocalizer.localize
 
     def slow(by: float) -> None:
@@ -53,7 +53,7 @@ with stage(False) as (_, progress):
 """
 
 
-def test_what_is_said_beside_the_line_of_progress_leaves_no_second_one() -> None:
+def test_other_output_leaves_no_second_line_of_progress() -> None:
     ours, theirs = pty.openpty()
     process = subprocess.Popen([sys.executable, "-c", SAYING], stderr=theirs, env=os.environ | {"TERM": "xterm"})
     os.close(theirs)
@@ -63,14 +63,14 @@ def test_what_is_said_beside_the_line_of_progress_leaves_no_second_one() -> None
             said += data
     os.close(ours)
     assert process.wait(60) == 0
-    # What is left of each line on the screen: after the last time that it was erased.
+    # What remains of each line on the screen after it was last erased.
     lines = [line.rsplit("\x1b[2K", 1)[-1] for line in said.decode().replace("\r", "").split("\n")]
     left = [re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line).strip() for line in lines]
     assert [line for line in left if line.startswith("navloom: ")] == [f"navloom: message {done}" for done in range(3)]
-    assert sum("driving" in line for line in left) <= 1  # the last one, which vanishes with the next code
+    assert sum("driving" in line for line in left) <= 1  # the last one, which the next code erases
 
 
-def test_a_slow_plugin_is_named_with_how_late_it_is(in_process: Run, slowed: Callable[[float], None]) -> None:
+def test_a_slow_plugin_is_named_with_its_delay(in_process: Run, slowed: Callable[[float], None]) -> None:
     slowed(0.003)
     words = ("run", "paper", "--set", "run.period=0.001", "--set", "run.stop_after=0.05")
     _, said, errors = in_process(*words, "--json")
@@ -87,7 +87,7 @@ def test_a_plugin_that_keeps_up_is_not_named(in_process: Run) -> None:
     assert code == 1 and json.loads(said)["warnings"] == [] and "is slow" not in errors
 
 
-def test_a_run_of_slow_ticks_is_not_said_to_stand_still(
+def test_a_run_of_slow_ticks_is_not_reported_as_hanging(
     in_process: Run, slowed: Callable[[float], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slowed(0.1)

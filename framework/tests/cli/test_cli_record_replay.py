@@ -1,4 +1,4 @@
-"""`navloom run --record` and `navloom replay`, in-process, on the paper's run cut short."""
+"""`navloom run --record` and `navloom replay` in this process, on the paper's run cut short."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_recorded_run_checks(recorded: Path) -> None:
+def test_a_recorded_run_is_replayed_bit_for_bit(recorded: Path) -> None:
     done = RUN.invoke(app, ["replay", str(recorded), "--check", "--json"])
     found = json.loads(done.stdout)
     assert done.exit_code == 0 and found["same"] and found["complete"] and found["first_difference"] is None
@@ -59,7 +59,7 @@ def test_an_existing_recording_is_not_written_over(recorded: Path) -> None:
     ],
     ids=["two ways", "no plugin", "no parameter"],
 )
-def test_a_wrong_request_is_told(recorded: Path, options: list[str], why: str) -> None:
+def test_a_wrong_request_is_refused_in_one_message(recorded: Path, options: list[str], why: str) -> None:
     done = RUN.invoke(app, ["replay", str(recorded), *options])
     assert done.exit_code != 0 and why in str(done.exception)
 
@@ -89,6 +89,6 @@ def test_a_parameter_of_a_role_that_is_not_tried_is_refused(recorded: Path) -> N
     assert "with a ROLE that has another plugin here: avoider" in str(done.exception)
 
 
-def test_no_recording_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     done = RUN.invoke(app, ["replay", str(tmp_path / "none.mcap")])
     assert isinstance(done.exception, RecordingError) and "cannot be read" in str(done.exception)

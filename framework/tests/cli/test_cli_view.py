@@ -1,4 +1,4 @@
-"""`navloom run --rerun`, `compare --rerun` and `view`: what they write, leave as it is, and refuse."""
+"""`navloom run --rerun`, `compare --rerun` and `view`: what they write, and what they refuse."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ def config(tmp_path: Path) -> str:
 
 
 def entities(path: Path) -> set[str]:
-    """Entities of an .rrd file but for its layout, as the viewer's own program reads it."""
+    """Entities of an .rrd file except its layout, as the viewer's own program reads it."""
     binary = Path(str(import_module("rerun_cli").__file__)).parent / "rerun"
     done = subprocess.run([binary, "rrd", "print", path], capture_output=True, text=True, check=True)
     ours = ("/run/", "/world/", "/metrics/", "/goal", "/driver", "/avoider", "/histogram/", "/log/", "/legend", "/tf/")
     return {word for line in done.stdout.splitlines() for word in line.split() if word.startswith(ours)}
 
 
-def test_a_run_that_is_kept_for_the_viewer_has_the_same_trace(config: str, in_process: Run, tmp_path: Path) -> None:
+def test_a_run_that_is_written_for_the_viewer_has_the_same_trace(config: str, in_process: Run, tmp_path: Path) -> None:
     code, out, _ = in_process("run", config, "--json")
     file = tmp_path / "kept" / "run.rrd"
     same, shown, err = in_process("run", config, "--json", "--rerun", str(file))
@@ -78,7 +78,7 @@ def test_a_run_that_is_kept_for_the_viewer_has_the_same_trace(config: str, in_pr
     assert {"/run/r1/driven", "/run/r1/trajectory", "/run/forces/base/command", "/log/r1/goal"} <= entities(file)
 
 
-@pytest.mark.slow  # two child processes more
+@pytest.mark.slow  # two further child processes
 def test_a_recording_shows_what_the_run_showed(config: str, in_process: Run, tmp_path: Path) -> None:
     file, recording, again = tmp_path / "run.rrd", tmp_path / "run.mcap", tmp_path / "again.rrd"
     code, _, err = in_process("run", config, "--rerun", str(file), "--record", str(recording))
@@ -91,7 +91,7 @@ def test_a_recording_shows_what_the_run_showed(config: str, in_process: Run, tmp
     assert entities(again) == entities(file)
 
 
-@pytest.mark.slow  # a child process and two runs more
+@pytest.mark.slow  # a child process and two further runs
 def test_methods_side_by_side_end_in_one_file_and_one_table(config: str, in_process: Run, tmp_path: Path) -> None:
     file = tmp_path / "both.rrd"
     words = ("compare", config, "--vary", "controller=kanayama,pure_pursuit", "--rerun", str(file))
@@ -138,7 +138,7 @@ def test_a_browser_is_served_until_the_command_ends(number: signal.Signals, tmp_
             command.send_signal(number)
             assert command.wait(20.0) == (0 if number == signal.SIGINT else -number)
         finally:
-            command.terminate()  # else a server that does not answer would be waited for without an end
+            command.terminate()  # bounded, in case the server does not answer
     limit = time.monotonic() + 10.0
     while is_up("127.0.0.1", int(found[2])):
         assert time.monotonic() < limit, "the server outlives its command"
@@ -150,7 +150,7 @@ def test_a_browser_is_served_until_the_command_ends(number: signal.Signals, tmp_
 
 @pytest.fixture
 def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on a robot's computer, or over SSH."""
+    """Removes the display, as on a robot's computer or over SSH."""
     if sys.platform != "linux":
         pytest.skip("only Linux tells by the environment whether there is a display")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
@@ -184,10 +184,10 @@ def test_without_a_display_nothing_runs_and_the_message_says_what_to_do(
 
 
 @pytest.mark.usefixtures("no_display")
-def test_a_display_that_does_not_answer_is_said_before_anything_runs(
+def test_a_display_that_does_not_answer_is_reported_before_anything_runs(
     config: str, in_process: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("DISPLAY", ":98765")  # no X server has such a number: its port would be above 65535
+    monkeypatch.setenv("DISPLAY", ":98765")  # no X server can have this number: its port would be above 65535
     code, said, err = in_process("run", config, "--view", "--out", str(tmp_path / "out"))
     assert (code, said) == (2, "")
     assert re.fullmatch(r"navloom: the viewer opens no window: [^/]+; --web serves .*, --rerun F.rrd keeps .*\n", err)
@@ -195,11 +195,11 @@ def test_a_display_that_does_not_answer_is_said_before_anything_runs(
     assert not [one for one in active_children() if "viewer" in one.name]
 
 
-def test_a_viewer_that_fails_later_is_said_after_the_result_and_the_exit_code_is_1(
+def test_a_viewer_that_fails_later_is_reported_after_the_result_with_exit_code_1(
     config: str, in_process: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Failing(Program):
-        """A server in place of a window, killed once it is fed."""
+        """A server in place of a window, killed once it has received data."""
 
         def __init__(self, web: bool = False, files: tuple[Path, ...] = (), options: tuple[str, ...] = ()) -> None:
             super().__init__(web, files, ("--serve-grpc",))

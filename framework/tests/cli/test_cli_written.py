@@ -1,4 +1,4 @@
-"""What commands write: nothing is written over, and a full disk costs neither the answer nor what is whole."""
+"""Files that commands write: none is overwritten, and a full disk costs neither the answer nor complete files."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def config(tmp_path: Path) -> str:
 
 @contextmanager
 def no_file_over(size: int) -> Iterator[None]:
-    """The system refuses to let a file of this process or its children grow over a size, as it would on a full disk."""
+    """Limits the size of files of this process and its children, which fails writes as a full disk does."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
@@ -69,7 +69,7 @@ def no_file_over(size: int) -> Iterator[None]:
 
 @pytest.fixture
 def study(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """`compare` with its episodes in this process, and its report without figures, which are tested elsewhere."""
+    """Runs `compare` with its episodes in this process and without figures, which are tested elsewhere."""
     real = compare.run_study
 
     def in_thread(study: compare.Study, out: Path | None, **options: Any) -> compare.StudyResult:
@@ -117,7 +117,7 @@ def test_an_earlier_result_is_never_written_over(in_process: Run, config: str, t
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_what_a_killed_run_left_is_taken_over_and_what_a_running_one_writes_is_not(
+def test_the_folder_of_a_killed_run_is_reused_and_that_of_a_running_one_is_not(
     in_process: Run, config: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -139,7 +139,7 @@ def test_a_refused_run_leaves_neither_folder_nor_recording(in_process: Run, conf
     assert names(tmp_path) == ["robot.toml"]
 
 
-def test_a_full_disk_costs_neither_the_answer_nor_what_fits(in_process: Run, config: str, tmp_path: Path) -> None:
+def test_a_full_disk_costs_neither_the_answer_nor_files_that_fit(in_process: Run, config: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with no_file_over(20_000):
         code, said, errors = in_process("run", config, "--out", str(out), "--json")
@@ -177,7 +177,7 @@ def test_a_recording_that_cannot_begin_is_exit_1_and_leaves_no_file(
 
 
 @pytest.mark.skipif(find_spec("rerun") is None, reason="the extra `view` is not installed")
-def test_the_viewers_file_is_not_written_over_and_a_full_disk_is_exit_1(
+def test_the_viewers_file_is_not_overwritten_and_a_full_disk_is_exit_1(
     in_process: Run, config: str, tmp_path: Path
 ) -> None:
     rerun = tmp_path / "run.rrd"
@@ -192,9 +192,7 @@ def test_the_viewers_file_is_not_written_over_and_a_full_disk_is_exit_1(
     assert rerun.stat().st_size == size
 
 
-def test_a_study_on_a_full_disk_ends_with_what_is_kept_and_goes_on_later(
-    study: Run, config: str, tmp_path: Path
-) -> None:
+def test_a_study_on_a_full_disk_keeps_its_episodes_and_continues_later(study: Run, config: str, tmp_path: Path) -> None:
     out = tmp_path / "study"
     words = (config, "--seeds", "0:3", "--out", str(out), "--json")
     kept = out / "journal.jsonl"

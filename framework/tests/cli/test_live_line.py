@@ -1,4 +1,4 @@
-"""What a goal and teleop show while they last: one rewritten line on a terminal, a line now and then elsewhere."""
+"""Status line of a goal and of teleop: one rewritten line on a terminal, single lines elsewhere."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_the_line_of_a_goal(feedback: Feedback, gate: GateStatus | None, speed: 
     assert goal_line(feedback, gate, speed)[0] == text
 
 
-def test_a_line_of_a_goal_is_of_its_own_when_its_driver_changes_and_not_when_it_moves() -> None:
+def test_a_goal_gets_a_new_line_when_its_driver_changes_and_not_when_the_robot_moves() -> None:
     far, near = Feedback(2, "driving", 3.6, 9.0, 0.0, 0), Feedback(2, "driving", 3.4, 8.0, 0.0, 0)
     assert goal_line(far, DRIVES, 0.4)[1] == goal_line(near, DRIVES, 0.3)[1]
     avoider = GateStatus("avoider", "vfh", False, False, "", ())
@@ -74,7 +74,7 @@ def test_a_line_of_a_goal_is_of_its_own_when_its_driver_changes_and_not_when_it_
     assert len(kinds) == 4
 
 
-def test_the_line_of_teleop_has_what_is_asked_for_what_is_commanded_and_what_is_measured() -> None:
+def test_the_line_of_teleop_has_the_requested_commanded_and_measured_velocity() -> None:
     asked, gate, robot = (Twist2D(v, 0.0, math.radians(w)) for v, w in ((1.2, 40.0), (0.5, 25.0), (0.49, 24.0)))
     text = "asked +1.20 m/s +40 deg/s | gate +0.50 +25 | robot +0.49 +24"
     assert teleop_line(asked, gate, robot, "") == (text, "")
@@ -95,7 +95,7 @@ def test_the_line_of_teleop_has_what_is_asked_for_what_is_commanded_and_what_is_
     ],
     ids=["free", "speed", "acceleration", "turn", "both", "contact", "at first", "another"],
 )
-def test_what_the_gate_limits_is_named(
+def test_the_line_names_a_limit_of_the_gate(
     asked: tuple[float, float],
     granted: tuple[float, float],
     before: tuple[float, float],
@@ -107,7 +107,7 @@ def test_what_the_gate_limits_is_named(
 
 
 class Run:
-    """What `navloom up` shows of a run."""
+    """A run as `navloom up` shows it."""
 
     def __init__(self) -> None:
         self.feedback: Feedback | None = None
@@ -115,7 +115,7 @@ class Run:
         self.result: GoalResult | None = None
 
 
-def test_up_tells_of_a_goal_from_its_start_to_its_end_without_a_word_of_a_fault() -> None:
+def test_up_prints_the_start_progress_and_end_of_a_goal_and_no_fault() -> None:
     run, stream, said = Run(), io.StringIO(), []
     with StatusTable(run, stream, said.append) as table:
         for run.feedback, run.status in (

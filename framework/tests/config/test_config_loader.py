@@ -29,7 +29,7 @@ def test_a_value_comes_from_default_file_or_set(tmp_path: Path) -> None:
     assert (loaded.config.run.seed, loaded.config.run.period, loaded.config.run.stop_after) == (3, 0.1, 120.0)
 
 
-def test_the_seed_option_goes_over_the_file() -> None:
+def test_the_seed_option_overrides_the_file() -> None:
     assert load_config("paper", seed=99).config.run.seed == 99
 
 
@@ -50,7 +50,7 @@ def test_a_sensor_is_reached_by_name() -> None:
     assert loaded.sources["sensor.1.layout"] == "--set"
 
 
-def test_the_hash_is_of_values_not_of_where_they_are_written(tmp_path: Path) -> None:
+def test_the_hash_depends_on_values_and_not_on_where_they_are_written(tmp_path: Path) -> None:
     plain = load_config(write(tmp_path, "[run]\nseed = 3\n")).sha256()
     assert load_config(write(tmp_path, "# words\n[run]\nseed=3\nperiod = 0.05\n")).sha256() == plain
     assert load_config(write(tmp_path, "[run]\nseed = 4\n")).sha256() != plain
@@ -76,7 +76,7 @@ def test_the_hash_is_of_values_not_of_where_they_are_written(tmp_path: Path) -> 
         ("[run\n", "not TOML"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_named_with_place_value_and_fix(tmp_path: Path, text: str, said: str) -> None:
+def test_a_value_that_does_not_fit_is_refused_with_place_value_and_fix(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_config(write(tmp_path, text))
     assert said in str(caught.value)
@@ -123,7 +123,7 @@ def test_hosts_that_do_not_fit_each_other_are_refused(tmp_path: Path, live: str,
     assert text in str(refused.value)
 
 
-def test_a_process_cannot_hold_an_instance_that_there_is_not(tmp_path: Path) -> None:
+def test_a_process_cannot_have_an_instance_that_does_not_exist(tmp_path: Path) -> None:
     path = tmp_path / "processes.toml"
     processes = 'processes = { one = ["platform", "localizer", "mapper", "planner", "goal", "reference", "controller", '
     processes += '"avoider", "avoider.nosuch", "recovery", "gate"] }'

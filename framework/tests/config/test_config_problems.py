@@ -1,4 +1,4 @@
-"""Everything that is wrong with a config at once: place and line, value, expectation and the nearest fix."""
+"""All problems of a config at once: place and line, value, expectation and the nearest fix."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SAID = [
 ]
 
 
-def test_all_that_is_wrong_is_said_at_once_with_its_line(tmp_path: Path) -> None:
+def test_all_problems_are_reported_at_once_with_their_lines(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(BAD, "utf-8")
     with pytest.raises(ConfigError) as caught:
@@ -49,7 +49,7 @@ def test_all_that_is_wrong_is_said_at_once_with_its_line(tmp_path: Path) -> None
     assert str(caught.value).splitlines() == [f"{path}{line}" for line in SAID]
 
 
-def test_what_instances_and_sensors_contradict_is_said_at_once(tmp_path: Path) -> None:
+def test_contradictions_of_instances_and_sensors_are_reported_at_once(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     text = 2 * '[[sensor]]\nname = "a"\nkind = "x"\n' + '[avoider]\nsensors = ["b"]\n'
     path.write_text(text + '[[alternative]]\nrole = "platform"\nplugin = "x"\n', "utf-8")
@@ -68,7 +68,7 @@ def test_what_instances_and_sensors_contradict_is_said_at_once(tmp_path: Path) -
     ['run.seed="7"', "run.seed=true", "run.seed=7.5", 'robot.height="1"', "robot.height=true", "navigation.drive=1",
      'navigation.drive="true"', "robot.name=7"],
 )  # fmt: skip
-def test_no_value_is_taken_for_another_type(change: str) -> None:
+def test_no_value_is_converted_to_another_type(change: str) -> None:
     with pytest.raises(ConfigError, match=rf"--set {change.partition('=')[0]}: got .*, expected"):
         load_config("paper", [change])
 
@@ -99,7 +99,7 @@ def test_a_plugins_parameters_are_as_strict() -> None:
     ]
 
 
-def test_what_toml_has_no_type_for_still_passes() -> None:
+def test_values_without_a_toml_type_are_accepted() -> None:
     own = check_params(Own, {"gain": 2, "span": [1, 2.5], "folder": "here", "limit": 4}, "planner")
     assert (own.gain, own.span, own.folder, own.limit) == (2.0, (1.0, 2.5), Path("here"), 4.0)
 
@@ -117,7 +117,7 @@ def test_a_place_has_the_line_on_which_it_begins(place: str, line: int | None) -
     assert line_of(TEXT, place) == line
 
 
-def test_a_file_without_a_footprint_says_which_size_holds(tmp_path: Path) -> None:
+def test_a_file_without_a_footprint_names_the_assumed_size(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("[run]\nseed = 3\n", "utf-8")
     (notice,) = load_config(str(path)).notices()

@@ -1,4 +1,4 @@
-"""Clocks of devices: the quickest message tells the offset, and no stamp runs back or lies ahead."""
+"""Clocks of devices: the quickest message gives the offset; no stamp runs back or is in the future."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MS = 1_000_000
 
 
 def test_delays_do_not_move_the_stamps() -> None:
-    """Ways of 2 to 40 ms, every tenth of 2 ms: once such a one came, stamps are 2 ms late and no more."""
+    """Delays of 2 to 40 ms, every tenth of 2 ms: once one of these came, stamps are at most 2 ms late."""
     random.seed(1)
     clock, stamps = ClockOffset(), []
     for number in range(500):
@@ -21,14 +21,14 @@ def test_delays_do_not_move_the_stamps() -> None:
 
 
 def test_a_clock_that_drifts_is_followed() -> None:
-    """100 ppm fast for ten minutes are 60 ms; the stamps stay within 2 ms of the truth."""
+    """A clock 100 ppm fast gains 60 ms in ten minutes; the stamps stay within 2 ms of the truth."""
     clock = ClockOffset()
     late = [clock.local(round(number * 20 * MS * 1.0001), number * 20 * MS + 5 * MS) for number in range(30_000)]
     errors = [stamp - number * 20 * MS for number, stamp in enumerate(late)]
     assert max(errors) <= 5 * MS and min(errors) >= 3 * MS
 
 
-def test_a_wrapping_clock_goes_on_and_a_device_that_starts_again_is_seen() -> None:
+def test_a_clock_that_wraps_continues_and_a_device_that_restarts_is_detected() -> None:
     modulus_ns = 2**32 * 1000
     clock = ClockOffset(modulus_ns=modulus_ns)
     for number in range(100):

@@ -1,4 +1,4 @@
-"""The reader thread of a driver: it reads, writes in bounded time, and opens its port again whatever befell it."""
+"""The reader thread of a driver: it reads, writes in bounded time, and reopens its port after any failure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from navloom.drivers.ports import SerialPort, TcpPort, UdpPort
 
 
 class Played:
-    """A port whose reads and writes a test plays."""
+    """A simulated port, whose reads and writes a test controls."""
 
     def __init__(self) -> None:
         self.data: list[bytes | Exception] = []
@@ -91,7 +91,7 @@ def test_it_reads_and_writes_until_it_is_closed(link: Link, ports: list[Played],
 
 
 @pytest.mark.parametrize("given", [OSError(5, "Input/output error"), b"bug"])
-def test_it_opens_again_after_an_error_and_after_a_bug(
+def test_it_reopens_after_an_error_and_after_a_bug(
     link: Link, ports: list[Played], heard: list[bytes], given: bytes | Exception
 ) -> None:
     link.start()
@@ -103,13 +103,13 @@ def test_it_opens_again_after_an_error_and_after_a_bug(
     assert not ports[0].is_open and link.openings == 2
 
 
-def test_it_opens_again_after_a_silence(link: Link, ports: list[Played]) -> None:
+def test_it_reopens_after_a_silence(link: Link, ports: list[Played]) -> None:
     link.start()
     until(lambda: len(ports) == 2)
     assert not ports[0].is_open
 
 
-def test_a_beat_comes_at_its_period_and_its_failure_reconnects() -> None:
+def test_the_heartbeat_is_called_at_its_period_and_its_failure_reconnects() -> None:
     beats: list[float] = []
     ports: list[Played] = []
 
@@ -129,7 +129,7 @@ def test_a_beat_comes_at_its_period_and_its_failure_reconnects() -> None:
     assert 0.15 < beats[19] - beats[0] < 1.0
 
 
-def test_what_cannot_be_opened_is_said_and_tried_again() -> None:
+def test_a_port_that_cannot_be_opened_is_reported_and_retried() -> None:
     tries: list[float] = []
 
     def opened() -> Played:
@@ -145,7 +145,7 @@ def test_what_cannot_be_opened_is_said_and_tried_again() -> None:
     assert time.monotonic() - began < 1.0
 
 
-def test_a_serial_line_is_raw_and_a_device_that_takes_nothing_is_a_time_out() -> None:
+def test_a_serial_line_is_raw_and_a_device_that_accepts_nothing_times_out() -> None:
     master, other = pty.openpty()
     port = SerialPort(os.ttyname(other), 115200)
     os.close(other)
@@ -167,7 +167,7 @@ def test_a_serial_line_is_raw_and_a_device_that_takes_nothing_is_a_time_out() ->
     port.close()
 
 
-def test_no_terminal_and_no_baud_rate_are_refused(tmp_path: object) -> None:
+def test_a_file_that_is_no_terminal_and_a_wrong_baud_rate_are_refused(tmp_path: object) -> None:
     with pytest.raises(OSError):
         SerialPort("/dev/null", 115200)
     with pytest.raises(ValueError, match="baud 12345"):
@@ -188,7 +188,7 @@ def test_tcp_is_read_until_the_other_end_closes() -> None:
         port.close()
 
 
-def test_udp_gives_one_datagram_of_its_device_at_a_time() -> None:
+def test_udp_gives_one_datagram_at_a_time_and_only_those_of_its_device() -> None:
     port = UdpPort(("127.0.0.1", 0), "127.0.0.1")
     address = port._socket.getsockname()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:

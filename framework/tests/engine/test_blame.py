@@ -1,4 +1,4 @@
-"""Who is blamed for a wrong answer: the plugin that made it, by the file and line of its verb or of its own mistake."""
+"""A wrong answer is blamed on the plugin that made it, with the file and line of its verb or of its own mistake."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Case(Params):
     case: str = ""
 
 
-# --- the plugins: right until a case tells them to be wrong ---------------------------------------------------------
+# --- the plugins: right until a case makes them wrong ---------------------------------------------------------------
 
 
 class WrongRobot(Robot):
@@ -143,7 +143,7 @@ class WrongRecovery(Recovery):
 
 
 class Vandal(Controller):
-    """Writes into what it is handed."""
+    """Writes into its input."""
 
     name = "vandal"
 
@@ -165,7 +165,7 @@ VERBS = {
 
 
 def said(plugin: Any, stamp_ns: int, right: Any, given: Any) -> Any:
-    """The right answer, or from the case's time on the wrong one."""
+    """The right answer or, from the time of the case on, the wrong one."""
     case = CASES.get(plugin.params.case)
     return right if case is None or stamp_ns < case.since * 1e9 else case.wrong(right, given)
 
@@ -178,11 +178,11 @@ class Wrong:
     """A wrong answer.
 
     Attributes:
-        role: Who gives it.
+        role: Role of the plugin that gives it.
         wrong: Makes it from the right answer and the input.
-        text: What the message says.
-        own_line: What stands in the plugin's own line that is blamed; empty where the verb is blamed.
-        since: From when it is given, s of run time.
+        text: Text in the message.
+        own_line: Text of the plugin's own line that is blamed; empty where the verb is blamed.
+        since: Run time from which on it is given, s.
     """
 
     role: str
@@ -420,7 +420,7 @@ TILT = '[[sensor]]\nname = "tilt"\nkind = "tilt"\n'
 
 
 def drive(folder: FilePath, *overrides: str, more: str = "") -> Episode:
-    """A run of 3 m with the plugins above, right but for what `overrides` say."""
+    """A run of 3 m with the plugins above and these overrides."""
     roles = [f"{role}.plugin=wrong_{role}" for role in ("mapper", "planner", "controller", "avoider")]
     config = toy_config(folder, "platform.plugin=wrong_robot", *roles, *overrides, more=ROLES + TILT + more)
     return run_episode(config, discovery=discovery())
@@ -468,7 +468,7 @@ def test_a_shadow_that_writes_into_the_footprint_breaks_alone(tmp_path: FilePath
     assert episode.system.robot.footprint.max() == 0.4
 
 
-def test_what_a_plugin_is_handed_cannot_be_written() -> None:
+def test_a_plugin_cannot_write_into_its_input() -> None:
     outline = np.array([(0.4, 0.4), (-0.4, 0.4), (-0.4, -0.4), (0.4, -0.4)])
     robot = RobotSpec(outline, 1.2, 0.05, 0.3, 0.5, 0.4, 0.5, 1.0)
     raster = Raster("hall", np.zeros((2, 2), np.bool_), 0.1)
@@ -496,7 +496,7 @@ def test_the_trail_of_a_recovery_cannot_be_written(tmp_path: FilePath, monkeypat
 
 @pytest.fixture
 def turning(monkeypatch: pytest.MonkeyPatch) -> Callable[[float, float], None]:
-    """Makes the avoider ask for a speed, m/s, and a turn rate, rad/s."""
+    """Makes the avoider command a speed, m/s, and a turn rate, rad/s."""
 
     def turn(speed: float, rate: float) -> None:
         wrong = Wrong("avoider", lambda right, given: replace(right, twist=Twist2D(speed, 0.0, rate)), "")
@@ -506,14 +506,14 @@ def turning(monkeypatch: pytest.MonkeyPatch) -> Callable[[float, float], None]:
 
 
 def limited(episode: Episode) -> list[dict[str, Any]]:
-    """The warnings of commands beyond the limits."""
+    """Warnings about commands beyond the limits."""
     return [one for one in episode.summary()["warnings"] if one["kind"] == "limits"]
 
 
 TURNS = ("avoider.case=turns", "robot.max_angular_deg=25.0", "run.stop_after=3.0")
 
 
-def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
+def test_a_command_far_beyond_the_limits_is_limited_with_one_warning(
     tmp_path: FilePath, turning: Callable[[float, float], None]
 ) -> None:
     turning(0.1, 20.0)
@@ -529,7 +529,7 @@ def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
     assert episode.log.faults == [] and episode.result.outcome == "timeout"
 
 
-def test_run_says_what_was_noted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_prints_the_warning(capsys: pytest.CaptureFixture[str]) -> None:
     set_up_logging(Level.INFO, as_json=False)
     tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[], failed=[])), {"warnings": [{"text": "46 times"}]})
     assert "46 times" in capsys.readouterr().err
@@ -539,7 +539,7 @@ def test_run_says_what_was_noted(capsys: pytest.CaptureFixture[str]) -> None:
     ("speed", "rate", "notes"),
     [(0.1, 9.9 * 0.4363, []), (0.1, -10.1 * 0.4363, ["10 times the turn limit"]), (-6.0, 0.0, ["12 times the speed"])],
 )
-def test_a_command_is_noted_from_ten_times_a_limit_on(
+def test_a_command_of_ten_times_a_limit_gives_a_warning(
     tmp_path: FilePath, turning: Callable[[float, float], None], speed: float, rate: float, notes: list[str]
 ) -> None:
     turning(speed, rate)

@@ -1,4 +1,4 @@
-"""Parameters that are changed while plugins run: all of them or none."""
+"""Changes of parameters while plugins run: all together or none."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def paper(*changes: str) -> System:
     return system
 
 
-def test_what_a_plugin_refuses_together_leaves_it_as_it_was() -> None:
+def test_a_change_that_a_plugin_refuses_changes_no_parameter() -> None:
     system = paper()
     mapper = system.plugin("mapper", "ipabd")
     before = dict(vars(mapper))
@@ -32,7 +32,7 @@ def test_what_a_plugin_refuses_together_leaves_it_as_it_was() -> None:
     assert not mapper.params.accumulate
 
 
-def test_a_plugin_that_breaks_at_its_parameters_is_blamed_and_goes_on_with_the_old_ones(
+def test_a_plugin_that_fails_in_configure_is_blamed_and_keeps_its_old_parameters(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     system = paper()
@@ -55,15 +55,15 @@ def test_an_event_that_its_plugin_will_refuse_is_refused_before_the_run() -> Non
         paper(event)
 
 
-def test_events_are_tried_in_the_order_in_which_they_happen() -> None:
+def test_events_are_checked_in_order_of_time() -> None:
     later = '{ at = 20.0, do = "set", role = "mapper", values = { floor_tolerance = 2.0 } }'
     sooner = '{ at = 10.0, do = "set", role = "mapper", values = { z_limit = 3.0 } }'
     system = paper(f"event=[{later}, {sooner}]")
-    assert system.plugin("mapper", "ipabd").params == system.parts[("mapper", "ipabd")].params  # they were only tried
+    assert system.plugin("mapper", "ipabd").params == system.parts[("mapper", "ipabd")].params  # they were only checked
 
 
 class Runner:
-    """A node whose thread comes to what is to be done when the test says so."""
+    """A node whose thread handles its requests when the test says so."""
 
     cell = SimpleNamespace(source=("planner", "astar"))
 
@@ -84,7 +84,7 @@ def apply(runner: Runner, change: Any, **how: bool) -> None:
     Services._apply(object.__new__(Services), runner, change, **how)  # type: ignore[arg-type]
 
 
-def test_what_a_node_did_not_come_to_is_refused_and_not_done_afterwards(runner: Runner) -> None:
+def test_a_request_that_a_node_does_not_handle_in_time_is_refused_and_never_done(runner: Runner) -> None:
     done: list[str] = []
     with pytest.raises(ServiceError, match=r"planner astar has been in one step for .*: nothing was changed"):
         apply(runner, lambda: done.append("set"))
@@ -92,7 +92,7 @@ def test_what_a_node_did_not_come_to_is_refused_and_not_done_afterwards(runner: 
     assert done == []
 
 
-def test_a_stop_is_done_whenever_the_node_comes_to_it(runner: Runner) -> None:
+def test_a_stop_is_done_however_late_the_node_handles_it(runner: Runner) -> None:
     done: list[str] = []
     with pytest.raises(ServiceError, match="the request is done when this step ends"):
         apply(runner, lambda: done.append("stop"), waits=True)
@@ -100,7 +100,7 @@ def test_a_stop_is_done_whenever_the_node_comes_to_it(runner: Runner) -> None:
     assert done == ["stop"]
 
 
-def test_what_a_node_has_begun_is_not_called_refused(runner: Runner) -> None:
+def test_a_request_that_a_node_has_begun_is_not_refused(runner: Runner) -> None:
     begun, go_on, done = threading.Event(), threading.Event(), threading.Event()
 
     def change() -> None:

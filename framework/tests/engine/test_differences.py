@@ -1,4 +1,4 @@
-"""By how much two answers differ: numbers that can be checked by hand."""
+"""Differences of two answers, with numbers that can be checked by hand."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def grid(cells: list[list[int]], resolution: float = 1.0, x: float = 0.0) -> Map
     return MapUpdate(0, held, np.zeros((0, 4)), ())
 
 
-def test_velocities_are_theirs_less_ours() -> None:
+def test_the_difference_of_velocities_is_theirs_minus_ours() -> None:
     assert differences("avoider", command(0.4, 0.1), command(0.3, -0.2)) == {
         "vx": pytest.approx(-0.1),
         "vy": 0.0,
@@ -85,13 +85,13 @@ def test_maps_without_anything_occupied_have_nothing_to_disagree_on() -> None:
 
 
 def test_maps_of_other_rasters_are_compared_at_our_cells() -> None:
-    # Theirs has cells of half the edge and begins 1 m further on: our first cell is unknown to it, the second occupied.
+    # Theirs has cells of half the size and begins 1 m further on: our first cell is unknown to it, the second occupied.
     ours = grid([[0, 100, 0]])
     theirs = grid([[100, 100, 0, 0], [100, 100, 0, 0]], resolution=0.5, x=1.0)
     assert differences("mapper", ours, theirs) == {"cells": pytest.approx(1 / 3), "occupied": 0.0}
 
 
-def test_a_turned_raster_is_looked_up_where_it_lies() -> None:
+def test_a_turned_raster_is_compared_at_its_places() -> None:
     # Theirs is turned by 90°: its columns run along y, its rows along -x, from the corner (2, 0).
     ours = grid([[0, 100], [0, 0]])
     held = OccupancyGrid(np.array([[100, 0], [0, 0]], dtype=np.int8), 1.0, Pose2D(2.0, 0.0, math.pi / 2))

@@ -1,4 +1,4 @@
-"""Order of the node table, and what is wrong with others."""
+"""Order of the nodes, and errors in the graph."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_wire_of_another_type_is_refused() -> None:
     assert order([*specs_of({"platform": [LASER], "mapper": [LASER]}), right])[-1].role in ("gate", "x")
 
 
-def test_a_stream_depends_on_its_names_alone() -> None:
+def test_a_random_stream_depends_only_on_its_names() -> None:
     first = stream_source(7, "platform", "sim")("sonars").random(3)
     source = stream_source(7, "platform", "sim")
     source("laser").random(100)
@@ -75,6 +75,6 @@ def test_a_stream_depends_on_its_names_alone() -> None:
     assert (stream_source(8, "platform", "sim")("sonars").random(3) != first).all()
 
 
-def test_a_stream_asked_for_again_goes_on() -> None:
+def test_a_random_stream_that_is_requested_again_continues() -> None:
     source = stream_source(7, "platform", "sim")
     assert source("sonars") is source("sonars")

@@ -1,4 +1,4 @@
-"""The lockstep executor on the smallest plugins: repeatable, and events do what they say."""
+"""The lockstep executor with toy plugins: runs are repeatable, and events take effect."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ shadow = {shadow}
 """
 
 
-def test_it_reaches_the_goal_in_the_time_it_takes(tmp_path: Path) -> None:
+def test_it_reaches_the_goal_in_the_expected_time(tmp_path: Path) -> None:
     episode = drive(tmp_path)
     assert episode.result.outcome == "succeeded"
     # 3 m less the tolerance of 0.2 m at 0.2 to 0.4 m/s.
@@ -49,7 +49,7 @@ def test_it_reaches_the_goal_in_the_time_it_takes(tmp_path: Path) -> None:
     assert episode.recorder.path_length == pytest.approx(2.8, abs=0.06)
 
 
-def test_the_same_seed_gives_the_same_trace_and_another_another(tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_trace_and_another_seed_another_trace(tmp_path: Path) -> None:
     first = drive(tmp_path).log.trace_sha256
     assert drive(tmp_path).log.trace_sha256 == first
     assert drive(tmp_path, "run.seed=2").log.trace_sha256 != first
@@ -103,7 +103,7 @@ def test_step_records_name_what_was_consumed(tmp_path: Path) -> None:
     (localizer,) = [r for r in looker.steps if (r.role, r.tick) == ("localizer", 3)]
     assert localizer.trigger == "odometry" and dict(localizer.consumed)["odometry"] == (4,)
     (platform,) = [r for r in looker.steps if (r.role, r.tick) == ("platform", 3)]
-    # In tick 3 the platform reads the gate's command of tick 2: its third.
+    # In tick 3 the platform reads the gate's command of tick 2, the third command.
     assert dict(platform.consumed)["command"] == (3,)
     silent = [r for r in looker.steps if r.role == "recovery" and r.tick == 3]
     assert len(silent) == 1
@@ -167,7 +167,7 @@ def test_too_much_latency_in_the_control_chain_never_drives(tmp_path: Path) -> N
     ],
     ids=["latency", "two-latencies", "rate", "map", "speed", "no-sensor", "sensor-list"],
 )  # fmt: skip
-def test_what_cannot_drive_is_refused_before_the_run(tmp_path: Path, changes: list[str], said: str) -> None:
+def test_a_config_that_cannot_drive_is_refused_before_the_run(tmp_path: Path, changes: list[str], said: str) -> None:
     with pytest.raises(ConfigError) as caught:
         drive(tmp_path, *changes)
     assert said in str(caught.value)
@@ -211,7 +211,7 @@ def test_a_waiting_alternative_warms_up_before_it_takes_over(tmp_path: Path) -> 
     assert {e.instance for e in entries if (e.role, e.port) == ("avoider", "command")} == {"toy_bystander", "slow"}
 
 
-def test_a_swapped_planner_is_asked_for_a_plan(tmp_path: Path) -> None:
+def test_a_swap_of_the_planner_requests_a_plan(tmp_path: Path) -> None:
     more = '[[alternative]]\nname = "other"\nrole = "planner"\nplugin = "toy_straight"\nshadow = false\n'
     event = '[[event]]\nat = 2.0\ndo = "swap"\nrole = "planner"\nname = "other"\n'
     episode, entries = traced(tmp_path, more=more + event)
@@ -219,7 +219,7 @@ def test_a_swapped_planner_is_asked_for_a_plan(tmp_path: Path) -> None:
     assert episode.result.outcome == "succeeded"
 
 
-def test_a_swapped_mapper_has_mapped_before_and_triggers_a_plan(tmp_path: Path) -> None:
+def test_a_mapper_maps_before_it_is_swapped_in_and_its_swap_triggers_a_plan(tmp_path: Path) -> None:
     more = '[[alternative]]\nname = "other"\nrole = "mapper"\nplugin = "toy_blank"\nsize = 50\n'
     event = '[[event]]\nat = 2.0\ndo = "swap"\nrole = "mapper"\nname = "other"\n'
     episode, entries = traced(tmp_path, more=more + event)
@@ -228,7 +228,7 @@ def test_a_swapped_mapper_has_mapped_before_and_triggers_a_plan(tmp_path: Path) 
     assert episode.result.outcome == "succeeded"
 
 
-def test_stop_latches_until_resume_and_the_goal_goes_on(tmp_path: Path) -> None:
+def test_stop_latches_until_resume_and_then_the_goal_continues(tmp_path: Path) -> None:
     events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 4.0\ndo = "resume"\n'
     episode, entries = traced(tmp_path, more=events)
     commands = {e.tick: e.message.twist.vx for e in entries if (e.role, e.port) == ("gate", "command")}  # type: ignore[attr-defined]
@@ -248,7 +248,7 @@ def test_cancel_stops_and_ends_cancelled(tmp_path: Path) -> None:
     assert commands[39] > 0.0 and commands[40] == 0.0
 
 
-def test_pre_emption_drives_on_and_reaches_the_new_goal(tmp_path: Path) -> None:
+def test_pre_emption_keeps_driving_and_reaches_the_new_goal(tmp_path: Path) -> None:
     episode, entries = traced(tmp_path, more='[[event]]\nat = 2.0\ndo = "goal"\nx = 3.0\ny = 2.0\n')
     results = [e.message for e in entries if isinstance(e.message, GoalResult)]
     assert [(r.goal_id, r.outcome) for r in results] == [(1, "cancelled"), (2, "succeeded")]
@@ -294,14 +294,14 @@ def test_a_plugin_that_breaks_ends_the_goal_with_its_name(tmp_path: Path) -> Non
         ("exit", "SystemExit: 3 (toys.py:"),
     ],
 )
-def test_a_plugin_that_answers_with_anything_else_is_blamed_itself(tmp_path: Path, answers: str, text: str) -> None:
+def test_a_plugin_that_answers_with_another_type_is_blamed(tmp_path: Path, answers: str, text: str) -> None:
     episode = drive(tmp_path, f'controller.answers="{answers}"')
     assert episode.result.outcome == "error"
     assert episode.result.reason.startswith(f"controller toy_chaser failed: {text}")
     assert episode.log.faults == [episode.result.reason]
 
 
-def test_a_shadow_that_breaks_does_not(tmp_path: Path) -> None:
+def test_a_shadow_that_breaks_does_not_end_the_goal(tmp_path: Path) -> None:
     more = '[[alternative]]\nname = "weak"\nrole = "controller"\nplugin = "toy_chaser"\nfails_at_ns = 2000000000\n'
     episode = drive(tmp_path, more=more)
     assert episode.result.outcome == "succeeded"

@@ -1,4 +1,4 @@
-"""Typed ports: what a node's class declares is what is wired, and a wrong wire does not pass the type checker."""
+"""Typed ports: nodes are wired as their classes declare, and the type checker finds a wrong wire."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from navloom.engine.ports import Latest, Output, Wired
 from navloom.engine.streams import ControllerPorts, LocalizerPorts, PlannerPorts
 
 
-def test_what_a_class_declares_is_its_wiring() -> None:
+def test_a_node_is_wired_as_its_class_declares() -> None:
     spec = PlannerNode.spec(Wired("planner"))
     assert [str(given) for given in spec.inputs] == ["goal.plan", "mapper.map"]
     assert spec.outputs == ("path", "failure") and spec.cause == "plan" and not spec.ticks
 
 
-def test_facts_of_roles_are_read_off_the_ports() -> None:
+def test_facts_about_roles_come_from_the_ports() -> None:
     known = FRAMEWORK
     assert set(known.required_roles()) == {"platform", "localizer", "reference", "controller", "avoider", "goal"}
     assert known.answer_ports("planner") == ("path", "failure") and known.answer_ports("recovery") == ("command",)

@@ -1,4 +1,4 @@
-"""What a run warns of though nothing fails: once, with the plugin whose it is, and never where all is well."""
+"""Warnings of a run in which nothing fails: each once, with its plugin, and none without a problem."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from toys import discovery as toys
 HERE = FilePath(__file__).name
 Act = Callable[[Any], Any]
 ACTS: dict[str, Act] = {}
-"""By name, what the avoider below does in each step."""
+"""Name -> what the avoider below does in each step."""
 
 
 class Does(Bystander):
@@ -56,7 +56,7 @@ class Does(Bystander):
 
 
 class Silent(Robot):
-    """A robot whose sensor stops after some s."""
+    """A robot whose sensor stops after a while."""
 
     name = "silent_robot"
 
@@ -76,7 +76,7 @@ def navloom_register(registry: Registry) -> None:
 
 
 def with_these() -> Discovery:
-    """The plugins above beside the toys."""
+    """The plugins above in addition to the toys."""
     sys.modules.setdefault("navloom_test_warnings", sys.modules[__name__])
     names = ("avoider.does", "platform.silent_robot")
     return Discovery(found=[*toys()._points, *(EntryPoint(name, "navloom_test_warnings", "navloom") for name in names)])
@@ -91,7 +91,7 @@ def test_a_run_of_good_plugins_warns_of_nothing(tmp_path: FilePath) -> None:
     assert (episode.result.outcome, episode.warnings) == ("succeeded", [])
 
 
-def test_a_sensor_that_stops_is_named_with_when(tmp_path: FilePath) -> None:
+def test_a_sensor_that_stops_is_named_with_the_time(tmp_path: FilePath) -> None:
     episode = drive(
         tmp_path, "platform.plugin=silent_robot", "platform.until=0.52", "run.stop_after=3.0", "gate.monitor=false"
     )
@@ -100,7 +100,7 @@ def test_a_sensor_that_stops_is_named_with_when(tmp_path: FilePath) -> None:
     assert warning.figures["scans"] == 11
 
 
-def test_a_sensor_that_never_speaks_is_named(tmp_path: FilePath) -> None:
+def test_a_sensor_that_never_publishes_is_named(tmp_path: FilePath) -> None:
     episode = drive(tmp_path, "platform.plugin=silent_robot", "run.stop_after=3.0")
     told = [str(one) for one in episode.warnings if one.kind == "silent"]
     assert len(told) == 1 and "gave no scan of the sensor 'ear' in 3.05 s" in told[0]
@@ -117,7 +117,7 @@ def test_a_flood_is_cut_and_blamed_on_its_line(tmp_path: FilePath, monkeypatch: 
     assert f"printed more than 64 kB: the rest is left out ({HERE}:" in str(warning)
 
 
-def test_what_little_a_plugin_prints_is_kept(
+def test_a_little_output_of_a_plugin_passes(
     tmp_path: FilePath, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(ACTS, "says", lambda given: print("here", file=sys.stderr))
@@ -125,7 +125,9 @@ def test_what_little_a_plugin_prints_is_kept(
     assert episode.warnings == [] and capsys.readouterr().err.count("here") >= 10
 
 
-def test_a_thread_that_stays_is_blamed_on_who_started_it(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thread_that_keeps_running_is_blamed_on_the_line_that_started_it(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ends, started = threading.Event(), []
 
     def start(given: AvoiderInput) -> None:
@@ -143,7 +145,9 @@ def test_a_thread_that_stays_is_blamed_on_who_started_it(tmp_path: FilePath, mon
     assert f"started the thread 'stays', which still runs and is not a daemon ({HERE}:" in str(warning)
 
 
-def test_threads_that_keep_no_process_alive_are_fine(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_that_keep_no_process_alive_give_no_warning(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
     ends, pool = threading.Event(), ThreadPoolExecutor(1)
@@ -223,7 +227,7 @@ def line_of(act: Act) -> str:
     ],
     ids=["monotonic", "now", "random", "numpy", "urandom"],
 )
-def test_a_step_that_cannot_be_repeated_is_seen_in_an_ordinary_run(
+def test_a_step_that_cannot_be_repeated_is_detected_in_an_ordinary_run(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch, act: Act, kind: str, place: str
 ) -> None:
     monkeypatch.setitem(ACTS, "drifts", act)
@@ -238,7 +242,7 @@ def twice(folder: FilePath, act: Act, monkeypatch: pytest.MonkeyPatch) -> Any:
     return run_twice(loaded, with_these())
 
 
-def test_of_two_runs_the_stream_that_differs_first_is_named(
+def test_the_first_stream_in_which_two_runs_differ_is_named(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, divergence, seen = twice(tmp_path, by_numpy_random, monkeypatch)

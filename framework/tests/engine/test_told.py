@@ -1,4 +1,4 @@
-"""What executors tell goal and gate, as it stands in step records: the words are those of recordings made before."""
+"""Requests of executors to goal and gate, as step records store them: older recordings have the same words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from navloom.engine.nodes.told import GateTold, GoalTold, Obeyed
 from navloom.messages import Goal, OperatorRequest, Point2D
 
 
-def test_a_goal_told_comes_back() -> None:
+def test_a_request_to_the_goal_survives_a_round_trip() -> None:
     goal = Goal(3, 1.0, 2.0, None, (Point2D(0.5, 0.5),))
     told = GoalTold("broke", True, ("mapper",), (OperatorRequest("goal", goal), OperatorRequest("cancel")))
     assert GoalTold.of(told.text) == told
@@ -27,6 +27,7 @@ def test_the_words_of_a_gate_are_those_of_older_recordings() -> None:
     assert GateTold.of(old).obeyed == (Obeyed("stop", "", "", 7),)
 
 
-def test_only_what_differs_from_nothing_is_written() -> None:
+def test_only_fields_that_differ_from_the_default_are_written() -> None:
     assert GateTold(warm=("avoider b",)).text == '{"warm": ["avoider b"]}'
+    assert GateTold(now_ns=5, restarted=True).text == '{"now_ns": 5, "restarted": true}'
     assert GateTold().text == "" and GateTold(now_ns=0).text == "{}" and GateTold.of("{}").now_ns is None

@@ -1,4 +1,4 @@
-"""The trace is encoded in batches: the same bytes, and what is cut short loses the batch under way at most."""
+"""The trace is encoded in batches: the bytes are the same, and a run cut short loses at most the last batch."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_size_of_a_batch_changes_no_byte(monkeypatch: pytest.MonkeyPatch) ->
     assert hash_of_one == hash_of_many == hashlib.sha256(one).hexdigest()
 
 
-def test_what_is_cut_short_can_be_read_up_to_the_last_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_trace_cut_short_can_be_read_up_to_the_last_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(traces, "BATCH", 4)
     path = tmp_path / "trace.bin"
     with path.open("wb") as file:
@@ -44,7 +44,7 @@ def test_what_is_cut_short_can_be_read_up_to_the_last_batch(tmp_path: Path, monk
         for tick in range(6):
             say(writer, tick, "a", 0.0)
             writer.end_tick(tick)
-        # As if the process were gone before it could write the rest.
+        # As if the process had ended before it could write the rest.
         assert [entry.tick for entry in read_trace(path)] == [0, 1, 2, 3]
 
 

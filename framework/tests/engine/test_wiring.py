@@ -1,4 +1,4 @@
-"""Slots and wires: envelopes made when they are read, and inputs that are led to another instance."""
+"""Slots and wires: envelopes are made when read, and inputs can be redirected to another instance."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_reader_of_the_ticks_before_is_given_the_message_of_the_tick_before() 
     assert slot.older == (first, 1, 3)
 
 
-def test_inputs_that_are_led_to_another_instance_read_it() -> None:
+def test_inputs_that_are_redirected_to_another_instance_read_it() -> None:
     old, new, pose = Slot("old", "old"), Slot("new", "new"), Slot("pose", "pose")
     old.put(command(0.1), 1, (3, 150, 150, 0), 3)
     new.put(command(0.2), 5, (3, 150, 140, 1), 3)

@@ -13,7 +13,7 @@ SQUARE = rectangle(0.8, 0.8)
 ORIGIN = Place(0.0, 0.0)
 
 
-def test_nothing_is_near_in_an_empty_world() -> None:
+def test_an_empty_world_has_no_nearest_obstacle() -> None:
     assert clearance(SQUARE, ORIGIN, World("empty"), height=1.2) == (math.inf, None)
 
 
@@ -85,7 +85,7 @@ PLACES = st.builds(Place, st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))
 @settings(deadline=None, max_examples=60)
 @given(PLACES, st.floats(-3, 3), st.floats(0.1, 1.0), st.floats(0.1, 1.0))
 def test_a_box_is_as_far_as_the_nearest_of_its_points(pose: Place, yaw: float, wide: float, deep: float) -> None:
-    """Against 161 x 161 points of the box: none of its points is further from them than half a diagonal of a mesh."""
+    """Compared with 161 x 161 points of the box; every point of it is within half a mesh diagonal of one of them."""
     box = Box("box", (0.5, 0.5 + wide), (0.3, 0.3 + deep), yaw=yaw)
     distance, _ = clearance(SQUARE, pose, World("one", (box,)), height=1.2)
     u, v = np.meshgrid(np.linspace(-wide / 2, wide / 2, 161), np.linspace(-deep / 2, deep / 2, 161))

@@ -1,4 +1,4 @@
-"""Echoes as points, poses along a track, and cells at places: with numbers that can be checked by hand."""
+"""Echoes as points, poses along a track, and cells at places, with numbers that can be checked by hand."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navloom import OccupancyGrid, Pose2D, PoseTrack, RangeScan, Sweep
 from navloom.geometry.cells import cells_at, has_cells, places_of
-from navloom.geometry.echoes import poses_at, scan_points, scan_points_in_map, sweep_points_in_map
+from navloom.geometry.echoes import poses_at, scan_points, scan_points_in_map, sweep_points, sweep_points_in_map
 
 AT_REST = PoseTrack(np.array([0, 10**10]), np.array([[1.0, 2.0, 0.5 * math.pi]] * 2))
 
@@ -40,9 +40,13 @@ def test_a_sweep_follows_the_equation_of_its_geometry(geometry, left, up):
     )
     forward = 0.1 + 2.0 * 0.8 * 0.8
     np.testing.assert_allclose(sweep_points_in_map(sweep, AT_REST), [[1.0 - left, 2.0 + forward, 0.4 + up]])
+    (echo, none), other = sweep_points(sweep)[0], {"paper": "rigid_pitch", "rigid_pitch": "paper"}[geometry]
+    np.testing.assert_allclose(echo, [forward, left, 0.4 + up])
+    assert np.isnan(none).all()
+    assert not np.allclose(sweep_points(sweep, other)[0, 0], echo)
 
 
-def test_a_heading_turns_the_short_way_and_ends_hold():
+def test_between_two_poses_the_heading_turns_the_short_way_and_the_ends_are_kept():
     track = PoseTrack(np.array([0, 100]) + 10**18, np.array([[0.0, 0.0, 3.0], [2.0, 0.0, -3.0]]))
     poses = poses_at(track, np.array([-5, 50, 200]) + 10**18)
     np.testing.assert_allclose(poses[:, 0], [0.0, 1.0, 2.0])

@@ -24,7 +24,7 @@ def test_cells_covered_in_part_are_occupied() -> None:
 
 
 def test_a_turned_square_covers_a_diamond() -> None:
-    # Half diagonal 0.212 round (0.45, 0.25): half as wide as 0.062 at y = 0.1 and 0.4, as 0.162 at y = 0.2 and 0.3.
+    # Half diagonal 0.212 round (0.45, 0.25): half width 0.062 at y = 0.1 and 0.4, 0.162 at y = 0.2 and 0.3.
     assert drawn(Box("crate", (0.30, 0.60), (0.10, 0.40), yaw=math.pi / 4)) == [
         [3, 4, 5],
         [2, 3, 4, 5, 6],
@@ -44,7 +44,7 @@ def test_an_obstacle_partly_outside_is_cut_off() -> None:
     assert drawn(Box("wall", (-5.0, 0.15), (-1.0, 0.05)), Cylinder("far", 9.0, 9.0, 1.0)) == [[0, 1], [], [], [], []]
 
 
-def test_only_what_stands_still_from_the_start_within_the_height_is_drawn() -> None:
+def test_only_obstacles_static_from_the_start_and_within_the_height_are_drawn() -> None:
     assert drawn(
         Box("girder", (0.0, 1.0), (0.0, 0.5), (1.2, 1.4)),
         Box("late", (0.0, 1.0), (0.0, 0.5), appears_at=1.0),
@@ -120,7 +120,7 @@ def test_a_grid_of_anything_else_is_refused(cells: np.ndarray, resolution: float
         (1e-6, BOUNDS, "make cells larger"),
     ],
 )
-def test_a_grid_that_cannot_be_is_refused_before_it_is_made(
+def test_an_impossible_grid_is_refused_before_it_is_allocated(
     resolution: float, bounds: tuple[float, float, float, float], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):

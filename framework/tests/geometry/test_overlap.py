@@ -1,4 +1,4 @@
-"""Depth of an overlap on shapes where it can be read off."""
+"""Depth of an overlap, on shapes where it is plain to see."""
 
 from __future__ import annotations
 

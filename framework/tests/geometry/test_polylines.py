@@ -2,11 +2,19 @@ import math
 
 import numpy as np
 import pytest
-from navloom.geometry.polylines import hausdorff_distance
+from navloom.geometry.polylines import Polyline, hausdorff_distance
 
 
 def line(*points: tuple[float, float]) -> np.ndarray:
     return np.array(points, dtype=np.float64)
+
+
+def test_points_along_a_line_are_where_its_corners_put_them() -> None:
+    corner = Polyline(line((0, 0), (3, 0), (3, 0), (3, 4)))
+    assert corner.length == 7.0 and corner.along.tolist() == [0.0, 3.0, 3.0, 7.0]
+    places = corner.at(np.array([-1.0, 1.5, 3.0, 5.0, 9.0]))
+    assert places.tolist() == [[0.0, 0.0], [1.5, 0.0], [3.0, 0.0], [3.0, 2.0], [3.0, 4.0]]
+    assert Polyline(line((1, 2))).at(np.array([0.0, 1.0])).tolist() == [[1.0, 2.0]] * 2
 
 
 def test_parallel_lines_are_as_far_apart_as_they_are() -> None:
@@ -14,7 +22,7 @@ def test_parallel_lines_are_as_far_apart_as_they_are() -> None:
 
 
 def test_the_farther_side_counts_whichever_polyline_it_is_of() -> None:
-    # From the short line all is near; from the long one's end (10, 0) it is 6 m to (4, 0).
+    # The short line is near everywhere; the end (10, 0) of the long one is 6 m from (4, 0).
     short, long = line((0, 0), (4, 0)), line((0, 0), (10, 0))
     assert hausdorff_distance(short, long) == hausdorff_distance(long, short) == pytest.approx(6.0)
 

@@ -1,4 +1,4 @@
-"""Nodes that are started one by one: commands find their robot as long as any of them is there."""
+"""Nodes that are started one by one: commands find their robot as long as one of them runs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ SYSTEM = assemble(load_config("paper"))
 def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(by_hand, "_refuse_doubles", lambda network, sources: None)
     monkeypatch.setattr(by_hand, "STAND", 0.01)
-    with TemporaryDirectory(prefix="nl", dir="/tmp") as folder:  # short: a socket's name has some hundred characters
+    with TemporaryDirectory(
+        prefix="nl", dir="/tmp"
+    ) as folder:  # short: the path of a socket is limited to about a hundred characters
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", folder)
         yield
 
@@ -43,7 +45,7 @@ def folder() -> RobotFolder:
     return RobotFolder("lab", "r1")
 
 
-def test_when_the_one_that_stands_for_the_robot_ends_another_does() -> None:
+def test_when_the_process_that_represents_the_robot_ends_another_takes_over() -> None:
     with ExitStack() as second:
         with share_by_hand(SYSTEM, ["platform"], None, None, False) as first:
             until(lambda: folder().read() is not None)
@@ -92,7 +94,7 @@ def test_behind_a_router_the_robot_can_be_brought_up_beside_them_and_comes_first
     assert folder().read() is None and left_behind() == []
 
 
-def test_beside_a_robot_that_is_supervised_nobody_stands_for_it() -> None:
+def test_beside_a_supervised_robot_no_node_represents_it() -> None:
     place = folder()
     place.make()
     assert place.lock()
@@ -103,7 +105,7 @@ def test_beside_a_robot_that_is_supervised_nobody_stands_for_it() -> None:
         assert folder().read() is None
 
 
-def test_down_says_that_they_are_ended_where_they_run() -> None:
+def test_down_says_to_end_them_where_they_run() -> None:
     with share_by_hand(SYSTEM, ["platform"], None, None, False):
         until(lambda: folder().read() is not None)
         done = CliRunner().invoke(app, ["down"])

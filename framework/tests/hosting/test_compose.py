@@ -1,4 +1,4 @@
-"""`navloom export compose`: services whose commands exist, on loopback and without rights."""
+"""`navloom export compose`: services with existing commands, on loopback and without privileges."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_router_robot_viewer_and_metrics_share_the_loopback(tmp_path: Path, in_p
     assert "USER robot" in build
 
 
-def test_a_config_with_a_router_of_its_own_keeps_it_with_its_keys(tmp_path: Path, in_process: Command) -> None:
+def test_a_config_with_its_own_router_keeps_router_and_keys(tmp_path: Path, in_process: Command) -> None:
     config = tmp_path / "robot.toml"
     live = '[live]\nrouter = "tls/10.0.0.5:7447"\nrouter_host = "base"\nkeys = "keys"\n'
     hosts = 'hosts = { base = ["robot", "safe"], brain = ["think", "drive"] }\n'

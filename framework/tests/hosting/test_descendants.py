@@ -1,4 +1,4 @@
-"""Processes below a supervisor are found by their mark, and ended."""
+"""Descendants of a supervisor are found by their mark, and ended."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_marked_process_is_found_with_its_robot_and_what_started_it(tmp_path: 
     assert of(tmp_path) == []
 
 
-def test_one_that_does_not_end_when_told_to_is_killed_and_reaped(tmp_path: Path) -> None:
+def test_a_descendant_that_ignores_sigterm_is_killed_and_reaped(tmp_path: Path) -> None:
     child = started(tmp_path, DEAF)
     began = time.monotonic()
     ended: Sequence[Descendant] = end_all(lambda: of(tmp_path), 0.1)
@@ -63,7 +63,7 @@ def test_orphans_of_a_known_group_are_reaped_and_children_of_others_are_not() ->
     assert others.wait(5) == 0 and ours.wait(5) == 0
 
 
-def test_one_whose_supervisor_has_ended_is_left_though_another_process_has_its_number(tmp_path: Path) -> None:
+def test_a_process_counts_as_left_over_though_its_supervisors_number_is_in_use_again(tmp_path: Path) -> None:
     child = started(tmp_path, DEAF, **{MARK: f"{os.getpid()}.12:{tmp_path}"})
     try:
         (found,) = left_of(tmp_path)

@@ -1,4 +1,4 @@
-"""Runtime folders: for one user, of one robot, and never in the way once their robot is gone."""
+"""Runtime folders: each is private to one user and one robot, and free again once its robot has ended."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_robot_is_found_while_its_process_lives() -> None:
     assert find_robot(None).robot == find_robot("lab/r1").robot == "r1"
 
 
-def test_one_whose_process_died_is_no_robot() -> None:
+def test_a_folder_whose_process_died_is_no_robot() -> None:
     child = os.fork()
     if child == 0:
         made("r1", os.getpid())
@@ -52,13 +52,13 @@ def test_one_whose_process_died_is_no_robot() -> None:
         find_robot(None)
 
 
-def test_one_that_died_is_no_robot_though_another_process_has_its_number_now() -> None:
+def test_a_dead_robot_is_not_up_though_its_process_number_is_in_use_again() -> None:
     place = made("r1", os.getpid(), is_up=False)
     assert place.told() == running("r1", os.getpid())
     assert place.read() is None and list(robots()) == []
 
 
-def test_looking_whether_it_is_up_does_not_keep_a_robot_from_being_claimed() -> None:
+def test_looking_for_a_robot_does_not_prevent_its_claim() -> None:
     place = made("r1", os.getpid(), is_up=False)
     look = os.open(place.path / "lock", os.O_RDONLY)
     fcntl.flock(look, fcntl.LOCK_SH)
@@ -66,7 +66,7 @@ def test_looking_whether_it_is_up_does_not_keep_a_robot_from_being_claimed() -> 
     assert place.lock()
 
 
-def test_several_need_a_name_and_a_wrong_one_is_answered_with_the_nearest() -> None:
+def test_with_several_robots_a_name_is_required_and_a_wrong_one_gets_the_nearest() -> None:
     made("r1", os.getpid())
     made("r2", os.getpid())
     with pytest.raises(DirectoryError, match="several robots are up: lab/r1, lab/r2; choose one with --robot"):
@@ -110,19 +110,19 @@ def test_a_path_too_long_for_a_socket_says_what_to_do(monkeypatch: pytest.Monkey
         RobotFolder("lab", "r1").socket("drive")
 
 
-def test_clearing_takes_what_a_robot_leaves() -> None:
+def test_clearing_removes_what_a_robot_leaves_over() -> None:
     place = made("r1", 1)
     (place.path / "drive.sock").touch()
     place.clear()
     assert place.read() is None and place.sockets() == []
 
 
-def test_clearing_leaves_the_socket_of_a_node_that_is_there() -> None:
+def test_clearing_keeps_the_socket_of_a_running_node() -> None:
     place = made("r1", 1)
     for name in ("gone", "there"):
         (place.path / f"{name}.sock").touch()
         (place.path / f"{name}.sock.lock").touch()
-    with (place.path / "there.sock.lock").open("rb") as held:  # as Zenoh keeps it while it listens
+    with (place.path / "there.sock.lock").open("rb") as held:  # as Zenoh holds it while it listens
         fcntl.flock(held, fcntl.LOCK_EX)
         place.clear()
     assert [Path(end).name for end in place.sockets()] == ["there.sock"]

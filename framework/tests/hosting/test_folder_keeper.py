@@ -51,7 +51,7 @@ def test_a_deleted_folder_comes_back_with_the_claim_the_word_and_the_sockets(fol
         assert list(robots()) == [UP] and called(path) and folder.is_claimed()
         assert not keeper.look() and called(path)
         assert said == [f"runtime folder {folder.path} was deleted and is made again; the robot continues"]
-        # one that is started again listens in its own name
+        # a restarted one listens under its own name
         keeper.forget("drive")
         assert not path.is_symlink()
     with listening(path):
@@ -59,7 +59,7 @@ def test_a_deleted_folder_comes_back_with_the_claim_the_word_and_the_sockets(fol
     keeper.close()
 
 
-def test_one_socket_that_is_deleted_can_be_called_again(folder: RobotFolder) -> None:
+def test_a_single_deleted_socket_is_restored(folder: RobotFolder) -> None:
     keeper, path = FolderKeeper(folder, ["drive"], print), folder.path / "drive.sock"
     with listening(path):
         keeper.look()
@@ -69,7 +69,7 @@ def test_one_socket_that_is_deleted_can_be_called_again(folder: RobotFolder) -> 
     keeper.close()
 
 
-def test_a_folder_that_cannot_be_made_again_is_told_once_and_tried_again(folder: RobotFolder) -> None:
+def test_a_folder_that_cannot_be_restored_is_reported_once_and_retried(folder: RobotFolder) -> None:
     said: list[str] = []
     keeper, above = FolderKeeper(folder, [], said.append), folder.path.parent
     shutil.rmtree(above)

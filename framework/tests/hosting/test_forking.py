@@ -1,4 +1,4 @@
-"""A child that a plugin forks holds nothing of the robot's."""
+"""A child that a plugin forks holds no resource of the robot."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_fork_holds_no_socket_and_no_lock_of_the_robot_and_keeps_its_own(tmp_p
         parent.kill()
         parent.wait()
         lock = os.open(f"{own}.lock", os.O_RDONLY)
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # whoever takes the parent's place gets it
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # a new process in the parent's place gets the lock
         os.close(lock)
         assert Path(f"/proc/{child}").exists()
         parent.communicate("\n")

@@ -1,4 +1,4 @@
-"""Code that holds the GIL stops the heart, whether it computes or sleeps; a process that is stopped is not judged."""
+"""Code that holds the GIL stops the heartbeat, whether it computes or sleeps; a stopped process is not blamed."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_node_that_holds_the_gil_asleep_falls_silent_and_one_that_is_stopped_d
         monitor.close()
 
 
-def test_a_process_that_was_stopped_knows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_detects_that_it_was_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     times, switches = iter([0, 10**8, 9 * 10**9, 10**10]), iter([0, 1, 2, 500])
     monkeypatch.setattr(time, "monotonic_ns", lambda: next(times))
     monkeypatch.setattr("navloom.hosting.heartbeat._own_switches", lambda: next(switches))

@@ -1,4 +1,4 @@
-"""Two processes of one host beside a router, with real sessions: what each hears by which way."""
+"""Two processes of one host beside a router, with real sessions: which messages reach each, and by which link."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ class Host:
         return self.stack.enter_context(Bus(Link("router", (self.end,), ())))
 
     def elsewhere(self) -> Bus:
-        """Somebody on another host, or a tool."""
+        """A session on another host, or of a tool."""
         return self.stack.enter_context(Bus(Link("client", (), (self.end,))))
 
 
 @pytest.fixture
 def host(monkeypatch: pytest.MonkeyPatch) -> Iterator[Host]:
     with contextlib.ExitStack() as stack:
-        short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # a socket's path has little room
+        short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # the path of a socket is limited
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -85,14 +85,14 @@ def host(monkeypatch: pytest.MonkeyPatch) -> Iterator[Host]:
 
 
 class Ear:
-    """What a process hears of a stream."""
+    """Messages of a stream that a process receives."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self.heard: list[bytes | None] = []
         bus.subscribe(key, lambda key, data, label: self.heard.append(data))
 
 
-def test_a_stream_of_this_host_comes_once_and_not_by_the_router_and_others_by_the_router_alone(host: Host) -> None:
+def test_streams_of_this_host_bypass_the_router_and_others_come_only_by_it(host: Host) -> None:
     host.router()
     drive, safe = host.processes()
     stranger = host.elsewhere()
@@ -116,7 +116,7 @@ def test_a_stream_of_this_host_comes_once_and_not_by_the_router_and_others_by_th
     assert [data for data in tool.heard if data != b"begin"] == numbers
 
 
-def test_a_life_of_this_host_is_shown_by_its_process_alone_and_seen_from_elsewhere(host: Host) -> None:
+def test_a_token_of_this_host_comes_from_its_process_alone_and_is_visible_elsewhere(host: Host) -> None:
     host.router()
     drive, safe = host.processes()
     stranger = host.elsewhere()
@@ -132,7 +132,7 @@ def test_a_life_of_this_host_is_shown_by_its_process_alone_and_seen_from_elsewhe
     until(lambda: "lab/r1/controller/law/alive/1" in stranger.alive("lab/r1/**"))
 
 
-def test_a_question_is_answered_once_by_whichever_way_it_came(host: Host) -> None:
+def test_a_query_is_answered_once_by_either_link(host: Host) -> None:
     host.router()
     drive, safe = host.processes()
     stranger = host.elsewhere()
@@ -152,7 +152,7 @@ def test_a_question_is_answered_once_by_whichever_way_it_came(host: Host) -> Non
     assert answers(stranger, "lab/r1/process/*/memory") == [b"drive", b"safe", b"think"]
 
 
-def test_a_router_that_dies_takes_nothing_from_the_processes_of_a_host(host: Host) -> None:
+def test_the_processes_of_a_host_go_on_when_the_router_dies(host: Host) -> None:
     router = host.router()
     drive, safe = host.processes()
     changes: list[tuple[str, bool]] = []
@@ -176,7 +176,7 @@ def test_a_router_that_dies_takes_nothing_from_the_processes_of_a_host(host: Hos
     assert changes == [("lab/r1/controller/law/alive/1", True)]
 
 
-def test_where_all_of_the_robot_is_here_nobody_waits_for_a_router_and_it_is_found_when_it_is_there(host: Host) -> None:
+def test_a_robot_on_one_host_does_not_wait_for_its_router_and_joins_it_later(host: Host) -> None:
     began = time.monotonic()
     drive, safe = host.processes(is_whole=True)
     ear, command = Ear(safe, STREAM), drive.publication(STREAM, quality_of(Command))
@@ -197,7 +197,7 @@ def test_a_link_with_its_mesh_is_handed_to_a_process_as_json(host: Host) -> None
     assert link.is_spread and not host.network(True).outsider(host.folder, SHARES).is_spread
 
 
-def test_who_hands_over_does_not_wait_and_of_too_much_the_newest_is_sent_in_order() -> None:
+def test_handing_over_does_not_block_and_an_overflow_sends_the_newest_in_order() -> None:
     sender, goes_on, sent = Sender(), threading.Event(), list[int]()
 
     def send(number: int) -> None:

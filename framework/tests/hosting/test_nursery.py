@@ -1,4 +1,4 @@
-"""Processes forked byf the nursery: they belong to who asked for them, and outlive it."""
+"""Processes forked by the nursery: they belong to the supervisor, and outlive the nursery."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def spec(tmp_path: Path, text: str = "") -> Path:
     return path
 
 
-def test_a_process_is_the_callers_own_and_its_end_is_told(nursery: Nursery, tmp_path: Path) -> None:
+def test_a_process_is_a_child_of_the_caller_and_its_end_is_reported(nursery: Nursery, tmp_path: Path) -> None:
     forked = nursery.fork("child", "child", spec(tmp_path, "7"), tmp_path / "log", READY)
     assert forked is not None and forked.wait(20) == 7
     assert (tmp_path / "log").read_text("utf-8") == f"forked by {os.getpid()} in its own group True\n"
     assert forked.poll() == 7  # asked again
 
 
-def test_what_was_born_outlives_the_nursery_and_another_takes_its_place(nursery: Nursery, tmp_path: Path) -> None:
+def test_forked_processes_outlive_the_nursery_which_is_replaced(nursery: Nursery, tmp_path: Path) -> None:
     forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
     assert forked is not None
     assert nursery._process is not None
@@ -73,12 +73,10 @@ def test_what_was_born_outlives_the_nursery_and_another_takes_its_place(nursery:
     for one in (forked, again):
         one.kill()
         assert one.wait(20) == -signal.SIGKILL
-        one.send_signal(signal.SIGTERM)  # nobody there: nothing happens
+        one.send_signal(signal.SIGTERM)  # no process: nothing happens
 
 
-def test_when_the_supervisor_is_gone_what_was_born_ends_even_where_it_is_stopped(
-    nursery: Nursery, tmp_path: Path
-) -> None:
+def test_forked_processes_end_with_the_supervisor_even_stopped_ones(nursery: Nursery, tmp_path: Path) -> None:
     forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
     assert forked is not None and nursery._line is not None and nursery._process is not None
     os.kill(forked.pid, signal.SIGSTOP)
@@ -88,7 +86,7 @@ def test_when_the_supervisor_is_gone_what_was_born_ends_even_where_it_is_stopped
     assert not [one for one in descendants() if one.folder == tmp_path]  # not even its fork, in another session
 
 
-def test_what_does_not_end_when_it_is_told_to_is_made_to_within_5_s(nursery: Nursery, tmp_path: Path) -> None:
+def test_a_process_that_ignores_sigterm_is_killed_within_5_s(nursery: Nursery, tmp_path: Path) -> None:
     forked = nursery.fork("child", "child", spec(tmp_path, "deaf"), tmp_path / "log", READY)
     assert forked is not None and nursery._line is not None
     log = tmp_path / "log"
@@ -98,7 +96,7 @@ def test_what_does_not_end_when_it_is_told_to_is_made_to_within_5_s(nursery: Nur
     assert forked.wait(20) == -signal.SIGKILL
 
 
-def test_nobody_is_born_where_the_nursery_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_process_starts_where_the_nursery_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
     made = Nursery(tmp_path / "nursery.log")
     made.start()

@@ -1,4 +1,4 @@
-"""What every process of a robot does first."""
+"""The first steps of every process of a robot."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ctypes.PyDLL(None).pause()  # keeps the interpreter for itself, as a library tha
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-def test_a_process_that_was_told_to_end_ends_even_where_python_stands_still() -> None:
+def test_a_process_ends_on_sigterm_even_while_code_holds_the_gil() -> None:
     with subprocess.Popen([sys.executable, "-c", STUCK], stdout=subprocess.PIPE, text=True) as stuck:
         assert stuck.stdout is not None and stuck.stdout.readline() == "ready\n"
         stuck.send_signal(signal.SIGTERM)
@@ -51,7 +51,7 @@ re.match(r"(a+)+$", "a" * 64 + "b")  # years in one call of C code
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-def test_a_process_ends_that_computes_without_letting_go_of_python_and_not_one_that_waits() -> None:
+def test_a_process_whose_code_holds_the_gil_is_ended_and_one_that_waits_is_not() -> None:
     with subprocess.Popen([sys.executable, "-c", SEIZED], stdout=subprocess.PIPE, text=True) as seized:
         assert seized.stdout is not None and seized.stdout.readline() == "ready\n"
         assert seized.stdout.readline() == "seized\n"

@@ -1,4 +1,4 @@
-"""Logs are bounded, and keep the last words."""
+"""Logs are bounded, and keep the last lines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, last_lines, older_log
 
 
-def test_a_log_that_grows_too_large_begins_again_and_keeps_its_last_part_beside(tmp_path: Path) -> None:
+def test_a_log_that_grows_too_large_is_rotated_and_keeps_its_last_part(tmp_path: Path) -> None:
     path = tmp_path / "drive.log"
     log = ProcessLog(path)
     with path.open("ab") as writer:
@@ -26,7 +26,7 @@ def test_a_log_that_grows_too_large_begins_again_and_keeps_its_last_part_beside(
     log.close()
 
 
-def test_a_folder_that_is_gone_costs_the_words_and_nothing_else(tmp_path: Path) -> None:
+def test_without_its_folder_lines_are_lost_and_nothing_fails(tmp_path: Path) -> None:
     path = tmp_path / "rt" / "drive.log"
     log = ProcessLog(path)
     os.write(log.file, b"lost\n")
@@ -39,7 +39,7 @@ def test_a_folder_that_is_gone_costs_the_words_and_nothing_else(tmp_path: Path) 
     log.close()
 
 
-def test_what_was_said_before_its_folder_was_deleted_can_still_be_read(tmp_path: Path) -> None:
+def test_lines_from_before_the_folder_was_deleted_can_still_be_read(tmp_path: Path) -> None:
     path = tmp_path / "drive.log"
     log = ProcessLog(path)
     os.write(log.file, b"before\n")
@@ -70,7 +70,7 @@ def test_printing_much_or_on_a_full_disk_fails_no_node() -> None:
     assert len(done.stdout) <= LARGEST_LOG + len("\nthe last word\n") and done.stdout.endswith(b"x\nthe last word\n")
 
 
-def test_a_log_may_be_a_file_that_takes_everything(tmp_path: Path) -> None:
+def test_a_log_may_be_a_device_that_takes_everything(tmp_path: Path) -> None:
     log = ProcessLog(tmp_path)  # a folder cannot be written to
     assert os.write(log.file, b"lost\n") == 5
     log.close()

@@ -1,4 +1,4 @@
-"""What a process of a live robot warns of, and that who brought the robot up hears each warning once."""
+"""Warnings of a process of a live robot; `navloom up` prints each once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def system(tmp_path: Path) -> System:
 
 
 def cell(source: tuple[str, str], stepped: int = 200, notes: list[str] | None = None, **outlets: Any) -> Any:
-    """A node as far as it is looked at: each outlet by number of messages, tick of the last, and its largest."""
+    """A node as the checks see it: each outlet with number of messages, tick of the last one, and largest size."""
     made = {
         port: SimpleNamespace(sequence=count, last=(None, SimpleNamespace(tick=tick)), largest=largest, sent=largest)
         for port, (count, tick, largest) in outlets.items()
@@ -60,7 +60,7 @@ def test_a_stream_that_is_too_large_and_a_command_beyond_limits_are_named(system
 
 
 @pytest.mark.parametrize(("late", "is_told"), [(MANY // 10, False), (MANY // 10 + 1, True)])
-def test_a_node_is_slow_where_more_than_a_tenth_of_its_steps_is_late(system: System, late: int, is_told: bool) -> None:
+def test_a_node_is_slow_when_more_than_a_tenth_of_its_steps_are_late(system: System, late: int, is_told: bool) -> None:
     spent = [60.0] * late + [1.0] * (MANY - late)
     told_of = told(system, {}, {AVOIDER: runner(cell(AVOIDER), spent)})
     assert [one.startswith(f"avoider toy_bystander is slow: {late} of its 100 steps") for one in told_of] == [
@@ -103,7 +103,7 @@ def test_a_flood_is_named_while_the_process_runs(system: System, capsys: pytest.
     assert "avoider toy_bystander printed more than 64 kB within 10 s" in str(warning)
 
 
-def test_each_warning_of_a_live_robot_is_said_once() -> None:
+def test_each_warning_of_a_live_robot_is_printed_once() -> None:
     warnings = [RunWarning("slow", "avoider", "left", "vff", "is slow", {"late": 3})]
     bus: Any = SimpleNamespace()
     bus.ask = lambda key, timeout: [

@@ -1,4 +1,4 @@
-"""A router that is replaced in its place, with real sessions over TLS: nothing is lost, and the revoked are out."""
+"""A router that is replaced in operation, with real TLS sessions: nothing is lost, and revoked clients are out."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def until(claim: Callable[[], object], what: str) -> None:
 
 
 class Net:
-    """A router on loopback that looks at its files, and who joins it."""
+    """A router on loopback that watches its files, and the clients that join it."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
         self.folder, self._stack = folder, stack
@@ -58,16 +58,16 @@ class Net:
         self.router = stack.enter_context(Router(Link("router", (self.end,), (), folder, "router"), self.said.append))
 
     def join(self, identity: str) -> Bus:
-        """Somebody who joins, until the end."""
+        """A client that joins until the end of the test."""
         return self._stack.enter_context(Bus(Link("client", (), (self.end,), self.folder, identity)))
 
     def take_new_files(self) -> None:
-        """Have the router look until it has taken them."""
+        """Let the router check its files until it has taken them."""
         before = len(self.said)
         until(lambda: self.router.look(self.ending) or len(self.said) > before, "the router takes the new files")
 
     def shown(self) -> x509.Certificate:
-        """What its listener shows now."""
+        """Certificate that its listener presents now."""
         context = ssl.create_default_context(cafile=str(self.folder / "ca.pem"))
         context.load_cert_chain(self.folder / "nodes.pem", self.folder / "nodes-key.pem")
         with (
@@ -86,13 +86,13 @@ def net(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Net]:
     monkeypatch.setattr(connection, "LINGER", 0.5)
     monkeypatch.setattr(succession, "LEAVE", 2.0)
     with contextlib.ExitStack() as stack:
-        short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # a socket's path has little room
+        short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # the path of a socket is limited
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
         yield Net(tmp_path / "keys", stack)
 
 
 class Stream:
-    """Numbers that one process publishes, and another hears."""
+    """Numbers that one process publishes and another receives."""
 
     def __init__(self, sender: Bus, hearer: Bus) -> None:
         self.heard: list[int] = []
@@ -122,7 +122,7 @@ class Stream:
         return list(range(self._first, self.sent))
 
 
-def test_a_renewal_reaches_listener_and_clients_and_each_message_is_heard_once(net: Net) -> None:
+def test_a_renewal_reaches_listener_and_clients_and_each_message_arrives_once(net: Net) -> None:
     sender, hearer = net.join("nodes"), net.join("nodes")
     stream = Stream(sender, hearer)
     before = net.shown()
@@ -137,7 +137,7 @@ def test_a_renewal_reaches_listener_and_clients_and_each_message_is_heard_once(n
     assert net.said[-1] == "all connections use the new certificates"
 
 
-def test_a_process_takes_its_own_new_certificate_without_the_routers_help(net: Net) -> None:
+def test_a_process_takes_its_new_certificate_without_the_router(net: Net) -> None:
     sender, hearer = net.join("nodes"), net.join("bob")
     stream = Stream(sender, hearer)
     renew(net.folder, ("bob",), (), 60, datetime.now(UTC))
@@ -147,7 +147,7 @@ def test_a_process_takes_its_own_new_certificate_without_the_routers_help(net: N
     assert (sender.moves, hearer.losses) == (0, 0)
 
 
-def test_a_process_whose_new_certificate_the_router_does_not_know_yet_goes_on_with_the_old_one(net: Net) -> None:
+def test_a_process_keeps_its_old_certificate_until_the_router_knows_the_new_one(net: Net) -> None:
     sender, hearer = net.join("nodes"), net.join("nodes")
     sender.announce("lab/r1/gate/main/alive/1")
     until(lambda: hearer.alive("lab/r1/gate/main/alive/1"), "it is seen")
@@ -162,7 +162,7 @@ def test_a_process_whose_new_certificate_the_router_does_not_know_yet_goes_on_wi
     assert (sender.losses, hearer.losses) == (0, 0)
 
 
-def test_nobody_sees_a_process_go_while_it_moves(net: Net) -> None:
+def test_a_process_that_changes_over_stays_alive_for_others(net: Net) -> None:
     changes: list[tuple[str, bool]] = []
     there, watcher = net.join("nodes"), net.join("nodes")
     there.announce("lab/r1/gate/main/alive/1")
@@ -176,7 +176,7 @@ def test_nobody_sees_a_process_go_while_it_moves(net: Net) -> None:
     assert changes == [("lab/r1/gate/main/alive/1", True), ("lab/r1/gate/main/alive/1", False)]
 
 
-def test_a_question_is_answered_at_most_once_while_processes_move(net: Net) -> None:
+def test_a_query_is_answered_at_most_once_while_processes_change_over(net: Net) -> None:
     taken: list[bytes] = []
     server, asker = net.join("nodes"), net.join("operator")
 
@@ -200,7 +200,7 @@ def test_a_question_is_answered_at_most_once_while_processes_move(net: Net) -> N
     assert sum(not answer for answer in answers) <= 2, "one of them may be lost where either side changes over"
 
 
-def test_who_is_revoked_neither_acts_nor_hears_while_others_go_on(net: Net) -> None:
+def test_a_revoked_client_neither_sends_nor_receives_while_others_go_on(net: Net) -> None:
     robot, operator, bob = net.join("nodes"), net.join("operator"), net.join("bob")
     heard_by_robot: list[str] = []
     heard_by_bob: list[str] = []
@@ -220,14 +220,14 @@ def test_who_is_revoked_neither_acts_nor_hears_while_others_go_on(net: Net) -> N
         ways["bob"].put(b"bob after", "")
         status.put(b"after", "")
         ways["op"].put(f"op {number}".encode(), "")
-        time.sleep(0.01)  # what comes sooner after another does not pass the router
+        time.sleep(0.01)  # the router drops a message that follows another sooner
     until(lambda: "op 19" in heard_by_robot, "the operator is heard")
     assert "bob after" not in heard_by_robot and heard_by_bob == []
     assert list(bob.ask(SERVICE, timeout=0.5)) == []
     assert [answer.data for answer in operator.ask(SERVICE)] == [b"done"]
 
 
-def test_files_that_do_not_fit_are_named_and_the_router_goes_on_with_the_old_ones(net: Net) -> None:
+def test_files_that_do_not_fit_are_named_and_the_router_keeps_the_old_ones(net: Net) -> None:
     stream = Stream(net.join("nodes"), net.join("nodes"))
     (net.folder / "router.pem").write_bytes((net.folder / "viewer.pem").read_bytes())
     net.take_new_files()
@@ -244,10 +244,10 @@ def test_a_router_that_took_over_can_be_replaced_as_well(net: Net) -> None:
         net.take_new_files()
         until(lambda moves=moves: client.moves == moves, "it went over")
     assert client.losses == 0
-    assert len(os.listdir("/proc/self/fd")) < before + 30  # the sessions before linger
+    assert len(os.listdir("/proc/self/fd")) < before + 30  # the earlier sessions linger
 
 
-def test_who_joins_is_told_of_certificates_that_expire_soon(net: Net) -> None:
+def test_joining_warns_of_certificates_that_expire_soon(net: Net) -> None:
     told: list[str] = []
     with join("lab/r1", net.end, str(net.folder), "viewer", say=told.append):
         pass

@@ -1,4 +1,4 @@
-"""The supervisor: crashes are answered with restarts that come slower and slower, and at last not at all."""
+"""The supervisor restarts crashed processes after longer and longer waits, and at last not any more."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def supervisor(
 
 
 def mark_of(rig: tuple[RobotFolder, list[str]]) -> Path:
-    """File by which the child says that it runs."""
+    """File that the child creates once it runs."""
     return rig[0].path.parent / "mark"
 
 
@@ -83,7 +83,7 @@ def until(condition: object, keeper: Supervisor, timeout: float = 30.0) -> None:
         time.sleep(0.005)
 
 
-def test_a_crash_loop_ends_with_the_process_left_down_and_its_last_words(
+def test_a_crash_loop_ends_with_the_process_down_and_its_last_output(
     rig: tuple[RobotFolder, list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("navloom.hosting.supervisor.HEALTHY", 60.0)  # a loaded machine takes seconds to start one
@@ -100,7 +100,7 @@ def test_a_crash_loop_ends_with_the_process_left_down_and_its_last_words(
     keeper.stop()
 
 
-def test_one_that_is_killed_is_started_again(rig: tuple[RobotFolder, list[str]]) -> None:
+def test_a_killed_process_is_restarted(rig: tuple[RobotFolder, list[str]]) -> None:
     keeper = supervisor(rig, LiveTable())
     keeper.start()
     child, mark = keeper.children["child"], mark_of(rig)
@@ -116,7 +116,7 @@ def test_one_that_is_killed_is_started_again(rig: tuple[RobotFolder, list[str]])
     assert child.process is None
 
 
-def test_one_that_will_not_end_is_ended_even_when_it_was_stopped(rig: tuple[RobotFolder, list[str]]) -> None:
+def test_a_process_that_ignores_sigterm_is_killed_even_when_stopped(rig: tuple[RobotFolder, list[str]]) -> None:
     keeper = supervisor(rig, LiveTable(), stubborn=True)
     keeper.start()
     until(mark_of(rig).exists, keeper)
@@ -129,7 +129,7 @@ def test_one_that_will_not_end_is_ended_even_when_it_was_stopped(rig: tuple[Robo
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the environment of a process")
-def test_what_a_process_has_forked_ends_with_it_before_it_is_started_again(rig: tuple[RobotFolder, list[str]]) -> None:
+def test_the_children_of_a_process_end_before_it_is_restarted(rig: tuple[RobotFolder, list[str]]) -> None:
     keeper = supervisor(rig, LiveTable(), forks=[False, True])
     keeper.start()
     child = keeper.children["child"]
@@ -148,9 +148,9 @@ def test_what_a_process_has_forked_ends_with_it_before_it_is_started_again(rig: 
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the environment of a process")
-def test_what_an_earlier_supervisor_left_is_ended_first(rig: tuple[RobotFolder, list[str]]) -> None:
+def test_processes_left_over_by_an_earlier_supervisor_are_ended_first(rig: tuple[RobotFolder, list[str]]) -> None:
     left = subprocess.Popen(["sleep", "60"], env={**os.environ, MARK: f"1:{rig[0].path}", PROCESS: "drive"})
-    while left.pid not in [one.pid for one in descendants()]:  # it has its environment a moment after its start
+    while left.pid not in [one.pid for one in descendants()]:  # its environment appears a moment after its start
         time.sleep(0.005)
     keeper = supervisor(rig, LiveTable())
     keeper.start()
@@ -169,11 +169,11 @@ def test_a_process_in_which_code_holds_the_gil_and_sleeps_is_killed(rig: tuple[R
     assert child.why == "was ended: a node held the GIL for 0.6 s"
     until(lambda: child.state == "running", keeper)
     keeper.poll()
-    assert not child.verdict  # the next one is not judged by the last beat of the one before
+    assert not child.verdict  # the restarted process is not judged by the last heartbeat of the old one
     keeper.stop()
 
 
-def test_a_deleted_folder_is_made_again_and_restarts_go_on(rig: tuple[RobotFolder, list[str]]) -> None:
+def test_a_deleted_folder_is_restored_and_restarts_go_on(rig: tuple[RobotFolder, list[str]]) -> None:
     folder, said = rig
     assert folder.lock()
     keeper = supervisor(rig, LiveTable())
@@ -191,7 +191,7 @@ def test_a_deleted_folder_is_made_again_and_restarts_go_on(rig: tuple[RobotFolde
     folder.unlock()
 
 
-def test_a_full_disk_is_told_once_and_ends_nothing(
+def test_a_full_disk_is_reported_once_and_ends_no_process(
     rig: tuple[RobotFolder, list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, said = rig
@@ -217,7 +217,7 @@ def test_a_full_disk_is_told_once_and_ends_nothing(
     keeper.stop()
 
 
-def test_a_process_that_prints_much_has_its_log_cut_and_keeps_its_last_words(
+def test_the_log_of_a_process_that_prints_much_is_cut_and_keeps_its_last_lines(
     rig: tuple[RobotFolder, list[str]],
 ) -> None:
     folder, said = rig

@@ -1,4 +1,4 @@
-"""Units for systemd, and what a process tells it."""
+"""Units for systemd, and the notifications of a process."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_each_process_has_a_unit_and_the_target_wants_them_all() -> None:
     assert setting(drive, "User") == "robot" and setting(drive, "PartOf") == "navloom-lab-r1.target"
 
 
-def test_what_computes_ends_first_then_the_gate_then_the_platform() -> None:
+def test_the_computing_processes_end_first_then_the_gate_then_the_platform() -> None:
     found = made(None)
     after = {name: setting(text, "After").split()[1:] for name, text in found.items() if name.endswith(".service")}
     assert after == {
@@ -61,7 +61,7 @@ def test_what_computes_ends_first_then_the_gate_then_the_platform() -> None:
     }
 
 
-def test_control_goes_first_and_its_watchdog_is_the_shorter() -> None:
+def test_control_has_priority_and_the_shorter_watchdog() -> None:
     found = made(None, "live.hang_timeout=1.5", "live.restart_limit=3", "live.restart_window=20.0")
     safe, think = found["navloom-lab-r1-safe.service"], found["navloom-lab-r1-think.service"]
     assert setting(safe, "Nice") == "-10" and "Nice=" not in think
@@ -131,7 +131,7 @@ def test_a_state_goes_to_the_socket_that_is_named(
         assert line.recv(64) == b"READY=1"
 
 
-def test_without_a_service_manager_nothing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_service_manager_nothing_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
     notify("READY=1")
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "gone"))
@@ -153,7 +153,7 @@ class Stuck:
         self.ends.wait()
 
 
-def test_of_a_node_that_hangs_the_line_of_its_plugin_is_named() -> None:
+def test_the_line_in_which_a_plugin_hangs_is_named() -> None:
     process = NodeProcess(assemble(load_config("paper", ["live.hang_timeout=0.1"])), Share("x", (), Link("peer")))
     plugin = Stuck()
     thread = threading.Thread(target=plugin.control, name="controller lyapunov_tracker")

@@ -1,4 +1,4 @@
-"""The gate live: who may take over."""
+"""The live gate: when an instance may take over, and when it decides."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STILL, AHEAD, ORIGIN = Twist2D(0.0, 0.0, 0.0), Twist2D(0.1, 0.0, 0.0), Pose2D(0.
 
 
 class SetClock(RunClock):
-    """A run clock on a monotonic one that the test sets, ns."""
+    """A run clock on a monotonic clock that the test sets, ns."""
 
     def __init__(self) -> None:
         super().__init__(lambda: self.now)
@@ -38,7 +38,7 @@ class SetClock(RunClock):
 
 
 class Gate:
-    """The gate's runner, with who is alive set by the test."""
+    """The runner of the gate; the test sets which nodes are alive."""
 
     def __init__(self) -> None:
         self.alive, self.clock = {OTHER}, SetClock()
@@ -61,7 +61,7 @@ class Gate:
         self.look()
 
     def report(self, source: Source, published: int, tick: int) -> None:
-        """A node says what it has published."""
+        """Receive the step report of a node."""
         marks = (PortMark("command", published),)
         self.give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
 
@@ -71,7 +71,7 @@ class Gate:
         self.runner.act()
 
     def give(self, source: Source, port: str, message: Any, tick: int, sequence: int | None = None) -> None:
-        """A node says something."""
+        """Receive a message of a node."""
         key = KEYS.port(*source, port)
         inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
         for inlet in inlets:
@@ -79,7 +79,7 @@ class Gate:
                 inlet.give((message, Envelope(key, tick + 1 if sequence is None else sequence, tick, 0, 0, 0)))
 
 
-def test_what_died_has_to_warm_up_anew_before_it_takes_over() -> None:
+def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:
     gate = Gate()
     gate.report(OTHER, 5, 0)
     gate.tick(0)
@@ -95,7 +95,7 @@ def test_what_died_has_to_warm_up_anew_before_it_takes_over() -> None:
     assert gate.node.pending == [] and gate.node.epoch == 1 and gate.node.selected["avoider"] == "other"
 
 
-def test_where_the_run_clock_begins_anew_the_gate_decides_by_the_new_one() -> None:
+def test_after_a_restart_of_the_run_clock_the_gate_decides_by_the_new_one() -> None:
     gate = Gate()
     gate.report(OTHER, 5, 0)
     for tick in (72_000, 3):
@@ -106,11 +106,11 @@ def test_where_the_run_clock_begins_anew_the_gate_decides_by_the_new_one() -> No
     assert gate.node.epoch == 1
 
 
-def test_a_stop_that_is_asked_for_while_it_stands_is_told_at_once() -> None:
-    """What is not told nobody remembers: the next gate would drive."""
+def test_a_stop_requested_while_stopped_is_published_at_once() -> None:
+    """A stop that is not published is not remembered, and the next gate would drive."""
     gate = Gate()
     gate.tick(0)
-    gate.runner.deadline = -1.0  # the platform is not heard
+    gate.runner.deadline = -1.0  # nothing comes from the platform
     gate.tick(0)
     gate.runner.obey(OperatorRequest("stop"))
     gate.runner.act()
@@ -121,7 +121,7 @@ def test_a_stop_that_is_asked_for_while_it_stands_is_told_at_once() -> None:
     assert gate.hosted.cell.outlets["status"].sequence == sequence
 
 
-def test_its_last_word_says_that_it_ends() -> None:
+def test_its_last_status_says_that_it_ends() -> None:
     gate = Gate()
     gate.tick(0)
     gate.runner.ends = lambda: True
@@ -144,7 +144,7 @@ def test_the_rate_it_holds_is_the_highest_at_which_it_waits_long_enough(seconds:
     assert hold(1.0 / (1.01 * rate)) < seconds
 
 
-def test_it_notes_when_the_commands_of_a_tick_were_here_in_time_or_not() -> None:
+def test_it_records_how_long_the_commands_of_a_tick_took() -> None:
     gate = Gate()
     gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
     for tick, late in ((1, 4), (2, 30)):
@@ -157,7 +157,7 @@ def test_it_notes_when_the_commands_of_a_tick_were_here_in_time_or_not() -> None
 
 
 def follow(gate: Gate) -> None:
-    """A trajectory is followed; the commands of its first tick come in 4 ms after it."""
+    """Follow a trajectory; the commands of its first tick arrive 4 ms after the tick."""
     gate.alive |= set(all_sources(SYSTEM))
     gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
     gate.tick(0)
@@ -177,7 +177,7 @@ def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal()
     gate.give(PLATFORM, "odometry", Odometry(round(20 * PERIOD * 1e9), ORIGIN, STILL), 20, sequence=0)
     gate.look()
     assert gate.node.gone == "goal main does not step"
-    gate.report(("goal", "main"), 2, 19)  # a step without a pose, which knows nothing of the restart
+    gate.report(("goal", "main"), 2, 19)  # a step without a pose, which does not reflect the restart
     gate.look()
     assert gate.node.gone == "goal main does not step"
     gate.report(("goal", "main"), 3, 21)
@@ -185,11 +185,29 @@ def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal()
     assert gate.node.gone == ""
 
 
+def test_after_a_restart_of_the_platform_the_monitor_begins_again() -> None:
+    """Odometry alone cannot show a restart that puts the robot back by 4 m within 0.9 s."""
+    gate = Gate()
+    monitor = gate.node.gate.monitor
+    assert monitor is not None
+
+    def stand(tick: int, x: float, sequence: int) -> None:
+        odometry = Odometry(round(tick * PERIOD * 1e9), Pose2D(x, 0.0, 0.0), STILL)
+        gate.give(PLATFORM, "odometry", odometry, tick, sequence)
+        gate.look()
+
+    for tick in range(81):
+        stand(tick, 0.05 * tick, tick + 1)
+    stand(98, 0.0, 1)
+    stand(99, 0.0, 2)
+    assert monitor.judge(Twist2D(0.02, 0.0, 0.0), 0.0, 99 * PERIOD).kind == ""
+
+
 def rings(gate: Gate) -> set[str]:
     return {feed.wire.input.name for feed in gate.hosted.cell.feeds if feed.inlet.rings}
 
 
-def test_it_is_woken_by_the_last_command_of_a_tick_alone() -> None:
+def test_only_the_last_command_of_a_tick_wakes_it() -> None:
     gate = Gate()
     gate.tick(0)
     assert "odometry" in rings(gate) and not {"controller", "avoider"} & rings(gate)  # nothing is followed
@@ -198,16 +216,16 @@ def test_it_is_woken_by_the_last_command_of_a_tick_alone() -> None:
     assert "avoider" in rings(gate) and not {"controller", "odometry"} & rings(gate)
     gate.give(("avoider", gate.node.selected["avoider"]), "command", Command(AHEAD), 1)
     gate.tick(1)
-    assert "controller" in rings(gate)  # which is still missing
+    assert "controller" in rings(gate)  # the command that is still missing
     gate.give(("controller", gate.node.selected["controller"]), "command", Command(AHEAD), 1)
     gate.look()
     gate.give(("controller", gate.node.selected["controller"]), "command", Command(AHEAD), 2)
     gate.give(("avoider", gate.node.selected["avoider"]), "command", Command(AHEAD), 2)
     gate.look()
-    assert gate.hosted.cell.stepper.stepped == 1 and "odometry" in rings(gate)  # they overtook their tick
+    assert gate.hosted.cell.stepper.stepped == 1 and "odometry" in rings(gate)  # the commands overtook their tick
 
 
-def test_it_looks_again_when_what_it_decided_on_goes_stale() -> None:
+def test_it_decides_again_when_its_inputs_go_stale() -> None:
     gate = Gate()
     follow(gate)
     began_ns, looks = gate.clock.now, 0

@@ -1,4 +1,4 @@
-"""The platform live: what its wheels are told, also where telling them fails."""
+"""The live platform: commands to its wheels, also where sending them fails."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AHEAD, STILL = Twist2D(0.3, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
 
 
 class Base:
-    """A base whose line to the wheels can break; `told` is what got there."""
+    """A base whose line to the wheels can break; `told` has the commands that arrived."""
 
     role = "platform"
     sensor_kinds = {"ring": RangeScan}
@@ -52,7 +52,7 @@ class Base:
 
 
 class Robot:
-    """A platform's runner on a clock that the test sets."""
+    """The runner of a platform on a clock that the test sets."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 1000.0
@@ -82,7 +82,7 @@ class Robot:
         inlet.give((Command(twist), Envelope(key, sequence, sequence, stamp, stamp, 0)))
 
     def turn(self, seconds: float) -> None:
-        """Looks every 10 ms for some s."""
+        """Let it run for a while, with a turn every 10 ms."""
         for _ in range(round(seconds / 0.01)):
             self.runner.take_in()
             self.runner.act()
@@ -94,7 +94,7 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
     return Robot(monkeypatch)
 
 
-def test_without_the_gate_the_wheels_stand_after_the_deadline(robot: Robot) -> None:
+def test_without_the_gate_the_wheels_stop_after_the_deadline(robot: Robot) -> None:
     robot.command(AHEAD, 1)
     robot.turn(DEADLINE)
     assert robot.base.told == [AHEAD]
@@ -103,7 +103,7 @@ def test_without_the_gate_the_wheels_stand_after_the_deadline(robot: Robot) -> N
 
 
 @pytest.mark.parametrize(("age", "own"), [(0.0, 6), (0.03, 0)], ids=["its own", "of the tick before"])
-def test_ticks_are_counted_that_are_driven_by_a_command_of_their_own(robot: Robot, age: float, own: int) -> None:
+def test_ticks_that_are_driven_by_their_own_command_are_counted(robot: Robot, age: float, own: int) -> None:
     for number in range(1, 8):
         robot.turn(0.02)  # of the tick; the next begins after 30 ms more
         robot.command(AHEAD, number, age)
@@ -111,7 +111,7 @@ def test_ticks_are_counted_that_are_driven_by_a_command_of_their_own(robot: Robo
     assert (robot.runner.driven, robot.runner.own) == (6, own)
 
 
-def test_ticks_that_are_passed_over_are_driven_by_an_old_command(robot: Robot) -> None:
+def test_a_skipped_tick_is_driven_by_an_old_command(robot: Robot) -> None:
     robot.turn(0.02)
     robot.command(AHEAD, 1)
     robot.turn(0.01)
@@ -120,12 +120,12 @@ def test_ticks_that_are_passed_over_are_driven_by_an_old_command(robot: Robot) -
     assert (robot.runner.driven, robot.runner.own) == (1, 1)
     robot.command(AHEAD, 2)
     robot.turn(0.01)
-    robot.now += 0.07  # to 0.17 s: the tick at 0.1 s was passed over
+    robot.now += 0.07  # until 0.17 s: the tick at 0.1 s was skipped
     robot.turn(0.01)
     assert (robot.runner.driven, robot.runner.own) == (3, 2)
 
 
-def test_a_stop_that_does_not_get_through_is_told_again_until_it_does(robot: Robot) -> None:
+def test_a_stop_that_does_not_get_through_is_repeated_until_it_does(robot: Robot) -> None:
     robot.command(AHEAD, 1)
     robot.turn(0.05)
     robot.base.broken = 4
@@ -139,7 +139,7 @@ def test_a_stop_that_does_not_get_through_is_told_again_until_it_does(robot: Rob
     assert robot.runner.fault == "" and robot.base.told == [AHEAD, STILL]
 
 
-def test_the_platforms_own_stop_is_told_again_as_well(robot: Robot) -> None:
+def test_the_platforms_own_stop_is_repeated_as_well(robot: Robot) -> None:
     robot.command(AHEAD, 1)
     robot.turn(0.05)
     robot.base.broken = 9
@@ -153,7 +153,7 @@ def test_a_scan_of_a_sensor_that_is_not_there_is_the_plugins_fault(robot: Robot)
     assert "advance() gave a scan of 'sonar', expected one of sonars" in robot.runner.fault
 
 
-def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> None:
+def test_wheels_that_stay_unreachable_end_the_process(robot: Robot) -> None:
     robot.command(AHEAD, 1)
     robot.turn(0.05)
     robot.base.broken = 10_000
@@ -162,7 +162,7 @@ def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> No
     assert 1001.1 < robot.now < 1001.3
 
 
-def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_wheels_get_a_stop_whatever_ends_the_thread(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.command(AHEAD, 1)
     robot.turn(0.05)
 
@@ -175,7 +175,7 @@ def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, mon
     assert robot.base.told[-1] == STILL
 
 
-def test_a_platform_gives_up_its_ports_after_the_last_stop(robot: Robot) -> None:
+def test_a_platform_closes_its_ports_after_the_last_stop(robot: Robot) -> None:
     robot.ended = True
     robot.runner.run()
     assert robot.base.told_at_close == [STILL]

@@ -1,4 +1,4 @@
-"""When a live node steps: on what is there, and for what it waits."""
+"""When a live node steps: which inputs trigger it, and which it waits for."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ REPORT = StepReport("tick", (), (), True, 0, 0, 0, "", "")
 
 
 class Wire:
-    """Stands in for the network: takes everything and delivers nothing."""
+    """Replaces the network: accepts everything and delivers nothing."""
 
     def publication(self, key: str, quality: object, lossless: bool) -> Any:
         return SimpleNamespace(is_heard=True, put=lambda data, label: None)
@@ -60,7 +60,7 @@ class Wire:
 
 
 class Clock:
-    """The host's monotonic clock, set by the test; stands in for the module `time`."""
+    """The monotonic clock of the host, set by the test; replaces the module `time`."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -85,7 +85,7 @@ def hosted(role: str, node: Any) -> Hosted:
 
 
 def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:
-    """A message of a tick comes in."""
+    """Receive a message of a tick."""
     key = KEYS.port(source, NAMES[source], port)
     inlets = [feed.inlet for feed in at.cell.feeds] + list(at.cell.reports.values())
     heard = [inlet for inlet in inlets if inlet.key == key]
@@ -95,13 +95,13 @@ def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:
 
 
 def give_pose(at: Hosted, tick: int) -> None:
-    """The localizer's pose of a tick comes in, and its report if that is heard."""
+    """Receive the localizer's pose of a tick, and optionally its report."""
     give(at, "localizer", "pose", PoseEstimate(round(tick * PERIOD * 1e9), ORIGIN, STILL, np.zeros((3, 3))), tick)
     give(at, "localizer", "step", REPORT, tick)
 
 
 class Listener(MapperNode):
-    """A mapper's node that notes how many poses it was given in each step."""
+    """A mapper node that records how many poses each step received."""
 
     def __init__(self) -> None:
         self.poses: list[int] = []
@@ -133,7 +133,7 @@ def test_a_mapper_waits_for_the_poses_that_cover_a_sweep(clock: Clock) -> None:
     assert node.poses == [4]
 
 
-def test_a_mapper_that_waits_for_poses_in_vain_steps_without(clock: Clock) -> None:
+def test_a_mapper_that_waits_in_vain_for_poses_steps_without_them(clock: Clock) -> None:
     node = Listener()
     mapper = hosted("mapper", node)
     runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
@@ -145,7 +145,7 @@ def test_a_mapper_that_waits_for_poses_in_vain_steps_without(clock: Clock) -> No
     assert node.poses == [0]
 
 
-def test_a_mapper_of_scans_that_come_each_tick_steps_though_the_poses_are_ticks_behind(clock: Clock) -> None:
+def test_a_mapper_of_scans_steps_though_the_poses_are_some_ticks_behind(clock: Clock) -> None:
     node = Listener()
     mapper = hosted("mapper", node)
     runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
@@ -171,7 +171,7 @@ def test_a_mapper_whose_localizer_is_gone_steps_though_scans_go_on(clock: Clock)
     assert len(node.poses) == 2  # one each second
 
 
-def test_where_the_run_clock_begins_anew_a_node_steps_by_the_new_one(clock: Clock) -> None:
+def test_after_a_restart_of_the_run_clock_a_node_steps_by_the_new_one(clock: Clock) -> None:
     node = Listener()
     mapper = hosted("mapper", node)
     runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
@@ -180,11 +180,11 @@ def test_where_the_run_clock_begins_anew_a_node_steps_by_the_new_one(clock: Cloc
         give(mapper, "platform", "laser", SWEEP, tick)
         give(mapper, "platform", "step", REPORT, tick)
         turn(runner)
-    assert node.poses == [1, 2, 1, 2, 3]  # poses of the old clock cover nothing by the new one
+    assert node.poses == [1, 2, 1, 2, 3]  # poses of the old clock do not cover a sweep of the new one
 
 
 def test_an_old_message_does_not_put_the_clock_back(clock: Clock) -> None:
-    """A command of half a minute ago that somebody replays is late, and nobody steps on it."""
+    """A replayed command, half a minute old, counts as late and triggers no step."""
     node = Listener()
     mapper = hosted("mapper", node)
     run_clock = RunClock(clock.monotonic_ns)
@@ -199,7 +199,7 @@ def test_an_old_message_does_not_put_the_clock_back(clock: Clock) -> None:
     assert node.poses == [1, 2, 3] and mapper.cell.stepper.stepped == 1002
 
 
-def test_what_was_made_by_the_old_clock_is_no_news_by_the_new_one(clock: Clock) -> None:
+def test_messages_of_the_old_clock_do_not_trigger_steps_by_the_new_one(clock: Clock) -> None:
     node = Listener()
     mapper = hosted("mapper", node)
     runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
@@ -213,7 +213,7 @@ def test_what_was_made_by_the_old_clock_is_no_news_by_the_new_one(clock: Clock) 
     assert max(feed.slot.tick for feed in mapper.cell.feeds) == 5
 
 
-def test_a_message_that_was_only_overtaken_is_passed_over(clock: Clock) -> None:
+def test_an_overtaken_message_is_skipped(clock: Clock) -> None:
     node = Listener()
     mapper = hosted("mapper", node)
     runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
@@ -228,7 +228,7 @@ def test_a_message_that_was_only_overtaken_is_passed_over(clock: Clock) -> None:
 def test_an_active_instance_steps_after_its_process_restarted_without_a_wake_up() -> None:
     node = Listener()
     mapper = hosted("mapper", node)
-    mapper.cell.stepper.enabled = mapper.cell.stepper.active = False  # as an alternative that is no shadow begins
+    mapper.cell.stepper.enabled = mapper.cell.stepper.active = False  # as a waiting alternative begins
     runner = LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
     runner.recall({"mapper": "other"}, 1)
     assert not mapper.cell.stepper.enabled
@@ -236,8 +236,8 @@ def test_an_active_instance_steps_after_its_process_restarted_without_a_wake_up(
     assert mapper.cell.stepper.enabled and mapper.cell.stepper.active
 
 
-def test_a_goal_that_was_asked_for_something_does_not_run_ahead_of_the_platform(clock: Clock) -> None:
-    """What it steps by itself in is a tick that the platform has had, so that the next pose finds it in time."""
+def test_a_goal_that_steps_for_a_request_does_not_run_ahead_of_the_platform(clock: Clock) -> None:
+    """It steps by itself only in a tick that the platform has had, so that it is in time for the next pose."""
     goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))
     run_clock = RunClock(clock.monotonic_ns)
     runner = LiveGoal(goal, run_clock, PERIOD, lambda: False)
@@ -255,7 +255,7 @@ def test_a_goal_that_was_asked_for_something_does_not_run_ahead_of_the_platform(
     assert stepped == [*range(20), 21, *range(21, 40)]
 
 
-def test_a_goal_without_poses_steps_on_and_not_faster_than_the_platform(clock: Clock) -> None:
+def test_a_goal_without_poses_keeps_stepping_no_faster_than_the_platform(clock: Clock) -> None:
     goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))
     run_clock = RunClock(clock.monotonic_ns)
     run_clock.observe(0, clock.monotonic_ns(), 0)
@@ -268,14 +268,14 @@ def test_a_goal_without_poses_steps_on_and_not_faster_than_the_platform(clock: C
     assert 0.8 * ticks < goal.cell.stepper.stepped <= ticks
 
 
-def test_a_node_is_woken_by_what_it_steps_for_alone() -> None:
+def test_only_a_nodes_triggers_wake_it() -> None:
     mapper = hosted("mapper", Listener())
     LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
     ringing = {feed.wire.input.name for feed in mapper.cell.feeds if feed.inlet.rings}
     assert ringing == {"scan.laser", "clear"}
 
 
-def test_while_it_waits_for_the_rest_of_a_tick_that_wakes_it_too(clock: Clock) -> None:
+def test_while_it_waits_for_other_inputs_of_a_tick_they_wake_it_too(clock: Clock) -> None:
     mapper = hosted("mapper", node := Listener())
     runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
     (track,) = [feed.inlet for feed in mapper.cell.feeds if feed.wire.input.name == "track"]
@@ -287,7 +287,7 @@ def test_while_it_waits_for_the_rest_of_a_tick_that_wakes_it_too(clock: Clock) -
     assert not track.rings and node.poses == [1]
 
 
-def test_a_goal_fails_with_a_plugin_that_failed_20_times_in_a_row_in_one_life(clock: Clock) -> None:
+def test_a_goal_fails_when_a_plugin_fails_20_times_in_a_row_in_one_process(clock: Clock) -> None:
     goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))
     runner = LiveGoal(goal, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
     source = ("avoider", NAMES["avoider"])
@@ -304,14 +304,14 @@ def test_a_goal_fails_with_a_plugin_that_failed_20_times_in_a_row_in_one_life(cl
     for sequence in range(1, 20):
         fail(sequence)
     assert not told()
-    fail(1)  # its process began anew
+    fail(1)  # its process restarted
     assert not told()
     for sequence in range(2, 21):
         fail(sequence)
     assert told() == f"avoider {NAMES['avoider']} failed 20 times in a row: it broke"
 
 
-def test_faults_go_out_by_a_port_of_their_own_and_so_does_their_end() -> None:
+def test_faults_and_their_end_are_published_on_their_own_port() -> None:
     mapper = hosted("mapper", Listener())
     runner = LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
     assert mapper.cell.fault is not None

@@ -1,4 +1,4 @@
-"""Mailboxes: bounded, counted, and indifferent to what is thrown at them."""
+"""Mailboxes: bounded, counted, and robust against malformed messages."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_flood_of_one_stream_takes_nothing_from_another() -> None:
 
 
 @pytest.mark.parametrize("limit", [1, 16])
-def test_an_answer_is_older_than_what_the_stream_has_brought_since_the_question(limit: int) -> None:
+def test_an_answer_to_a_query_is_dropped_if_the_stream_has_brought_a_newer_message(limit: int) -> None:
     inlet = Inlet(KEY, Mailbox(), limit)
     inlet.give(packet(4))
     asked_ns = time.monotonic_ns()
@@ -59,7 +59,7 @@ def test_an_answer_is_older_than_what_the_stream_has_brought_since_the_question(
     assert inlet.counts.late == 1
 
 
-def test_bytes_are_decoded_once_for_all_readers() -> None:
+def test_a_message_is_decoded_once_for_all_readers() -> None:
     mailbox, shared = Mailbox(), packet(1)
     first, second = Inlet(KEY, mailbox, 1), Inlet(KEY, mailbox, 1)
     first.give(shared)
@@ -85,7 +85,7 @@ def test_ages_are_kept_where_the_clock_is_known() -> None:
     assert (summary["age_p50_s"], summary["age_p99_s"]) == (0.5, 0.5)
 
 
-def test_waiting_ends_with_news_or_with_time() -> None:
+def test_waiting_ends_with_a_message_or_a_time_out() -> None:
     mailbox = Mailbox()
     assert mailbox.wait(0, 0.0) == 0
     inlet = Inlet(KEY, mailbox, 1)
@@ -93,10 +93,10 @@ def test_waiting_ends_with_news_or_with_time() -> None:
     thread.start()
     assert mailbox.wait(0, 10.0) == 1
     thread.join()
-    assert mailbox.wait(0, 10.0) == 1  # news that were not seen are not waited for
+    assert mailbox.wait(0, 10.0) == 1  # a message that is unread already ends the wait at once
 
 
-def test_of_many_that_ring_at_once_none_goes_unheard() -> None:
+def test_of_many_simultaneous_wake_ups_none_is_lost() -> None:
     mailbox, each, givers = Mailbox(), 3000, 4
     inlets = [Inlet(KEY, mailbox, None) for _ in range(givers)]
     shared = packet(1)
@@ -108,7 +108,7 @@ def test_of_many_that_ring_at_once_none_goes_unheard() -> None:
     def listen() -> None:
         heard = seen = 0
         while heard < each * givers:
-            seen = mailbox.wait(seen, None)  # for ever, if one of them rang and was not heard
+            seen = mailbox.wait(seen, None)  # blocks for ever if a wake-up is lost
             heard += sum(len(list(inlet.take())) for inlet in inlets)
 
     listening = threading.Thread(target=listen, daemon=True)
@@ -133,7 +133,7 @@ def test_a_message_of_another_kind_is_malformed_and_one_of_another_stream_misrou
     assert inlet.counts.summary()["origin"] == KEY
 
 
-def test_what_is_too_large_for_its_stream_is_counted_and_not_handed_on() -> None:
+def test_a_message_too_large_for_its_stream_is_counted_and_dropped() -> None:
     class Bus:
         def subscribe(self, key: str, receive: Callable[[str, bytes | None, str], None], most: int) -> None:
             self.receive, self.most = receive, most
@@ -148,7 +148,7 @@ def test_what_is_too_large_for_its_stream_is_counted_and_not_handed_on() -> None
     assert inlet.counts.complaint == f"no Command is larger than {bus.most} bytes"
 
 
-def test_what_derives_from_the_future_is_refused_and_does_not_hide_what_comes_after() -> None:
+def test_a_message_caused_in_the_future_is_refused_and_does_not_hide_later_ones() -> None:
     inlet = Inlet(KEY, Mailbox(), 8, lambda cause_ns: (10_000_000_000 - cause_ns) * 1e-9)
     for cause in (9.9, 15.0, 10.0, 10.4):
         inlet.give((Contact(False), Envelope(KEY, 1, 1, 0, round(cause * 1e9), 0)))
@@ -156,18 +156,18 @@ def test_what_derives_from_the_future_is_refused_and_does_not_hide_what_comes_af
     assert inlet.counts.malformed == 1 and "5.0 s in the future" in inlet.counts.complaint
 
 
-def test_the_platforms_own_words_are_never_ahead_of_its_clock() -> None:
+def test_the_platforms_own_messages_are_never_ahead_of_the_clock() -> None:
     inlet = Inlet(KEY, Mailbox(), 8, lambda cause_ns: (10_000_000_000 - cause_ns) * 1e-9, tells_time=True)
     inlet.give((Contact(False), Envelope(KEY, 1, 1, 0, 15_000_000_000, 0)))  # after a gap of 5 s
     assert len(list(inlet.take())) == 1 and inlet.counts.malformed == 0
 
 
-def test_what_does_not_ring_waits_and_wakes_nobody_until_it_is_listened_for() -> None:
+def test_a_stream_that_does_not_trigger_wakes_its_reader_only_on_request() -> None:
     mailbox = Mailbox()
     quiet = Inlet(KEY, mailbox, 4, rings=False)
     quiet.give(packet(1))
     assert mailbox.wait(0, 0.0) == 0 and quiet.has_news
-    quiet.listen()  # it waits by now: the node must look
+    quiet.listen()  # the message is there already: the node must read it
     assert mailbox.wait(0, 5.0) == 1
     quiet.give(packet(2))
     assert mailbox.wait(1, 5.0) == 2 and len(list(quiet.take())) == 2

@@ -1,4 +1,4 @@
-"""What outlives a process: taken from messages, passed on, and the newer of two accounts wins."""
+"""State that survives a process: learnt from messages, passed on, and the newer of two versions wins."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def full() -> Memory:
     return memory
 
 
-def test_another_process_learns_all_of_it() -> None:
+def test_another_process_learns_the_whole_state() -> None:
     learnt = Memory()
     learnt.learn(full().to_bytes())
     assert learnt == full()
     assert learnt.parameters == {"controller law": (2, ("k1 = 2.0", "k3 = 1.0"))}
 
 
-def test_a_stop_that_was_resumed_is_not_remembered() -> None:
+def test_a_resumed_stop_is_not_kept() -> None:
     memory = full()
     memory.note(GATE, stop("no_trajectory", False), at(70))
     learnt = full()
@@ -51,14 +51,14 @@ def test_a_stop_that_was_resumed_is_not_remembered() -> None:
     ],
     ids=["contact", "operator-lost", "controller-late", "drives"],
 )
-def test_the_last_word_of_a_gate_that_ends_in_order_does_not_hide_what_held_before(last: GateStatus, kept: str) -> None:
+def test_the_last_status_of_a_gate_that_ends_does_not_hide_a_stop_before_it(last: GateStatus, kept: str) -> None:
     memory = Memory()
     memory.note(GATE, last, at(50))
     memory.note(GATE, stop("ending", last.latched), at(51))
     assert memory.stop == (51, kept)
 
 
-def test_a_stop_of_which_only_the_last_word_tells_is_remembered() -> None:
+def test_a_stop_that_only_the_last_status_reports_is_kept() -> None:
     memory = Memory()
     memory.note(GATE, stop("ending", True), at(9))
     assert memory.stop == (9, "operator")
@@ -81,7 +81,7 @@ def test_the_latest_run_clock_is_learnt() -> None:
     assert memory.clock_ns == other.clock_ns == 70
 
 
-def test_an_older_account_changes_nothing() -> None:
+def test_an_older_state_changes_nothing() -> None:
     old = Memory()
     old.note(GATE, Selection(1, 5, ("avoider first",)), at(4))
     old.note(GOAL, Feedback(2, "driving", 1.0, 2.0, 0.0, 0), at(10))
@@ -91,7 +91,7 @@ def test_an_older_account_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"null", b"[]", b'{"epoch": 9}', b"\xff\xfe"], ids=range(5))
-def test_nonsense_is_passed_over(data: bytes) -> None:
+def test_invalid_state_is_ignored(data: bytes) -> None:
     memory = full()
     memory.learn(data)
     assert memory.epoch in (3, 9) and memory.goal == full().goal

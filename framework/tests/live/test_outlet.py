@@ -1,4 +1,4 @@
-"""The last message of a stream, for who asks: encoded once, and no more bytes a second than others can bear."""
+"""The last message of a stream for late joiners: encoded once, and bounded in bytes per second."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEY = "lab/r1/goal/main/feedback"
 
 
 class Wire:
-    """Stands in for the bus; keeps what takes questions."""
+    """Replaces the bus; keeps the handlers of queries."""
 
     take: Callable[[Any], None]
 
@@ -40,14 +40,12 @@ def ask(wire: Wire) -> str | bytes:
     return found[0]
 
 
-def test_who_asks_before_the_first_message_is_told_so(wire: Wire) -> None:
+def test_a_query_before_the_first_message_is_refused_with_that_reason(wire: Wire) -> None:
     Outlet(KEY, wire, lossless=False, retained=True)  # type: ignore[arg-type]
     assert ask(wire) == NOTHING
 
 
-def test_a_message_is_encoded_once_for_all_who_ask_and_the_next_one_again(
-    wire: Wire, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_message_is_encoded_once_for_all_queries(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = Outlet(KEY, wire, lossless=False, retained=True)  # type: ignore[arg-type]
     for number in (1, 2):
         kept.publish(Feedback(number, "driving", 1.0, 2.0, 0.0, 0), number, 0, 0, 0)
@@ -66,14 +64,14 @@ def test_beyond_its_allowance_it_refuses(wire: Wire) -> None:
     assert answers[-1] == TOO_MANY
 
 
-def test_nothing_is_encoded_that_no_other_process_hears() -> None:
+def test_a_message_without_a_reader_in_another_process_is_not_encoded() -> None:
     sent: list[bytes] = []
     way = SimpleNamespace(is_heard=False, put=lambda data, label: sent.append(data))
     bus: Any = SimpleNamespace(publication=lambda *given: way, serve=lambda *given: None)
     outlet = Outlet(KEY, bus, lossless=False, retained=False)
     outlet.publish(Feedback(1, "driving", 1.0, 2.0, 0.0, 0), 1, 0, 0, 0)
     assert not sent
-    way.is_heard = True  # a recorder joins, and gets the very next one
+    way.is_heard = True  # a recorder joins, and gets the next message
     outlet.publish(Feedback(2, "driving", 1.0, 2.0, 0.0, 0), 2, 0, 0, 0)
     ((message, envelope),) = [decode(data, schema_label(Feedback)) for data in sent]
     assert (message.goal_id, envelope.sequence) == (2, 2)  # type: ignore[attr-defined]

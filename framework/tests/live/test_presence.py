@@ -1,4 +1,4 @@
-"""Who is there: what comes and goes all the time costs the others little."""
+"""Presence of nodes: one that appears and disappears all the time costs the others little."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHADOW = ("avoider", "shadow")
 SOON = 10.0
 
 
-def test_an_instance_is_there_as_long_as_one_of_its_lives_is() -> None:
+def test_an_instance_is_present_while_one_of_its_tokens_is() -> None:
     presence = Presence(KEYS, [("gate", "main")], lambda source, again: None)
     for life, alive in (("a", True), ("b", True), ("a", False)):
         presence.change(KEYS.alive(*SHADOW, life), alive)
@@ -33,7 +33,7 @@ def test_more_lives_than_a_robot_has_are_not_heeded() -> None:
     assert not presence.is_alive(SHADOW)
 
 
-def test_one_that_comes_and_goes_all_the_time_is_met_now_and_then_and_holds_up_no_other() -> None:
+def test_a_flapping_instance_is_greeted_rarely_and_delays_no_other() -> None:
     presence = Presence(KEYS, [], lambda source, again: None)
     met: list[tuple[str, str]] = []
     other, ending = threading.Event(), threading.Event()
@@ -50,7 +50,7 @@ def test_one_that_comes_and_goes_all_the_time_is_met_now_and_then_and_holds_up_n
         presence.change(KEYS.alive(*SHADOW, str(number)), False)
     presence.change(KEYS.alive("mapper", "m", "1"), True)
     assert other.wait(SOON)
-    presence.change(KEYS.alive(*SHADOW, "last"), True)  # what comes last is met as well, AGAIN later
+    presence.change(KEYS.alive(*SHADOW, "last"), True)  # the last appearance is greeted as well, AGAIN s later
     limit = time.monotonic() + SOON
     while met.count(SHADOW) < 2 and time.monotonic() < limit:
         time.sleep(AGAIN / 10)

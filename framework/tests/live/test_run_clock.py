@@ -1,4 +1,4 @@
-"""The platform's clock as others know it: stamps plus time passed here, never another host's clock."""
+"""The platform's clock as others estimate it: newest stamp plus local time since then, never another host's clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is kept of how long steps took."""
+"""Record of the durations of steps."""
 
 from __future__ import annotations
 

@@ -49,9 +49,9 @@ QUIET = AvoiderDiagnostics(
 
 
 class Robot(Platform):
-    """A unicycle without inertia in an empty plane; its one sensor listens all round and hears nothing.
+    """A unicycle without inertia in an empty plane; its one sensor looks all round and gets no echo.
 
-    Its range limit is noisy.
+    The range limit of its scans is noisy.
     """
 
     name = "toy_robot"
@@ -156,7 +156,7 @@ class Chaser(Controller):
 
 
 class Bystander(Avoider):
-    """Passes on what the controller asks for, slower."""
+    """Passes on the desired velocity, slower."""
 
     name = "toy_bystander"
 
@@ -205,7 +205,7 @@ goal = { x = 3.0, y = 0.0 }
 
 
 def discovery() -> Discovery:
-    """The toys beside what is installed."""
+    """The toys in addition to the installed plugins."""
     from importlib.metadata import entry_points
 
     sys.modules.setdefault("navloom_test_toys", sys.modules[__name__])
@@ -214,7 +214,7 @@ def discovery() -> Discovery:
 
 
 def toy_config(folder: Any, *overrides: str, more: str = "") -> Loaded:
-    """A run of 3 m straight ahead, with changes."""
+    """Config of a run of 3 m straight ahead, with changes."""
     path = folder / "toy.toml"
     path.write_text(TEXT + more, "utf-8")
     return load_config(str(path), overrides)

@@ -1,4 +1,4 @@
-"""The bytes of messages: their layout to the byte, and every way in which bytes can be wrong."""
+"""The bytes of messages: their exact layout, and every way in which bytes can be wrong."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_an_empty_array_takes_no_room() -> None:
     assert len(data) == 4 + struct.unpack_from("<I", data)[0]
 
 
-def test_arrays_of_nested_messages_come_in_their_place() -> None:
+def test_arrays_of_nested_messages_are_stored_in_field_order() -> None:
     grid = OccupancyGrid(np.array([[0, 100]], np.int8), 0.1, Pose2D(0.0, 0.0, 0.0))
     back, _ = decode(encode(MapUpdate(1, grid, np.ones((1, 4)), ()), AT), "navloom.MapUpdate/1")
     assert isinstance(back, MapUpdate)
@@ -123,7 +123,7 @@ def test_the_label_names_schema_and_version() -> None:
     assert schema_label(Odometry) == ODOMETRY
 
 
-def test_the_envelope_comes_back_as_it_went() -> None:
+def test_the_envelope_survives_a_round_trip() -> None:
     assert decode(encode(STANDING, AT), ODOMETRY) == (STANDING, AT)
 
 
@@ -180,7 +180,7 @@ def test_an_envelope_that_cannot_be_packed_leaves_the_next_message_whole() -> No
 # Tolerance
 
 
-def test_unknown_fields_arrays_and_envelope_entries_are_passed_over() -> None:
+def test_unknown_fields_arrays_and_envelope_entries_are_skipped() -> None:
     def newer(header: Any) -> None:
         header["fields"]["slip"] = {"nested": [1, None, b"x"]}
         header["fields"]["pose"]["z"] = 0.0
@@ -402,7 +402,7 @@ def test_arrays_of_every_element_type_and_in_tuples_come_back() -> None:
     assert isinstance(bare, Mixed) and bare.b is None
 
 
-def test_a_field_that_came_later_holds_its_default() -> None:
+def test_a_field_that_is_newer_than_the_bytes_has_its_default() -> None:
     status = GateStatus("none", "", True, False, "operator", ())
     data = encode(status, AT)
     for name in ("share", "limit", "place", "distance"):
@@ -411,7 +411,7 @@ def test_a_field_that_came_later_holds_its_default() -> None:
 
 
 @pytest.mark.parametrize("sent", [STANDING, TRACK, PoseTrack(np.zeros(0, np.int64), np.zeros((0, 3)))])
-def test_a_message_under_another_key_has_the_bytes_it_would_have_had(sent: Message) -> None:
+def test_a_redirected_message_has_the_bytes_of_one_encoded_under_that_key(sent: Message) -> None:
     for length in range(1, 80):  # the arrays move with the header's end
         at = AT._replace(key="k" * length)
         assert redirected(memoryview(encode(sent, AT)), at.key) == (encode(sent, at), at)

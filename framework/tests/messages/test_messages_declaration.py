@@ -1,4 +1,4 @@
-"""What a message class may be declared with."""
+"""Declarations of message classes, valid and refused."""
 
 from __future__ import annotations
 

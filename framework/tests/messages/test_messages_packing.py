@@ -1,4 +1,4 @@
-"""The generated writers give, byte for byte, what msgpack gives for a message as a dict."""
+"""The generated writers give the same bytes as msgpack for a message as a dict."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def message(cls: type[Message], rng: np.random.Generator) -> Message:
 
 
 def as_plain(held: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
-    """A value as msgpack takes it; an array is its place in the list."""
+    """A value as msgpack takes it; an array becomes its index in the list."""
     if isinstance(held, Message):
         return {name: as_plain(getattr(held, name), arrays) for name in type(held).kinds}
     if isinstance(held, tuple):
@@ -80,7 +80,7 @@ def as_plain(held: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
 
 
 def plainly_encoded(given: Message, envelope: Envelope) -> bytes:
-    """The layout of the codec's docstring, written with msgpack and nothing else of ours."""
+    """Bytes in the layout of the codec's docstring, written with msgpack alone."""
     arrays: list[np.ndarray[Any, Any]] = []
     fields = as_plain(given, arrays)
     table, blocks = [], b""

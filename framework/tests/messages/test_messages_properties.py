@@ -1,4 +1,4 @@
-"""What holds for every message class, whatever is in it."""
+"""Properties of every message class, for any contents."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_there_are_classes_to_check() -> None:
 @EACH
 @QUICK
 @given(st.data())
-def test_every_message_comes_back_as_it_went(cls: type[Message], data: st.DataObject) -> None:
+def test_every_message_survives_a_round_trip(cls: type[Message], data: st.DataObject) -> None:
     made, at = data.draw(messages(cls)), data.draw(envelopes())
     back, came = decode(encode(made, at), schema_label(cls))
     assert contents(back) == contents(made) and came == at
@@ -153,7 +153,7 @@ def test_arrays_are_read_only_views_of_the_bytes_at_multiples_of_64(cls: type[Me
 @EACH
 @QUICK
 @given(st.data())
-def test_unknown_fields_are_passed_over_and_each_known_one_without_a_default_is_needed(
+def test_unknown_fields_are_skipped_and_each_known_one_without_a_default_is_required(
     cls: type[Message], data: st.DataObject
 ) -> None:
     made, at = data.draw(messages(cls)), data.draw(envelopes())
@@ -173,7 +173,7 @@ def test_unknown_fields_are_passed_over_and_each_known_one_without_a_default_is_
 @EACH
 @QUICK
 @given(st.data())
-def test_every_shorter_beginning_is_refused(cls: type[Message], data: st.DataObject) -> None:
+def test_every_truncation_is_refused(cls: type[Message], data: st.DataObject) -> None:
     sent = encode(data.draw(messages(cls)), data.draw(envelopes()))
     end = data.draw(st.integers(0, len(sent) - 1))
     with pytest.raises(CodecError):
@@ -232,7 +232,7 @@ def test_random_headers_are_refused(header: Any, cls: type[Message]) -> None:
 
 
 def only_codec_errors(data: bytes, cls: type[Message]) -> None:
-    """Decode; what comes back, if anything, is a message that can be encoded again."""
+    """Decode; the result is a CodecError, or a message that can be encoded again."""
     try:
         back, at = decode(data, schema_label(cls))
     except CodecError as error:

@@ -1,4 +1,4 @@
-"""What a message takes, what it refuses and by which words."""
+"""Values that a message accepts, those that it refuses, and the texts of its errors."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def test_a_text_is_bounded_in_bytes_a_name_is_refused_and_words_are_cut(letter: 
     assert words == letter * ((1024 - 3) // len(letter.encode())) + "…" and len(words.encode()) <= 1024
 
 
-def test_a_bound_of_its_own_is_declared_with_most() -> None:
+def test_a_bound_is_declared_with_most() -> None:
     @message()
     class Bounded(Message):
         note: Annotated[str, Most(3)]
@@ -249,7 +249,7 @@ def test_a_read_only_view_of_a_bytearray_is_copied_too() -> None:
     assert made.points.tolist() == [[1.0, 2.0]]
 
 
-def test_an_array_nobody_can_write_to_is_passed_on_without_a_copy() -> None:
+def test_an_immutable_array_is_passed_on_without_a_copy() -> None:
     owned = np.zeros((4, 2))
     owned.flags.writeable = False
     assert trajectory_like(owned).points is owned
@@ -307,7 +307,7 @@ def test_numbers_that_are_not_finite_are_found_in_arrays_of_any_length(bad: floa
 
 
 @pytest.mark.filterwarnings("error")
-def test_opposite_infinities_and_squares_beyond_a_float_are_looked_at_one_by_one_without_a_warning() -> None:
+def test_opposite_infinities_and_overflowing_squares_are_checked_without_a_warning() -> None:
     assert trajectory_like(np.full((2, 2), 1e308)).points[0, 0] == 1e308
     with pytest.raises(MessageError, match="holds inf"):
         trajectory_like(np.array([[math.inf, -math.inf]]))

@@ -1,4 +1,4 @@
-"""What the compiled reader takes, and what it leaves to the other one."""
+"""Messages that the compiled reader reads, and those that it leaves to the generic one."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def changed(data: bytes, change: Callable[[Any], None]) -> bytes:
 
 
 @pytest.mark.parametrize("given", PLAIN, ids=lambda given: type(given).__name__)
-def test_what_this_version_writes_is_read_without_the_other_reader(
+def test_messages_of_this_version_are_read_without_the_generic_reader(
     given: Message, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(codec, "_header", None)
@@ -76,7 +76,7 @@ def test_what_this_version_writes_is_read_without_the_other_reader(
     assert encode(back, at) == encode(given, AT)
 
 
-def test_a_nested_message_that_may_hold_arrays_is_left_to_the_other_reader() -> None:
+def test_a_nested_message_that_may_hold_arrays_is_left_to_the_generic_reader() -> None:
     back, _ = decode(encode(Path(1, np.ones((3, 2)), 2.0, GRID), AT), "navloom.Path/1")
     assert isinstance(back, Path) and back.traversable is not None
     assert back.traversable.cells.tolist() == GRID.cells.tolist()
@@ -96,7 +96,7 @@ def test_a_name_is_bounded_by_its_bytes_and_not_by_its_characters(name: str) -> 
         decode(longer, "navloom.StepReport/1")
 
 
-# --- a table of arrays is looked at once, the arrays each time -------------------------------------------------------
+# --- a table of arrays is checked once, the arrays each time ---------------------------------------------------------
 
 
 def test_a_table_that_was_seen_before_does_not_excuse_bytes_that_are_cut_short() -> None:

@@ -1,4 +1,4 @@
-"""Where a map blocks a trajectory: against the distance of every sample to every occupied cell."""
+"""Where a map blocks a trajectory, compared with the distance of every sample to every occupied cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The default localizer, and what an operator tells it."""
+"""The default localizer, with a pose that an operator sets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navloom.navigation.dead_reckoning import OdometryLocalizer
 from navloom.roles import LocalizerInput, Params
 
 
-def test_it_goes_on_from_where_an_operator_says_that_it_is() -> None:
+def test_it_continues_from_the_pose_that_an_operator_sets() -> None:
     context: Any = SimpleNamespace(start=Pose2D(1.0, 0.0, 0.0))
     localizer = OdometryLocalizer(Params(), context)
 

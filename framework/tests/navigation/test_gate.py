@@ -1,4 +1,4 @@
-"""The command gate: order of who drives, limits, and every reason to stop."""
+"""The command gate: order of the sources, limits, and every reason to stop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def decide(
 BOTH = {"controller": offer(0.02), "avoider": offer(0.01)}
 
 
-def test_the_controller_drives_until_the_avoider_is_handed_over_to() -> None:
+def test_the_controller_drives_until_the_hand_over_to_the_avoider() -> None:
     assert decide(CommandGate(LIMITS), BOTH) == (0.02, "controller", "")
     assert decide(CommandGate(LIMITS), BOTH, engaged=True) == (0.01, "avoider", "")
 
@@ -43,7 +43,7 @@ def test_recovery_goes_before_both_and_the_operator_before_recovery() -> None:
     assert decide(CommandGate(LIMITS), {**offers, "operator": offer(0.025)}) == (0.025, "operator", "")
 
 
-def test_nothing_on_offer_means_no_trajectory() -> None:
+def test_without_a_command_the_reason_is_no_trajectory() -> None:
     assert decide(CommandGate(LIMITS), {}) == (0.0, "none", "no_trajectory")
 
 
@@ -116,7 +116,7 @@ def test_a_stop_commands_zero_at_once() -> None:
 
 
 @pytest.mark.parametrize("reason", ["operator", "contact", "stale: operator main"])
-def test_a_gate_that_takes_up_a_stop_stands_until_resume(reason: str) -> None:
+def test_a_restarted_gate_with_a_kept_stop_is_stopped_until_resume(reason: str) -> None:
     gate = CommandGate(LIMITS)
     gate.latch(reason)
     assert gate.is_latched and decide(gate, BOTH)[0] == 0.0
@@ -124,14 +124,14 @@ def test_a_gate_that_takes_up_a_stop_stands_until_resume(reason: str) -> None:
     assert not gate.is_latched and decide(gate, BOTH)[1] == "controller"
 
 
-def test_a_gate_that_takes_up_no_stop_drives() -> None:
+def test_a_restarted_gate_without_a_kept_stop_drives() -> None:
     gate = CommandGate(LIMITS)
     gate.latch("")
     assert decide(gate, BOTH)[1] == "controller"
 
 
 def test_an_operator_may_enter_unseen_space_until_the_end_of_teleop_and_it_is_said() -> None:
-    """Nothing was ever seen behind the robot: the leave holds for the operator alone, until `release`."""
+    """The space behind the robot was never seen: only the operator may enter it, until `release`."""
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
     monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
     monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))

@@ -1,4 +1,4 @@
-"""The goal's state machine, told what happened tick by tick."""
+"""The state machine of goals, with its inputs tick by tick."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def result(out: list[tuple[str, Message]]) -> tuple[str, str]:
 
 
 def driving(rules: GoalRules = RULES, goal: Goal = GOAL) -> GoalMachine:
-    """A machine that follows path 2, at 2 s."""
+    """A state machine that follows path 2, at 2 s."""
     machine = GoalMachine(rules)
     machine.submit(goal, seen(0.0))
     machine.step(seen(0.0))
@@ -89,7 +89,7 @@ def driving(rules: GoalRules = RULES, goal: Goal = GOAL) -> GoalMachine:
     return machine
 
 
-def test_it_scans_waits_for_a_map_that_is_newer_plans_and_drives() -> None:
+def test_it_scans_waits_for_a_newer_map_plans_and_drives() -> None:
     machine = GoalMachine(RULES)
     machine.submit(GOAL, seen(0.5, map=a_map(0.1)))
     assert ports(machine.step(seen(0.5, map=a_map(0.1)))) == ["sweep"]
@@ -166,7 +166,7 @@ def test_cancel_ends_it() -> None:
     assert result(machine.step(seen(3.0))) == ("cancelled", "by the operator")
 
 
-def test_no_progress_means_recovery_then_stuck() -> None:
+def test_without_progress_it_recovers_and_then_ends_stuck() -> None:
     machine = driving()
     held = reference(2, 3.0)
     machine.step(seen(3.0, reference=held))
@@ -182,7 +182,7 @@ def test_no_progress_means_recovery_then_stuck() -> None:
     assert result(machine.step(seen(16.1, reference=held))) == ("stuck", "no_progress")
 
 
-def test_a_path_that_nobody_follows_was_lost_on_its_way_and_is_asked_for_again() -> None:
+def test_a_path_that_is_not_followed_counts_as_lost_and_is_requested_again() -> None:
     machine = driving()
     assert ports(machine.step(seen(3.0, reference=reference(2, 3.0)))) == []
     assert ports(machine.step(seen(4.9, reference=reference(1, 3.0)))) == []
@@ -235,7 +235,7 @@ def asked(out: list[tuple[str, Message]], port: str) -> list[int]:
     return [message.request_id for found, message in out if found == port]  # type: ignore[attr-defined]
 
 
-def test_a_goal_after_one_that_got_no_map_asks_for_a_sweep_again() -> None:
+def test_a_goal_after_one_without_a_map_requests_a_sweep_again() -> None:
     machine = GoalMachine(RULES)
     machine.submit(GOAL, seen(0.0))
     first = asked(machine.step(seen(0.0)), "sweep")
@@ -246,7 +246,7 @@ def test_a_goal_after_one_that_got_no_map_asks_for_a_sweep_again() -> None:
 
 
 @pytest.mark.parametrize("is_live", [True, False])
-def test_live_a_sweep_or_a_plan_that_may_be_lost_is_asked_for_again_under_its_number(is_live: bool) -> None:
+def test_live_a_sweep_or_plan_that_may_be_lost_is_requested_again_with_its_number(is_live: bool) -> None:
     machine = GoalMachine(replace(RULES, is_live=is_live))
     machine.submit(GOAL, seen(0.0))
     times = 1 + 2 * is_live
@@ -258,7 +258,7 @@ def test_live_a_sweep_or_a_plan_that_may_be_lost_is_asked_for_again_under_its_nu
     assert machine.state == "driving"
 
 
-def test_live_a_plan_asked_for_on_the_way_that_gets_no_answer_is_asked_for_again() -> None:
+def test_live_a_plan_requested_while_driving_that_gets_no_answer_is_requested_again() -> None:
     machine = driving(replace(RULES, is_live=True, replan=ReplanRules(period=1.0)))
     follow = [seen(tick / 20, reference=reference(2, 3.0)) for tick in range(60, 160)]
     plans = [asked(machine.step(now), "plan") for now in follow]
@@ -266,7 +266,7 @@ def test_live_a_plan_asked_for_on_the_way_that_gets_no_answer_is_asked_for_again
     assert len(numbers) > 3 and set(numbers) == {3}
 
 
-def test_a_platform_that_fell_silent_in_a_sweep_is_asked_for_it_again() -> None:
+def test_a_platform_that_fell_silent_in_a_sweep_gets_the_request_again() -> None:
     machine = GoalMachine(RULES)
     machine.submit(GOAL, seen(0.0))
     first = asked(machine.step(seen(0.0)), "sweep")
@@ -288,7 +288,7 @@ def test_a_swapped_in_mapper_or_planner_means_a_new_plan() -> None:
     assert "plan" in ports(machine.step(seen(3.0, selected=("other", "astar"))))
 
 
-def test_a_waiting_mapper_is_given_a_sweep() -> None:
+def test_a_waiting_mapper_gets_a_sweep() -> None:
     machine = driving()
     waiting = GateStatus("controller", "a", False, False, "", ("mapper other",))
     out = machine.step(seen(3.0, gate=waiting))
@@ -296,7 +296,7 @@ def test_a_waiting_mapper_is_given_a_sweep() -> None:
 
 
 @pytest.mark.parametrize("state", ["idle", "recovering", "waiting"])
-def test_a_mapper_that_began_anew_is_given_a_sweep_whenever_the_next_plan_is_made(state: str) -> None:
+def test_a_restarted_mapper_gets_a_sweep_before_the_next_plan(state: str) -> None:
     machine = driving()
     trapped = {"avoider": status("trapped"), "handover": HandOver(True, 1.0)}
     if state == "idle":
@@ -339,7 +339,7 @@ def straight(path_id: int) -> Trajectory:
 
 
 def drives(machine: GoalMachine, time: float, path_id: int = 2, remaining: float = 3.0, **more: object) -> list[str]:
-    """One tick on a straight trajectory; the ports it published."""
+    """Run one tick on a straight trajectory; gives the published ports."""
     given = {"map": a_map(1.4), "trajectory": straight(path_id), "reference": reference(path_id, remaining), **more}
     return ports(machine.step(seen(time, **given)))
 
@@ -347,7 +347,7 @@ def drives(machine: GoalMachine, time: float, path_id: int = 2, remaining: float
 FREELY = replace(RULES, replan=ReplanRules(radius=0.3), max_recoveries=2)
 
 
-def test_a_map_that_blocks_the_trajectory_ahead_means_another_plan_while_it_drives_on() -> None:
+def test_a_map_that_blocks_the_trajectory_ahead_triggers_a_plan_while_it_drives_on() -> None:
     machine = driving(FREELY)
     behind, ahead = walled_map(2.1, 0.5), walled_map(2.2, 3.0)
     assert drives(machine, 2.1, map=behind) == []
@@ -357,14 +357,14 @@ def test_a_map_that_blocks_the_trajectory_ahead_means_another_plan_while_it_driv
     assert drives(machine, 2.5, 3, 4.0, map=a_map(2.4), answer=path(3)) == []  # it follows path 3, which is free
 
 
-def test_what_blocks_beside_the_disc_or_not_at_all_is_left_alone() -> None:
+def test_obstacles_beside_the_disc_or_with_replanning_off_trigger_no_plan() -> None:
     machine = driving(replace(FREELY, replan=ReplanRules(radius=0.2)))
     assert drives(machine, 2.1, map=walled_map(2.1, 3.0)) == []  # its centre is 0.25 m beside
     machine = driving(replace(FREELY, replan=ReplanRules(when_blocked=False, radius=0.3)))
     assert drives(machine, 2.1, map=walled_map(2.1, 3.0)) == []
 
 
-def test_where_there_is_no_way_round_it_recovers_and_ends_with_the_planners_reason() -> None:
+def test_without_a_way_round_it_recovers_and_ends_with_the_planners_reason() -> None:
     machine, wall = driving(FREELY), walled_map(2.1, 3.0)
     none = PlanFailure(3, "no_path", Point2D(2.0, 0.0), "closed")
     assert drives(machine, 2.1, map=wall) == ["plan"]
@@ -389,7 +389,7 @@ def test_at_a_rate_a_shorter_path_is_taken_and_one_that_is_not_is_not() -> None:
     assert drives(machine, 3.2, answer=replace(path(4), length=2.6)) == ["drive"]
 
 
-def test_paths_that_change_do_not_hide_that_it_stands() -> None:
+def test_changing_paths_do_not_hide_a_lack_of_progress() -> None:
     machine = driving(replace(RULES, replan=ReplanRules(period=1.0)))
     time, newest, ended = 2.0, 2, []
     while not ended and time < 10.0:
@@ -401,7 +401,7 @@ def test_paths_that_change_do_not_hide_that_it_stands() -> None:
     assert newest > 4 and time == pytest.approx(7.1, abs=0.3)
 
 
-def test_after_a_clear_it_waits_for_what_the_mapper_says_then() -> None:
+def test_after_a_clear_it_waits_for_the_next_map() -> None:
     machine = GoalMachine(replace(RULES, scans_on_request=False))
     machine.submit(GOAL, seen(0.0, map=a_map(0.0)))
     machine.step(seen(0.0, map=a_map(0.0)))
@@ -415,7 +415,7 @@ def test_after_a_clear_it_waits_for_what_the_mapper_says_then() -> None:
     assert ports(machine.step(seen(12.3, map=a_map(12.25)))) == ["plan"]
 
 
-def test_a_goal_that_was_driven_at_is_not_rejected_any_more() -> None:
+def test_a_goal_that_was_being_driven_to_is_no_longer_rejected() -> None:
     machine, wall = driving(replace(FREELY, max_recoveries=0)), walled_map(2.1, 3.0)
     drives(machine, 2.1, map=wall)
     outside = PlanFailure(3, "outside_map", Point2D(0.0, 0.0), "the start is outside")
@@ -429,7 +429,7 @@ def feedback(out: list[tuple[str, Message]]) -> Feedback:
     return found
 
 
-def test_the_first_estimate_of_a_goal_is_of_its_own_path() -> None:
+def test_the_first_estimate_of_a_goal_uses_its_own_path() -> None:
     machine = driving()
     machine.submit(Goal(2, 2.0, 0.0, None, ()), seen(3.0, map=a_map(1.4), reference=reference(2, 3.0)))
     planning = feedback(machine.step(seen(3.0, map=a_map(1.4), reference=reference(2, 3.0))))
@@ -439,7 +439,7 @@ def test_the_first_estimate_of_a_goal_is_of_its_own_path() -> None:
     assert feedback(machine.step(seen(3.5, reference=reference(3, 1.0)))).distance == 1.0
 
 
-def test_a_path_taken_on_the_way_leaves_the_estimate_of_the_old_one_until_it_is_followed() -> None:
+def test_a_new_path_keeps_the_estimate_of_the_old_one_until_it_is_followed() -> None:
     machine = driving(replace(RULES, replan=ReplanRules(period=1.0)))
     assert ports(machine.step(seen(3.1, reference=reference(2, 3.0)))) == ["plan"]
     shorter = replace(path(3), length=1.0)
@@ -448,11 +448,11 @@ def test_a_path_taken_on_the_way_leaves_the_estimate_of_the_old_one_until_it_is_
 
 
 def beside_the_goal(machine: GoalMachine, time: float, path_id: int) -> list[str]:
-    """At the end of a path, 0.3 m from the goal."""
+    """State at the end of a path, 0.3 m from the goal."""
     return ports(machine.step(seen(time, estimate=pose(3.7), reference=reference(path_id, 0.0), answer=path(path_id))))
 
 
-def test_at_the_end_of_its_path_beside_the_goal_it_plans_again_and_does_not_wait_to_be_stuck() -> None:
+def test_at_the_end_of_its_path_beside_the_goal_it_plans_again_at_once() -> None:
     machine = driving()
     assert beside_the_goal(machine, 3.0, 2) == []
     assert beside_the_goal(machine, 3.9, 2) == []
@@ -472,7 +472,7 @@ def test_a_robot_that_passes_the_end_of_its_path_or_is_stopped_there_has_not_mis
     assert ports(machine.step(at_end)) == []
 
 
-def test_a_goal_that_no_path_reaches_is_stuck_in_the_end() -> None:
+def test_a_goal_that_no_path_reaches_ends_stuck() -> None:
     machine, time, asked = driving(), 3.0, 0
     while machine.state in ("driving", "planning") and time < 40.0:
         time += 0.5
@@ -483,7 +483,7 @@ def test_a_goal_that_no_path_reaches_is_stuck_in_the_end() -> None:
     assert asked == 3 and machine.state == "recovering"
 
 
-def test_what_an_avoider_said_before_a_recovery_does_not_trap_the_drive_after_it() -> None:
+def test_a_status_of_the_avoider_from_before_a_recovery_does_not_count_as_trapped() -> None:
     machine = driving(replace(RULES, max_recoveries=3))
     trapped, engaged = status("trapped"), HandOver(True, 0.5)
     old = {"avoider": trapped, "handover": engaged, "map": a_map(1.4)}

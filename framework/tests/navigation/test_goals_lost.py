@@ -1,4 +1,4 @@
-"""The goal of a robot that does not know where it is: it waits at a standstill, and ends lost where that lasts."""
+"""The goal of a robot whose localizer is unsure: it stops and waits, and ends lost if that lasts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def seen(time: float, state: str = "tracking", x: float = 0.0, **more: object) -
 
 
 def driving() -> GoalMachine:
-    """A machine that follows path 1 to (4, 0), at 1 s."""
+    """A state machine that follows path 1 to (4, 0), at 1 s."""
     machine = GoalMachine(RULES)
     machine.submit(Goal(1, 4.0, 0.0, None, ()), seen(0.5))
     machine.step(seen(0.5))
@@ -59,7 +59,7 @@ def results(out: list[tuple[str, Message]]) -> list[GoalResult]:
 
 
 @pytest.mark.parametrize("state", ["searching", "lost"])
-def test_the_drive_stops_as_soon_as_the_localizer_doubts(state: str) -> None:
+def test_the_drive_stops_as_soon_as_the_localizer_is_unsure(state: str) -> None:
     machine = driving()
     out = machine.step(seen(2.0, state))
     assert machine.state == "searching" and [m.path_id for p, m in out if p == "drive"] == [0]  # type: ignore[attr-defined]
@@ -67,7 +67,7 @@ def test_the_drive_stops_as_soon_as_the_localizer_doubts(state: str) -> None:
     assert (feedback.state, feedback.localizer) == ("searching", f"{state}: {REASON}")
 
 
-def test_it_plans_again_from_where_it_is_once_it_knows() -> None:
+def test_it_plans_again_from_its_place_once_the_localizer_is_sure() -> None:
     machine = driving()
     machine.step(seen(2.0, "searching"))
     assert ports(machine.step(seen(6.0, "lost"))) == []
@@ -87,7 +87,7 @@ def test_it_ends_lost_with_the_reason_and_the_place_after_five_seconds() -> None
     assert machine.is_idle
 
 
-def test_it_never_succeeds_at_the_goal_while_it_does_not_know_where_it_is() -> None:
+def test_it_never_succeeds_while_the_localizer_is_unsure() -> None:
     machine = driving()
     out = [*machine.step(seen(3.0, "searching", x=4.0)), *machine.step(seen(4.0, "lost", x=4.0))]
     assert results(out) == []
@@ -95,7 +95,7 @@ def test_it_never_succeeds_at_the_goal_while_it_does_not_know_where_it_is() -> N
     assert result.outcome == "lost"
 
 
-def test_a_recovery_is_called_off() -> None:
+def test_a_recovery_is_cancelled() -> None:
     machine = driving()
     held = GateStatus("controller", "law", True, False, OBSTACLE, ())
     for time in (1.5, 2.0, 4.0):
@@ -105,7 +105,7 @@ def test_a_recovery_is_called_off() -> None:
     assert [m.active for p, m in out if p == "recovery"] == [False]  # type: ignore[attr-defined]
 
 
-def test_without_a_goal_the_state_is_told_when_it_changes() -> None:
+def test_without_a_goal_the_state_is_published_when_it_changes() -> None:
     machine = GoalMachine(RULES)
     told = [
         message.localizer

@@ -1,4 +1,4 @@
-"""Hand-over: engaged by what is sensed in the corridor, released with delay."""
+"""Hand-over: engaged by an obstacle in the corridor, released after a delay."""
 
 from __future__ import annotations
 
@@ -93,14 +93,14 @@ def test_the_strip_follows_the_bend_of_the_way() -> None:
     assert memory.nearest(BASE, straight(BASE, 1.0, 1.0), 0.35, 0.0) == pytest.approx(0.8)
 
 
-def test_what_lies_behind_is_not_in_the_way() -> None:
+def test_obstacles_behind_the_robot_do_not_count() -> None:
     memory = EchoMemory(keep=0.5, spread=0.0)
     memory.add(scan(math.pi, 0.2), BASE, 0.0)
     assert memory.nearest(BASE, WAY, 0.5, 0.0) == math.inf
 
 
-def test_what_lies_on_the_robots_own_way_engages_beside_the_trajectory_too() -> None:
-    """The trajectory leads straight on and is free; the robot turns left, where something stands."""
+def test_an_obstacle_on_the_robots_own_arc_engages_too() -> None:
+    """The trajectory ahead is free; the robot turns left, where there is an obstacle."""
     echo = scan(math.radians(30.0), 0.6)  # at (0.52, 0.3), 0.18 m beside the arc
     own = own_way(BASE, Twist2D(0.5, 0.0, 0.5), 1.2)
     assert not HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.25).engaged
@@ -111,7 +111,7 @@ def test_what_lies_on_the_robots_own_way_engages_beside_the_trajectory_too() -> 
 
 
 def test_the_noise_of_a_laser_is_averaged_before_it_counts() -> None:
-    """One of seven beams at a wall 0.42 m beside the way reads 7 cm too short: their mean is 1 cm short."""
+    """One of seven beams at a wall 0.42 m beside the way is 7 cm too short; their mean is 1 cm too short."""
     ranges = np.full(7, 0.42)
     ranges[3] -= 0.07
     bearings = math.pi / 2 + np.linspace(-0.003, 0.003, 7)
@@ -123,7 +123,7 @@ def test_the_noise_of_a_laser_is_averaged_before_it_counts() -> None:
         assert math.isfinite(memory.nearest(BASE, WAY, 0.4, 0.0)) is is_blocked
 
 
-def test_the_own_way_is_an_arc_of_the_commanded_curvature() -> None:
+def test_the_robots_own_way_is_an_arc_of_the_commanded_curvature() -> None:
     """At 0.5 m/s and 0.5 rad/s, radius 1 m: after 1 s, 0.5 m along, it is at (sin 0.5, 1 - cos 0.5)."""
     assert own_way(BASE, Twist2D(0.5, 0.0, 0.5), 5.0)[-1] == pytest.approx((math.sin(0.5), 1.0 - math.cos(0.5)))
     assert own_way(BASE, Twist2D(0.2, 0.0, 2.0), 5.0)[-1] == pytest.approx((0.1, 0.1))  # a quarter turn at most

@@ -1,4 +1,4 @@
-"""The gate's monitor: a robot that it looks out for stops before what its sensors see, whatever it is told to do."""
+"""The gate's monitor: the robot stops before what its sensors see, whatever the command."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ BEARINGS = np.radians(np.arange(-135.0, 135.5, 1.0))
 
 @dataclass
 class Drive:
-    """A robot with a lag and a dead time among points, of which a laser sees those that it is told to see.
+    """A robot with motor lag and dead time among points that a laser sees.
 
     Attributes:
         obstacles: (n, 2) m, map frame; dense enough that a laser of 1° sees a wall.
-        sees: Scans are made at all.
+        sees: Whether scans are taken.
         every: Ticks between two scans.
     """
 
@@ -48,7 +48,7 @@ class Drive:
         self.given: deque[tuple[float, float]] = deque([(0.0, 0.0)] * (1 + round(self.dead_time / 0.005)))
 
     def step(self, vx: float, wz: float = 0.0) -> Verdict:
-        """One tick: odometry, scan, verdict, and the wheels for a period."""
+        """Run one tick: odometry, scan, verdict, and the wheels for a period."""
         stamp = round(self.tick * PERIOD * 1e9)
         x, y, heading = self.pose
         wrapped = math.remainder(heading, math.tau)
@@ -105,7 +105,7 @@ def wall(x: float, angle: float = 0.0) -> np.ndarray:
 
 
 def drive_on(drive: Drive, vx: float, wz: float = 0.0, seconds: float = 12.0) -> float:
-    """The least gap on the way, m, until the robot has stood for a second or the time is over."""
+    """Drive until the robot has been stopped for a second or the time is over; gives the smallest gap, m."""
     least, still = math.inf, 0
     for _ in range(round(seconds / PERIOD)):
         drive.step(vx, wz)
@@ -124,13 +124,13 @@ def test_it_stops_before_a_wall_at_any_angle(angle: int, motors: MonitorLimits) 
     assert drive.last is not None and drive.last.kind == "obstacle"
 
 
-def test_it_knows_that_motors_lag() -> None:
-    """A roll-out without the lag and the dead time would brake when it is too late."""
+def test_it_accounts_for_the_lag_of_motors() -> None:
+    """A roll-out without lag and dead time would brake too late."""
     drive = Drive(SLOW_MOTORS, wall(3.0), SLOW_MOTORS.lag, SLOW_MOTORS.dead_time)
     assert drive_on(drive, 1.0) > 0.0
 
 
-def test_it_minds_the_whole_footprint() -> None:
+def test_it_checks_the_whole_footprint() -> None:
     """A post that only the outer 5 % of the footprint would touch."""
     post = np.array([[2.0, 0.19], [2.0, 0.195]])
     drive = Drive(LIMITS, post)
@@ -138,14 +138,14 @@ def test_it_minds_the_whole_footprint() -> None:
 
 
 def test_it_moves_echoes_by_the_odometry() -> None:
-    """A sensor that says nothing after its first scans: what it saw comes nearer as the robot drives."""
+    """After its first scans the sensor is silent; its echoes come nearer as the robot drives."""
     drive = Drive(LIMITS, wall(0.62), until=3)
-    drive.monitor.ignores_unseen = True  # it would stop the robot as well
+    drive.monitor.ignores_unseen = True  # a silent sensor would stop the robot too
     assert drive_on(drive, 1.0) > 0.0
     assert drive.last is not None and drive.last.kind == "obstacle"
 
 
-def test_a_free_way_is_not_touched() -> None:
+def test_a_command_with_a_free_way_passes_unchanged() -> None:
     drive = Drive(LIMITS, wall(20.0))
     for _ in range(100):
         assert drive.step(0.5).share == 1.0
@@ -169,7 +169,7 @@ def test_a_gap_of_5_cm_a_side_is_passed_with_a_noisy_laser() -> None:
 
 
 def test_a_fast_robot_keeps_further_from_what_it_passes() -> None:
-    """A post 2 cm beside the way: at 0.05 m/s it is passed as it is, from 0.5 m/s on slower."""
+    """A post 2 cm beside the way: a robot at 0.05 m/s keeps its speed, one at 0.5 m/s or more slows down."""
     post = np.array([[1.0, 0.22], [1.0, 0.221]])
     slow, fast = Drive(LIMITS, post), Drive(LIMITS, post)
     assert min(slow.step(0.05).share for _ in range(600)) == 1.0
@@ -181,7 +181,7 @@ def test_a_fast_robot_keeps_further_from_what_it_passes() -> None:
     assert min(passing) < 0.25
 
 
-def test_what_left_the_field_of_view_counts_until_it_is_looked_at_again() -> None:
+def test_an_echo_outside_the_field_of_view_counts_until_it_is_measured_again() -> None:
     """A post 0.5 m away on the left is straight behind after a turn by 115°, where no beam of the laser points."""
     drive = Drive(LIMITS, np.array([[0.21, 0.45], [0.21, 0.452]]))
     for _ in range(80):
@@ -194,8 +194,8 @@ def test_what_left_the_field_of_view_counts_until_it_is_looked_at_again() -> Non
     assert drive.last is not None and drive.last.kind == "obstacle"
 
 
-def test_it_backs_up_where_it_came_from_and_no_further() -> None:
-    """Nothing looks back: the space it came through is known, what lies behind its start is not."""
+def test_it_backs_up_along_its_own_way_and_no_further() -> None:
+    """No sensor looks back: the space it came through is known, that behind its start is not."""
     drive = Drive(LIMITS, wall(20.0))
     while drive.pose[0] < 1.0:
         drive.step(0.3)
@@ -205,23 +205,31 @@ def test_it_backs_up_where_it_came_from_and_no_further() -> None:
     assert drive.last is not None and drive.last.kind == "unseen"
 
 
-def test_a_single_wild_reading_stops_nobody() -> None:
+def test_a_single_outlier_does_not_stop_the_robot() -> None:
     drive = Drive(LIMITS, wall(20.0))
     for _ in range(30):
         drive.step(0.5)
     scan = drive.scan
     drive.scan = lambda stamp: replace(scan(stamp), ranges=np.where(np.arange(271) == 135, 0.4, scan(stamp).ranges))  # type: ignore[method-assign]
     assert drive.step(0.5).share == 1.0
-    assert drive.step(0.5).share < 1.0  # said twice, it counts
+    assert drive.step(0.5).share < 1.0  # an outlier that repeats counts
 
 
-def test_a_platform_that_starts_again_elsewhere_is_no_robot_in_unseen_space() -> None:
-    """A restarted platform counts its odometry from 0; what was known of the place before says nothing of this one."""
+def test_a_restarted_platform_elsewhere_does_not_count_as_in_unseen_space() -> None:
+    """A restarted platform counts its odometry from 0, so the known space of before does not apply."""
     drive = Drive(LIMITS, wall(20.0))
     while drive.pose[0] < 2.0:
         drive.step(0.5)
     drive.pose, drive.twist, drive.speed = [-8.0, 3.0, 1.0], [0.0, 0.0], 0.0
     assert [drive.step(0.2, 0.3).kind for _ in range(5)] == [""] * 5
+
+
+def test_odometry_that_turns_faster_than_a_robot_can_also_shows_a_restart() -> None:
+    """Seen space lies in the odometry frame; with another heading, it would be on another side of the robot."""
+    drive = Drive(LIMITS, wall(20.0))
+    drive.step(0.0)
+    drive.monitor.move(Odometry(round(PERIOD * 1e9), Pose2D(0.0, 0.0, math.pi / 2), Twist2D(0.0, 0.0, 0.0)))
+    assert drive.monitor.judge(Twist2D(1.0, 0.0, 0.0), 1.0, PERIOD).kind == "unseen"
 
 
 # --- a ring of sonars, blind behind and nearer than range_min ---------------------------------------------------------
@@ -264,7 +272,7 @@ class SonarDrive(Drive):
 
 
 def least(drive: SonarDrive, vx: float, wz: float, seconds: float) -> float:
-    """The least gap in some s of a drive, m."""
+    """Smallest gap during a drive of some s, m."""
     gaps = []
     for _ in range(round(seconds / PERIOD)):
         drive.step(vx, wz)
@@ -274,12 +282,12 @@ def least(drive: SonarDrive, vx: float, wz: float, seconds: float) -> float:
 
 @pytest.mark.parametrize("side", [1, -1], ids=["left", "right"])
 @pytest.mark.parametrize("gap", [0.03, 0.06, 0.1, 0.15])
-def test_a_robot_that_came_near_a_wall_does_not_turn_its_corner_into_it(gap: float, side: int) -> None:
+def test_a_robot_near_a_wall_does_not_turn_its_corner_into_it(gap: float, side: int) -> None:
     drive = SonarDrive(SQUARE, np.array([side * 0.9]))
-    least(drive, 0.3, side * 0.2, 1.5)  # towards it, at an angle
+    least(drive, 0.3, side * 0.2, 1.5)  # towards the wall, at an angle
     while drive.gap > gap + 0.02 and drive.tick < 400:
         drive.step(0.2, -side * 0.5 if abs(drive.pose[2]) > 0.15 else 0.0)
-    drive.pose[2] = 0.0  # along it, as after a drift that the odometry shows
+    drive.pose[2] = 0.0  # along the wall, as after a drift that the odometry shows
     drive.pose[1] = side * (0.5 - gap)
     least(drive, 0.2, 0.0, 3.0)
     assert drive.gap == pytest.approx(gap, abs=0.03)

@@ -179,7 +179,7 @@ def test_a_path_without_length_is_one_sample():
     assert made.samples == pytest.approx(np.array([[0.0, 1.0, 2.0, -QUARTER, 0.0, 0.2]]))
 
 
-def test_a_path_that_reverses_has_no_fillet_and_no_speed_to_speak_of():
+def test_a_path_that_reverses_has_no_fillet_and_almost_no_speed():
     made = make_trajectory(np.array([[0.0, 0.0], [2.0, 0.0], [0.5, 0.0]]), LIMITS)
     assert made.radii[1] == 0.0
     assert made.samples[-1, :3] == pytest.approx([3.5, 0.5, 0.0])
@@ -193,7 +193,7 @@ def test_the_result_cannot_be_changed():
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 2)), np.zeros((3, 3)), np.array([[0.0, np.nan]]), np.zeros(4)])
-def test_points_that_are_no_path_are_refused(points):
+def test_points_that_form_no_path_are_refused(points):
     with pytest.raises(ValueError, match=r"points: expected \(n, 2\)"):
         make_trajectory(points, LIMITS)
 

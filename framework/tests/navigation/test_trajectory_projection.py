@@ -15,7 +15,7 @@ LIMITS = SpeedLimits()
 LINE = make_trajectory(np.array([[0.0, 0.0], [6.0, 0.0]]), LIMITS).samples
 BENDS = make_trajectory(np.array([[0.0, 0.0], [4.0, 0.0], [7.0, 3.0], [12.0, 3.0]]), LIMITS, rounding=0.2).samples
 HAIRPIN = make_trajectory(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 0.6], [0.0, 0.6]]), LIMITS, rounding=0.1).samples
-"""Two legs 0.6 m apart, the second one back along the first."""
+"""A hairpin: two legs 0.6 m apart, the second back along the first."""
 
 
 def wrap(angle):
@@ -56,7 +56,7 @@ def test_one_step_goes_no_further_than_the_window():
     assert project(LINE, 0.0, 0.0, 0.0, 2.0, 1.0, back=0.5, ahead=1.0).progress == pytest.approx(1.5)
 
 
-def test_progress_may_go_back():
+def test_progress_may_decrease():
     assert project(LINE, 1.8, 0.0, 0.0, 2.0, 1.0).progress == pytest.approx(1.8)
 
 
@@ -94,7 +94,7 @@ def test_progress_moves_smoothly_with_the_robot():
 
 
 @pytest.mark.parametrize("aside", [0.25, 0.35, 0.45])
-def test_the_other_leg_of_a_hairpin_is_not_taken_for_this_one(aside):
+def test_the_projection_does_not_jump_to_the_other_leg_of_a_hairpin(aside):
     """A robot pushed across the middle between the legs, still facing along the first one."""
     assert HAIRPIN[-1, 0] < 10.6
     progress = 3.5

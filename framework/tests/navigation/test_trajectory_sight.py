@@ -13,7 +13,7 @@ from navloom.navigation.sight import is_segment_free, prune, simplify
 
 WALL = np.ones((4, 6), np.bool_)
 WALL[1, 2] = False
-"""One blocked cell: x 2..3, y 1..2."""
+"""A grid with one blocked cell: x 2..3, y 1..2."""
 
 
 def sees(cells, a, b, resolution=1.0, origin=(0.0, 0.0)):

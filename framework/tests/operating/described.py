@@ -1,4 +1,4 @@
-"""A robot in words: what its nodes would say of themselves, for tests of who looks in that need no process."""
+"""A robot made of descriptions: answers of its nodes, for tests of tools that need no process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PORTS = {
 
 
 def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
-    """What a healthy node says of itself, with changes; the process is that of `PLACES`."""
+    """Description of a healthy node, with changes; its process is that of `PLACES`."""
     return {
         "role": role,
         "instance": instance,
@@ -69,7 +69,7 @@ def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
 
 
 def counts(**changes: Any) -> dict[str, Any]:
-    """Of a stream into a node from which nothing was lost."""
+    """Counters of an input stream without losses."""
     return {"received": 1000, "dropped": 0, "malformed": 0, "late": 0, "latest": False, **changes}
 
 
@@ -80,14 +80,14 @@ def everyone(**changes: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 class BusInWords:
-    """Stands in for the network: answers as the nodes would, and hands messages to who listens.
+    """Replaces the network: answers as the nodes would, and delivers messages to subscribers.
 
     Args:
-        nodes: What each says of itself; a "wall_ns" less than a day is how far its host's clock is ahead.
-        silent: "role instance" of those that are announced, but do not answer.
-        last: By role/instance/port, what its publisher keeps.
+        nodes: Description of each; a "wall_ns" of less than a day is how far its host's clock is ahead.
+        silent: "role instance" of nodes that are announced but do not answer.
+        last: role/instance/port -> last message that its publisher keeps.
         others: Tokens of other robots on the network.
-        steps: Ticks that the nodes advance between two questions.
+        steps: Ticks that the nodes advance between two queries.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class BusInWords:
         return tokens if key_expr.startswith(KEYS.prefix) else [*tokens, *self.others]
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
-        """What the nodes answer."""
+        """Answers of the nodes to a query."""
         self.asked.append(key_expr)
         role, instance, port = KEYS.split(key_expr)
         if port == "describe":
@@ -132,7 +132,7 @@ class BusInWords:
         return Answer(KEYS.port(node["role"], node["instance"], "describe"), json.dumps(told).encode(), "json", "")
 
     def subscribe(self, key_expr: str, receive: Callable[[str, bytes | None, str], None], most: int = 0) -> None:
-        """Keep who listens."""
+        """Keep a subscriber."""
         self.listeners[key_expr] = receive
 
 
@@ -143,5 +143,5 @@ def wire(message: Message, stream: str, sequence: int = 1, stamp_ns: int = 0, ca
 
 
 def client(bus: BusInWords) -> Client:
-    """Asks this robot."""
+    """A client of this robot."""
     return Client(bus, KEYS)  # type: ignore[arg-type]

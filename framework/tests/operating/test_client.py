@@ -1,4 +1,4 @@
-"""What a tool makes of answers: of those that are none, too."""
+"""How a client handles answers, lost and invalid ones too."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FORCES = KEYS.port("avoider", "forces", "describe")
 
 
 class Bus:
-    """Stands in for the network: some answers, and the lives of the goal's node."""
+    """Replaces the network: some answers, and the tokens of the goal node."""
 
     def __init__(self, *answers: Answer) -> None:
         self.answers = answers
@@ -53,7 +53,7 @@ def client(*answers: bytes) -> Client:
     ],
     ids=lambda data: data.decode(errors="replace"),
 )  # fmt: skip
-def test_an_answer_that_is_no_description_is_passed_over(data: bytes) -> None:
+def test_an_answer_that_is_no_description_is_skipped(data: bytes) -> None:
     good = Answer(KEYS.port("gate", "main", "describe"), json.dumps(described("gate", "main")).encode(), "json", "")
     asked = Client(Bus(Answer(FORCES, data, "json", ""), good), KEYS)  # type: ignore[arg-type]
     assert [node["role"] for node in asked.describe()] == ["gate"]
@@ -61,26 +61,26 @@ def test_an_answer_that_is_no_description_is_passed_over(data: bytes) -> None:
     assert clock_offsets(client(data), [described("avoider", "forces") | {"answers": True}]) == {}
 
 
-def test_doctor_makes_something_of_an_instance_that_says_nothing_of_itself() -> None:
+def test_doctor_handles_an_instance_without_a_description() -> None:
     nodes = [node for node in listing(client(b"{}")) if node["answers"]]
     assert len(nodes) == 1
     for check in (failing, flowing, differing, unheard, sharing):
         check(nodes)
 
 
-def test_who_answers_under_another_name_is_listed_under_its_own() -> None:
+def test_a_node_that_claims_another_name_is_listed_under_its_key() -> None:
     liar = json.dumps(described("controller", "aaa")).encode()
     (node,) = client(liar).describe()
     assert (node["role"], node["instance"]) == ("avoider", "forces")
 
 
-def test_a_service_that_answers_nonsense_is_one_message() -> None:
+def test_an_invalid_answer_of_a_service_gives_one_message() -> None:
     with pytest.raises(ClientError, match="avoider forces answers params/get with no JSON"):
         client(b"me").call("avoider", "forces", "params/get", {})
 
 
 class LossyBus(Bus):
-    """A service behind a network that loses what it is told to lose; everything it loses has been done."""
+    """A service behind a network that loses chosen answers; the requests have been carried out."""
 
     def __init__(self, *fates: str) -> None:
         super().__init__()
@@ -114,11 +114,11 @@ def submit(bus: Bus, timeout: float = 5.0) -> int:
 
 
 @pytest.mark.parametrize("fates", [(), ("lost",), ("late", "lost"), ("unheard", "silent", "lost", "lost")])
-def test_a_request_whose_answer_is_lost_is_asked_again_and_done_once(fates: tuple[str, ...]) -> None:
+def test_a_request_whose_answer_is_lost_is_retried_and_carried_out_once(fates: tuple[str, ...]) -> None:
     bus = LossyBus(*fates)
     assert submit(bus) == 1
     assert bus.done == 1 and len(bus.asked) == len(fates) + 1
-    assert submit(bus) == 2  # the next request is another one
+    assert submit(bus) == 2  # the next request has another name
 
 
 @pytest.mark.parametrize("fate", ["silent", "unheard", "lost"])
@@ -131,21 +131,21 @@ def test_a_service_without_an_answer_ends_in_a_typed_error_within_its_time(fate:
     assert all(0.0 < timeout <= 0.2 for timeout in bus.asked) and bus.done <= 1
 
 
-def test_a_refusal_is_an_answer_and_not_asked_again() -> None:
+def test_a_refusal_is_an_answer_and_is_not_retried() -> None:
     bus = LossyBus("refused")
     with pytest.raises(Refused, match="rejected: it is occupied"):
         submit(bus)
     assert len(bus.asked) == 1
 
 
-def test_a_request_is_not_asked_again_of_a_process_that_began_anew_meanwhile() -> None:
+def test_a_request_is_not_retried_at_a_process_that_restarted_meanwhile() -> None:
     bus = LossyBus("restarted")
     with pytest.raises(Unanswered, match=r"goal main restarted during the request \(submit\)"):
         submit(bus)
     assert len(bus.asked) == 1
 
 
-def test_a_service_that_is_not_there_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_service_is_not_queried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client_module, "JOIN", 0.1)
     bus = LossyBus()
     bus.lives = []
@@ -155,7 +155,7 @@ def test_a_service_that_is_not_there_is_not_asked(monkeypatch: pytest.MonkeyPatc
 
 
 class Clock:
-    """Stands in for `time` in the module that waits."""
+    """Replaces `time` in the module that waits."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -175,7 +175,7 @@ def handle(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> GoalHandle:
     return GoalHandle(Client(bus, KEYS), mailbox, streams, 3)  # type: ignore[arg-type]
 
 
-def test_who_waits_for_a_goal_that_its_node_has_forgotten_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_ends_with_an_error_when_the_goal_node_has_forgotten_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus()
     waiting = handle(bus, monkeypatch)
     bus.lives = ["b"]
@@ -183,7 +183,7 @@ def test_who_waits_for_a_goal_that_its_node_has_forgotten_is_told(monkeypatch: p
         waiting.wait(60)
 
 
-def test_who_waits_for_a_goal_of_a_robot_that_goes_down_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_ends_with_an_error_when_the_robot_goes_down(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus()
     waiting = handle(bus, monkeypatch)
     bus.lives = []
@@ -192,7 +192,7 @@ def test_who_waits_for_a_goal_of_a_robot_that_goes_down_is_told(monkeypatch: pyt
         waiting.wait(60)
 
 
-def test_a_node_that_began_anew_and_tells_what_became_of_the_goal_is_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_restarted_goal_node_may_still_report_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus()
     waiting = handle(bus, monkeypatch)
     bus.lives = ["b"]
@@ -201,7 +201,7 @@ def test_a_node_that_began_anew_and_tells_what_became_of_the_goal_is_believed(mo
     assert waiting.wait(60).reason == "restarted"
 
 
-def test_a_goal_node_that_is_away_for_a_moment_has_forgotten_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_node_that_is_briefly_unreachable_has_not_forgotten_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus()
     waiting = handle(bus, monkeypatch)
     monkeypatch.setattr(Client, "has_nodes", lambda self: True)

@@ -1,4 +1,4 @@
-"""What the doctor finds, from what nodes say of themselves and from what a robot leaves on its host."""
+"""Findings of the doctor, from the descriptions of nodes and from what a robot leaves over on its host."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ from navloom.transport.links import LinkError
 @pytest.fixture(autouse=True)
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "rt"))
-    monkeypatch.setattr(doctor, "ADVANCE", 0.01)  # a node that stands is asked twice, not for two seconds
+    monkeypatch.setattr(
+        doctor, "ADVANCE", 0.01
+    )  # a node that does not step is queried twice, without the two seconds between
     return tmp_path / "rt"
 
 
@@ -37,10 +39,10 @@ def said(found: list[Finding]) -> list[str]:
     return [finding.what for finding in found]
 
 
-# --- what nodes say of themselves -----------------------------------------------------------------------------------
+# --- descriptions of nodes ------------------------------------------------------------------------------------------
 
 
-def test_of_a_healthy_robot_nothing_is_said() -> None:
+def test_a_healthy_robot_has_no_findings() -> None:
     nodes = everyone()
     assert [check(nodes) for check in (failing, flowing, differing, unheard, sharing)] == [[]] * 5
     assert examine(client(BusInWords(nodes)), None, "robot.toml") == (7, [])
@@ -80,7 +82,7 @@ def test_a_plugin_slower_than_its_period_is_named_with_both_times_and_what_to_do
     assert found.what == "controller law takes 82 ms per step, longer than its period of 50 ms"
     assert found.remedy.startswith("make it faster, or run.period longer; the config has no other controller")
     assert only(failing(everyone(controller={"step_s": 0.0824, "active": False}))).severity == "note"
-    assert failing(everyone(controller={"step_s": 0.05}, mapper={"step_s": 0.4})) == []  # nothing waits for a mapper
+    assert failing(everyone(controller={"step_s": 0.05}, mapper={"step_s": 0.4})) == []  # no node waits for a mapper
 
 
 def test_a_command_far_beyond_the_limits_is_a_note() -> None:
@@ -89,7 +91,7 @@ def test_a_command_far_beyond_the_limits_is_a_note() -> None:
     assert (found.severity, found.what) == ("note", note) and "rad/s" in found.remedy
 
 
-def test_ticks_that_are_late_for_a_slow_platform_are_told_once() -> None:
+def test_ticks_late_because_of_a_slow_platform_are_reported_once() -> None:
     found = only(failing(everyone(platform={"step_s": 0.08, "late_ticks": 90, "ticks": 100})))
     assert found.what.startswith("platform sim takes 80 ms per step")
 
@@ -103,7 +105,7 @@ def test_a_localizer_that_is_lost_is_a_problem_with_what_helps(goal_id: int) -> 
     assert "navigation.start" in found.remedy
 
 
-def test_a_stop_for_a_slow_plugin_is_not_told_twice() -> None:
+def test_a_stop_for_a_slow_plugin_is_not_reported_twice() -> None:
     last = {"gate/main/status": status("stale: controller law")}
     nodes = everyone(controller={"step_s": 0.3, "streams": {"a": counts(dropped=500)}})
     assert said(examine(client(BusInWords(nodes, last=last)), None, "robot.toml")[1]) == [
@@ -116,14 +118,14 @@ def test_a_stop_for_a_slow_plugin_is_not_told_twice() -> None:
     ["stale: controller law", "gone: localizer odometry", "gone: goal main does not step", "silent: platform",
      "silent: sensor sonars", "silent: avoider", "old_selection: avoider vfh", "ending", "of a later version"],
 )  # fmt: skip
-def test_the_doctor_does_not_send_to_the_doctor(reason: str) -> None:
+def test_the_advice_of_the_doctor_is_not_to_run_the_doctor(reason: str) -> None:
     bus = BusInWords(everyone(), last={"gate/main/status": status(reason)})
     found = only(examine(client(bus), None, "robot.toml")[1])
     assert "doctor" not in found.remedy and found.remedy
     assert ("`navloom hz platform/sonars`" in found.remedy) == (reason == "silent: sensor sonars")
 
 
-def test_what_follows_from_a_broken_platform_is_told_with_it() -> None:
+def test_consequences_of_a_broken_platform_are_reported_with_it() -> None:
     broken = {"faulted": 40, "fault": "OSError: no such port", "tick": -1}
     rest = {role: {"tick": -1} for role in ("localizer", "goal", "gate")}
     last = {"gate/main/status": status("silent: platform")}
@@ -136,7 +138,7 @@ def test_what_follows_from_a_broken_platform_is_told_with_it() -> None:
     assert "swap" not in found.remedy.replace("cannot be swapped", "")
 
 
-def test_a_node_that_does_not_step_beside_a_late_platform_is_told_by_itself() -> None:
+def test_a_node_that_does_not_step_is_reported_beside_a_late_platform() -> None:
     class OneStands(BusInWords):
         def _description(self, node: Any) -> Any:
             self.steps = 0 if node["role"] == "localizer" else 1
@@ -149,12 +151,12 @@ def test_a_node_that_does_not_step_beside_a_late_platform_is_told_by_itself() ->
     ]
 
 
-def test_a_slow_node_of_the_framework_is_no_plugin_to_make_faster() -> None:
+def test_a_slow_node_of_the_framework_is_not_reported_as_a_slow_plugin() -> None:
     found = only(failing(everyone(goal={"plugin": None, "step_s": 0.08})))
     assert found.remedy == "its host is overloaded: end other programs there, or make run.period longer"
 
 
-def test_nodes_that_wait_for_a_missing_process_are_told_with_it() -> None:
+def test_nodes_that_wait_for_a_missing_process_are_reported_with_it() -> None:
     nodes = [node | {"tick": -1} for node in without("robot")]
     found = only(examine(client(BusInWords(nodes, steps=0)), None, "robot.toml")[1])
     assert found.what == (
@@ -190,7 +192,7 @@ def test_one_tick_in_twenty_may_be_driven_by_an_old_command(driven: int, own: in
     assert said(found) == ([what] if is_said else [])
 
 
-def test_a_robot_that_lags_is_told_which_rate_it_holds() -> None:
+def test_a_robot_that_lags_gets_the_rate_that_it_can_hold() -> None:
     gate = {"chain_p50_s": 0.006, "chain_p99_s": 0.016}
     nodes = everyone(platform={"driven_ticks": 1000, "own_ticks": 400}, gate=gate)
     assert only(lagging(nodes)).what == (
@@ -202,7 +204,7 @@ def test_a_robot_that_lags_is_told_which_rate_it_holds() -> None:
     assert loop_rate(everyone()) is None
 
 
-def test_malformed_messages_are_told_with_the_reader_and_the_complaint() -> None:
+def test_malformed_messages_are_reported_with_reader_and_reason() -> None:
     streams = {"mapper/grid/map": counts(malformed=3, complaint="shape is (2,), expected (n, 2)")}
     found = only(flowing(everyone(goal={"streams": streams})))
     assert found.what == (
@@ -222,7 +224,7 @@ def test_malformed_messages_are_told_with_the_reader_and_the_complaint() -> None
          "restart the router, or the robot if it has no router"),
     ],
 )  # fmt: skip
-def test_messages_of_another_stream_are_no_matter_of_versions(misrouted: int, severity: str, advice: str) -> None:
+def test_messages_of_another_stream_are_not_blamed_on_versions(misrouted: int, severity: str, advice: str) -> None:
     streams = {"avoider/vfh/command": counts(misrouted=misrouted, origin="lab/r1/goal/main/step")}
     found = only(flowing(everyone(gate={"streams": streams})))
     assert found == Finding(severity, (  # type: ignore[arg-type]
@@ -242,13 +244,13 @@ def test_messages_of_another_stream_are_no_matter_of_versions(misrouted: int, se
     ],
     ids=["above a tenth", "a tenth", "few", "not few", "only the newest counts"],
 )
-def test_messages_dropped_unread_are_told_where_each_counts(given: dict[str, Any], is_said: bool) -> None:
+def test_messages_dropped_unread_are_reported_where_each_counts(given: dict[str, Any], is_said: bool) -> None:
     found = flowing(everyone(mapper={"streams": {"platform/sim/sonars": given}}))
     words = f"mapper grid: {given['dropped']} of {given['received']} messages on platform/sim/sonars dropped unread"
     assert said(found) == ([words] if is_said else [])
 
 
-def test_versions_that_differ_are_told_by_process_and_host() -> None:
+def test_different_versions_are_reported_by_process_and_host() -> None:
     other = {"versions": {"navloom": "1.1", "numpy": "2.0"}, "host": "brain"}
     found = only(differing(everyone(mapper=other, goal=other)))
     assert found.what == (
@@ -263,7 +265,7 @@ def test_a_package_that_one_lacks_differs_too() -> None:
     assert found.what == "numpy has different versions: 2.0 in think on base; none in safe on base"
 
 
-def test_configs_that_differ_are_told_by_their_hash() -> None:
+def test_different_configs_are_reported_by_their_hash() -> None:
     found = only(differing(everyone(gate={"config_sha256": "b" * 64})))
     assert found.what == (
         "the processes have different configs: "
@@ -272,7 +274,7 @@ def test_configs_that_differ_are_told_by_their_hash() -> None:
     assert "navloom config check --json" in found.remedy
 
 
-def test_a_process_that_does_not_hear_the_platform_is_told_while_others_do() -> None:
+def test_a_process_that_alone_receives_nothing_from_the_platform_is_reported() -> None:
     deaf = {"silence_s": 2.5, "host": "brain"}
     found = only(unheard(everyone(mapper=deaf, goal=deaf)))
     assert found.what == "process think on brain has not received a platform message for 2.5 s"
@@ -280,7 +282,7 @@ def test_a_process_that_does_not_hear_the_platform_is_told_while_others_do() -> 
     here = only(unheard(everyone(mapper={"silence_s": 2.5}, goal={"silence_s": 2.5})))
     assert here.remedy == "it hangs, or its host gives it no CPU time: `kill -KILL 4711` restarts it"
     everybody = everyone(**{node["role"]: {"silence_s": 2.5} for node in everyone()})
-    assert unheard(everybody) == []  # then it is the platform that is silent
+    assert unheard(everybody) == []  # the platform is silent then
     assert unheard(everyone(**{node["role"]: {"silence_s": None} for node in everyone()})) == []
 
 
@@ -293,7 +295,7 @@ def test_a_process_that_does_not_hear_the_platform_is_told_while_others_do() -> 
     ],
     ids=["none", "short", "little"],
 )
-def test_shared_memory_that_is_short_is_told_once_a_host(free: float | None, severity: str, words: str) -> None:
+def test_short_shared_memory_is_reported_once_for_each_host(free: float | None, severity: str, words: str) -> None:
     found = only(sharing(everyone(**{node["role"]: {"shared_memory_mb": free} for node in everyone()})))
     assert (found.severity, found.what) == (severity, words)
     assert found.remedy == "give /dev/shm 16 MB for each process there (containers: --shm-size)"
@@ -311,7 +313,7 @@ def test_large_messages_that_leave_their_host_are_noted_and_small_ones_are_not()
     assert found.what == "mapper grid on brain gets platform/sim/sonars over the network, from base"
 
 
-# --- who is there ---------------------------------------------------------------------------------------------------
+# --- missing nodes --------------------------------------------------------------------------------------------------
 
 
 def without(process: str, **changes: Any) -> list[dict[str, Any]]:
@@ -327,7 +329,7 @@ def made(fates: dict[str, Fate], pid: int | None = None, robot: str = "r1") -> R
     return folder
 
 
-def test_missing_nodes_are_told_by_process_with_the_command_that_starts_it() -> None:
+def test_missing_nodes_are_reported_by_process_with_the_command_that_starts_it() -> None:
     count, found = examine(client(BusInWords(without("think"))), None, "robot.toml")
     assert count == 5
     assert only(found) == Finding(
@@ -342,7 +344,7 @@ def test_missing_nodes_of_another_host_are_started_there() -> None:
     assert found.remedy.startswith("`navloom up robot.toml --host brain` there")
 
 
-def test_of_a_supervised_process_its_last_words_are_told() -> None:
+def test_the_last_output_of_a_supervised_process_is_reported() -> None:
     folder = made({"think": Fate(None, "waiting", 1, "ended with code 1")})
     (folder.path / "think.log").write_text("loading\nout of memory\n", "utf-8")
     found = only(examine(client(BusInWords(without("think"))), folder, "robot.toml")[1])
@@ -352,7 +354,7 @@ def test_of_a_supervised_process_its_last_words_are_told() -> None:
     assert found.remedy.startswith("`navloom up` restarts it") and "think.log" in found.remedy
 
 
-def test_a_process_that_is_left_down_is_told_once_with_its_nodes() -> None:
+def test_a_process_that_stays_down_is_reported_once_with_its_nodes() -> None:
     folder = made({"think": Fate(None, "failed", 5, "ended with code 1"), "safe": Fate(1, "running", 0, "")})
     found = only(examine(client(BusInWords(without("think"))), folder, "robot.toml")[1])
     assert found.what == (
@@ -361,7 +363,7 @@ def test_a_process_that_is_left_down_is_told_once_with_its_nodes() -> None:
     assert found.remedy == "fix what it reports, then `navloom down` and `navloom up`"
 
 
-def test_nodes_that_are_announced_and_silent_are_told_by_process() -> None:
+def test_nodes_that_are_announced_but_silent_are_reported_by_process() -> None:
     bus = BusInWords(without("drive"), silent=["controller law", "avoider vfh"])
     count, found = examine(client(bus), None, "robot.toml")
     assert count == 7
@@ -373,7 +375,7 @@ def test_nodes_that_are_announced_and_silent_are_told_by_process() -> None:
     assert f"`kill -KILL {os.getpid()}`" in here.remedy
 
 
-def test_where_nobody_is_the_robots_that_are_there_are_named() -> None:
+def test_without_a_node_the_robots_that_are_up_are_named() -> None:
     bus = BusInWords([], others=["lab/r2/gate/main/alive/1"])
     count, found = examine(client(bus), None, "robot.toml")
     assert (count, only(found).what) == (
@@ -381,10 +383,10 @@ def test_where_nobody_is_the_robots_that_are_there_are_named() -> None:
     )  # fmt: skip
 
 
-# --- what they do ---------------------------------------------------------------------------------------------------
+# --- stops and clocks -----------------------------------------------------------------------------------------------
 
 
-def test_where_the_platform_stands_it_alone_is_told() -> None:
+def test_a_platform_that_does_not_tick_is_the_only_finding() -> None:
     found = only(examine(client(BusInWords(everyone(), steps=0)), None, "robot.toml")[1])
     assert found.what == (
         "platform sim has not stepped since tick 100 (robot on base); "
@@ -393,7 +395,7 @@ def test_where_the_platform_stands_it_alone_is_told() -> None:
     assert "it may wait for its hardware" in found.remedy and "`kill -KILL 4711`" in found.remedy
 
 
-def test_one_node_that_stands_is_told() -> None:
+def test_a_single_node_that_does_not_step_is_reported() -> None:
     class OneStands(BusInWords):
         def _description(self, node: Any) -> Any:
             self.steps = 0 if node["role"] == "localizer" else 1
@@ -407,14 +409,14 @@ def status(reason: str, latched: bool = False) -> GateStatus:
     return GateStatus("none", "", True, latched, reason, ())
 
 
-def test_a_stop_that_latches_is_told_with_what_lets_it_drive() -> None:
+def test_a_latched_stop_is_reported_with_the_command_that_releases_it() -> None:
     bus = BusInWords(everyone(), last={"gate/main/status": status("operator", latched=True)})
     found = only(examine(client(bus), None, "robot.toml")[1])
     assert found.what == "the robot is stopped: by an operator"
     assert found.remedy == "`navloom resume` lets it drive again"
 
 
-def test_a_robot_without_a_goal_may_stand_and_one_that_should_drive_may_not() -> None:
+def test_a_stopped_robot_is_a_finding_only_if_it_has_a_goal() -> None:
     last: dict[str, Any] = {"gate/main/status": status("no_trajectory")}
     assert examine(client(BusInWords(everyone(), last=last)), None, "robot.toml")[1] == []
     last["goal/main/feedback"] = Feedback(1, "driving", 2.0, 5.0, 0.0, 0)
@@ -422,14 +424,14 @@ def test_a_robot_without_a_goal_may_stand_and_one_that_should_drive_may_not() ->
     assert found.what == "the robot is stopped: its new path is not followed yet"
 
 
-def test_a_stop_for_what_is_missing_is_not_told_twice() -> None:
+def test_a_stop_for_a_missing_node_is_not_reported_twice() -> None:
     bus = BusInWords(without("drive"), last={"gate/main/status": status("gone: controller law")})
     assert said(examine(client(bus), None, "robot.toml")[1]) == [
         "controller law, avoider vfh: missing; of process drive"
     ]
 
 
-def test_a_stop_that_latches_is_told_beside_what_is_missing() -> None:
+def test_a_latched_stop_is_reported_beside_a_missing_node() -> None:
     bus = BusInWords(without("drive"), last={"gate/main/status": status("contact", latched=True)})
     assert said(examine(client(bus), None, "robot.toml")[1]) == [
         "controller law, avoider vfh: missing; of process drive",
@@ -437,7 +439,7 @@ def test_a_stop_that_latches_is_told_beside_what_is_missing() -> None:
     ]
 
 
-def test_clocks_of_two_hosts_that_differ_are_told() -> None:
+def test_different_clocks_of_two_hosts_are_reported() -> None:
     ahead = {"host": "brain", "wall_ns": 3_000_000_000}
     found = only(examine(client(BusInWords(everyone(mapper=ahead, goal=ahead))), None, "robot.toml")[1])
     assert found.what.startswith("the wall clock of brain is +3.00 s (± 0.0")
@@ -478,7 +480,7 @@ def test_a_folder_of_a_robot_that_died_is_noted_and_that_of_one_that_lives_is_no
     assert only(left_behind()).what == f"{runtime / 'lab.r1' / 'robot.json'} cannot be read"
 
 
-def test_a_process_that_was_started_again_is_noted() -> None:
+def test_a_restarted_process_is_noted() -> None:
     folder = made(
         {
             "drive": Fate(1, "running", 1, "was ended by SIGKILL"),
@@ -496,7 +498,7 @@ def test_a_process_that_was_started_again_is_noted() -> None:
     assert len(restarting(folder, told={"router"})) == 2
 
 
-def test_a_process_that_somebody_stopped_is_told_from_one_that_runs(asleep: subprocess.Popen[bytes]) -> None:
+def test_a_process_stopped_by_a_signal_is_distinguished_from_a_running_one(asleep: subprocess.Popen[bytes]) -> None:
     fate = Fate(asleep.pid, "running", 0, "")
     folder = made({"think": fate})
     assert not is_stopped(asleep.pid)
@@ -510,10 +512,10 @@ def test_a_process_that_somebody_stopped_is_told_from_one_that_runs(asleep: subp
     assert not is_stopped(ended())
 
 
-# --- the way to it --------------------------------------------------------------------------------------------------
+# --- finding the robot ----------------------------------------------------------------------------------------------
 
 
-def test_where_no_robot_is_up_that_is_the_finding_and_what_is_left_is_noted() -> None:
+def test_without_a_robot_that_is_the_finding_and_leftovers_are_noted() -> None:
     made({}, pid=ended()).unlock()
     found = diagnose()
     assert (found.robot, found.nodes, found.is_healthy) == ("", 0, False)
@@ -538,6 +540,6 @@ def test_of_several_robots_one_must_be_named() -> None:
 
 
 @pytest.mark.parametrize("endpoint", ["nonsense", "tcp/10.1.1.1:7447", "tls/127.0.0.1:7447"])
-def test_a_request_that_cannot_be_meant_is_refused(endpoint: str) -> None:
+def test_an_impossible_request_is_refused(endpoint: str) -> None:
     with pytest.raises(LinkError):
         diagnose(connect=endpoint)

@@ -1,4 +1,4 @@
-"""A robot's metrics for Prometheus: their text, stops by reason, and the server that gives them."""
+"""A robot's metrics for Prometheus: their text, stops by reason, and the server."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def said(reason: str) -> Told:
 
 
 def values(text: str) -> dict[str, float]:
-    """Value by name and labels, without those of the robot."""
+    """Value by name and labels, the labels of the robot left out."""
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     assert all(LINE.fullmatch(line) for line in lines), lines
     pairs = (line.replace('realm="lab",robot="r1"', "").rpartition(" ") for line in lines)
@@ -39,7 +39,7 @@ def test_stops_are_counted_once_each_by_reason() -> None:
     stops = Stops()
     for reason in ("no_trajectory", "", "stale: avoider", "stale: avoider", "stale: gate", "operator", "", "stale: x"):
         stops.take(said(reason))
-    # What held before the first word is no stop that was seen.
+    # A stop from before the first message does not count.
     assert stops.counts == {"stale": 2, "operator": 1} and stops.is_stopped is True
     for number in range(2 * MOST_REASONS):
         stops.take(said(f"new{number}"))
@@ -76,12 +76,12 @@ def test_every_line_is_what_prometheus_reads() -> None:
     assert cpu and cpu[0] == pytest.approx(spent, abs=1.0)
 
 
-def test_nobody_there_is_not_up() -> None:
+def test_without_a_node_the_metric_up_is_0() -> None:
     assert values(exposition("lab/r1", [], 0, Stops())) == {"navloom_up": 0.0, "navloom_nodes_missing": 0.0}
 
 
 class Played:
-    """What a server asks of a client, and what it listens to."""
+    """Replaces the client, and its subscription, that the server uses."""
 
     class keys:
         prefix = "lab/r1"

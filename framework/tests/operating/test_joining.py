@@ -1,4 +1,4 @@
-"""How a tool finds a robot, and what it shows to be let in."""
+"""How a tool finds a robot, and which certificate it presents."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROUTER = "tls/127.0.0.1:9"
 @pytest.mark.parametrize(
     "name", ["r1", "lab/", "/r1", "lab/*", "*/r1", "lab/r1/", "lab/r1/gate", "lab/r 1", "l/**", ""]
 )
-def test_what_is_no_name_of_one_robot_is_refused(name: str) -> None:
+def test_a_text_that_is_no_name_of_one_robot_is_refused(name: str) -> None:
     with pytest.raises(DirectoryError, match="expected REALM/NAME"):
         split_name(name)
     with pytest.raises(DirectoryError, match="expected REALM/NAME"), join(name or "x", "tcp/127.0.0.1:9"):
@@ -51,7 +51,9 @@ def test_the_certificate_is_the_usual_one_of_a_folder_or_the_file_that_was_named
     ],
     ids=["viewer", "operator-may-look-too", "neither", "named"],
 )
-def test_who_looks_shows_what_lets_him(there: tuple[str, ...], keys: str, shown: str, tmp_path: Path) -> None:
+def test_a_tool_presents_the_certificate_of_its_purpose(
+    there: tuple[str, ...], keys: str, shown: str, tmp_path: Path
+) -> None:
     folder = tmp_path / "keys"
     folder.mkdir(mode=0o700)
     for name in there:
@@ -64,7 +66,7 @@ def test_who_looks_shows_what_lets_him(there: tuple[str, ...], keys: str, shown:
         pass
 
 
-def test_processes_show_the_certificate_that_was_named_and_the_router_its_own() -> None:
+def test_processes_present_the_named_certificate_and_the_router_its_own() -> None:
     network = Network("lab", "r1", ROUTER, True, Path("keys/brain.pem"))
     link = network.alone()
     router = network.router_link()
@@ -77,7 +79,9 @@ def test_processes_show_the_certificate_that_was_named_and_the_router_its_own() 
 def test_a_tool_that_joins_while_a_process_restarts_reaches_it_when_it_is_there(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    with tempfile.TemporaryDirectory(dir="/tmp", prefix="nl") as short:  # a socket's path has room for 100 characters
+    with tempfile.TemporaryDirectory(
+        dir="/tmp", prefix="nl"
+    ) as short:  # the path of a socket is limited to about 100 characters
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
         folder, keys = RobotFolder("lab", "r1"), KeySpace("lab", "r1")
         folder.make()
@@ -95,6 +99,6 @@ def test_a_tool_that_joins_while_a_process_restarts_reaches_it_when_it_is_there(
                 assert client.call("goal", "main", "submit", {}, timeout=10.0) == {"goal_id": 1}
 
 
-def test_without_keys_nobody_shows_anything() -> None:
+def test_without_keys_no_certificate_is_presented() -> None:
     link = Network("lab", "r1", "tcp/127.0.0.1:9").alone()
     assert (link.credentials, link.identity) == (None, None)

@@ -1,4 +1,4 @@
-"""What is seen of a robot from outside: who is there, which stream is meant, what a message is like."""
+"""A robot seen from outside: its nodes, the streams that a key matches, and summaries of messages."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def names(nodes: list[dict[str, object]]) -> list[str]:
     return [f"{node['role']} {node['instance']}" for node in nodes]
 
 
-# --- who is there ---------------------------------------------------------------------------------------------------
+# --- nodes ----------------------------------------------------------------------------------------------------------
 
 
 def test_nodes_are_listed_in_the_order_of_the_graph() -> None:
@@ -47,7 +47,7 @@ def test_nodes_are_listed_in_the_order_of_the_graph() -> None:
     assert all(node["answers"] for node in found)
 
 
-def test_one_that_is_announced_but_silent_is_listed_with_its_process() -> None:
+def test_a_node_that_is_announced_but_silent_is_listed_with_its_process() -> None:
     nodes = [node for node in everyone() if node["role"] != "avoider"]
     found = listing(client(BusInWords(nodes, silent=["avoider vfh"])))
     assert names(found) == list(PLACES)
@@ -56,7 +56,7 @@ def test_one_that_is_announced_but_silent_is_listed_with_its_process() -> None:
     assert missing(found) == []
 
 
-def test_a_node_of_a_version_that_says_less_is_listed_all_the_same() -> None:
+def test_a_node_of_a_version_with_fewer_fields_is_listed_too() -> None:
     old = {
         key: value for key, value in described("gate", "main").items() if key not in ("busy_s", "hosts", "silence_s")
     }
@@ -65,7 +65,7 @@ def test_a_node_of_a_version_that_says_less_is_listed_all_the_same() -> None:
     assert platform_age(found) is None
 
 
-def test_missing_are_those_the_config_knows_and_nobody_sees_with_process_and_host() -> None:
+def test_nodes_of_the_config_that_are_not_announced_are_missing_with_process_and_host() -> None:
     hosts = {"robot": "base", "safe": "base", "think": "brain"}
     nodes = [node | {"hosts": hosts} for node in everyone() if node["process"] not in ("think", "drive")]
     assert missing(listing(client(BusInWords(nodes)))) == [
@@ -81,16 +81,16 @@ def test_other_robots_on_the_network_are_named_once() -> None:
     assert neighbours_names(client(BusInWords(everyone(), others=others))) == ["far/r1", "lab/r1", "lab/r2"]
 
 
-# --- what it says of itself -----------------------------------------------------------------------------------------
+# --- status ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_last_words_are_those_that_are_kept() -> None:
+def test_the_last_status_messages_are_read_from_their_publishers() -> None:
     feedback = Feedback(3, "driving", 1.5, 4.0, 0.01, 0)
     words = last_words(client(BusInWords(everyone(), last={"goal/main/feedback": feedback})))
     assert words == {"goal/feedback": feedback, "goal/result": None, "gate/status": None, "gate/selection": None}
 
 
-def test_changed_parameters_are_told_by_node_and_unchanged_ones_are_not() -> None:
+def test_changed_parameters_are_listed_by_node_and_unchanged_ones_are_not() -> None:
     last = {
         "controller/law/parameters": Parameters(2, ("k1 = 0.8", "k3 = 1.0")),
         "avoider/vfh/parameters": Parameters(0, ()),
@@ -99,7 +99,7 @@ def test_changed_parameters_are_told_by_node_and_unchanged_ones_are_not() -> Non
     assert changed_parameters(client(bus)) == {"controller law": ["k1 = 0.8", "k3 = 1.0"]}
 
 
-def test_the_platform_was_heard_when_the_gate_heard_it_else_when_anybody_did() -> None:
+def test_the_age_of_the_platform_is_that_at_the_gate_or_else_at_any_node() -> None:
     nodes = everyone(gate={"silence_s": 0.4}, mapper={"silence_s": 0.1})
     assert platform_age(nodes) == 0.4
     assert platform_age([node for node in nodes if node["role"] != "gate"]) == 0.02
@@ -123,7 +123,7 @@ def test_the_platform_was_heard_when_the_gate_heard_it_else_when_anybody_did() -
         ("of a later version", "of a later version", "navloom echo gate/status"),
     ],
 )
-def test_every_reason_to_stand_is_told_in_words_with_what_to_do(reason: str, words: str, remedy: str) -> None:
+def test_every_reason_for_a_stop_is_explained_with_a_remedy(reason: str, words: str, remedy: str) -> None:
     told, advice = why_stopped(GateStatus("none", "", True, False, reason, ()))
     assert told == words and remedy in advice
 
@@ -143,7 +143,9 @@ REACHED = GoalResult(1, "succeeded", "the goal was reached", Point2D(0.0, 0.0))
     ],
     ids=["new", "reached", "cancelled", "mapping", "planning", "searching"],
 )
-def test_a_robot_without_a_path_is_no_fault(feedback: Feedback, result: GoalResult | None, words: str) -> None:
+def test_a_robot_without_a_path_is_not_reported_as_a_fault(
+    feedback: Feedback, result: GoalResult | None, words: str
+) -> None:
     status = GateStatus("none", "", True, False, "no_trajectory", ())
     assert who_drives(status, feedback, result) == words
     assert ("navloom goal X Y" in why_stopped(status, feedback, result)[1]) == (feedback.goal_id == 0)
@@ -162,17 +164,17 @@ def test_a_robot_without_a_path_is_no_fault(feedback: Feedback, result: GoalResu
     ],
     ids=["driving", "after recoveries", "path not followed yet", "recovering", "lost"],
 )  # fmt: skip
-def test_the_progress_of_a_goal_says_what_is_left_and_what_holds_it_up(feedback: Feedback, words: str) -> None:
+def test_the_progress_of_a_goal_has_the_remaining_way_and_what_delays_it(feedback: Feedback, words: str) -> None:
     assert progress(feedback, "0.40 m/s") == words
 
 
 def status_rows(last: dict[str, Message]) -> dict[str, str]:
-    """What `navloom status` says of a robot."""
+    """Rows of `navloom status`."""
     asked = client(BusInWords(everyone(), last=last))
     return dict(rows("lab/r1", listing(asked), last_words(asked), changed_parameters(asked)))
 
 
-def test_status_of_a_robot_that_has_reached_its_goal_reads_like_no_fault() -> None:
+def test_status_of_a_robot_that_has_reached_its_goal_shows_no_fault() -> None:
     last: dict[str, Message] = {
         "goal/main/feedback": Feedback(0, "idle", 0.0, 0.0, 0.0, 0),
         "goal/main/result": GoalResult(2, "succeeded", "the goal was reached", Point2D(1.0, 2.0)),
@@ -184,7 +186,7 @@ def test_status_of_a_robot_that_has_reached_its_goal_reads_like_no_fault() -> No
     assert status_rows(last)["stopped"] == "no goal; `navloom goal X Y` gives it a goal"
 
 
-def test_status_says_that_the_robot_does_not_know_where_it_is_and_what_helps() -> None:
+def test_status_of_a_lost_robot_says_so_with_a_remedy() -> None:
     last: dict[str, Message] = {
         "goal/main/feedback": Feedback(2, "searching", 0.0, 0.0, 0.0, 0, "lost: 24% of the echoes fit the map"),
         "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
@@ -197,7 +199,7 @@ def test_status_says_that_the_robot_does_not_know_where_it_is_and_what_helps() -
     assert "localizer" not in status_rows(last)
 
 
-def test_nothing_is_told_of_a_robot_that_drives() -> None:
+def test_a_driving_robot_has_no_explanation_of_a_stop() -> None:
     assert why_stopped(GateStatus("controller", "law", False, False, "", ())) == ("", "")
 
 
@@ -215,11 +217,11 @@ def test_nothing_is_told_of_a_robot_that_drives() -> None:
         ("avoider/*", ["avoider/vfh/command", "avoider/vfh/status", "avoider/vfh/step"]),
     ],
 )
-def test_a_key_means_the_streams_that_fit(key: str, found: list[str]) -> None:
+def test_a_key_selects_the_streams_that_match(key: str, found: list[str]) -> None:
     assert resolve(key, listing(client(BusInWords(everyone())))) == found
 
 
-def test_a_star_means_every_stream() -> None:
+def test_a_star_selects_every_stream() -> None:
     nodes = listing(client(BusInWords(everyone())))
     assert resolve("*", nodes) == resolve("*/*/*", nodes) == streams(nodes)
     assert len(streams(nodes)) == 12 + 7
@@ -242,7 +244,7 @@ def test_an_unknown_key_names_the_nearest(key: str, hint: str) -> None:
     assert str(caught.value) == f"no stream {key!r}: expected role/port or role/instance/port; {hint}"
 
 
-def test_a_stream_of_a_node_that_is_not_there_is_told_apart_from_a_wrong_name() -> None:
+def test_a_stream_of_a_missing_node_is_distinguished_from_a_wrong_name() -> None:
     nodes = [node for node in everyone() if node["process"] != "drive"]
     found = listing(client(BusInWords(nodes, silent=["avoider vfh"])))
     with pytest.raises(NoStream, match="no stream 'controller/command': controller law is missing; `navloom doctor`"):
@@ -253,12 +255,12 @@ def test_a_stream_of_a_node_that_is_not_there_is_told_apart_from_a_wrong_name() 
         resolve("controller/lew/command", found)
 
 
-def test_a_robot_none_of_which_answers_has_no_streams() -> None:
+def test_a_robot_without_answering_nodes_has_no_streams() -> None:
     with pytest.raises(NoStream, match="no stream 'gate/command': no node of the robot answers"):
         resolve("gate/command", listing(client(BusInWords([], silent=["gate main"]))))
 
 
-def test_a_stream_that_is_kept_is_asked_for_and_others_are_not() -> None:
+def test_only_streams_for_late_joiners_are_queried() -> None:
     result = GoalResult(1, "succeeded", "the goal was reached", Point2D(1.0, 2.0))
     bus = BusInWords(everyone(), last={"goal/main/result": result})
     found = retained(client(bus), "goal/main/result")
@@ -268,7 +270,7 @@ def test_a_stream_that_is_kept_is_asked_for_and_others_are_not() -> None:
     assert bus.asked == ["lab/r1/goal/main/result", "lab/r1/goal/main/feedback"]
 
 
-def test_what_is_kept_but_cannot_be_read_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kept_message_that_cannot_be_read_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = BusInWords(everyone())
     refused, broken = (
         Answer("", b"", "", "Timeout"),
@@ -278,7 +280,7 @@ def test_what_is_kept_but_cannot_be_read_is_passed_over(monkeypatch: pytest.Monk
     assert retained(client(bus), "mapper/grid/map") is None
 
 
-def test_what_comes_on_a_stream_waits_and_what_is_too_large_is_counted() -> None:
+def test_messages_of_a_stream_are_queued_and_too_large_ones_counted() -> None:
     bus = BusInWords(everyone())
     taps = tap(client(bus), ["platform/sim/contact"], Mailbox())
     receive = bus.listeners["lab/r1/platform/sim/contact"]
@@ -308,13 +310,13 @@ def test_an_array_is_summarised_by_its_finite_entries() -> None:
     assert (found["stamp_ns"], found["range_max"]) == (7, 5.0)
 
 
-def test_an_array_is_given_whole_where_that_is_asked_for() -> None:
+def test_an_array_is_given_whole_on_request() -> None:
     found = message_fields(scan(), whole=True)
     assert found["ranges"] == [1.0, 2.0, 3.0, 4.0, math.inf]
     assert found["origins"] == [[0.0, 0.0]] * 5
 
 
-def test_an_array_without_entries_has_no_least() -> None:
+def test_an_array_without_entries_has_no_minimum() -> None:
     empty = np.empty(0)
     found = message_fields(RangeScan(7, np.empty((0, 2)), empty, empty, empty, empty, 0.1, 5.0))
     assert found["ranges"] == {"dtype": "float64", "shape": [0], "first": []}
@@ -335,7 +337,7 @@ def test_messages_within_messages_and_envelopes_become_plain_values() -> None:
     ("x", "y", "words"),
     [(0.5, 0.0, "ahead"), (0.2, 0.4, "left (63°)"), (0.0, -0.5, "right (90°)"), (-0.5, 0.0, "behind")],
 )
-def test_what_the_monitor_slows_the_robot_for_is_told_with_its_place(x: float, y: float, words: str) -> None:
+def test_the_obstacle_that_slows_the_robot_is_reported_with_its_place(x: float, y: float, words: str) -> None:
     slowed = GateStatus("controller", "law", False, False, "", (), 0.4, "obstacle", Point2D(x, y), 0.25)
     assert who_drives(slowed) == f"controller law drives, slowed: obstacle 0.25 m away, {words}"
     stopped = replace(slowed, stopped=True, reason="obstacle", share=0.0)

@@ -1,4 +1,4 @@
-"""How streams flow and clocks differ, on sequences whose figures follow by hand."""
+"""Rates of streams and offsets of clocks, on sequences whose figures can be checked by hand."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_gaps_in_the_sequence_are_losses(sequences: list[int], lost: int) -> Non
     assert meter(arrivals, sequences).summary(1.0, None)["lost"] == lost
 
 
-def test_what_is_no_message_is_malformed_and_counts_as_bytes_alone() -> None:
+def test_bytes_that_are_no_message_are_malformed_and_count_only_as_bytes() -> None:
     found = meter([0.0, 100.0])
     size = found.size
     found.note(Packet(b"\x00" * 40, "navloom.Contact/1"))
@@ -105,7 +105,7 @@ def test_an_age_counts_from_the_platforms_stamp_on_the_run_clock() -> None:
 
 
 class Speaking(BusInWords):
-    """Says prepared things at once to who listens."""
+    """Delivers prepared messages at once to a subscriber."""
 
     def __init__(self, told: dict[str, list[tuple[bytes | None, str]]]) -> None:
         super().__init__(everyone())
@@ -127,8 +127,8 @@ def command(cause_ms: float) -> tuple[bytes, str]:
     return wire(Command(Twist2D(0.0, 0.0, 0.0)), COMMAND, 1, cause, cause)
 
 
-def test_ages_are_against_the_odometry_that_was_fastest_to_come() -> None:
-    # a command of the platform's stamp 400 ms arrives right beside odometry of 500 ms, which is the fastest
+def test_ages_are_relative_to_the_odometry_that_arrived_fastest() -> None:
+    # a command caused at 400 ms arrives together with the odometry of 500 ms, which is the fastest
     began = time.monotonic()
     bus = Speaking({ODOMETRY: [odometry(200.0, 1), odometry(500.0, 2)], COMMAND: [command(400.0)]})
     found = measure(client(bus), [COMMAND], [ODOMETRY], 0.05, has_clock=True)
@@ -144,7 +144,7 @@ def test_without_a_run_clock_there_are_no_ages() -> None:
     assert found[COMMAND]["age_p50_s"] is None
 
 
-def test_what_is_too_large_to_be_copied_is_malformed() -> None:
+def test_a_message_too_large_to_copy_is_malformed() -> None:
     bus = Speaking({COMMAND: [command(400.0), (None, "navloom.Command/1")]})
     found = measure(client(bus), [COMMAND], [], 0.05, has_clock=True)[COMMAND]
     assert (found["messages"], found["malformed"], found["complaint"]) == (1, 1, "it is too large to be copied")
@@ -168,7 +168,7 @@ def test_ctrl_c_ends_the_listening_and_not_the_measurement(monkeypatch: pytest.M
 
 
 class Clocks(BusInWords):
-    """Hosts whose clocks are ahead by s, and answers that take ms there and ms back; time passes by them alone."""
+    """Hosts with clocks ahead by s, and answers that take ms there and ms back; only they let time pass."""
 
     def __init__(self, ahead: dict[str, float], trips_ms: list[tuple[float, float]]) -> None:
         super().__init__([node for node in everyone(gate={"host": "far"}) if node["role"] in ("gate", "platform")])
@@ -192,10 +192,10 @@ def offsets(monkeypatch: pytest.MonkeyPatch, bus: Clocks) -> dict[str, metering.
     return clock_offsets(client(bus), [node | {"answers": True} for node in bus.nodes])
 
 
-def test_an_offset_is_told_by_the_fastest_answer_and_is_as_sure_as_half_its_way(
+def test_the_fastest_answer_gives_the_offset_with_half_its_duration_as_uncertainty(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # there and back take differently long: the estimate is off by half the difference, within what it says of itself
+    # there and back take different times: the estimate is off by half the difference, within its uncertainty
     trips = [(30.0, 10.0), (1.0, 5.0), (40.0, 40.0), (9.0, 1.0), (20.0, 0.0)]
     found = offsets(monkeypatch, Clocks({"base": 0.0, "far": 3.0}, trips + trips))
     assert set(found) == {"base", "far"}
@@ -206,7 +206,7 @@ def test_an_offset_is_told_by_the_fastest_answer_and_is_as_sure_as_half_its_way(
 
 def test_a_host_that_does_not_answer_has_no_offset() -> None:
     silent = [node | {"answers": False} for node in everyone(gate={"host": "far"}) if node["role"] == "gate"]
-    refusing = BusInWords([])  # says Timeout, as the network does
+    refusing = BusInWords([])  # answers Timeout, as the network does
     asked = [node | {"answers": True} for node in everyone()]
     assert clock_offsets(client(refusing), silent + asked) == {}
     assert refusing.asked == ["lab/r1/gate/main/describe"] * 5  # one node of a host, the last

@@ -42,7 +42,7 @@ Write = Callable[[str, str], str]
 
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Write]:
-    """Write a module of a name that no other test uses, importable in this test only."""
+    """Writes a module with a unique name, importable in this test only."""
     monkeypatch.syspath_prepend(str(tmp_path))
     before = set(sys.modules)
 
@@ -81,7 +81,7 @@ def test_listing_is_sorted_and_imports_nothing(module: Write) -> None:
     assert "fake_bomb" not in sys.modules
 
 
-def test_entry_points_that_nobody_can_ask_for_are_told() -> None:
+def test_entry_points_with_invalid_or_duplicate_names_are_reported() -> None:
     found = Discovery(
         found=[point(name, "fake_any") for name in ("planner.a", "planner.b", "planner.b", "planer.c", "d")]
     )
@@ -93,7 +93,7 @@ def test_entry_points_that_nobody_can_ask_for_are_told() -> None:
     ]
 
 
-def test_a_plugin_is_imported_when_its_name_is_asked_for_and_once(module: Write) -> None:
+def test_a_plugin_is_imported_once_and_only_when_its_name_is_requested(module: Write) -> None:
     found = Discovery(found=[point("planner.nowhere", module("fake_nowhere", PLANNER.format(name="nowhere", api=1)))])
     assert "fake_nowhere" not in sys.modules
     made = found.role("planner", "nowhere")
@@ -122,7 +122,7 @@ def test_a_plugin_of_the_project_that_is_missing_is_refused_with_what_to_install
     assert refusal(found, "mapper", "q") == f"no plugin 'mapper.q' is installed; no mapper is installed: {brings}"
 
 
-def test_what_the_messages_say_to_install_has_the_plugins_they_name() -> None:
+def test_the_distribution_that_a_message_says_to_install_has_the_plugin() -> None:
     entries = {
         f"{info.role}.{info.name}": info.distribution
         for info in Discovery().infos()
@@ -165,7 +165,7 @@ def test_a_broken_plugin_is_blamed_by_name_with_its_cause_each_time_and_only_if_
     assert found.role("planner", "fine").name == "fine"
 
 
-def test_a_module_that_is_not_there_is_blamed_by_name() -> None:
+def test_a_missing_module_is_blamed_by_name() -> None:
     told = refusal(Discovery(found=[point("planner.gone", "fake_gone")]), "planner", "gone")
     assert "plugin 'planner.gone' from fake_gone fails on import: ModuleNotFoundError" in told
 
@@ -204,7 +204,7 @@ def test_one_module_may_serve_several_entry_points(module: Write) -> None:
     assert [found.role("planner", n).name for n in ("two", "one", "two")] == ["two", "one", "two"]
 
 
-def test_a_blocked_plugin_is_not_listed_not_imported_and_said_to_be_blocked(module: Write) -> None:
+def test_a_blocked_plugin_is_neither_listed_nor_imported_and_reported_as_blocked(module: Write) -> None:
     module("fake_bomb", "raise RuntimeError('imported')")
     points = [point("planner.bomb", "fake_bomb"), point("world.bomb", "fake_bomb"), point("scheme.bomb", "fake_bomb")]
     found = Discovery(blocked=["planner.bomb", "world.bomb", "scheme.bomb"], found=points)
@@ -286,7 +286,7 @@ def test_two_distributions_of_one_plugin_name_are_both_named(module: Write, tmp_
     assert not {"fake_first", "fake_second"} & set(sys.modules)
 
 
-def test_the_framework_and_the_shipped_plugins_enter_by_the_same_door() -> None:
+def test_the_framework_and_the_shipped_plugins_register_by_the_same_entry_points() -> None:
     found = {(info.role, info.name): info.distribution for info in Discovery().infos()}
     assert found[("localizer", "odometry")] == "navloom"
     assert found[("planner", "astar")] == "navloom-astar"

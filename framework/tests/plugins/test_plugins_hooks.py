@@ -1,4 +1,4 @@
-"""Hooks of several distributions: observers of runs, tracing, and commands; one that fails harms no other."""
+"""Hooks of several distributions: observers of runs, tracing, and commands; a failing one does not affect others."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def seen_by(name: str) -> list[Any]:
     return seen
 
 
-def test_observers_are_told_of_a_run_and_shown_what_they_want(install: Install) -> None:
+def test_observers_are_notified_of_a_run_and_get_the_messages_they_want(install: Install) -> None:
     install("fake_one", OBSERVER, ["observer.one"])
     install("fake_two", OBSERVER, ["observer.two"])
     said: list[str] = []
@@ -104,7 +104,7 @@ def test_a_run_that_is_cut_short_is_finished_without_a_summary(install: Install)
         ("navloom_observe()", "navloom_observe(robot)", "'robot'"),
     ],
 )
-def test_an_observer_that_fails_is_reported_once_and_no_other_is_harmed(
+def test_an_observer_that_fails_is_reported_once_and_does_not_affect_others(
     install: Install, old: str, new: str, told: str
 ) -> None:
     install("fake_bad", OBSERVER.replace(old, new), ["observer.bad"])
@@ -118,7 +118,7 @@ def test_an_observer_that_fails_is_reported_once_and_no_other_is_harmed(
         onlookers.finish({"outcome": "succeeded"})
     (line,) = said
     assert told in line and "fake_bad" in line.replace("-", "_") and line.endswith("; the run goes on without it")
-    assert "(fake_bad.py:" in line or "'int' object" in line or "'robot'" in line  # no line of its own in the others
+    assert "(fake_bad.py:" in line or "'int' object" in line or "'robot'" in line  # the others have no line of it
     assert seen_by("fake_good") == [
         ("started", "lockstep", "c.toml", 7),
         *[("gate", "main", True, "command", 4)] * 3,
@@ -153,7 +153,7 @@ def test_an_observer_is_listed(install: Install, in_process: InProcess) -> None:
     assert code == 0 and ["observer", "one", "fake-one", "2.5"] in [line.split() for line in out.splitlines()]
 
 
-def test_every_hook_call_is_traced_with_who_implements_it(
+def test_every_hook_call_is_traced_with_its_implementations(
     install: Install, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install("fake_one", OBSERVER + PLANNER, ["observer.one", "planner.nowhere"])
@@ -174,7 +174,7 @@ def test_every_hook_call_is_traced_with_who_implements_it(
 def test_the_option_traces_the_hooks_of_a_command(
     install: Install, in_process: InProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(TRACE_HOOKS, "")  # the option sets it, and the test's end takes it back
+    monkeypatch.setenv(TRACE_HOOKS, "")  # the option sets it; the end of the test restores it
     install("fake_one", PLANNER, ["planner.nowhere"])
     code, _, err = in_process("--trace-hooks", "plugins", "planner.nowhere")
     assert code == 0 and "hook navloom_register: planner.nowhere of fake-one (fake_one.py:" in err
@@ -223,7 +223,9 @@ def test_a_distributions_command_is_listed_by_its_metadata_and_imported_when_it_
     )  # fmt: skip
 
 
-def test_a_command_that_navloom_has_itself_is_not_replaced_and_told(install: Install, in_process: InProcess) -> None:
+def test_a_command_of_navloom_itself_is_not_replaced_and_that_is_reported(
+    install: Install, in_process: InProcess
+) -> None:
     install("fake_greeter", COMMAND, ["command.run"])
     code, out, _ = in_process("run", "--help")
     assert code == 0 and "Run a config in simulated time" in out and "fake_greeter" not in sys.modules
@@ -242,7 +244,7 @@ def test_a_command_that_navloom_has_itself_is_not_replaced_and_told(install: Ins
         ('command("greet"', 'command("great"', "registers command.great, command.several, expected command.greet"),
     ],
 )
-def test_a_broken_command_is_one_line_and_fatal_only_if_used(
+def test_a_broken_command_gives_one_line_and_is_fatal_only_if_used(
     install: Install, in_process: InProcess, old: str, new: str, told: str
 ) -> None:
     install("fake_greeter", COMMAND.replace(old, new), ["command.greet"])
@@ -270,7 +272,7 @@ def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> N
     assert imported.isdisjoint({"importlib.metadata", "numpy", "pydantic", "zenoh", "navloom.plugins", "pluggy"})
 
 
-def test_observers_bring_no_network_into_a_run_in_lockstep() -> None:
+def test_observers_do_not_import_the_network_in_lockstep() -> None:
     code = "import sys, navloom.study.episode, navloom.plugins.observing; sys.exit('zenoh' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
@@ -279,7 +281,7 @@ def test_observers_bring_no_network_into_a_run_in_lockstep() -> None:
 
 
 class Board:
-    """Keeps the inlets that were asked for, by role and port."""
+    """Keeps the requested inlets, by role and port."""
 
     def __init__(self) -> None:
         self.inlets: dict[tuple[str, str], Inlet] = {}
@@ -302,12 +304,12 @@ class Slow:
         self.seen.append(at.tick)
 
 
-def test_a_live_robot_is_shown_from_a_thread_of_its_own(tmp_path: Path) -> None:
+def test_observers_of_a_live_robot_run_in_their_own_thread(tmp_path: Path) -> None:
     system, board, slow = assemble(toy_config(tmp_path), discovery()), Board(), Slow()
     show = LiveShow(system, cast(Switchboard, board), [Onlooker(slow, print)], lambda role, name: True)
     assert list(board.inlets) == [("platform", "contact")]
     for tick in range(3):
-        board.inlets["platform", "contact"].give((Contact(False), AT._replace(tick=tick)))  # waits for nobody
+        board.inlets["platform", "contact"].give((Contact(False), AT._replace(tick=tick)))  # does not block
     assert slow.is_there.wait(30.0) and slow.seen == []
     slow.goes_on.set()
     show.close()

@@ -1,4 +1,4 @@
-"""Kernels of plugins come from numba's cache or, whatever is wrong with it, from the compiler."""
+"""Kernels of plugins come from numba's cache or, if it cannot be used, from the compiler."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ Start = Callable[[], Any]
 
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
-    """Load and warm up the plugin as a new process does, with a cache of this test; gives its kernel."""
+    """Loads and warms up the plugin as a new process does, with the cache of this test; gives its kernel."""
     (tmp_path / "fake_kernels.py").write_text(PLUGIN)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
@@ -82,7 +82,7 @@ def files(tmp_path: Path, suffix: str) -> list[Path]:
 
 
 def loaded(kernel: Any) -> int:
-    """How many signatures came from the cache."""
+    """Number of signatures that came from the cache."""
     return sum(kernel.stats.cache_hits.values())
 
 
@@ -126,7 +126,7 @@ def test_plain_numba_reads_these_files_too(start: Start) -> None:
         assert files.load(kernel._cache._index_key(signature, compiled.codegen)) is not None
 
 
-def test_a_kernel_under_the_name_of_another_signature_is_not_taken_for_it(start: Start, tmp_path: Path) -> None:
+def test_a_cached_kernel_of_another_signature_is_not_used(start: Start, tmp_path: Path) -> None:
     start()
     first, second = files(tmp_path, ".nbc")
     first.write_bytes(second.read_bytes())
@@ -136,7 +136,7 @@ def test_a_kernel_under_the_name_of_another_signature_is_not_taken_for_it(start:
     assert loaded(start()) == 2
 
 
-def test_what_cannot_be_read_or_replaced_is_done_without_and_said_once(
+def test_a_cache_that_cannot_be_read_or_replaced_is_skipped_and_reported_once(
     start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     start()
@@ -154,7 +154,7 @@ def test_a_file_in_the_place_of_the_cache_folder_stops_nothing(start: Start, tmp
     assert start()(np.float32(1.0)) == 2.0
 
 
-def test_a_full_disk_stops_nothing_and_is_said_once(
+def test_a_full_disk_stops_nothing_and_is_reported_once(
     start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     import errno

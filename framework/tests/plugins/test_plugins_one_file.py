@@ -1,4 +1,4 @@
-"""`--plugin FILE.py`: what a file gives, in this process and in those it starts, and what its errors say."""
+"""`--plugin FILE.py`: the plugins of a file, in this process and in those it starts, and its errors."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_every_named_class_of_a_file_is_a_plugin_of_its_role(tmp_path: Path) -> 
     found = {(info.role, info.name): info for info in Discovery().infos() if info.distribution == str(file)}
     assert set(found) == {("avoider", "slow"), ("avoider", "fast")}
     assert Discovery().role("avoider", "fast").__module__ == "two_avoiders"
-    assert Discovery().role("avoider", "vff").name == "vff"  # beside those that are installed
+    assert Discovery().role("avoider", "vff").name == "vff"  # in addition to the installed ones
 
 
 def test_a_file_may_hold_nodes_and_messages(tmp_path: Path) -> None:
@@ -99,13 +99,13 @@ def test_a_file_may_hold_nodes_and_messages(tmp_path: Path) -> None:
     assert Discovery().message("my_heart.Beat").schema_name == "my_heart.Beat"
 
 
-def test_a_file_with_hooks_of_its_own_registers_by_them(tmp_path: Path) -> None:
+def test_a_file_with_its_own_hooks_registers_by_them(tmp_path: Path) -> None:
     use_files([kept(tmp_path, "my_hooks.py", OWN_HOOK)])
     assert Discovery().metric("halves").name == "halves"
     assert "my_hooks" in Discovery().names("observer")
 
 
-def test_a_process_that_is_started_has_the_same_plugins(tmp_path: Path) -> None:
+def test_a_child_process_has_the_same_plugins(tmp_path: Path) -> None:
     use_files([kept(tmp_path, "for_children.py", AVOIDER)])
     ask = "from navloom.plugins import Discovery; print(Discovery().role('avoider', 'slow').speed)"
     assert subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True).stdout == "0.1\n"
@@ -118,7 +118,7 @@ def test_a_recording_says_which_file_was_used(tmp_path: Path) -> None:
     assert used[str(file)].startswith("sha256:") and "navloom-astar" in used
 
 
-def test_a_file_that_changes_under_way_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_changes_during_the_run_is_refused(tmp_path: Path) -> None:
     file = kept(tmp_path, "changing.py", AVOIDER)
     use_files([file])
     file.write_text(AVOIDER.replace("0.1", "0.3"), "utf-8")
@@ -148,7 +148,7 @@ def test_an_error_names_the_file_and_the_line(tmp_path: Path, name: str, text: s
     assert not any(info.distribution.startswith(str(tmp_path)) for info in Discovery().infos())
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(PluginError, match=r"away\.py: No such file"):
         use_files([tmp_path / "away.py"])
 

@@ -1,4 +1,4 @@
-"""Messages of distributions in tools and recordings: loaded when one comes, shown generically where unknown."""
+"""Messages of distributions in tools and recordings: loaded when one arrives, shown generically if unknown."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def tracks(version: int = 1) -> str:
 
 
 def sent_by(module: str) -> tuple[bytes, str]:
-    """What another process sends, which has the distribution; this one has not loaded it."""
+    """Bytes from another process that has the distribution; this process has not loaded it."""
     message: Message = __import__(module).made()
     sent = encode(message, AT), schema_label(type(message))
     del sys.modules[module], SCHEMAS[type(message).schema_name]
@@ -86,7 +86,7 @@ def sent_by(module: str) -> tuple[bytes, str]:
 
 @pytest.fixture(autouse=True)
 def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A process of a command that has looked for nothing yet."""
+    """Resets what this process has discovered, as in a new process."""
     set_up_logging(Level.INFO, as_json=False)
     monkeypatch.setattr(OPENER, "_why", {})
     monkeypatch.setattr(OPENER, "_discovery", None)
@@ -129,7 +129,7 @@ def test_a_command_asks_which_of_two_messages_of_one_name_is_meant(install: Inst
     assert (code, err) == (2, f"navloom: message.Tracks: {hint}\n")
 
 
-def test_nodes_load_nothing_for_a_label_that_comes(install: Install) -> None:
+def test_nodes_load_no_distribution_for_a_received_label(install: Install) -> None:
     install("fake_people", tracks(), ["message.Tracks"])
     data, label = sent_by("fake_people")
     with pytest.raises(UnknownSchema, match=r"schema 'fake_people\.Tracks/1' is unknown here"):
@@ -185,12 +185,12 @@ def nested(depth: int) -> list[Any]:
         (header_of({"a": ["x" * 200] * 1500}), "the header takes .* bytes, expected at most 262144"),
     ],
 )
-def test_what_is_no_message_of_any_class_is_refused(data: bytes, text: str) -> None:
+def test_bytes_that_are_no_message_of_any_class_are_refused(data: bytes, text: str) -> None:
     with pytest.raises(CodecError, match=text):
         decode_generic(data, "fake_people.Tracks/1")
 
 
-def test_another_version_is_shown_generically_and_told_with_both_versions(install: Install) -> None:
+def test_another_version_is_shown_generically_with_a_note_of_both_versions(install: Install) -> None:
     install("fake_people", tracks(2), ["message.Tracks"], "0.9")
     data, label = sent_by("fake_people")
     assert label == "fake_people.Tracks/2"
@@ -204,7 +204,7 @@ def test_another_version_is_shown_generically_and_told_with_both_versions(instal
     assert type(Opener().open(data, label)[0]) is sys.modules["fake_people"].Tracks
 
 
-def test_a_broken_distribution_is_one_clear_line_and_its_messages_are_shown(install: Install) -> None:
+def test_a_broken_distribution_gives_one_line_and_its_messages_are_shown(install: Install) -> None:
     install("fake_people", tracks(), ["message.Tracks"])
     data, label = sent_by("fake_people")
     module = Path(sys.path[0]) / "fake_people.py"
@@ -234,7 +234,7 @@ def test_a_blocked_message_is_not_loaded(install: Install, name: str) -> None:
 @pytest.mark.parametrize(
     "label", ["navloom.Nothing/1", "navloom.Odometry/2", "nothing", "a.b.c/1", "a.B/0", "a.B/x", ""]
 )
-def test_what_is_of_no_distribution_is_refused_as_ever(label: str, missing: tuple[bytes, str]) -> None:
+def test_a_label_of_no_distribution_is_refused(label: str, missing: tuple[bytes, str]) -> None:
     with pytest.raises(UnknownSchema, match=r"is unknown here|this side speaks version 1"):
         Opener().open(missing[0], label)
     assert schema_label(Odometry) == "navloom.Odometry/1"
@@ -252,7 +252,7 @@ def test_an_entry_point_registers_the_message_it_is_named_after(install: Install
 
 
 class Looker:
-    """A client of a robot with one stream, and its network."""
+    """A client of a robot with one stream, which is also its network."""
 
     keys = KeySpace("lab", "r1")
 
@@ -303,7 +303,7 @@ def test_echo_and_hz_know_the_messages_of_an_installed_distribution(
     assert capsys.readouterr().err == ""
 
 
-def test_echo_and_hz_take_the_messages_of_a_distribution_that_is_not_installed(
+def test_echo_and_hz_show_messages_of_a_distribution_that_is_not_installed(
     missing: tuple[bytes, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert metered(missing) == (3, 0)
@@ -332,7 +332,7 @@ def test_a_recording_holds_the_messages_of_distributions_and_explains_them(insta
         assert recording.unknown() == []
 
 
-def test_a_recording_says_once_which_messages_are_not_known_here(missing: tuple[bytes, str], tmp_path: Path) -> None:
+def test_a_recording_reports_once_which_messages_are_unknown(missing: tuple[bytes, str], tmp_path: Path) -> None:
     with recorded(tmp_path / "a.mcap", missing) as recording:
         assert recording.unknown() == [MISSING]
         assert list(recording.messages()) == [] and (recording.malformed, recording.complaint) == (
@@ -342,20 +342,20 @@ def test_a_recording_says_once_which_messages_are_not_known_here(missing: tuple[
         assert [bytes(raw.data) for raw in recording.raw()] == [missing[0]] * 2
 
 
-def test_messages_of_one_distribution_that_is_not_installed_share_a_message(missing: tuple[bytes, str]) -> None:
+def test_unknown_messages_of_one_distribution_are_reported_together(missing: tuple[bytes, str]) -> None:
     labels = ["fake_people.Tracks/1", "navloom.Odometry/1", "fake_people.Seats/3", "fake_people.Tracks/1"]
     assert Opener().reasons(labels) == [MISSING.replace("Tracks/1", "Tracks/1 and fake_people.Seats/3")]
 
 
 @pytest.fixture
 def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A runtime folder of its own, with a short path: a socket's name is bounded."""
+    """A new runtime folder with a short path, as that of a socket is limited."""
     with TemporaryDirectory(prefix="nl", dir="/tmp") as folder:
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", folder)
         yield
 
 
-def test_a_live_replay_publishes_messages_that_are_not_known_here(
+def test_a_live_replay_publishes_unknown_messages(
     missing: tuple[bytes, str], tmp_path: Path, runtime: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording, told = recorded(tmp_path / "a.mcap", missing, 400, 25_000_000), []
@@ -379,7 +379,7 @@ def test_a_live_replay_publishes_messages_that_are_not_known_here(
     assert capsys.readouterr().err == f"navloom: {MISSING}; shown from its header alone\n"
 
 
-def test_a_live_replay_says_once_what_it_leaves_out(
+def test_a_live_replay_reports_once_what_it_leaves_out(
     missing: tuple[bytes, str], tmp_path: Path, runtime: None, in_process: InProcess
 ) -> None:
     recorded(tmp_path / "a.mcap", (b"\xff" * 8, missing[1])).path.rename(tmp_path / "b.mcap")

@@ -1,4 +1,4 @@
-"""What may register, and the words with which the rest is refused."""
+"""What may be registered, and the messages that refuse the rest."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def nameless() -> type[Role]:
     [Nowhere.plan, "Nowhere", None, int, Rootless, Role, Planner, nameless()],
     ids=lambda given: getattr(given, "__qualname__", str(given)),
 )
-def test_what_is_not_a_named_class_of_a_role_is_refused(given: Any) -> None:
+def test_an_object_that_is_no_named_class_of_a_role_is_refused(given: Any) -> None:
     with pytest.raises(PluginError, match="expected a subclass of a role"):
         Registry().add(given)
 
@@ -113,7 +113,7 @@ def test_worlds_and_schemes_of_one_name_are_refused() -> None:
 
 
 class Ticking(NodePlugin):
-    """A node that does nothing."""
+    """A node that does nothing each tick."""
 
     name = "ticking"
     ticks = True
@@ -144,13 +144,13 @@ def test_a_node_of_another_version_and_one_without_a_step_are_refused() -> None:
 
 
 @pytest.mark.parametrize("given", [Nowhere.plan, "Nowhere", nameless, object])
-def test_what_is_not_the_class_of_a_node_is_refused(given: Any) -> None:
+def test_an_object_that_is_no_class_of_a_node_is_refused(given: Any) -> None:
     with pytest.raises(PluginError, match=r"expected a subclass of navloom\.NodePlugin with a `name`"):
         Registry().node(given)
 
 
 @pytest.mark.parametrize("given", [Nowhere, Message, type("Bare", (Message,), {}), Point2D(0.0, 0.0)])
-def test_what_is_not_a_declared_message_is_refused(given: Any) -> None:
+def test_a_class_that_is_no_declared_message_is_refused(given: Any) -> None:
     with pytest.raises(PluginError, match=r"expected a subclass of navloom\.Message, declared with @message"):
         Registry().message(given)
 

@@ -1,4 +1,4 @@
-"""`navloom plugins new`: what it writes, and what it refuses. tests/test_new_plugins.py installs and drives them."""
+"""`navloom plugins new`: what it writes and refuses. tests/test_new_plugins.py installs and drives the plugins."""
 
 from __future__ import annotations
 
@@ -69,13 +69,13 @@ def test_no_placeholder_is_left(kind: str, every_kind: dict[str, Made]) -> None:
         assert "$" not in text.replace("${{ matrix.python }}", ""), file
 
 
-def test_it_asks_for_a_compatible_release_of_this_framework(every_kind: dict[str, Made]) -> None:
+def test_it_requires_a_compatible_release_of_this_framework(every_kind: dict[str, Made]) -> None:
     framework = tomllib.loads((TOP / "framework" / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     text = (every_kind["avoider"].folder / "pyproject.toml").read_text("utf-8")
     assert "navloom~=" + ".".join(framework.split(".")[:2]) in tomllib.loads(text)["project"]["dependencies"]
 
 
-def test_a_name_that_ends_with_the_role_is_not_given_it_twice(tmp_path: Path) -> None:
+def test_a_name_that_ends_with_the_role_does_not_get_it_twice(tmp_path: Path) -> None:
     made = new_distribution("avoider", "my_avoider", tmp_path, NOTHING)
     assert (made.distribution, made.package, made.plugin) == (
         "navloom-my-avoider",
@@ -116,13 +116,13 @@ def test_a_bad_or_taken_name_writes_nothing(tmp_path: Path, kind: str, name: str
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_environment_without_pip_is_told_of_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pip_the_instructions_use_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number, (found, told) in enumerate(((object(), "pip install -e"), (None, "uv pip install -e"))):
         monkeypatch.setattr(scaffold, "find_spec", lambda name, found=found: found)
         assert new_distribution("avoider", "mine", tmp_path / str(number), NOTHING).commands[1].startswith(told)
 
 
-def test_the_folder_of_out_is_made_and_a_file_is_refused(tmp_path: Path) -> None:
+def test_the_folder_of_out_is_created_and_a_file_is_refused(tmp_path: Path) -> None:
     made = new_distribution("avoider", "mine", tmp_path / "far" / "away", NOTHING)
     assert (made.folder / "pyproject.toml").is_file()
     (tmp_path / "taken").touch()

@@ -1,4 +1,4 @@
-"""One node of a recording, or one step: what is made again, where a debugger stops, and what is refused."""
+"""Replay of one node or one step of a recording: the repeated steps, where a debugger stops, and refusals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ gain = 2.0
 
 
 def record(folder: Path, more: str, *changes: str) -> tuple[Path, Episode]:
-    """A recorded run of the toys, and the episode."""
+    """Record a run of the toys; gives the recording and the episode."""
     loaded, path = toy_config(folder, *changes, more=more), folder / "run.mcap"
     with LockstepRecorder(RecordingWriter(path, header_of(loaded, "lockstep", {})), print) as recorder:
         return path, run_episode(loaded, discovery=discovery(), observers=[recorder])
@@ -53,7 +53,7 @@ def failed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], Callable[[], str]]:
-    """Types into the debugger; gives what it printed."""
+    """Types into the debugger; gives its output."""
 
     def type_in(text: str) -> Callable[[], str]:
         monkeypatch.setattr(sys, "stdin", io.StringIO(text))
@@ -72,7 +72,7 @@ def test_the_command_of_a_fault_repeats_that_step_alone(failed: Path, monkeypatc
     assert 'raise RuntimeError("broke")' in traceback_of(fault.text)
 
 
-def test_up_to_a_tick_no_later_step_is_made(failed: Path) -> None:
+def test_no_step_after_the_given_tick_is_repeated(failed: Path) -> None:
     found = {one.node: one for one in part(failed, None, 10)}
     assert found["goal main"].steps == 11 and all(one.faults == 0 for one in found.values())
 
@@ -106,7 +106,7 @@ def test_the_debugger_stops_in_a_node_of_the_framework(failed: Path, typed: Call
     assert "step()\n" in printed()
 
 
-def test_who_leaves_the_debugger_leaves_the_replay(failed: Path, typed: Callable[[str], Callable[[], str]]) -> None:
+def test_leaving_the_debugger_ends_the_replay(failed: Path, typed: Callable[[str], Callable[[], str]]) -> None:
     typed("q\n")
     with pytest.raises(DebuggerLeft):
         part(failed, "controller", 19, pdb=True)
@@ -127,7 +127,7 @@ def test_who_leaves_the_debugger_leaves_the_replay(failed: Path, typed: Callable
         (None, 5, True, "--pdb: choose a node by --only; those that stepped in tick 5: localizer.odometry, "),
     ],
 )
-def test_what_there_is_not_is_refused(
+def test_a_node_or_tick_that_does_not_exist_is_refused(
     failed: Path, only: str | None, until: int | None, pdb: bool, message: str
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -135,7 +135,7 @@ def test_what_there_is_not_is_refused(
     assert str(refused.value).startswith(message)
 
 
-def test_of_several_instances_one_has_to_be_named(tmp_path: Path) -> None:
+def test_with_several_instances_one_must_be_named(tmp_path: Path) -> None:
     path, _ = record(tmp_path, ALTERNATIVE, "run.stop_after=1.0")
     recording = Recording(path)
     with pytest.raises(ConfigError, match=r"there are controller.strong and controller.toy_chaser; choose one"):

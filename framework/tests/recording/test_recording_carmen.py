@@ -1,4 +1,4 @@
-"""CARMEN logs as recordings: raw odometry out of corrected poses, stamps, mounts, limits, and what is refused."""
+"""CARMEN logs as recordings: raw odometry from corrected poses, stamps, mounts, limits, and refusals."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def imported(folder: Path, lines: list[str], **options: Any) -> tuple[list[Odome
 
 
 def corrected_log(seed: int) -> tuple[list[str], np.ndarray[Any, Any]]:
-    """What a particle filter writes: it moves by the odometry's steps, and jumps at each scan. And the raw poses."""
+    """A log as of a particle filter, which moves by the odometry and jumps at each scan, and the raw poses."""
     random = np.random.default_rng(seed)
     raw = corrected = np.array([0.3, -0.2, 0.5])
     lines, poses = ["# CARMEN Logfile"], []
@@ -70,14 +70,14 @@ def test_raw_odometry_is_recovered_from_a_corrected_log(tmp_path: Path, seed: in
     odometry, scans = imported(tmp_path, lines)
     found = np.array([(one.pose.x, one.pose.y, one.pose.heading) for one in odometry])
     assert len(scans) == 12 and len(found) == 60
-    # The first pose is the log's own, and from there on every step is the wheels'.
+    # The first pose is that of the log; from there on, every step is that of the wheels.
     steps, expected = compose(inverse(found[:-1]), found[1:]), compose(inverse(raw[:-1]), raw[1:])
     assert np.abs(steps - expected).max() < 1e-6
     assert [one.stamp_ns for one in scans] == [round((1.0 + 0.1 * n) * 1e9) for n in range(4, 60, 5)]
     assert odometry[30].twist.vx == pytest.approx(1.0, abs=0.05)
 
 
-def test_the_poses_of_a_corrected_log_are_taken_as_odometry_where_they_are_asked_for(tmp_path: Path) -> None:
+def test_the_poses_of_a_corrected_log_are_used_as_odometry_on_request(tmp_path: Path) -> None:
     lines, _ = corrected_log(0)
     odometry, scans = imported(tmp_path, lines, poses="corrected")
     said = [line.split()[6:9] for line in lines if line.startswith("FLASER")]
@@ -146,7 +146,7 @@ def test_damaged_lines_are_left_out_and_counted(tmp_path: Path) -> None:
         (["FLASER " + "1 " * 600_000], "line 1: more than 1048576 bytes"),
     ],
 )
-def test_what_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path, lines: list[str], why: str) -> None:
+def test_a_log_that_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path, lines: list[str], why: str) -> None:
     with pytest.raises(RecordingError, match=why):
         imported(tmp_path, lines)
     assert not (tmp_path / "a.mcap").exists()

@@ -1,4 +1,4 @@
-"""The decoder of docs/recording.md reads every message in a process without navloom, by the recording's own schemas."""
+"""The decoder of docs/recording.md reads every message without navloom, with only the recording's own schemas."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ for topic, envelope, fields in messages(sys.argv[1]):
 
 
 def _packing() -> ModuleType:
-    """The random messages of the tests of packing, which `--import-mode=importlib` does not put in reach."""
+    """The random messages of test_messages_packing.py, which `--import-mode=importlib` does not make importable."""
     path = TOP / "framework" / "tests" / "messages" / "test_messages_packing.py"
     spec = importlib.util.spec_from_file_location("navloom_test_packing", path)
     assert spec is not None and spec.loader is not None

@@ -1,4 +1,4 @@
-"""What a recorded step was given is found again: by number, active instance, and what the executor told."""
+"""The inputs of a recorded step are found again: by number, by active instance, and by request of the executor."""
 
 from __future__ import annotations
 
@@ -77,17 +77,17 @@ def test_the_same_message_is_the_same_object_each_time(shelf: Shelf) -> None:
     assert first is again
 
 
-def test_what_is_missing_is_named(shelf: Shelf) -> None:
+def test_a_missing_input_is_named(shelf: Shelf) -> None:
     found = feed("new", shelf, step({"given": (8, 9, 10)}))
     assert found.missing == ["given (controller.command number 9 and 1 more)"] and speeds(found.given["given"]) == [0.8]
 
 
-def test_the_active_instance_is_read_and_what_waited_stays(shelf: Shelf) -> None:
+def test_the_active_instance_is_read_and_waiting_messages_stay(shelf: Shelf) -> None:
     chosen = Chosen(load_config("paper").config)
     chosen.learn(Selection(1, 5, ("controller other",)))
     assert feed("latest", shelf, step({"given": (4,)}, epoch=1), chosen).given["given"].twist.vx == pytest.approx(0.8)
     assert feed("latest", shelf, step({"given": (4,)}, epoch=0), chosen).given["given"].twist.vx == pytest.approx(0.4)
-    # Made in ticks 3 and 4 under the old selection, in 5 and 6 under the new one.
+    # Published in ticks 3 and 4 under the old selection, in 5 and 6 under the new one.
     found = feed("track", shelf, step({"given": (3, 6)}, tick=6, epoch=1), chosen)
     assert speeds(found.given["given"]) == [0.3, 0.4, 1.0, 1.2]
 
@@ -97,13 +97,13 @@ def test_inputs_that_a_record_does_not_name_are_found_by_tick(shelf: Shelf) -> N
     assert feed("latest", shelf, step({}, tick=5), delayed=True).given["given"].twist.vx == pytest.approx(0.4)
 
 
-def test_requests_that_came_by_a_service_are_told(shelf: Shelf) -> None:
+def test_requests_of_a_service_are_repeated(shelf: Shelf) -> None:
     told = '{"submitted": [{"do": "goal", "goal": [3, 1.0, 2.0, null, [[0.5, 0.5]]]}, {"do": "cancel", "goal": null}]}'
     found = feed("new", shelf, step({"given": (0, 0)}, told=told)).given["given"]
     assert found == (OperatorRequest("goal", Goal(3, 1.0, 2.0, None, (Point2D(0.5, 0.5),))), OperatorRequest("cancel"))
 
 
-def test_of_one_number_the_nearest_is_meant_and_old_ones_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_equal_numbers_the_nearest_is_used_and_old_ones_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shelves, "MOST", 3)
     shelf = Shelf()
     key = "lab/r1/controller/other/command"

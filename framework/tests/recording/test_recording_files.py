@@ -1,4 +1,4 @@
-"""Recordings as files: what is in them, what a killed recorder and a full disk leave, and what is refused."""
+"""Recording files: their contents, those left by a killed recorder or a full disk, and refusals."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def written(path: Path, count: int = 100, every: int = 10) -> Path:
     return path
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_recording_is_read_as_it_was_written(tmp_path: Path) -> None:
     recording = Recording(written(tmp_path / "a.mcap"))
     found = list(recording.messages())
     assert recording.is_complete and recording.note == "" and recording.header == HEADER
@@ -65,7 +65,9 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         (["gate/*"], 0, 2000, 0),
     ],
 )
-def test_keys_and_times_choose(tmp_path: Path, keys: list[str] | None, since: int, until: int, count: int) -> None:
+def test_messages_are_selected_by_key_and_time(
+    tmp_path: Path, keys: list[str] | None, since: int, until: int, count: int
+) -> None:
     assert len(list(Recording(written(tmp_path / "a.mcap")).messages(keys, since, until))) == count
 
 
@@ -119,7 +121,7 @@ def test_counters_are_read_from_a_file_that_was_not_closed(tmp_path: Path) -> No
     assert recording.counts() == {"messages": 2, "dropped": {KEY: 1}} and recording.keys() == [KEY]
 
 
-def test_a_full_disk_leaves_what_was_whole_and_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_whole_chunks_and_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path, HEADER)
     for number in range(10):
@@ -150,7 +152,7 @@ def test_an_existing_file_is_not_written_over(tmp_path: Path) -> None:
     assert Recording(path).is_complete
 
 
-def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").touch()
     (tmp_path / "text").write_text("hello world")
     (tmp_path / "other.mcap").write_bytes(b"\x89MCAP0\r\n")
@@ -162,7 +164,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
             Recording(tmp_path / name)
 
 
-def test_a_message_of_an_unknown_kind_is_counted_and_passed_over(tmp_path: Path) -> None:
+def test_a_message_of_an_unknown_kind_is_counted_and_skipped(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "a.mcap", HEADER) as writer:
         add(writer, 0)
         writer.add(f"{KEY}2", "strange.Thing/1", b"\x01\x00\x00\x00\x80", 1, 1, 1)
@@ -172,7 +174,7 @@ def test_a_message_of_an_unknown_kind_is_counted_and_passed_over(tmp_path: Path)
     assert "strange.Thing/1" in recording.complaint
 
 
-def test_the_head_holds_the_whole_config_and_passes_over_what_it_does_not_know() -> None:
+def test_the_header_has_the_whole_config_and_ignores_unknown_keys() -> None:
     header = header_of(load_config("paper", ["run.seed=11"]), "lockstep", {"navloom-vff": "1.0"})
     again = RecordingHeader.from_text(header.to_text())
     assert again == header and again.loaded().config == load_config("paper", ["run.seed=11"]).config
@@ -185,7 +187,7 @@ def test_the_head_holds_the_whole_config_and_passes_over_what_it_does_not_know()
         HEADER.loaded()
 
 
-def test_gaps_in_a_sequence_are_lost_messages_and_a_fall_is_a_publisher_that_began_anew() -> None:
+def test_gaps_in_a_sequence_are_losses_and_a_fall_is_a_restarted_publisher() -> None:
     counts = RecorderCounts()
     for sequence in (5, 6, 9, 10, 1, 2, 4):
         counts.note(KEY, sequence)

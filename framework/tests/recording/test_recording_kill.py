@@ -1,4 +1,4 @@
-"""A recorder that is killed with -9 at random moments, beside a robot that is published from a recording."""
+"""A recorder is killed with SIGKILL at random moments, while a robot is published from a recording."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMMAND = [sys.executable, "-m", "navloom"]
 
 @pytest.fixture
 def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The paper's run, published at a pace at which it lasts."""
+    """Publishes the paper's run, slowly enough to last."""
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "r"))
     source = tmp_path / "source.mcap"
     CliRunner().invoke(app, ["run", "paper", "--record", str(source)])

@@ -1,4 +1,4 @@
-"""The paper's run live, recorded in a process beside it, replays bit for bit: under the barrier and free."""
+"""A live run of the paper, recorded by another process, replays bit for bit, with and without the barrier."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navloom.cli.main import app
 from navloom.recording.reader import Recording
 from typer.testing import CliRunner
 
-pytestmark = pytest.mark.slow  # all processes of a robot, twice
+pytestmark = pytest.mark.slow  # starts all processes of a robot, twice
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow  # all processes of a robot, twice
     [("barrier", ("--barrier",)), ("live", ()), ("live", ("--set", "sensor.0.mode=continuous"))],
     ids=["barrier", "free", "mapping from the first tick on"],
 )
-def test_a_live_recording_checks(
+def test_a_live_recording_replays_bit_for_bit(
     kind: str, options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "r"))

@@ -1,4 +1,4 @@
-"""Runs of toys in lockstep, recorded and replayed: the same, bit for bit, and what is said where they are not."""
+"""Runs of toys in lockstep, recorded and replayed: the same bit for bit, or the difference is named."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ do = "resume"
 
 
 def record(folder: Path, more: str = "", *changes: str) -> tuple[Path, Any]:
-    """A recorded run of the toys, and the episode."""
+    """Record a run of the toys; gives the recording and the episode."""
     loaded = toy_config(folder, *changes, more=more)
     path = folder / "run.mcap"
     said: list[str] = []
@@ -70,7 +70,7 @@ def replayed(path: Path) -> dict[str, NodeCheck]:
 
 
 def rewritten(path: Path, change: Any) -> Path:
-    """A copy of a recording without the messages that `change` gives None for, and with what it changes."""
+    """A copy of a recording with messages changed by `change`; those for which it gives None are left out."""
     recording = Recording(path)
     out = path.with_name("changed.mcap")
     with RecordingWriter(out, recording.header) as writer:
@@ -126,7 +126,7 @@ def test_the_first_difference_is_named_with_tick_node_port_field_and_values(tmp_
     assert str(first).startswith("tick 12, avoider toy_bystander, command.twist.vx: recorded ")
 
 
-def test_an_input_a_message_and_a_step_record_that_are_missing_are_named(tmp_path: Path) -> None:
+def test_a_missing_input_message_or_step_record_is_named(tmp_path: Path) -> None:
     path, _ = record(tmp_path)
 
     def change(message: Any, at: Envelope) -> Any:
@@ -196,7 +196,7 @@ def test_runs_of_consecutive_numbers() -> None:
     assert runs([1, 2, 3, 7, 8, 2]) == (1, 3, 7, 8, 2, 2)
 
 
-def test_values_differ_first_where_they_do() -> None:
+def test_the_first_differing_field_of_two_values_is_found() -> None:
     at = Twist2D(0.1, 0.0, 0.2)
     assert first_difference(Command(at), Command(at)) is None
     assert first_difference(Command(at), Command(Twist2D(0.1, 0.0, 0.3))) == ("twist.wz", "0.2", "0.3")

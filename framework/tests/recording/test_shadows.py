@@ -1,4 +1,4 @@
-"""Alternatives in shadow, compared tick by tick: what is paired, what it comes to, and that it changes nothing."""
+"""Shadows compared tick by tick: the pairing, the summary, and that the run does not change."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_after_a_swap_the_old_instance_is_the_shadow() -> None:
     assert (second.instance, second.against, second.values["vx"]) == ("main", ["other"], [pytest.approx(-0.1)])
 
 
-def test_ticks_in_which_the_avoider_drove_are_told_apart() -> None:
+def test_ticks_in_which_the_avoider_drove_are_summarised_separately() -> None:
     watch = ShadowWatch({"avoider": ("other",)})
     for tick, engaged in enumerate([False, True]):
         say(watch, "main", True, tick, 0.0)
@@ -124,7 +124,7 @@ def test_ticks_in_which_the_avoider_drove_are_told_apart() -> None:
 def test_a_shadow_avoider_is_compared_in_a_run_and_changes_nothing(tmp_path: Path) -> None:
     episode = drive(tmp_path)
     (found,) = episode.summary()["shadows"]
-    # It asks for a tenth of what the controller does, the active one for half of it: 0.4 of at most 0.4 m/s less.
+    # It commands a tenth of the desired speed, the active one half: 0.4 times at most 0.4 m/s less.
     assert (found["role"], found["instance"], found["against"]) == ("avoider", "slow", ["toy_bystander"])
     assert 0.08 - 1e-9 <= found["differences"]["vx"]["rms"] <= 0.16 + 1e-9
     assert found["differences"]["vx"]["max"] == pytest.approx(0.16) and found["differences"]["wz"]["max"] == 0.0
@@ -143,11 +143,11 @@ def test_controllers_planners_and_mappers_are_compared_too(tmp_path: Path) -> No
 def test_with_latency_answers_to_the_same_inputs_are_compared(tmp_path: Path) -> None:
     (found,) = drive(tmp_path, more=AVOIDER + "latency = 0.2\n").summary()["shadows"]
     assert found["differences"]["vx"]["max"] == pytest.approx(0.16) and found["differences"]["wz"]["max"] == 0.0
-    # Of the last 0.2 s no answer was published any more.
+    # The answers of the last 0.2 s were not published.
     assert 0 < found["unanswered"] <= 4
 
 
-def test_without_shadows_there_is_nothing_to_tell(tmp_path: Path) -> None:
+def test_without_shadows_there_is_no_summary(tmp_path: Path) -> None:
     episode = drive(tmp_path, more=AVOIDER + "shadow = false\n")
     assert episode.shadows == [] and episode.summary()["shadows"] == []
 

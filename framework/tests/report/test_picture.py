@@ -1,4 +1,4 @@
-"""The picture of a run: a legend of what is drawn, and texts that do not hide each other."""
+"""The picture of a run: its legend names what is drawn, and its texts do not overlap."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Rectangle = tuple[float, float, float, float]
 
 @pytest.fixture
 def texts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Rectangle]:
-    """Where each text of the pictures of a test is, pixels."""
+    """Place of each text in the pictures of a test, pixels."""
     places: dict[str, Rectangle] = {}
     write = ImageDraw.ImageDraw.text
 
@@ -36,7 +36,7 @@ def texts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Rectangle]:
 
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Episode:
-    """3 m straight ahead by the toys."""
+    """A run of the toys, 3 m straight ahead."""
     return run_episode(toy_config(tmp_path_factory.mktemp("toy")), discovery=discovery())
 
 
@@ -47,7 +47,7 @@ def overlapping(places: Iterable[Rectangle]) -> list[tuple[Rectangle, Rectangle]
 
 
 def changed(episode: Episode, *obstacles: Box, segments: int = 0, goal: tuple[float, float] | None = None) -> Episode:
-    """The episode as if its world and its map had been others, and its goal elsewhere."""
+    """The episode with another world, map and goal."""
     grid = OccupancyGrid(np.full((4, 4), 100, np.int8), 0.2, Pose2D(1.0, 0.6, 0.0))
     lines = np.tile([1.0, 1.3, 1.8, 1.3], (segments, 1))
     recorder = replace(episode.recorder, map=MapUpdate(0, grid, lines, ()))
@@ -58,7 +58,7 @@ def changed(episode: Episode, *obstacles: Box, segments: int = 0, goal: tuple[fl
     return replace(episode, recorder=recorder, system=system)
 
 
-def test_the_legend_names_cells_outlines_and_what_hangs_above_the_robot(
+def test_the_legend_names_cells_outlines_and_obstacles_above_the_robot(
     toy: Episode, texts: dict[str, Rectangle]
 ) -> None:
     draw_run(changed(toy, WALL, GIRDER, segments=1))
@@ -107,7 +107,7 @@ def test_a_text_on_grey_has_a_white_rim() -> None:
     ((u, v),) = canvas.pixels(np.array([[2.0, 2.0]]))
     row = np.asarray(canvas.image)[round(v), round(u) : round(u) + 60].sum(axis=1)
     ground, white, letter = 3 * CELLS[0], 3 * 255, 3 * 30
-    pure = row[np.isin(row, (ground, white, letter))]  # without the blends at the edges
+    pure = row[np.isin(row, (ground, white, letter))]  # without blended pixels at the edges
     runs = pure[np.concatenate([[True], np.diff(pure) != 0])].tolist()
     assert runs == [ground, white, letter, white, ground]
 

@@ -1,4 +1,4 @@
-"""The report of a study: numbers that can be checked by hand, the same bytes each time, and every odd study drawn."""
+"""The report of a study: numbers that can be checked by hand, reproducible bytes, and unusual studies."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Outcomes = Callable[[str, str, int], str]
 
 
 def straight(outcome: str, seconds: int = 20, speed: float = 0.4, aside: float = 0.0) -> Trail:
-    """A drive along y in ticks of 1 s, of 7.5 m at the shortest, with 120 s and 0.5 m/s at most."""
+    """A drive along y in ticks of 1 s; the shortest way is 7.5 m, the limits are 120 s and 0.5 m/s."""
     time = np.arange(seconds + 1.0)
     flat, never = np.zeros_like(time), np.zeros(time.size, dtype=np.bool_)
     return Trail(
@@ -48,7 +48,7 @@ def straight(outcome: str, seconds: int = 20, speed: float = 0.4, aside: float =
 def study_folder(
     folder: Path, methods: Sequence[str], worlds: Sequence[str], seeds: Sequence[int], trail_of: Callable[..., Trail]
 ) -> Path:
-    """A finished study as `navloom compare` leaves it, with its ways."""
+    """The folder of a finished study as `navloom compare` writes it, with its tracks."""
     (folder / FOLDER).mkdir(parents=True)
     rows = []
     for number, method in enumerate(methods):
@@ -98,7 +98,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_summary_is_what_the_rows_come_to_by_hand(two: Path) -> None:
+def test_the_summary_agrees_with_one_computed_by_hand(two: Path) -> None:
     rows = {(row["method"], row["metric"]): row for row in table(two / "summary.csv")}
     # good: 20 s at 0.4 m/s are 8 m, of 7.5 m: SPL 0.9375. OT = 3.75 s, and 19.75 s are after the first 0.1 m.
     score = 3.75 / 19.75
@@ -115,7 +115,7 @@ def test_the_summary_is_what_the_rows_come_to_by_hand(two: Path) -> None:
     assert rows["bad", "success"]["episodes"] == "10" and rows["bad", "success"]["worlds"] == "5"
 
 
-def test_differences_are_method_less_baseline_with_their_pairs(two: Path) -> None:
+def test_differences_are_method_minus_baseline_with_their_pairs(two: Path) -> None:
     rows = {row["metric"]: row for row in table(two / "differences.csv")}
     assert {row["method"] for row in rows.values()} == {"bad"} and {row["baseline"] for row in rows.values()} == {
         "good"
@@ -140,7 +140,7 @@ def test_the_page_names_what_counts_and_needs_no_other_file(two: Path) -> None:
     assert page.count("<svg") >= 6
 
 
-def test_every_outcome_stands_in_the_report(two: Path) -> None:
+def test_every_outcome_is_in_the_report(two: Path) -> None:
     text = (two / "report.md").read_text("utf-8")
     assert all(f"because {outcome}" in text for outcome in OUTCOMES if outcome != "succeeded")
     assert set(read_study(two).comparison.outcomes["bad"]) == set(OUTCOMES)
@@ -157,7 +157,7 @@ def test_the_worst_worlds_come_with_a_command_that_a_shell_reads_back(two: Path)
     assert shlex.split(of_file.command("bad", worst.world, worst.seed))[3:5] == ["--plugin", "/my plugins/bad.py"]
 
 
-def test_made_again_it_is_the_same_but_for_the_section_of_wall_times(two: Path) -> None:
+def test_a_second_report_is_the_same_except_for_wall_times(two: Path) -> None:
     study = read_study(two)
     again = report.build_report(replace(study, timing={**study.timing, "wall_s": 99.0}))
     assert again.summary_csv == (two / "summary.csv").read_text("utf-8")
@@ -167,7 +167,7 @@ def test_made_again_it_is_the_same_but_for_the_section_of_wall_times(two: Path) 
         assert now.rpartition(mark)[0] == before.rpartition(mark)[0] and now != before
 
 
-def test_another_baseline_turns_the_differences_round(two: Path) -> None:
+def test_another_baseline_changes_the_sign_of_the_differences(two: Path) -> None:
     found = read_study(two, "bad").comparison.difference("good", "success")
     assert found.estimate.mean == pytest.approx(0.9)
 
@@ -175,7 +175,7 @@ def test_another_baseline_turns_the_differences_round(two: Path) -> None:
 def test_the_worst_and_the_middle_world_are_those_by_success(two: Path) -> None:
     study = read_study(two)
     shown = dict(worlds_shown(study))
-    # bad's one success is in the last world but two drives of a world count together; the first world has none.
+    # bad's one success is in the last world, but both drives of a world count together; the first world has none.
     assert shown["the worst world"].world == "empty" and shown["the median world"].world == "doorway"
     assert all(len(told) == 2 for told in shown["the worst world"].tracks.values())
 
@@ -208,7 +208,7 @@ def test_studies_of_any_size_have_a_report(
     assert len(table(folder / "summary.csv")) == methods * len(NAMES)
 
 
-def test_metrics_defined_nowhere_and_ways_of_nobody_are_said_to_be_so(tmp_path: Path) -> None:
+def test_undefined_metrics_and_missing_tracks_are_stated(tmp_path: Path) -> None:
     def nothing(method: str, world: str, seed: int) -> Trail:
         return straight("rejected", 0)
 
@@ -218,7 +218,7 @@ def test_metrics_defined_nowhere_and_ways_of_nobody_are_said_to_be_so(tmp_path: 
     assert next(row for row in table(folder / "summary.csv") if row["metric"] == "jerk")["mean"] == ""
 
 
-def test_false_successes_and_those_without_truth_are_said_to_be_so(
+def test_false_successes_and_successes_without_truth_are_stated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report, "find_spec", lambda name: None)
@@ -241,7 +241,7 @@ def test_false_successes_and_those_without_truth_are_said_to_be_so(
     assert (rows["blind", "false_success"], rows["blind", "time"]) == ("", "")
 
 
-def test_without_matplotlib_there_are_the_tables_and_what_to_install(
+def test_without_matplotlib_the_report_has_the_tables_and_says_what_to_install(
     two: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report, "find_spec", lambda name: None)
@@ -250,7 +250,7 @@ def test_without_matplotlib_there_are_the_tables_and_what_to_install(
     assert made.summary_csv == (two / "summary.csv").read_text("utf-8")
 
 
-def test_a_world_that_is_gone_costs_its_walls_only(two: Path) -> None:
+def test_without_the_world_only_its_walls_are_missing(two: Path) -> None:
     # The hash of these worlds is not that of the real ones, so they count as changed.
     assert "has changed" in (two / "report.html").read_text("utf-8")
 
@@ -275,7 +275,7 @@ def _number(folder: Path, part: str) -> None:
     ],
     ids=["no_study", "unfinished", "cut", "other", "method", "metric", "timing", "table"],
 )
-def test_a_folder_that_is_none_is_told_so(tmp_path: Path, spoil: Callable[[Path], Any], told: str) -> None:
+def test_a_folder_that_is_no_study_is_refused(tmp_path: Path, spoil: Callable[[Path], Any], told: str) -> None:
     folder = study_folder(tmp_path / "s", ("a",), ("empty",), (0,), one_of_each("succeeded"))
     spoil(folder)
     with pytest.raises(ConfigError, match=told):

@@ -1,4 +1,4 @@
-"""The picture of a plugin in the place of the recorded one: texts that do not hide each other or what is drawn."""
+"""The picture of a substitute plugin: its texts overlap neither each other nor the curves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navloom.report.substitute_figure import substitute_figure
 pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
 
 
-def test_ticks_of_a_robot_that_ran_for_days_and_the_legend_hide_nothing() -> None:
+def test_tick_labels_of_a_run_of_days_and_the_legend_hide_nothing() -> None:
     found = Disagreement("avoider", "vff")
     times = 123_456.0 + 0.05 * np.arange(90)
     for tick, time in enumerate(times.tolist()):

@@ -1,4 +1,4 @@
-"""Episodes run, on processes and elsewhere: the same table whatever happened on the way, and accidents cost one row."""
+"""Episodes on processes and clusters: the table is the same after any interruption, and a failure costs one row."""
 
 from __future__ import annotations
 
@@ -138,14 +138,14 @@ def study(bench: Bench) -> Study:
 
 @pytest.fixture(scope="module")
 def alone(study: Study, tmp_path_factory: pytest.TempPathFactory) -> tuple[StudyResult, Path]:
-    """The study run in one thread of this process."""
+    """Run the study in one thread of this process."""
     folder = tmp_path_factory.mktemp("alone")
     with ThreadPoolExecutor(1) as executor:
         return run_study(study, folder, executor=executor), folder
 
 
 def trails(folder: Path) -> dict[str, bytes]:
-    """The files of the ways driven, by name."""
+    """Files of the tracks, by name."""
     return {path.name: path.read_bytes() for path in (folder / "trails").iterdir()}
 
 
@@ -154,7 +154,9 @@ def one_row(bench: Bench, method: str) -> Row:
     return episode_row(task)
 
 
-def test_a_study_writes_one_row_an_episode_in_the_order_asked(alone: tuple[StudyResult, Path], study: Study) -> None:
+def test_a_study_writes_one_row_for_each_episode_in_the_requested_order(
+    alone: tuple[StudyResult, Path], study: Study
+) -> None:
     result, folder = alone
     with (folder / "episodes.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -166,7 +168,7 @@ def test_a_study_writes_one_row_an_episode_in_the_order_asked(alone: tuple[Study
     assert result.files == ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails")
 
 
-def test_wall_times_are_in_a_file_of_their_own(alone: tuple[StudyResult, Path]) -> None:
+def test_wall_times_are_in_a_separate_file(alone: tuple[StudyResult, Path]) -> None:
     _, folder = alone
     timing = json.loads((folder / "timing.json").read_text("utf-8"))
     assert len(timing["episodes"]) == 8
@@ -175,7 +177,7 @@ def test_wall_times_are_in_a_file_of_their_own(alone: tuple[StudyResult, Path]) 
         assert "wall" not in (folder / name).read_text("utf-8")
 
 
-def test_a_row_is_what_run_gives(alone: tuple[StudyResult, Path], study: Study) -> None:
+def test_a_row_equals_the_result_of_run(alone: tuple[StudyResult, Path], study: Study) -> None:
     result, _ = alone
     asked = study.request()
     row = result.rows[-1]
@@ -188,7 +190,7 @@ def test_a_row_is_what_run_gives(alone: tuple[StudyResult, Path], study: Study) 
     assert episode.summary()["path_length_m"] == row.metrics["path_length"]
 
 
-def test_interrupted_and_gone_on_with_it_is_the_same_table(
+def test_an_interrupted_study_that_continues_gives_the_same_table(
     alone: tuple[StudyResult, Path], study: Study, tmp_path: Path
 ) -> None:
     def stop(done: int, total: int, left: float | None) -> None:
@@ -225,7 +227,7 @@ def _unless_first(progress: Progress) -> Progress:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_on_processes_it_is_the_same_table(
+def test_with_processes_the_table_is_the_same(
     alone: tuple[StudyResult, Path], study: Study, tmp_path: Path, jobs: int
 ) -> None:
     run_study(study, tmp_path, jobs=jobs)
@@ -234,7 +236,9 @@ def test_on_processes_it_is_the_same_table(
 
 
 @pytest.mark.slow
-def test_on_a_dask_cluster_it_is_the_same_table(alone: tuple[StudyResult, Path], study: Study, tmp_path: Path) -> None:
+def test_with_a_dask_cluster_the_table_is_the_same(
+    alone: tuple[StudyResult, Path], study: Study, tmp_path: Path
+) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -246,7 +250,7 @@ def test_on_a_dask_cluster_it_is_the_same_table(alone: tuple[StudyResult, Path],
 
 
 @pytest.mark.slow
-def test_a_task_that_dask_workers_die_of_costs_its_episode(bench: Bench) -> None:
+def test_a_task_that_kills_dask_workers_costs_its_episode(bench: Bench) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -266,7 +270,7 @@ def test_a_finished_study_is_read_and_not_run(
     assert again.rows == alone[0].rows
 
 
-def test_another_request_is_refused_and_told_what_differs(alone: tuple[StudyResult, Path], bench: Bench) -> None:
+def test_another_request_is_refused_with_the_difference(alone: tuple[StudyResult, Path], bench: Bench) -> None:
     other = bench.study("controller=rogue,lyapunov_tracker", ("empty", "corridor"), (0, 1, 2))
     with pytest.raises(ConfigError, match=r"holds another study: seeds was \[0, 1\], now \[0, 1, 2\]"):
         run_study(other, alone[1])
@@ -300,7 +304,7 @@ def test_two_studies_do_not_share_a_folder(tmp_path: Path) -> None:
         StudyFolder(tmp_path, {}).__enter__()
 
 
-def test_a_plugin_that_cannot_be_made_costs_its_episode(bench: Bench) -> None:
+def test_a_plugin_that_cannot_be_created_costs_its_episode(bench: Bench) -> None:
     row = one_row(bench, "raises")
     assert row.outcome == "error"
     blamed = "PluginError: controller.plugin: rogue fails in __init__: "
@@ -369,7 +373,7 @@ def test_workers_that_cannot_begin_end_the_study(study: Study, monkeypatch: pyte
         run_study(study, tmp_path, jobs=1)
 
 
-def test_a_worker_stays_in_its_world_and_helps_where_most_is_left() -> None:
+def test_a_worker_stays_in_its_world_then_goes_where_most_episodes_are_left() -> None:
     def task(world: str, seed: int) -> EpisodeTask:
         return EpisodeTask("", EpisodeKey("m", world, seed), {}, {}, "", ())
 

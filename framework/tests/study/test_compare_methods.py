@@ -1,4 +1,4 @@
-"""From `--vary`, `--worlds` and `--seeds` to methods, worlds and seeds; and what a wrong one is told."""
+"""From `--vary`, `--worlds` and `--seeds` to methods, worlds and seeds, and their refusals."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_the_replaced_plugins_parameters_are_dropped(config: str) -> None:
     assert vff.loaded.config.avoider.params == {}
 
 
-def test_an_alternative_takes_the_place_of_its_role_with_its_parameters(config: str) -> None:
+def test_an_alternative_replaces_the_table_of_its_role_with_its_parameters(config: str) -> None:
     first, second = methods_of(config, ["avoider=improved_vfh,forces"], (), Discovery())
     assert (second.loaded.config.avoider.plugin, second.loaded.config.avoider.instance) == ("vff", "forces")
     assert second.loaded.config.avoider.params == {"cell": 0.2}
@@ -101,7 +101,7 @@ def test_a_set_of_an_alternative_reaches_the_method(config: str) -> None:
     assert method.loaded.config.avoider.params == {"cell": 0.3}
 
 
-def test_the_changes_of_a_method_make_the_same_config_again(config: str) -> None:
+def test_the_changes_of_a_method_reproduce_its_config(config: str) -> None:
     for method in methods_of(config, ["avoider=improved_vfh,forces,vff", "controller.k1=0.5"], (), Discovery()):
         assert load_config(config, method.changes).sha256() == method.loaded.sha256()
 
@@ -118,7 +118,7 @@ def test_the_changes_of_a_method_make_the_same_config_again(config: str) -> None
         ("alternative.forces.cell=0.1", "vary the role"),
     ],
 )
-def test_a_variation_that_does_not_fit_is_told_the_nearest_fix(vary: str, told: str) -> None:
+def test_a_variation_that_does_not_fit_is_refused_with_the_nearest_fix(vary: str, told: str) -> None:
     with pytest.raises(ConfigError, match=told):
         plan_study("paper", [vary])
 
@@ -142,7 +142,7 @@ def test_seeds() -> None:
 
 
 @pytest.mark.parametrize("text", ["a", "3:3", "5:2", "-1", "1,1", "0:2,1", "0:", "0:1000000"])
-def test_seeds_that_are_none_are_refused(text: str) -> None:
+def test_texts_that_are_no_seeds_are_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"--seeds .*(expected|END|each seed once)"):
         seeds_of(text)
 
@@ -196,7 +196,7 @@ def test_a_world_brings_its_own_task_and_the_configs_belongs_to_the_configs_worl
     assert goals(study) == [(1.0, 2.0), (0.0, 6.0)] * 2
 
 
-def test_a_goal_set_by_hand_goes_before_both(config: str) -> None:
+def test_a_goal_of_set_has_precedence_over_both(config: str) -> None:
     study = plan_study(config, (), ["empty", "doorway"], changes=["navigation.goal={ x = 1.0, y = 1.0 }"])
     assert goals(study) == [(1.0, 1.0)] * 2
 
@@ -215,7 +215,7 @@ def test_the_changes_of_method_and_world_are_what_run_needs(config: str) -> None
     ("worlds", "told"),
     [(["dorway"], "did you mean 'doorway'"), (["empty", "empty"], "twice"), (["barn:none.npz#1"], "no such file")],
 )
-def test_a_wrong_world_is_told_so(worlds: list[str], told: str) -> None:
+def test_a_wrong_world_is_refused(worlds: list[str], told: str) -> None:
     with pytest.raises(ConfigError, match=told):
         plan_study("paper", worlds=worlds)
 

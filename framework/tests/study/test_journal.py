@@ -1,4 +1,4 @@
-"""The journal of a study: an episode whose line is damaged is driven again."""
+"""The journal of a study: an episode with a damaged line runs again."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def row(method: str = "a", seed: int = 0, **more: Any) -> Row:
 
 
 def resumed(folder: Path, *lines: Any) -> list[Row]:
-    """What a study goes on from, once its tables are made of it."""
+    """Episodes that a study reuses from its journal, once its tables are written."""
     with StudyFolder(folder, REQUEST):
         pass
     (folder / "journal.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines), "utf-8")
@@ -55,11 +55,11 @@ def test_whole_lines_are_taken_over(tmp_path: Path) -> None:
         ("shadows", [{**SHADOW, "differing_share": "0.1"}]),
     ],
 )
-def test_a_line_with_a_wrong_value_is_driven_again(tmp_path: Path, key: str, value: object) -> None:
+def test_an_episode_with_a_wrong_value_runs_again(tmp_path: Path, key: str, value: object) -> None:
     assert resumed(tmp_path, row().to_json(), {**row(seed=1).to_json(), key: value}) == [row()]
     assert len((tmp_path / "journal.jsonl").read_text("utf-8").splitlines()) == 1
 
 
-def test_a_shadow_that_the_study_does_not_have_is_driven_again(tmp_path: Path) -> None:
+def test_an_episode_with_an_unknown_shadow_runs_again(tmp_path: Path) -> None:
     other = row(METHOD, shadows=({**SHADOW, "instance": "dwa"},))
     assert resumed(tmp_path, other.to_json()) == []

@@ -95,14 +95,14 @@ def test_figure_eight() -> None:
     assert found["path_length"] == pytest.approx(length, rel=1e-4)
     assert found["turning"] == pytest.approx(w / v, rel=1e-4)
     assert found["steering_flips"] == pytest.approx(1.0 / length, rel=1e-4)
-    # Both circles, less a window each, and between them the acceleration goes from v w on one side to v w on the other.
+    # Both circles, less one window each; between them the acceleration changes from v w on one side to the other.
     half = 0.5 * w * JERK_WINDOW
     smoothed = (v * w**2 * 2.0 * (lap - JERK_WINDOW) + 2.0 * v * w) * math.sin(half) / half
     assert found["jerk"] == pytest.approx(smoothed, rel=5e-3)
 
 
 def stop_and_go(time: Floats) -> Floats:
-    """3 times: 1 s of standing, 0.8 s up to 0.4 m/s, 2 s at that, 0.8 s down; then 1 s of standing."""
+    """Three times: 1 s stopped, 0.8 s up to 0.4 m/s, 2 s at that speed, 0.8 s down; then 1 s stopped."""
     return np.interp(np.minimum(time, 13.8 - 1e-9) % 4.6, [0.0, 1.0, 1.8, 3.8, 4.6], [0.0, 0.0, 0.4, 0.4, 0.0])
 
 
@@ -121,7 +121,7 @@ def test_turning_on_the_spot_is_no_standstill_and_has_no_jerk() -> None:
     assert found["turning"] is None and found["steering_flips"] is None
 
 
-def test_danger_is_a_gap_within_the_way_to_stop() -> None:
+def test_danger_is_a_gap_within_the_stopping_distance() -> None:
     # At v the robot needs 0.1 v + v² / 2: at 0.4 m/s that is 0.12 m, which the gap crosses after a quarter.
     found = measure(trail(8.0, constant(0.4), clearance=lambda time: 0.14 - 0.01 * time))
     assert found["danger_share"] == pytest.approx(0.75, abs=1e-9)
@@ -151,7 +151,7 @@ def test_cross_track_of_a_sine() -> None:
     assert found["cross_track_max"] == pytest.approx(0.3)
 
 
-def test_cross_track_leaves_out_where_there_is_no_reference() -> None:
+def test_cross_track_skips_ticks_without_a_reference() -> None:
     found = measure(trail(8.0, constant(0.4), cross=lambda time: np.where(time < 4.0, np.nan, -0.2)))
     assert found["cross_track_rms"] == pytest.approx(0.2) and found["cross_track_max"] == pytest.approx(0.2)
     none = measure(trail(8.0, constant(0.4), cross=constant(math.nan)))

@@ -23,7 +23,7 @@ from navloom.study.trail import lost_trail
 
 
 def straight(seconds: int, speed: float, **more: Any) -> Trail:
-    """A drive along x in ticks of 1 s; 0.5 m/s at most, 1 m/s² to brake with, 0.1 s to notice, 120 s at most."""
+    """A drive along x in ticks of 1 s; limits: 0.5 m/s, 1 m/s² of braking, 0.1 s of reaction, 120 s."""
     time = np.arange(seconds + 1.0)
     flat = np.zeros_like(time)
     never = np.zeros(time.size, dtype=np.bool_)
@@ -69,7 +69,7 @@ ROWS: dict[str, tuple[Trail, dict[str, float | None]]] = {
         {"success": 0.0, "spl": 0.0, "time": 120.0, "path_length": 0.0, "turning": None, "steering_flips": None,
          "stopped_time": 15.0, "avoider_share": 0.25, "recoveries": 3.0, "jerk": 0.0},
     ),
-    # No way: neither for the planner nor for the disc.
+    # No path, neither for the planner nor for the disc.
     "no_path": (
         straight(1, 0.0, optimal=None, cross_track=np.full(2, np.nan), goal_distance=7.5),
         {"success": 0.0, "spl": None, "barn_2_8": None, "barn_4_8": None, "time": 120.0, "cross_track_rms": None,
@@ -98,7 +98,7 @@ ROWS: dict[str, tuple[Trail, dict[str, float | None]]] = {
                  gate_stops=1),
         {"success": 0.0, "time": 120.0, "path_length": 4.0, "stopped_time": 9.0 + 0.02 / 0.4, "gate_stops": 1.0},
     ),
-    # The worker died: nothing is left but how it ended.
+    # The worker died: only the outcome is known.
     "error": (
         lost_trail("error", "killed", optimal=7.5, **LOST),
         {"success": 0.0, "spl": 0.0, "barn_2_8": 0.0, "barn_4_8": 0.0, "time": 120.0, "path_length": None,
@@ -110,7 +110,7 @@ ROWS: dict[str, tuple[Trail, dict[str, float | None]]] = {
 
 
 @pytest.mark.parametrize("outcome", OUTCOMES)
-def test_a_row_of_each_outcome_is_what_hand_and_paper_make_it(outcome: str) -> None:
+def test_a_row_of_each_outcome_agrees_with_one_computed_by_hand(outcome: str) -> None:
     trail, expected = ROWS[outcome]
     found = measure(replace(trail, outcome=outcome))
     assert list(found) == [metric.name for metric in METRICS]
@@ -175,13 +175,13 @@ def test_metrics_have_names_units_and_say_when_they_are_undefined() -> None:
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), "far", [1.0]], ids=["nan", "inf", "text", "list"])
-def test_what_is_no_finite_number_is_refused_by_name(value: Any) -> None:
+def test_a_value_that_is_no_finite_number_is_refused_by_name(value: Any) -> None:
     odd = Metric("odd", "1", None, lambda trail: value, "Odd.")
     with pytest.raises(ValueError, match=r"metric odd: gave .*, expected a (finite )?number"):
         measure(straight(1, 0.1), (odd,))
 
 
-def test_wall_times_are_told_in_microseconds_and_a_slow_99th_is_marked() -> None:
+def test_wall_times_are_given_in_microseconds_and_a_slow_99th_percentile_is_marked() -> None:
     ticks = np.arange(1, 101) * 1_000_000
     found = timing(straight(1, 0.1, period=0.1, tick_ns=ticks))
     assert found["tick_us_p50"] == pytest.approx(50_500.0) and found["tick_us_p95"] == pytest.approx(95_050.0)
@@ -226,7 +226,7 @@ class Plain:
     ],
     ids=["class", "built_in", "column", "other", "name", "none"],
 )
-def test_what_is_no_metric_of_its_own_name_is_left_out_with_the_reason(
+def test_an_object_that_is_no_metric_of_its_name_is_left_out_with_the_reason(
     name: str, given: Any, refusal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ticks = Metric("ticks", "1", None, lambda trail: trail.time.size, "Ticks.")

@@ -1,4 +1,4 @@
-"""The open loop of a study: one drives, the others answer to the same inputs, and nothing else changes."""
+"""The open loop of a study: one method drives, the others answer to the same inputs as shadows."""
 
 from __future__ import annotations
 
@@ -86,13 +86,13 @@ def test_the_baseline_drives_and_the_others_are_its_shadows(config: str) -> None
     assert [key.method for key in study.open_loop_keys] == [METHOD, METHOD]
 
 
-def test_values_of_a_setting_stand_under_a_name_that_an_instance_can_have(config: str) -> None:
+def test_methods_that_differ_in_a_setting_get_valid_instance_names(config: str) -> None:
     study = study_of(config, "controller.k_y=10.0,20.0,30.0")
     assert study.open_loop is not None
     assert study.open_loop.shadows == {"method_1": "k_y=20.0", "method_2": "k_y=30.0"}
 
 
-def test_what_differs_in_more_than_one_role_is_left_out_by_name(config: str) -> None:
+def test_a_method_that_differs_in_more_than_one_role_is_left_out_by_name(config: str) -> None:
     study = study_of(config, "controller=kanayama,lyapunov_tracker", "navigation.speed=[0.1,0.2],[0.2,0.4]")
     assert study.open_loop is not None
     (told,) = [why for name, why in study.open_loop.left_out.items() if name.startswith("kanayama+")]
@@ -100,7 +100,7 @@ def test_what_differs_in_more_than_one_role_is_left_out_by_name(config: str) -> 
     assert len(study.open_loop.left_out) == 2 and len(study.open_loop.shadows) == 1
 
 
-def test_with_nothing_to_run_beside_it_is_refused(config: str) -> None:
+def test_an_open_loop_without_a_possible_shadow_is_refused(config: str) -> None:
     with pytest.raises(
         ConfigError, match="--open-loop: nothing can run beside as_configured: there is one method only"
     ):
@@ -121,7 +121,7 @@ def test_the_shadows_change_nothing(run: tuple[Study, Path]) -> None:
     assert beside == alone and len(set(alone.values())) == 2
 
 
-def test_open_loop_rows_are_in_a_table_of_their_own(run: tuple[Study, Path]) -> None:
+def test_open_loop_rows_are_in_a_separate_table(run: tuple[Study, Path]) -> None:
     study, folder = run
     assert len(table(folder / "episodes.csv")) == len(study.keys) == 6
     lines = table(folder / "open_loop.csv")
@@ -132,7 +132,7 @@ def test_open_loop_rows_are_in_a_table_of_their_own(run: tuple[Study, Path]) -> 
     assert all(int(row["ticks"]) > 40 and row["unanswered"] == "0" for row in lines)
 
 
-def test_it_goes_on_from_its_journal_to_the_same_table(run: tuple[Study, Path], tmp_path: Path) -> None:
+def test_continued_from_its_journal_it_gives_the_same_table(run: tuple[Study, Path], tmp_path: Path) -> None:
     study, folder = run
     lines = (folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "journal.jsonl").write_bytes(b"".join(lines[:5]))
@@ -155,7 +155,7 @@ def test_the_report_has_the_disagreement_of_each_tick(run: tuple[Study, Path], m
     told = [row for row in study.open_loop if (row["method"], row["quantity"]) == ("lyapunov_tracker", "wz")]
     kept = data.pooled("lyapunov_tracker", "wz")
     assert kept.size == sum(int(row["ticks"]) for row in told)
-    # Kept to the milliradian a second.
+    # Stored to the milliradian per second.
     assert abs(kept.max() - max(float(row["max"]) for row in told)) <= 5.1e-4
     drawn = over_time_figure(study, data)
     assert drawn is not None and drawn[1] == ["empty"] and len(drawn[0].axes) == len(data.quantities)
@@ -165,7 +165,7 @@ def test_the_report_has_the_disagreement_of_each_tick(run: tuple[Study, Path], m
     assert "The traces of all 2 episodes are those of the baseline alone, bit for bit." in page.markdown
 
 
-def test_run_tells_what_a_shadow_would_have_said(
+def test_run_prints_the_difference_of_a_shadow(
     config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["navloom", "run", config, "--out", str(tmp_path / "out")])

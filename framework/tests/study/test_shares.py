@@ -1,4 +1,4 @@
-"""Intervals of shares: textbook numbers, and that they cover."""
+"""Confidence intervals of shares: textbook numbers, and coverage."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navloom.study.statistics import compare_methods
 @pytest.mark.parametrize(
     ("hits", "trials", "low", "high"),
     [
-        # All of n: the chance that gives n of n in 2.5 % of cases is 0.025^(1/n).
+        # n of n: the probability that gives n of n in 2.5 % of cases is 0.025^(1/n).
         (50, 50, 0.025 ** (1 / 50), 1.0),
         (0, 20, 0.0, 1.0 - 0.025 ** (1 / 20)),
         (1, 1, 0.025, 1.0),
@@ -43,13 +43,13 @@ def compared(outcomes: dict[str, np.ndarray[Any, Any]]) -> Any:
 
 
 @pytest.mark.parametrize(("worlds", "seeds"), [(50, 1), (5, 10), (1, 50)], ids=["worlds", "both", "seeds"])
-def test_fifty_of_fifty_is_not_certain(worlds: int, seeds: int) -> None:
+def test_the_interval_of_fifty_of_fifty_is_wider_than_a_point(worlds: int, seeds: int) -> None:
     found = compared({"sure": np.ones((worlds, seeds))}).summary("sure", "success")
     assert (found.mean, found.high) == (1.0, 1.0) and found.low == pytest.approx(0.929, abs=1e-3)
 
 
-def test_worlds_that_all_agree_do_not_count_by_their_episodes() -> None:
-    """50 worlds of 3 episodes each: as sure as of 50 trials; one failure more is not surer than none."""
+def test_episodes_of_one_world_that_agree_count_as_one_trial() -> None:
+    """50 worlds of 3 episodes each count as 50 trials; one failure does not make the interval narrower."""
     every = np.ones((50, 3))
     low, high = share_interval(every, few=False)
     assert (low, high) == pytest.approx((0.929, 1.0), abs=1e-3)
@@ -76,7 +76,7 @@ def test_no_interval_is_beyond_what_is_possible() -> None:
 
 
 def test_bounds_cut_an_interval_that_the_resamples_would_take_further() -> None:
-    """11 values of 1 and one of 0.2 have a bootstrap that reaches beyond 1; with the bound it ends there."""
+    """The bootstrap of 11 values of 1 and one of 0.2 reaches beyond 1; with the bound it ends at 1."""
     given = [
         {"method": "m", "world": f"w{k:02}", "seed": 0, "outcome": "", "x": 0.2 if k == 0 else 1.0} for k in range(12)
     ]
@@ -96,7 +96,7 @@ def test_the_bounds_of_the_built_in_metrics() -> None:
     assert [metric.name for metric in METRICS if metric.is_share] == ["success", "false_success"]
 
 
-def test_a_share_that_is_none_is_refused_with_its_place() -> None:
+def test_a_value_that_is_no_share_is_refused_with_its_place() -> None:
     given = [{"method": "m", "world": "w00", "seed": 0, "outcome": "", "success": 2.0}]
     success = next(metric for metric in METRICS if metric.name == "success")
     with pytest.raises(ValueError, match=r"success of m in w00 with seed 0 is 2\.0, expected 1 or 0"):
@@ -107,7 +107,7 @@ def test_a_share_that_is_none_is_refused_with_its_place() -> None:
     ("worlds", "seeds", "few"), [(1, 20, True), (5, 4, True), (50, 1, False), (20, 3, False)], ids=str
 )
 def test_shares_and_their_differences_are_covered(worlds: int, seeds: int, few: bool) -> None:
-    """Chances differ by world (Beta 2, 1); the other method has 0.85 of each."""
+    """Probabilities of success differ by world (Beta 2, 1); the other method has 0.85 of each."""
     rng, hits, runs = np.random.default_rng(9), np.zeros(2), 300
     for _ in range(runs):
         chance = rng.beta(2.0, 1.0, (worlds, 1))

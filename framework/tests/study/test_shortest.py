@@ -29,7 +29,7 @@ def length(*obstacles: Box | Cylinder, start: Place = START, goal: Place = GOAL,
     return optimal_length(World("w", obstacles), start, goal, radius, 1.2)
 
 
-def test_the_way_is_straight_where_nothing_stands() -> None:
+def test_the_way_is_straight_in_an_empty_world() -> None:
     assert length() == 10.0
     assert length(Cylinder("beside", 5.0, 1.5, 1.0)) == 10.0
     assert length(goal=START) == 0.0
@@ -94,7 +94,7 @@ def test_there_is_no_way_into_a_closed_room() -> None:
     assert length(*room) is None
 
 
-def test_what_moves_appears_later_or_hangs_above_does_not_count() -> None:
+def test_obstacles_that_move_appear_later_or_hang_above_do_not_count() -> None:
     wall = (4.0, 4.2), (-3.0, 3.0)
     assert length(Box("late", *wall, appears_at=1.0), Box("girder", *wall, (1.2, 1.4))) == 10.0
     assert length(Box("swept", *wall, appears_after_sweep=True)) == 10.0
@@ -126,7 +126,7 @@ def test_the_gates_of_the_paper() -> None:
 
 
 def test_the_corridor_of_the_paper_is_longer_and_with_it_closed_there_is_no_way() -> None:
-    # Corners (4.2, 5.2) and (4.2, 6.8) of the partition; from the second the way rises to the goal, clear of the third.
+    # Corners (4.2, 5.2) and (4.2, 6.8) of the partition; from the second the way goes to the goal, clear of the third.
     before, after = math.hypot(4.2, 5.2), math.hypot(4.2, 0.8)
     bend_in = math.atan2(4.2, 5.2) + math.asin(0.4 / before)
     bend_out = math.pi / 2 - math.atan2(0.8, 4.2) + math.asin(0.4 / after)
@@ -184,7 +184,7 @@ def test_a_one_cell_corridor_is_passed_on_its_middle_line() -> None:
 
 
 def cells_and_boxes(seed: int) -> tuple[World, World]:
-    """A random raster with a wall round it, and the same with a box for each cell."""
+    """A random raster with a wall round it, and the same world with a box for each cell."""
     cells = np.random.default_rng(seed).random((14, 14)) < 0.18
     cells[[0, -1]] = cells[:, [0, -1]] = True
     cells[2:4, 2:4] = cells[-4:-2, -4:-2] = False
@@ -194,7 +194,7 @@ def cells_and_boxes(seed: int) -> tuple[World, World]:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_the_optimum_on_a_raster_is_nearly_the_exact_one(seed: int) -> None:
-    """Against the exact tangent graph with one box a cell; the search may choose a way that is a little longer."""
+    """Compared with the exact tangent graph of one box for each cell; the search may be a little longer."""
     raster, boxes = cells_and_boxes(seed)
     start, goal = Place(3.0, 3.0), Place(11.0, 11.0)
     found = optimal_length(raster, start, goal, 0.3, 1.2)
@@ -249,7 +249,7 @@ def scattered(stream: np.random.Generator, count: int, size: float) -> World:
 
 
 def compare_with_the_whole_graph(seed: int) -> bool:
-    """Whether there is a way, which must be as long as in the graph of all tangents."""
+    """Check that the way is as long as in the graph of all tangents; returns whether there is one."""
     stream = np.random.default_rng(seed)
     world, radius = scattered(stream, int(stream.integers(2, 40)), 10.0), float(stream.choice([0.1, 0.25, 0.5]))
     ends = Place(-0.7, -0.7), Place(11.5, 11.5)
@@ -275,7 +275,7 @@ def test_the_lazy_search_finds_the_way_of_the_whole_tangent_graph_in_hundreds_of
     assert sum(compare_with_the_whole_graph(seed) for seed in range(100, 900)) >= 500
 
 
-def test_buckets_answer_as_all_shapes_would() -> None:
+def test_a_search_with_buckets_gives_the_same_answer_as_over_all_shapes() -> None:
     stream = np.random.default_rng(3)
     world = scattered(stream, 200, 20.0)
     shapes = shortest._shapes([*world.obstacles, Box("long", (-30.0, 50.0), (9.0, 9.1), yaw=0.4)], Place(0.0, 0.0), 0.3)
@@ -298,7 +298,7 @@ def test_buckets_answer_as_all_shapes_would() -> None:
 
 
 def looked_at(count: int) -> tuple[int, int]:
-    """Sides that the search opened, and tangents it looked at, in a world of `count` boxes of one density."""
+    """Sides that the search expanded, and tangents it tested, in a world of `count` boxes of constant density."""
     size = math.sqrt(count / 0.15)
     corners = np.random.default_rng(7).uniform(0.0, size, (count, 2)).tolist()
     boxes = [Box(f"{k}", (x, x + 0.8), (y, y + 0.5), yaw=x) for k, (x, y) in enumerate(corners)]
@@ -311,7 +311,7 @@ def looked_at(count: int) -> tuple[int, int]:
 
 
 def test_the_work_grows_with_the_boxes_and_not_with_their_square() -> None:
-    """The whole graph looks at 8 times n (n - 1) / 2 tangents of n circles: 4 million for 250 boxes, 64 for 1000."""
+    """The whole graph tests 8 n (n - 1) / 2 tangents of n circles: 4 million for 250 boxes, 64 million for 1000."""
     few, many = looked_at(250), looked_at(1000)
     assert many[0] < 8 * few[0]
     assert many[1] < 8 * few[1]

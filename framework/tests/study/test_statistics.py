@@ -1,4 +1,4 @@
-"""Intervals that cover, tests that are fair under the null, and comparisons that can be checked by hand."""
+"""Intervals with coverage, tests with uniform p-values under the null, and comparisons checked by hand."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_holm_on_a_textbook_family() -> None:
     ],
     ids=["all", "mixed", "none", "balanced", "missing", "strata", "strata_mixed"],
 )
-def test_few_sign_flips_are_counted_out(values: list[float], strata: list[int], chance: float) -> None:
+def test_few_sign_flips_are_enumerated(values: list[float], strata: list[int], chance: float) -> None:
     found = sign_flip_p(column(*values), np.array(strata), np.random.default_rng(0), 100)
     assert found.tolist() == [chance]
 
@@ -56,7 +56,7 @@ def test_many_sign_flips_are_sampled() -> None:
     assert all_alike.tolist() == [1 / 1001]
 
 
-def test_a_column_without_values_has_no_chance_and_no_interval() -> None:
+def test_a_column_without_values_has_no_p_value_and_no_interval() -> None:
     units = np.array([[NAN, 1.0], [NAN, 2.0], [NAN, 4.0]])
     assert np.isnan(sign_flip_p(units, ONE[:3], np.random.default_rng(0), 100)).tolist() == [True, False]
     assert [np.isnan(part).tolist() for part in intervals(units, ONE[:3], np.random.default_rng(0), 100)] == [
@@ -65,7 +65,7 @@ def test_a_column_without_values_has_no_chance_and_no_interval() -> None:
 
 
 @pytest.mark.parametrize("count", [12, 25], ids=["exact", "sampled"])
-def test_chances_are_uniform_under_the_null(count: int) -> None:
+def test_p_values_are_uniform_under_the_null(count: int) -> None:
     rng = np.random.default_rng(7)
     chances = np.concatenate([sign_flip_p(rng.standard_normal((count, 50)), ONE[:count], rng, 999) for _ in range(12)])
     for level in (0.05, 0.2, 0.5, 0.8):
@@ -74,10 +74,10 @@ def test_chances_are_uniform_under_the_null(count: int) -> None:
 
 
 def covered(rng: np.random.Generator, repetitions: int, few: bool, skewed: bool = False, whole: bool = False) -> float:
-    """How often the 95 % interval has the truth in it: clustered data, 30 columns a repetition.
+    """Share of 95 % intervals that contain the truth: clustered data, 30 columns in each repetition.
 
-    Worlds differ by 3, episodes of one by 1. `few`: 5 worlds, and the truth is their mean; else 12, and it is the mean
-    of all there could be. `whole`: as if episodes were independent.
+    Worlds differ by a deviation of 3, episodes of one world by 1. `few`: 5 worlds, whose mean is the truth; else 12,
+    and the truth is the mean of all possible worlds. `whole`: treat episodes as independent.
     """
     hits = []
     for _ in range(repetitions):
@@ -101,7 +101,7 @@ def test_the_interval_covers_the_truth_of_clustered_data(few: bool, least: float
     assert least <= covered(np.random.default_rng(11), 20, few) <= most
 
 
-def test_episodes_taken_as_independent_would_promise_too_much() -> None:
+def test_intervals_of_episodes_treated_as_independent_cover_too_little() -> None:
     assert covered(np.random.default_rng(11), 20, few=False, whole=True) < 0.75
 
 
@@ -109,7 +109,7 @@ def test_episodes_taken_as_independent_would_promise_too_much() -> None:
 @pytest.mark.parametrize("skewed", [False, True], ids=["normal", "skewed"])
 @pytest.mark.parametrize("few", [True, False], ids=["these", "like"])
 def test_the_interval_covers_the_truth_over_many_repetitions(few: bool, skewed: bool) -> None:
-    # Worlds of a skewed kind, 12 of them: no interval of a mean does better than 0.90 to 0.93 there.
+    # 12 worlds of a skewed distribution: no interval of a mean covers more than 0.90 to 0.93 there.
     least = 0.90 if skewed and not few else 0.935
     assert least <= covered(np.random.default_rng(3), 300, few, skewed) <= 0.965
 
@@ -204,7 +204,7 @@ def test_the_worst_worlds_come_first_with_their_worst_episode() -> None:
 
 
 def many(worlds: int, better: float = 0.0) -> Iterator[dict[str, Any]]:
-    """Worlds of two seeds, in which the new method is faster by so much, s, and noise of 1 s."""
+    """Rows of worlds with two seeds: the new method is faster by given s, with noise of 1 s."""
     rng = np.random.default_rng(12)
     for number, seed in itertools.product(range(worlds), range(2)):
         base = 20.0 + number
@@ -238,7 +238,7 @@ def test_one_seed_suffices_for_many_worlds_and_not_for_few() -> None:
     assert few.estimate.low is None and few.p == 2 / 2**5
 
 
-def test_rows_may_be_text_and_their_order_decides_nothing_but_that_of_methods() -> None:
+def test_rows_may_be_text_and_their_order_sets_only_the_order_of_methods() -> None:
     written = [{key: "" if value is None else str(value) for key, value in one.items()} for one in SMALL]
     assert small(written) == small()
     turned = [*SMALL[:1], *reversed(SMALL[1:])]
@@ -270,7 +270,7 @@ def test_rows_that_cannot_be_compared_are_refused(rows: list[dict[str, Any]], ba
     assert str(caught.value).startswith(refusal)
 
 
-def test_what_was_not_compared_is_a_key_error() -> None:
+def test_a_pair_that_was_not_compared_is_a_key_error() -> None:
     with pytest.raises(KeyError):
         small().summary("old", "spl")
     with pytest.raises(KeyError):

@@ -1,4 +1,4 @@
-"""What is kept of a way: small, the same bytes each time, and enough to draw it."""
+"""Files of tracks: small, with reproducible bytes, and enough to draw the track."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from navloom.study.trail import lost_trail
 
 
 def circle(ticks: int) -> Trail:
-    """Once round a circle of 2 m in 20 s; the avoider drives in the second half."""
+    """A track once round a circle of 2 m in 20 s; the avoider drives in the second half."""
     time = np.linspace(0.0, 20.0, ticks)
     flat = np.zeros(ticks)
     angle = 0.1 * math.pi * time
@@ -34,7 +34,7 @@ def kept(folder: Path, content: bytes, key: EpisodeKey) -> None:
     (folder / FOLDER / file_of(key)).write_bytes(content)
 
 
-def test_a_way_comes_back_to_the_millimetre(tmp_path: Path) -> None:
+def test_a_track_is_stored_to_the_millimetre(tmp_path: Path) -> None:
     trail, key = circle(401), EpisodeKey("vff", "clutter:0", 3)
     kept(tmp_path, encoded(trail, (1.0, -2.5), 0.2), key)
     track = read_track(tmp_path, key)
@@ -46,13 +46,13 @@ def test_a_way_comes_back_to_the_millimetre(tmp_path: Path) -> None:
     assert (track.goal.tolist(), track.tolerance) == ([1.0, -2.5], 0.2)
 
 
-def test_the_same_way_is_the_same_bytes_and_small_however_long() -> None:
+def test_the_same_track_gives_the_same_bytes_and_a_long_one_stays_small() -> None:
     assert encoded(circle(2401), None, 0.0) == encoded(circle(2401), None, 0.0)
-    # Five thousand of these are 20 MB at most.
+    # 5000 of these take 20 MB at most.
     assert len(encoded(circle(24_001), None, 0.0)) < 4_000
 
 
-def test_disagreements_are_kept_where_there_are_any(tmp_path: Path) -> None:
+def test_disagreements_of_shadows_are_stored_if_there_are_any(tmp_path: Path) -> None:
     one = Disagreement("avoider", "vff")
     for tick in range(4):
         one.add(tick, 0.05 * tick, "improved_vfh", {"vx": 0.0, "wz": -0.25 * tick})
@@ -64,19 +64,19 @@ def test_disagreements_are_kept_where_there_are_any(tmp_path: Path) -> None:
     assert track.shadow_time["vff wz"] == pytest.approx([0.0, 0.05, 0.1, 0.15])
 
 
-def test_of_an_episode_that_never_began_nothing_is_kept() -> None:
+def test_an_episode_that_never_began_has_no_file() -> None:
     nothing = lost_trail("error", "", period=0.1, limit=1.0, max_linear=1.0, max_deceleration=1.0, reaction=0.1)
     assert encoded(nothing, (0.0, 0.0), 0.2) == b""
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"text"], ids=["empty", "cut", "text"])
-def test_a_damaged_file_is_no_way(tmp_path: Path, content: bytes) -> None:
+def test_a_damaged_file_gives_no_track(tmp_path: Path, content: bytes) -> None:
     key = EpisodeKey("vff", "empty", 0)
     kept(tmp_path, content, key)
     assert read_track(tmp_path, key) is None
 
 
-def test_a_file_with_other_arrays_is_no_way(tmp_path: Path) -> None:
+def test_a_file_with_other_arrays_gives_no_track(tmp_path: Path) -> None:
     key = EpisodeKey("vff", "empty", 0)
     kept(tmp_path, b"", key)
     with zipfile.ZipFile(tmp_path / FOLDER / file_of(key), "w") as archive:

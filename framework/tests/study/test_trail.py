@@ -33,7 +33,7 @@ from toys import discovery, toy_config
 
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Episode:
-    """3 m straight ahead by the toys, which need no warming up."""
+    """A run of the toys, 3 m straight ahead; they need no warm-up."""
     return run_episode(toy_config(tmp_path_factory.mktemp("toy")), discovery=discovery())
 
 
@@ -45,7 +45,7 @@ def test_a_trail_has_one_entry_a_tick(toy: Episode) -> None:
     assert trail.tick_ns.size == toy.log.ticks and (trail.tick_ns < np.array(toy.log.tick_ns)).all()
 
 
-def test_what_a_trail_says_is_what_happened(toy: Episode) -> None:
+def test_a_trail_agrees_with_the_drive(toy: Episode) -> None:
     trail = toy.trail
     assert (trail.outcome, trail.reason) == ("succeeded", "the goal was reached")
     # 3 m to the goal, and the tolerance of 0.2 m need not be driven.
@@ -68,8 +68,8 @@ def test_the_metrics_agree_with_the_summary_of_the_run(toy: Episode) -> None:
     assert found["success"] == 1.0 and found["collisions"] == summary["collisions"] == 0
 
 
-def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) -> None:
-    """A robot that is 1 m to the left of where it believes to be arrives 1 m beside its goal."""
+def test_truth_decides_whether_a_robot_that_reports_success_has_arrived(tmp_path: Path) -> None:
+    """A robot that is 1 m to the left of its estimated place arrives 1 m beside its goal."""
     episode = run_episode(toy_config(tmp_path), discovery=discovery())
     moved = [(t, x, y + 1.0, *rest) for t, x, y, *rest in episode.recorder.truth]
     episode.recorder.truth[:] = moved
@@ -85,11 +85,11 @@ def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) ->
 
 
 def test_with_via_points_plan_and_shortest_way_are_of_all_legs(tmp_path: Path) -> None:
-    """From the origin 1.5 m ahead, and then to 3 m ahead: two plans, and the last 0.2 m are tolerance."""
+    """From the origin to 1.5 m, then to 3 m ahead: two plans; the last 0.2 m are tolerance."""
     episode = run_episode(toy_config(tmp_path, "navigation.via=[{ x = 1.5, y = 0.0 }]"), discovery=discovery())
     summary, plans = episode.summary(), episode.recorder.plans
     assert summary["outcome"] == "succeeded" and len(plans) == 2
-    # The second leg begins where the first one was within its tolerance.
+    # The second leg begins where the robot came within the tolerance of the first.
     assert plans[0].length == pytest.approx(1.5) and plans[1].length > 1.5
     assert summary["plan_length_m"] == plans[0].length + plans[1].length
     assert (summary["optimal_length_m"], summary["optimal_to_tolerance_m"]) == pytest.approx((3.0, 2.8))
@@ -117,7 +117,7 @@ def test_the_reference_length_is_the_world_s_for_the_world_s_own_task(toy: Episo
     assert ways_of(replace(system, world=other)).reference == pytest.approx(3.0)
 
 
-def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> None:
+def test_a_stop_by_the_gate_counts_from_the_tick_in_which_it_acts(tmp_path: Path) -> None:
     events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 5.0\ndo = "resume"\n'
     trail = run_episode(toy_config(tmp_path, more=events), discovery=discovery()).trail
     stopped = trail.time[trail.stopped_by_gate]
@@ -127,7 +127,7 @@ def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> No
     assert measure(trail)["stopped_time"] == pytest.approx(3.0, abs=0.3)
 
 
-def test_the_shortest_way_is_searched_for_once_a_world(toy: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shortest_way_is_computed_once_for_each_world(toy: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
     from navloom.study.optimal import shortest
 
     calls: list[object] = []
@@ -151,7 +151,7 @@ def truth(x: float, clearance: float, touching: bool = False) -> Truth:
 
 
 def fed(toy: Episode, world: World | None, messages: Sequence[tuple[Message, Envelope]]) -> Episode:
-    """An episode of the toys' robot with a recorder that was told these messages."""
+    """An episode of the toys' robot with a recorder that received these messages."""
     recorder = Recorder()
     for message, at in messages:
         recorder.on_message("role", "main", True, "port", message, at)

@@ -1,4 +1,4 @@
-"""Scenes of the behaviour tier: what is seen of them, how far things are, and how they are made smaller."""
+"""Scenes of the behaviour tier: what sensors see of them, their distances, and how they are shrunk."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from navloom.testing.tiers import TIERS
 PLAIN = Scene(Place(0.0, 0.0), (5.0, 0.0), (Post(2.0, 0.0, 0.5),), (Wall(0.0, 1.0, 4.0, 1.0),))
 
 
-def test_beams_meet_a_post_and_a_wall_where_they_stand() -> None:
+def test_beams_meet_a_post_and_a_wall_at_their_places() -> None:
     seen = PLAIN.ranges((0.0, 0.0), np.array([0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi]), 10.0)
     assert seen == pytest.approx([1.5, 1.0, math.inf, math.inf])
 
 
-def test_what_is_out_of_reach_gives_no_echo() -> None:
+def test_an_obstacle_out_of_range_gives_no_echo() -> None:
     assert PLAIN.ranges((0.0, 0.0), np.array([0.0]), 1.4)[0] == math.inf
 
 
@@ -55,7 +55,7 @@ def test_a_mirrored_scene_has_left_and_right_exchanged() -> None:
     assert PLAIN.mirrored().ranges((0.0, 0.0), -directions, 10.0) == pytest.approx(here, abs=1e-12)
 
 
-def test_a_raster_is_occupied_where_something_stands() -> None:
+def test_a_raster_is_occupied_where_obstacles_are() -> None:
     grid: OccupancyGrid = grid_of(PLAIN)
     row, col = (math.floor((v - o) / 0.05) for v, o in ((0.0, grid.origin.y), (2.0, grid.origin.x)))
     assert grid.cells[row, col] == 100
@@ -70,7 +70,7 @@ def test_the_oracle_goes_straight_where_it_can_and_round_where_it_must() -> None
     assert shortest(around, 0.1) == pytest.approx(tangent + arc, abs=0.03)
 
 
-def test_a_failing_scene_shrinks_to_what_makes_it_fail() -> None:
+def test_a_failing_scene_shrinks_to_the_obstacle_that_makes_it_fail() -> None:
     scene = Scene(Place(0.0, 0.0), (5.0, 0.0), tuple(Post(float(x), 2.0, 0.1) for x in range(6)), PLAIN.walls)
 
     def measure(make: Maker, given: Scene) -> Measured:
@@ -88,7 +88,7 @@ def test_no_scene_begins_in_contact(seed: int) -> None:
         assert scene.gap(scene.start.x, scene.start.y, scene.start.heading) > 0.01
 
 
-def test_each_check_of_all_tiers_has_a_name_of_its_own() -> None:
+def test_each_check_of_all_tiers_has_a_unique_name() -> None:
     names = [check.name for checks in TIERS.values() for check in checks]
     assert len(names) == len(set(names))
     assert {claim.value for claim in Claim} <= set(names)

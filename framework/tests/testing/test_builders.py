@@ -61,7 +61,7 @@ def test_a_sweep_meets_wall_and_floor():
     assert seen.ranges[:, 0] == pytest.approx([0.5 / math.sin(math.radians(30.0)), 2.0])
 
 
-def test_scenes_are_as_wide_as_they_say():
+def test_scenes_have_the_stated_width():
     assert scan(closed(0.8), beams=4, field_of_view=math.radians(270.0)).ranges[1:3] == pytest.approx(
         [0.8 / math.cos(math.radians(45.0))] * 2
     )

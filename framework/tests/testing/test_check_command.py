@@ -21,7 +21,7 @@ def test_a_shipped_controller_passes(in_process):
     assert told["results"][0]["command"] == "navloom check controller.lyapunov_tracker --only registers --seed 0"
 
 
-def test_what_is_not_installed_is_a_wrong_request(in_process):
+def test_a_plugin_that_is_not_installed_is_a_wrong_request(in_process):
     code, _, err = in_process("check", "avoider.improved_vhf")
     assert code == 2 and "did you mean 'improved_vfh'?" in err
     code, _, err = in_process("check", "avoider.vff", "--only", "repeat")

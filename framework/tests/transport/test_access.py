@@ -1,7 +1,7 @@
-"""Who gets what through a router over TLS, with real sessions; and who does not get in at all.
+"""Access rules of a router over TLS, with real sessions: what each identity may do, and who is not admitted.
 
-That something does not arrive is shown by order, not by waiting: what is allowed, sent after it by the same session at
-the same priority, does arrive.
+That a message does not arrive is shown by order, not by waiting: an allowed message that the same session sends after
+it, at the same priority, does arrive.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def free_port() -> int:
 
 
 def _who_may(key: str) -> str:
-    """Who may ask for a key."""
+    """Kinds of identity that may query a key."""
     return "shadow.avoider.forces" if key.endswith("/memory") else "operator"
 
 
@@ -66,7 +66,7 @@ def opened(given: dict[str, Any]) -> zenoh.Session:
 
 
 class Ear:
-    """What a session hears, in order."""
+    """Messages that a session receives, in order."""
 
     def __init__(self, session: zenoh.Session, *key_exprs: str) -> None:
         self._heard: list[tuple[str, str]] = []
@@ -80,18 +80,18 @@ class Ear:
             self._news.notify_all()
 
     def heard(self, key: str, text: str, patience: float = SOON) -> bool:
-        """Whether this arrives in time."""
+        """Whether a message arrives in time."""
         with self._news:
             return self._news.wait_for(lambda: (key, text) in self._heard, patience)
 
     def keys(self, text: str) -> list[str]:
-        """Where a text has arrived."""
+        """Keys on which a text has arrived."""
         with self._news:
             return [key for key, said in self._heard if said == text]
 
 
 class Net:
-    """A router and everybody it knows, on one host, over TLS."""
+    """A router and a client of every identity, on one host, over TLS."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self.folder, self.port = folder, free_port()
@@ -108,7 +108,7 @@ class Net:
         self._settle()
 
     def hold(self, declared: Any) -> None:
-        """Hold what was declared for as long as the network lasts."""
+        """Keep a declaration for as long as the network lasts."""
         self._queryables.append(declared)
 
     def keep(self, session: zenoh.Session) -> zenoh.Session:
@@ -127,7 +127,7 @@ class Net:
         return session.declare_queryable(key, zenoh.handlers.Callback(answer, indirect=False), complete=True)
 
     def _settle(self) -> None:
-        """Wait until the declarations of the robot's own process are known at the router."""
+        """Wait until the router knows the declarations of the robot's own process."""
         for attempt in range(1000):
             self.sessions["operator"].put("lab/r1/operator/main/command", f"hello {attempt}")
             answered = all(self.ask(_who_may(key), key, "hello") for key in SERVED)
@@ -136,7 +136,7 @@ class Net:
         raise AssertionError("the robot's own process is not heard")
 
     def ask(self, who: str, key: str, text: str = "") -> list[str]:
-        """Keys of the answers a session gets, asked up to three times: the router drops what comes too soon."""
+        """Keys of the answers to a query, sent up to three times, as the router drops queries that come too soon."""
         for _ in range(3):
             replies = self.sessions[who].get(
                 f"lab/r1/{key}",
@@ -161,7 +161,7 @@ def net(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Net]:
 
 
 def repeat_until(heard: Callable[[float], bool], send: Callable[[], None]) -> bool:
-    """Send until it is heard: a declaration may still be on its way to the router."""
+    """Send until a message arrives: a declaration may still be on its way to the router."""
     for _ in range(500):
         send()
         if heard(0.02):
@@ -172,13 +172,13 @@ def repeat_until(heard: Callable[[float], bool], send: Callable[[], None]) -> bo
 # --- the rules themselves -------------------------------------------------------------------------------------------
 
 
-def test_everything_that_is_kept_for_late_joiners_can_be_asked_for() -> None:
+def test_every_stream_for_late_joiners_can_be_queried() -> None:
     readable = [zenoh.KeyExpr(key) for key in READABLE]
     for role, port in retained_ports():
         assert any(key.includes(zenoh.KeyExpr(f"{role}/main/{port}")) for key in readable), f"{role} {port}"
 
 
-def test_every_service_that_acts_is_an_operators_to_ask() -> None:
+def test_the_access_rules_list_every_service_that_acts() -> None:
     assert {key.split("/", 2)[-1] for key in ACTING} == RANKS.keys() - {"memory"}
 
 
@@ -216,7 +216,7 @@ def test_a_name_that_would_widen_the_rules_is_refused(realm: str, robot: str) ->
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
-def test_who_reads_hears_every_message(net: Net, who: str) -> None:
+def test_a_reader_receives_every_message(net: Net, who: str) -> None:
     ear = Ear(net.sessions[who], "lab/r1/*/*/*")
     key = "lab/r1/gate/main/command"
 
@@ -227,7 +227,7 @@ def test_who_reads_hears_every_message(net: Net, who: str) -> None:
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
-def test_who_reads_may_ask_who_is_alive_and_all_but_viewers_are_told(net: Net, who: str) -> None:
+def test_readers_may_query_liveliness_and_all_but_viewers_are_notified(net: Net, who: str) -> None:
     seen, key = threading.Event(), f"lab/r1/gate/{who}/alive/1"
     token = net.sessions["nodes"].liveliness().declare_token(key)
     watching = (
@@ -252,14 +252,14 @@ def test_who_reads_may_ask_who_is_alive_and_all_but_viewers_are_told(net: Net, w
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
-def test_who_reads_may_ask_what_does_not_act(net: Net, who: str) -> None:
+def test_readers_may_query_services_that_do_not_act(net: Net, who: str) -> None:
     assert net.ask(who, "gate/main/status") == ["gate/main/status"]
     assert net.ask(who, "*/*/describe") == ["avoider/vfh/describe"]
     assert net.ask(who, "avoider/vfh/params/get") == ["avoider/vfh/params/get"]
 
 
 @pytest.mark.parametrize("who", ["viewer", "shadow.avoider.forces"])
-def test_who_only_reads_asks_no_service_that_acts_however_it_is_spelled(net: Net, who: str) -> None:
+def test_readers_reach_no_service_that_acts_by_any_spelling_of_its_key(net: Net, who: str) -> None:
     acting = [key.replace("*", "vfh") for key in ACTING]
     for key in (
         *acting,
@@ -278,21 +278,21 @@ def test_who_only_reads_asks_no_service_that_acts_however_it_is_spelled(net: Net
     assert [line for line in net.asked if line.startswith(who)] == [f"{who} last lab/r1/gate/main/status"]
 
 
-def test_what_the_robot_must_not_forget_is_asked_for_by_what_runs_nodes_alone(net: Net) -> None:
+def test_only_node_processes_may_query_the_memory(net: Net) -> None:
     assert net.ask("shadow.avoider.forces", "process/*/memory") == ["process/think/memory"]
     for who in ("viewer", "operator"):
         assert net.ask(who, "process/*/memory") == []
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
-def test_a_question_that_only_reads_passes_the_router_up_to_its_bound(net: Net, who: str) -> None:
+def test_a_reading_query_passes_the_router_up_to_its_size_limit(net: Net, who: str) -> None:
     fits, large = "f" * SMALL_QUESTION, "l" * (SMALL_QUESTION + 1)
     assert net.ask(who, "*/*/describe", fits) == ["avoider/vfh/describe"]
     assert net.ask(who, "*/*/describe", large) == []
     assert f"{large} lab/r1/avoider/vfh/describe" not in net.asked
 
 
-def test_of_a_flood_of_questions_that_only_read_few_pass_the_router_and_the_others_end_at_once(net: Net) -> None:
+def test_of_a_flood_of_reading_queries_few_pass_and_the_others_end_at_once(net: Net) -> None:
     began, ended = time.monotonic(), 0
     while time.monotonic() - began < 0.5:
         for _ in net.sessions["viewer"].get("lab/r1/*/*/describe", payload=b"flood", timeout=SOON):
@@ -302,7 +302,7 @@ def test_of_a_flood_of_questions_that_only_read_few_pass_the_router_and_the_othe
     assert 1 <= passed <= 15 and ended >= 3 * passed  # 20 a second
 
 
-def test_of_a_flood_of_an_operators_commands_few_pass_the_router(net: Net) -> None:
+def test_of_a_flood_of_an_operators_commands_few_pass(net: Net) -> None:
     operator, key, began, sent = net.sessions["operator"], "lab/r1/operator/main/command", time.monotonic(), 0
     while time.monotonic() - began < 0.4:
         operator.put(key, "flood")
@@ -311,7 +311,7 @@ def test_of_a_flood_of_an_operators_commands_few_pass_the_router(net: Net) -> No
     assert 1 <= len(net.robot.keys("flood")) <= 150 < sent  # 250 a second
 
 
-def test_a_question_that_acts_passes_the_router_up_to_its_bound(net: Net) -> None:
+def test_an_acting_query_passes_the_router_up_to_its_size_limit(net: Net) -> None:
     assert net.ask("operator", "goal/main/submit", "s" * QUESTION) == ["goal/main/submit"]
     assert net.ask("operator", "goal/main/submit", "s" * (QUESTION + 1)) == []
 
@@ -319,15 +319,15 @@ def test_a_question_that_acts_passes_the_router_up_to_its_bound(net: Net) -> Non
 @pytest.mark.parametrize(
     ("who", "key"), [("operator", "operator/main/command"), ("shadow.avoider.forces", "avoider/forces/command")]
 )
-def test_a_command_passes_the_router_up_to_its_bound(net: Net, who: str, key: str) -> None:
+def test_a_command_passes_the_router_up_to_its_size_limit(net: Net, who: str, key: str) -> None:
     large, fits = f"{who} ".ljust(COMMAND + 1), f"{who} ".ljust(COMMAND)
     for text in (large, fits):
-        time.sleep(AGAIN)  # of two at once the second is dropped, whatever becomes of the first
+        time.sleep(AGAIN)  # of two at once the router drops the second, whatever happens to the first
         net.sessions[who].put(f"lab/r1/{key}", text)
     assert net.robot.heard(f"lab/r1/{key}", fits) and net.robot.keys(large) == []
 
 
-def test_what_a_shadow_that_makes_no_maps_says_is_bounded_and_a_map_of_the_robots_own_is_not(net: Net) -> None:
+def test_messages_of_a_shadow_without_maps_are_limited_and_the_robots_own_maps_are_not(net: Net) -> None:
     shadow, large = net.sessions["shadow.avoider.forces"], "l" * (PLAIN_ANSWER + 1)
     shadow.put("lab/r1/avoider/forces/step", large)
     shadow.put("lab/r1/avoider/forces/step", large[1:])
@@ -348,7 +348,7 @@ def test_a_viewers_messages_do_not_arrive(net: Net) -> None:
     assert net.robot.keys("from viewer") == []
 
 
-def test_a_viewer_cannot_answer_in_the_robots_place(net: Net) -> None:
+def test_a_viewer_cannot_answer_in_place_of_the_robot(net: Net) -> None:
     net.sessions["viewer"].put("lab/r1/gate/main/command", "after")
     served: list[str] = []
 
@@ -365,7 +365,7 @@ def test_a_viewer_cannot_answer_in_the_robots_place(net: Net) -> None:
     lying.undeclare()
 
 
-def test_where_the_streams_are_known_a_viewer_hears_these_alone_and_each_by_its_name(net: Net) -> None:
+def test_with_known_streams_a_viewer_receives_only_those_and_each_by_its_key(net: Net) -> None:
     end, stream = f"tls/127.0.0.1:{free_port()}", "gate/main/command"
     link = Link("router", (end,), (), net.folder, "router", streams=(stream,))
     net.keep(opened(settings(link)))
@@ -402,7 +402,7 @@ def test_an_operator_may_act(net: Net, key: str) -> None:
     assert net.ask("operator", key) == [key]
 
 
-def test_an_operator_drives_by_the_gate_and_not_past_it(net: Net) -> None:
+def test_an_operator_drives_only_through_the_gate(net: Net) -> None:
     operator = net.sessions["operator"]
     for key in ("gate/main/command", "avoider/vfh/command", "gate/main/selection", "operator/main/command"):
         operator.put(f"lab/r1/{key}", "from operator")
@@ -410,7 +410,7 @@ def test_an_operator_drives_by_the_gate_and_not_past_it(net: Net) -> None:
     assert net.robot.keys("from operator") == ["lab/r1/operator/main/command"]
 
 
-def test_a_shadow_speaks_for_itself_alone(net: Net) -> None:
+def test_a_shadow_publishes_only_under_its_own_name(net: Net) -> None:
     shadow, own = net.sessions["shadow.avoider.forces"], "lab/r1/avoider/forces/command"
     for key in (
         "gate/main/command",
@@ -425,7 +425,7 @@ def test_a_shadow_speaks_for_itself_alone(net: Net) -> None:
     assert net.robot.keys("from shadow") == [own]
 
 
-def test_a_shadow_answers_and_lives_under_its_own_name(net: Net) -> None:
+def test_a_shadow_answers_and_announces_itself_only_under_its_own_name(net: Net) -> None:
     shadow, seen = net.sessions["shadow.avoider.forces"], threading.Event()
     alive: list[str] = []
 
@@ -468,7 +468,7 @@ def test_another_robots_keys_are_out_of_reach(net: Net) -> None:
     assert {key.split("/")[1] for key in ear.keys("to whom")} == {"r1"}
 
 
-def test_who_is_not_on_the_routers_list_gets_nothing(net: Net) -> None:
+def test_an_identity_that_the_router_does_not_list_gets_nothing(net: Net) -> None:
     add_identity(net.folder, Identity("late", "operator"), (), 30, datetime.now(UTC))
     net.sessions["late"] = net.join("late")
     assert net.ask("late", "gate/main/stop", "late") == []
@@ -494,7 +494,7 @@ def test_a_peer_that_listens_over_tls_keeps_the_same_rules(net: Net) -> None:
     assert set(ear.keys("direct")) == {"lab/r1/operator/main/command"}
 
 
-# --- who does not get in --------------------------------------------------------------------------------------------
+# --- who is not admitted --------------------------------------------------------------------------------------------
 
 
 def without_certificate(net: Net, folder: Path) -> dict[str, Any]:
@@ -506,7 +506,9 @@ def without_certificate(net: Net, folder: Path) -> dict[str, Any]:
 
 def of_another_authority(net: Net, folder: Path) -> dict[str, Any]:
     new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 30, datetime.now(UTC)))
-    (folder / "ca.pem").write_bytes((net.folder / "ca.pem").read_bytes())  # it trusts the router, not the other way
+    (folder / "ca.pem").write_bytes(
+        (net.folder / "ca.pem").read_bytes()
+    )  # it trusts the router, but the router does not trust it
     return settings(Link("client", (), (net.end,), folder, "operator"))
 
 
@@ -541,7 +543,7 @@ def _to_listener(net: Net, identity: str, now: datetime | None = None) -> dict[s
     return settings(Link("client", (), (end,), net.folder, "nodes"))
 
 
-def test_strangers_do_not_get_in_and_nobody_falls_for_a_false_router(net: Net, tmp_path: Path) -> None:
+def test_foreign_clients_are_not_admitted_and_no_client_accepts_a_false_router(net: Net, tmp_path: Path) -> None:
     cases = (
         without_certificate,
         of_another_authority,
@@ -569,4 +571,4 @@ def test_strangers_do_not_get_in_and_nobody_falls_for_a_false_router(net: Net, t
     for thread in threads:
         thread.join(2 * SOON)
     assert outcome == {case.__name__: "refused" for case in cases}
-    net.join("viewer").close()  # and still takes those it knows
+    net.join("viewer").close()  # and it still admits known clients

@@ -1,4 +1,4 @@
-"""Certificates: what is in them, and that nothing is overwritten or half written."""
+"""Certificates: their contents; no file is overwritten or written in part."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_certificate_is_signed_by_the_authority_and_fits_its_key(folder: Path,
     assert not found.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
 
 
-def test_a_certificate_starts_a_day_early_and_ends_when_it_was_ordered_to(folder: Path) -> None:
+def test_a_certificate_is_valid_from_a_day_before_for_the_requested_days(folder: Path) -> None:
     found = certificate(folder, "viewer")
     assert found.not_valid_before_utc == NOW - timedelta(days=1)
     assert found.not_valid_after_utc == NOW + timedelta(days=30)
@@ -68,7 +68,7 @@ def test_a_certificate_starts_a_day_early_and_ends_when_it_was_ordered_to(folder
 @pytest.mark.parametrize(
     ("name", "serves"), [("router", True), ("nodes", True), ("operator", False), ("viewer", False)]
 )
-def test_only_who_may_be_connected_to_can_pose_as_a_server(folder: Path, name: str, serves: bool) -> None:
+def test_only_identities_that_listen_have_server_certificates(folder: Path, name: str, serves: bool) -> None:
     extensions = certificate(folder, name).extensions
     uses = set(extensions.get_extension_for_class(x509.ExtendedKeyUsage).value)
     server = {ExtendedKeyUsageOID.SERVER_AUTH} if serves else set()
@@ -91,7 +91,7 @@ def test_a_folder_that_exists_is_left_as_it_is(folder: Path, tmp_path: Path) -> 
         new_authority(link, ORDER)
 
 
-def test_a_folder_that_cannot_be_finished_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_completed_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(number: int) -> None:
         raise OSError(28, "No space left on device", "disk")
 
@@ -126,7 +126,7 @@ def test_a_name_that_is_taken_is_refused_and_nothing_changes(folder: Path) -> No
     assert contents(folder) == before
 
 
-def test_a_name_of_which_only_a_file_is_left_is_taken_as_well(folder: Path) -> None:
+def test_a_name_with_only_a_file_left_is_taken_too(folder: Path) -> None:
     add_identity(folder, ALICE, (), 7, NOW)
     given = json.loads((folder / IDENTITIES).read_text("utf-8"))
     given["identities"].pop()
@@ -139,7 +139,7 @@ def test_a_name_of_which_only_a_file_is_left_is_taken_as_well(folder: Path) -> N
 
 
 def break_replacing(monkeypatch: pytest.MonkeyPatch, broken_step: int) -> None:
-    """Have one file not be put in its place."""
+    """Make the replacement of one file fail."""
     done, replace_file = [], Path.replace
 
     def fail(source: Path, target: Path) -> Path:
@@ -152,7 +152,7 @@ def break_replacing(monkeypatch: pytest.MonkeyPatch, broken_step: int) -> None:
 
 
 @pytest.mark.parametrize("broken_step", [1, 2, 3])
-def test_a_certificate_that_cannot_be_finished_is_taken_back(
+def test_an_added_certificate_that_cannot_be_completed_is_removed(
     folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
 ) -> None:
     before = contents(folder)
@@ -162,7 +162,7 @@ def test_a_certificate_that_cannot_be_finished_is_taken_back(
     assert contents(folder) == before
 
 
-def test_two_that_add_at_once_are_both_listed(folder: Path) -> None:
+def test_two_simultaneous_additions_are_both_listed(folder: Path) -> None:
     names = [f"v{number}" for number in range(6)]
     adding = [
         threading.Thread(target=add_identity, args=(folder, Identity(name, "viewer"), (), 7, NOW)) for name in names
@@ -205,7 +205,7 @@ def test_an_authority_that_does_not_fit_is_refused(folder: Path, tmp_path: Path)
     ],
     ids=["realm", "robot", "no days", "too many days", "endpoint", "wildcard", "long name"],
 )
-def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: CertificateRequest, words: str) -> None:
+def test_an_invalid_request_creates_nothing(tmp_path: Path, order: CertificateRequest, words: str) -> None:
     with pytest.raises(KeysError, match=words):
         new_authority(tmp_path / "keys", order)
     assert list(tmp_path.iterdir()) == []
@@ -240,7 +240,7 @@ def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: Certifi
         "long name",
     ],
 )
-def test_an_identity_that_does_not_fit_changes_nothing(
+def test_an_invalid_identity_changes_nothing(
     folder: Path, identity: Identity, hosts: tuple[str, ...], words: str
 ) -> None:
     before = contents(folder)
@@ -249,7 +249,7 @@ def test_an_identity_that_does_not_fit_changes_nothing(
     assert contents(folder) == before
 
 
-def test_a_folder_that_is_none_of_ours_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_our_certificates_is_refused(tmp_path: Path) -> None:
     with pytest.raises(KeysError, match="navloom keys new"):
         add_identity(tmp_path, ALICE, (), 7, NOW)
     (tmp_path / IDENTITIES).write_text("[]", "utf-8")
@@ -279,7 +279,7 @@ def test_a_renewed_certificate_has_a_new_key_and_time_and_the_same_name_and_host
     assert (folder / IDENTITIES).read_bytes() == listed and not list(folder.glob(".*"))
 
 
-def test_only_who_is_named_is_renewed_and_hosts_can_be_others(folder: Path) -> None:
+def test_only_named_identities_are_renewed_and_their_hosts_can_change(folder: Path) -> None:
     before = contents(folder)
     renew(folder, ("nodes",), ("brain.local",), 60, NOW)
     changed = {name for name, data in contents(folder).items() if before[name] != data}
@@ -298,7 +298,7 @@ def test_only_who_is_named_is_renewed_and_hosts_can_be_others(folder: Path) -> N
     ],
     ids=["unknown", "authority", "needless host", "wildcard"],
 )
-def test_a_renewal_that_does_not_fit_changes_nothing(
+def test_an_invalid_renewal_changes_nothing(
     folder: Path, names: tuple[str, ...], hosts: tuple[str, ...], words: str
 ) -> None:
     before = contents(folder)
@@ -308,7 +308,7 @@ def test_a_renewal_that_does_not_fit_changes_nothing(
 
 
 @pytest.mark.parametrize("broken_step", [1, 2, 5, 8])
-def test_a_renewal_that_cannot_be_finished_is_taken_back(
+def test_a_renewal_that_cannot_be_completed_is_undone(
     folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
 ) -> None:
     before = contents(folder)
@@ -328,7 +328,7 @@ def test_no_certificate_outlives_its_authority(folder: Path) -> None:
     assert contents(folder) == before
 
 
-def test_who_is_revoked_is_no_longer_listed_and_his_files_are_gone(folder: Path) -> None:
+def test_a_revoked_identity_is_no_longer_listed_and_its_files_are_gone(folder: Path) -> None:
     add_identity(folder, ALICE, (), 7, NOW)
     assert revoke(folder, "alice", NOW) is None
     assert "alice" not in [one.name for one in read_identities(folder, "lab", "r1")]
@@ -337,7 +337,7 @@ def test_who_is_revoked_is_no_longer_listed_and_his_files_are_gone(folder: Path)
         revoke(folder, "alice", NOW)
 
 
-def test_a_name_that_is_used_again_does_not_let_the_revoked_key_in(folder: Path) -> None:
+def test_reusing_a_name_does_not_admit_its_revoked_key(folder: Path) -> None:
     names = []
     for _ in range(3):
         add_identity(folder, ALICE, (), 7, NOW)
@@ -366,16 +366,14 @@ def test_a_revoked_certificate_can_be_replaced_at_once(folder: Path) -> None:
         ("carol", None, "no certificate of 'carol'"),
     ],
 )
-def test_a_revocation_that_would_not_do_what_it_says_is_refused(
-    folder: Path, name: str, days: int | None, words: str
-) -> None:
+def test_a_revocation_without_effect_is_refused(folder: Path, name: str, days: int | None, words: str) -> None:
     before = contents(folder)
     with pytest.raises(KeysError, match=words):
         revoke(folder, name, NOW, days)
     assert contents(folder) == before
 
 
-def test_a_revocation_that_cannot_be_finished_is_taken_back(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_revocation_that_cannot_be_completed_is_undone(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = contents(folder)
     break_replacing(monkeypatch, 3)
     with pytest.raises(KeysError, match="Input/output error"):
@@ -383,7 +381,7 @@ def test_a_revocation_that_cannot_be_finished_is_taken_back(folder: Path, monkey
     assert contents(folder) == before
 
 
-def test_a_list_of_an_earlier_version_is_taken(folder: Path) -> None:
+def test_a_list_of_an_earlier_version_is_read(folder: Path) -> None:
     given = json.loads((folder / IDENTITIES).read_text("utf-8"))
     del given["revoked"]
     for entry in given["identities"]:

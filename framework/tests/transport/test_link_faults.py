@@ -1,4 +1,4 @@
-"""Each reason why a link does not come up is told in words."""
+"""Each reason why a link does not come up gets its own message."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def listening(folder: Path, identity: str, now: datetime | None = None) -> Itera
         yield end
 
 
-def test_nothing_is_wrong_with_a_link_that_works(router: str, folder: Path) -> None:
+def test_a_working_link_has_no_fault(router: str, folder: Path) -> None:
     assert why_not(Link("client", (), (router,), folder, "viewer")) == ""
     assert why_not(Link("router", (router,), (), folder, "router")) == ""
 
@@ -73,7 +73,7 @@ def test_the_routers_certificate_does_not_fit(folder: Path, identity: str, words
         assert words in message and "--host 127.0.0.1" in message
 
 
-def test_nobody_listens(folder: Path, tmp_path: Path) -> None:
+def test_no_process_listens(folder: Path, tmp_path: Path) -> None:
     for end in (f"tls/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}", f"unixsock-stream/{tmp_path}/a.sock"):
         assert "nothing listens there" in why_not(Link("client", (), (end,), folder, "viewer")), end
 
@@ -83,7 +83,7 @@ def test_a_host_that_does_not_exist(folder: Path) -> None:
     assert "no host is called no-such-host.invalid" in why_not(link)
 
 
-def test_what_listens_does_not_speak_tls(folder: Path) -> None:
+def test_the_listener_does_not_speak_tls(folder: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def babble() -> None:
@@ -100,7 +100,7 @@ def test_what_listens_does_not_speak_tls(folder: Path) -> None:
 
 
 def test_a_host_that_does_not_answer(folder: Path) -> None:
-    with socket.socket() as full:  # a queue of one, and it is taken
+    with socket.socket() as full:  # the queue has one place, which is taken
         full.bind(("127.0.0.1", 0))
         full.listen(0)
         address = full.getsockname()

@@ -1,4 +1,4 @@
-"""Which links are refused, what the others are set to, and that a broken one comes back by itself."""
+"""Which links are refused, the settings of the others, and that a broken link reconnects by itself."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def refusal(link: Link) -> str:
         ("unixsock-stream//run/x/a.sock", "unixsock-stream", "/run/x/a.sock", 0, True, False),
     ],
 )
-def test_an_endpoint_is_taken_apart(
+def test_an_endpoint_is_parsed(
     text: str, protocol: str, host: str, port: int, is_local: bool, is_wildcard: bool
 ) -> None:
     end = Endpoint.parse(text)
@@ -99,7 +99,7 @@ def test_an_endpoint_is_taken_apart(
         ("unixsock-stream/run/a.sock", "expected an absolute path"),
     ],
 )
-def test_what_is_no_endpoint_is_refused_with_its_text(text: str, words: str) -> None:
+def test_a_text_that_is_no_endpoint_is_refused_with_the_text(text: str, words: str) -> None:
     message = refusal(Link("peer", (), (text,)))
     assert words in message and repr(text) in message
 
@@ -109,12 +109,12 @@ def test_what_is_no_endpoint_is_refused_with_its_text(text: str, words: str) -> 
 
 @pytest.mark.parametrize("insecure", [False, True])
 @pytest.mark.parametrize("text", ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/*:7447", "udp/0:7447"])
-def test_every_interface_is_never_listened_at_without_tls(text: str, insecure: bool) -> None:
+def test_listening_on_every_interface_needs_tls(text: str, insecure: bool) -> None:
     assert "every interface needs TLS" in refusal(Link("router", (text,), insecure=insecure))
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "udp"])
-def test_plain_links_to_other_hosts_are_refused_unless_asked_for(protocol: str) -> None:
+def test_plain_links_to_other_hosts_are_refused_unless_requested(protocol: str) -> None:
     end = f"{protocol}/10.0.0.1:7447"
     for link in (Link("router", (end,)), Link("client", (), (end,))):
         message = refusal(link)
@@ -122,7 +122,7 @@ def test_plain_links_to_other_hosts_are_refused_unless_asked_for(protocol: str) 
     assert settings(Link("router", (end,), insecure=True))["listen"]["endpoints"] == [end]
 
 
-def test_every_interface_is_no_place_to_connect_to() -> None:
+def test_connecting_to_every_interface_is_refused() -> None:
     assert "address of one host" in refusal(Link("client", (), ("tcp/0.0.0.0:7447",), insecure=True))
 
 
@@ -149,7 +149,7 @@ def test_a_missing_or_unreadable_certificate_file_is_named(credentials: Path, na
     assert f"{path}: not in PEM form" in refusal(link)
 
 
-def test_an_identity_that_is_not_there_is_told_who_is(credentials: Path) -> None:
+def test_an_unknown_identity_is_refused_with_the_known_ones(credentials: Path) -> None:
     message = refusal(Link("client", (), ("tls/127.0.0.1:7447",), credentials, "alice"))
     assert "alice.pem" in message and "nodes, operator, router, viewer" in message
 
@@ -186,7 +186,7 @@ def test_a_listener_with_tls_has_rules_or_does_not_open(credentials: Path) -> No
 
 
 @pytest.mark.parametrize("mode", ["peer", "client", "router"])
-def test_nobody_is_looked_for_and_nothing_else_is_listened_at(mode: str) -> None:
+def test_scouting_is_off_and_no_other_endpoint_is_listened_on(mode: str) -> None:
     found = settings(Link(mode, (), ("tcp/127.0.0.1:7447",)))
     assert found["scouting"]["multicast"] == found["scouting"]["gossip"] == {"enabled": False}
     assert found["listen"]["endpoints"] == []
@@ -233,7 +233,7 @@ def leaves(tree: dict[str, Any], place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def assert_holds(config: zenoh.Config, place: str, value: Any) -> None:
-    """Zenoh keeps unknown keys out silently in some places: what was given must be found again."""
+    """Check that the configuration contains every setting: Zenoh silently drops unknown keys in some places."""
     found: Any = json.loads(str(config))
     for name in place.split("/"):
         assert isinstance(found, dict) and name in found, f"{place}: {name} is not known"
@@ -241,12 +241,12 @@ def assert_holds(config: zenoh.Config, place: str, value: Any) -> None:
     assert found == value or (isinstance(found, dict) and value in found.values()), place
 
 
-# --- coming back ----------------------------------------------------------------------------------------------------
+# --- reconnecting ---------------------------------------------------------------------------------------------------
 
 
 @contextmanager
 def beating(link: Link, text: str) -> Iterator[subprocess.Popen[str]]:
-    """A process at the other end that publishes."""
+    """A process at the other end of the link that publishes."""
     process = subprocess.Popen(
         [sys.executable, "-c", BEAT, json.dumps(settings(link)), text], stdin=subprocess.PIPE, text=True
     )
@@ -292,7 +292,7 @@ def by_tcp(folder: Path) -> str:
 
 @pytest.mark.parametrize("mode", ["peer", "client"])
 @pytest.mark.parametrize("way", [by_socket, by_tcp])
-def test_a_link_comes_back_after_the_other_side_was_killed(
+def test_a_link_reconnects_after_the_other_side_was_killed(
     way: Callable[[Path], str], mode: str, tmp_path: Path
 ) -> None:
     end = way(tmp_path)
@@ -304,7 +304,7 @@ def test_a_link_comes_back_after_the_other_side_was_killed(
         assert listening.has("first")
         process.kill()
         process.wait()
-        if end.startswith("unix"):  # SIGKILL leaves it behind, and it is in nobody's way
+        if end.startswith("unix"):  # SIGKILL leaves the socket; it must not prevent a restart
             assert Path(re.sub(r"^unixsock-stream/", "", end)).exists()
         with beating(far, "second"):
             assert listening.has("second")
@@ -313,7 +313,7 @@ def test_a_link_comes_back_after_the_other_side_was_killed(
 
 @contextmanager
 def zenoh_session(link: Link, other: subprocess.Popen[str]) -> Iterator[zenoh.Session]:
-    """A session that waits for its other side, whatever the mode."""
+    """Open a session, in any mode, that waits for the other side."""
     given = settings(link)
     given["connect"]["timeout_ms"] = int(SOON * 1000)
     assert other.poll() is None
@@ -321,7 +321,7 @@ def zenoh_session(link: Link, other: subprocess.Popen[str]) -> Iterator[zenoh.Se
         yield session
 
 
-def test_of_two_neighbours_one_alone_calls_the_other() -> None:
+def test_of_two_neighbours_only_one_connects_to_the_other() -> None:
     names = ["unixsock-stream//run/robot.sock", "unixsock-stream//run/think.sock", "unixsock-stream//run/drive.sock"]
     links = [peer_link(own, names, "lab", "r1") for own in names]
     calls = [(link.listen[0], end) for link in links for end in link.connect]
@@ -335,7 +335,7 @@ DRIVE = {"drive": [("controller", "law")]}
 
 
 def test_processes_share_memory_where_the_config_says_so_and_readers_never(monkeypatch: pytest.MonkeyPatch) -> None:
-    with tempfile.TemporaryDirectory(prefix="nl", dir="/tmp") as short:  # a socket's path has little room
+    with tempfile.TemporaryDirectory(prefix="nl", dir="/tmp") as short:  # the path of a socket is limited
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
         network, folder = Network("lab", "r1", shared_memory=True), RobotFolder("lab", "r1")
         folder.make()

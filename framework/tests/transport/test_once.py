@@ -1,4 +1,4 @@
-"""A request is done once, and has one answer, however often it is asked."""
+"""A request is carried out once and has one answer, however often it is sent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from navloom.transport.once import KEPT, REQUEST, Once
 
 
 class Service:
-    """Counts what it does; refuses where it is asked to."""
+    """Counts what it carries out; refuses on request."""
 
     def __init__(self) -> None:
         self.done: list[Any] = []
@@ -22,7 +22,7 @@ class Service:
         return {"number": len(self.done)}
 
 
-def test_a_request_that_is_asked_again_is_not_done_again_and_has_the_same_answer() -> None:
+def test_a_repeated_request_is_not_carried_out_again_and_has_the_same_answer() -> None:
     service = Service()
     handle = Once().guard(service)
     assert [handle({"x": 1, REQUEST: "a"})["number"] for _ in range(3)] == [1, 1, 1]
@@ -30,7 +30,7 @@ def test_a_request_that_is_asked_again_is_not_done_again_and_has_the_same_answer
     assert service.done == [1, 1]
 
 
-def test_a_refusal_is_given_again_too() -> None:
+def test_a_refusal_is_repeated_too() -> None:
     service = Service()
     handle = Once().guard(service)
     for _ in range(2):
@@ -39,13 +39,13 @@ def test_a_refusal_is_given_again_too() -> None:
     assert service.done == [-1]
 
 
-def test_a_request_without_a_name_is_done_whenever_it_is_asked() -> None:
+def test_a_request_without_a_name_is_carried_out_each_time() -> None:
     service = Service()
     handle = Once().guard(service)
     assert [handle({"x": 1})["number"] for _ in range(3)] == [1, 2, 3]
 
 
-def test_who_asks_again_while_it_is_done_has_the_answer_when_it_is_there() -> None:
+def test_a_repetition_during_the_work_gets_the_same_answer() -> None:
     begun, may_end, answers = threading.Event(), threading.Event(), []
 
     def slow(given: dict[str, Any]) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def test_who_asks_again_while_it_is_done_has_the_answer_when_it_is_there() -> No
     assert answers == [{"number": 7}] * 5
 
 
-def test_only_the_last_answers_are_kept() -> None:
+def test_only_the_last_answers_are_stored() -> None:
     service = Service()
     handle = Once().guard(service)
     for number in range(KEPT + 1):
@@ -74,6 +74,6 @@ def test_only_the_last_answers_are_kept() -> None:
 
 
 @pytest.mark.parametrize("name", [7, [], {}, "x" * 65])
-def test_a_name_that_is_none_is_refused(name: Any) -> None:
+def test_an_invalid_name_is_refused(name: Any) -> None:
     with pytest.raises(ValueError, match="request is not a text of at most 64 characters"):
         Once().guard(Service())({"x": 1, REQUEST: name})

@@ -1,4 +1,4 @@
-"""Questions are bounded before they are read: their size, nesting and rate; and the important ones go first."""
+"""Queries are limited in size, nesting and rate before they are read, and important ones go first."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SOON = 10.0
 
 
 class Asked:
-    """A question as the bus gives it, with what became of it."""
+    """A query as the bus delivers it, with its outcome."""
 
     def __init__(self, size: int = 0) -> None:
         self.size = size
@@ -67,17 +67,17 @@ def ask(window: Callable[[Any], None], size: int = 0) -> Asked:
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
-def test_an_empty_question_is_an_empty_object() -> None:
+def test_an_empty_query_is_an_empty_object() -> None:
     assert read_question(b"") == {}
 
 
-def test_a_goal_by_way_of_a_thousand_places_is_read() -> None:
+def test_a_goal_with_a_thousand_via_points_is_read() -> None:
     given = {"x": 1.0, "y": 2.0, "via": [[1.5, -2.5]] * 1000}
     assert read_question(json.dumps(given).encode()) == given
 
 
 @pytest.mark.parametrize("data", [b"[" * 100_000, b'{"a":' * 100_000, b'{"a": ' + b"[" * 50 + b"]" * 50 + b"}"])
-def test_what_is_nested_too_deeply_is_refused_in_one_line_before_it_is_parsed(data: bytes) -> None:
+def test_a_query_nested_too_deeply_is_refused_in_one_line_before_it_is_parsed(data: bytes) -> None:
     began = time.perf_counter()
     with pytest.raises(QuestionError, match=f"^request not understood: nested more than {DEEPEST} levels deep$"):
         read_question(data)
@@ -95,7 +95,7 @@ def test_what_is_nested_too_deeply_is_refused_in_one_line_before_it_is_parsed(da
         (b"\x91" * 100, "utf"),
     ],
 )
-def test_what_is_no_object_is_refused_in_one_line(data: bytes, what: str) -> None:
+def test_a_query_that_is_no_object_is_refused_in_one_line(data: bytes, what: str) -> None:
     with pytest.raises(QuestionError, match=what) as refused:
         read_question(data)
     assert "\n" not in str(refused.value)
@@ -104,7 +104,7 @@ def test_what_is_no_object_is_refused_in_one_line(data: bytes, what: str) -> Non
 # --- taking ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_question_larger_than_its_service_takes_is_refused_with_the_bound_and_never_read() -> None:
+def test_a_query_larger_than_its_service_allows_is_refused_with_the_limit_and_never_read() -> None:
     window = Desk().window("describe", answer)
     assert ask(window, LARGEST + 1).fate == f"a request of {LARGEST + 1} bytes: describe takes at most {LARGEST}"
     assert ask(window, 20_000_000).fate.startswith("a request of 20000000 bytes")
@@ -122,7 +122,7 @@ def test_beyond_its_rate_a_service_refuses_at_once_and_then_drops() -> None:
     asked = [ask(window) for _ in range(3000)]
     assert all(one.done.wait(SOON) for one in asked)
     fates = [one.fate for one in asked]
-    assert 1 <= fates.count("answered") <= BURST + 100  # what it gains meanwhile
+    assert 1 <= fates.count("answered") <= BURST + 100  # the allowance that it gains meanwhile
     assert 1 <= fates.count(TOO_MANY) <= REFUSALS + 20
     assert fates.count("dropped") > 2000
 
@@ -136,7 +136,7 @@ def test_a_flood_of_one_service_leaves_another_its_own_rate() -> None:
     assert stopped.done.wait(SOON) and stopped.fate == "answered"
 
 
-def test_a_stop_is_answered_while_all_others_wait_for_a_node_that_does_not_come_to_them() -> None:
+def test_a_stop_is_answered_while_other_queries_wait_for_a_busy_node() -> None:
     desk, free = Desk(), threading.Event()
 
     def hang(question: Any) -> None:
@@ -152,15 +152,15 @@ def test_a_stop_is_answered_while_all_others_wait_for_a_node_that_does_not_come_
     assert all(one.done.wait(SOON) for one in waiting)
 
 
-def test_no_more_than_so_many_wait() -> None:
+def test_the_number_of_waiting_queries_is_limited() -> None:
     desk, free = Desk(), threading.Event()
     window = desk.window("describe", lambda question: free.wait(SOON) and answer(question))  # type: ignore[func-returns-value]
     asked = [ask(window) for _ in range(WAITING + 10)]
-    assert sum(one.fate == TOO_MANY for one in asked) in (9, 10)  # one may be under way
+    assert sum(one.fate == TOO_MANY for one in asked) in (9, 10)  # one may be in progress
     free.set()
 
 
-def test_what_goes_wrong_with_one_question_ends_no_thread() -> None:
+def test_an_error_in_one_query_ends_no_thread() -> None:
     def fail(question: Any) -> None:
         raise RuntimeError("told to fail")
 
@@ -173,7 +173,7 @@ def test_what_goes_wrong_with_one_question_ends_no_thread() -> None:
     assert well.done.wait(SOON) and well.fate == "answered"
 
 
-def test_what_stops_the_robot_ranks_before_what_lets_it_drive_and_that_before_what_reads() -> None:
+def test_stopping_ranks_before_driving_and_driving_before_reading() -> None:
     assert rank_of("stop") < rank_of("resume") < rank_of("submit") < rank_of("describe") == READING
     assert rank_of("params/get") == rank_of("config") == READING
 
@@ -192,7 +192,7 @@ def test_an_allowance_fills_again(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not allowance.spend(3.5) and allowance.spend(3.0) and not allowance.spend()
 
 
-def test_json_is_made_again_after_a_while_only_but_its_clocks_are_always_new(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_json_is_cached_for_a_while_but_its_clocks_are_always_new(monkeypatch: pytest.MonkeyPatch) -> None:
     now, made, clock = [100.0], [0], [0]
     monkeypatch.setattr("navloom.transport.questions.time.monotonic", lambda: now[0])
 

@@ -1,4 +1,4 @@
-"""How long certificates are valid: what is said ahead, and what is refused. The time is handed in."""
+"""Validity of certificates: warnings ahead and refusals; the time is an argument."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ END = "tls/10.0.0.1:7447"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Certificates that are good for 100 days, alice's for 60."""
+    """Certificates that are valid for 100 days, alice's for 60."""
     made = tmp_path / "keys"
     new_authority(made, CertificateRequest("lab", "r1", HOSTS, 100, NOW))
     add_identity(made, Identity("alice", "viewer"), (), 60, NOW)
@@ -33,7 +33,7 @@ def after(days: float) -> datetime:
     return NOW + timedelta(days=days)
 
 
-def test_nothing_is_said_more_than_thirty_days_ahead(folder: Path) -> None:
+def test_there_is_no_warning_more_than_thirty_days_ahead(folder: Path) -> None:
     assert expiry_warnings(folder, after(29.9)) == ()
 
 
@@ -44,7 +44,7 @@ def test_the_first_to_expire_is_named_with_its_day_and_the_command_that_renews_i
     )
 
 
-def test_one_line_names_all_that_expire_on_a_day(folder: Path) -> None:
+def test_one_line_names_all_certificates_that_expire_on_a_day(folder: Path) -> None:
     told = expiry_warnings(folder, after(98.5))
     assert len(told) == 2
     assert "the certificate of alice expired on 2026-04-30 12:00 UTC; `navloom keys renew" in told[0]
@@ -52,13 +52,13 @@ def test_one_line_names_all_that_expire_on_a_day(folder: Path) -> None:
     assert f"renew {folder} nodes operator router viewer`" in told[1]
 
 
-def test_the_end_of_the_authority_is_the_end_of_all(folder: Path) -> None:
+def test_when_the_authority_expires_all_certificates_do(folder: Path) -> None:
     word = expiry_warnings(folder, after(AUTHORITY_DAYS - 7))[-1]
     assert f"the authority of {folder}, and with it every certificate it made, expires on 2036-02-27, in 7 days" in word
     assert "`navloom keys new`" in word
 
 
-def test_a_folder_without_certificates_has_nothing_to_say(tmp_path: Path) -> None:
+def test_a_folder_without_certificates_gives_no_warning(tmp_path: Path) -> None:
     (tmp_path / "broken.pem").write_text("-----BEGIN NOTHING", "utf-8")
     assert expiry_warnings(tmp_path, NOW) == ()
 
@@ -93,7 +93,7 @@ def test_a_key_of_another_certificate_and_a_broken_one_are_refused_by_name(folde
         settings(link, NOW)
 
 
-def test_who_brings_a_robot_up_is_told_once_a_day(folder: Path) -> None:
+def test_up_warns_once_a_day(folder: Path) -> None:
     said: list[str] = []
     network = Network("lab", "r1", END, True, folder)
     robot = LiveRobot(assemble(load_config("paper")), network, None, False, said.append)

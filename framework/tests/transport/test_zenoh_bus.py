@@ -1,4 +1,4 @@
-"""A client that lost its router: all that it declared is there again, whoever comes back first."""
+"""A client that lost its router: its declarations return with the router, whichever side comes back first."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def until(condition: Callable[[], bool], again: Callable[[], None] = lambda: Non
     raise AssertionError("it did not happen")
 
 
-def test_streams_tokens_and_answers_are_there_again_after_the_router_was(
+def test_streams_tokens_and_answers_return_after_a_restart_of_the_router(
     clients: tuple[Bus, Bus, Bus], end: str
 ) -> None:
     router, first, second = clients
@@ -70,7 +70,7 @@ def test_streams_tokens_and_answers_are_there_again_after_the_router_was(
         until(lambda: [found.data for found in second.ask("lab/r1/gate/main/describe")] == [b"here"])
 
 
-def test_a_question_ends_with_an_answer_a_timeout_or_the_end_of_the_session(clients: tuple[Bus, Bus, Bus]) -> None:
+def test_a_query_ends_with_an_answer_a_time_out_or_the_end_of_the_session(clients: tuple[Bus, Bus, Bus]) -> None:
     _, first, second = clients
     held: list[Question] = []
     first.serve("lab/r1/goal/main/submit", held.append)
@@ -87,7 +87,7 @@ def test_a_question_ends_with_an_answer_a_timeout_or_the_end_of_the_session(clie
     assert not asking.is_alive()
 
 
-def test_a_question_that_zenoh_never_ends_ends_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_query_that_zenoh_never_ends_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(zenoh_session, "OVERDUE", 0.1)
     began = time.monotonic()
     assert list(zenoh_session.Replies(0.1)) == []

@@ -1,4 +1,4 @@
-"""What the viewer's tests share: facts of a small robot, a sink that remembers, and what is in an .rrd file."""
+"""Fixtures of the viewer's tests: facts of a small robot, a sink that keeps messages, and a reader of .rrd files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from navloom.viewer.program import Program
 
 @pytest.fixture(autouse=True)
 def strict(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The SDK only warns of what it cannot log; here that is an error."""
+    """Makes the SDK raise where it would only warn."""
     monkeypatch.setenv("RERUN_STRICT", "1")
 
 
@@ -51,7 +51,7 @@ def shown(
     message: Message, role: str = "platform", port: str = "x", *, tick: int = 0, instance: str = "main",
     active: bool = True, name: str = "r1",
 ) -> Shown:  # fmt: skip
-    """A message as an executor hands it over, at 20 Hz."""
+    """A message as an executor delivers it, at 20 Hz."""
     return Shown(name, role, instance, active, port, message, tick, tick * 50_000_000)
 
 
@@ -63,7 +63,7 @@ def pose_at(x: float, y: float, heading: float = 0.0, tick: int = 0) -> Shown:
 
 @dataclass
 class Memory:
-    """A sink that keeps what it is given: (path, archetypes, tick, stamp), and numbers by path."""
+    """A sink that keeps what it gets: (path, archetypes, tick, stamp), and numbers by path."""
 
     logged: list[tuple[str, tuple[Any, ...], int | None, int]] = field(default_factory=list)
     numbers: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
@@ -83,15 +83,15 @@ class Memory:
         self.numbers.setdefault(path, []).extend(zip(ticks.tolist(), values.tolist(), strict=True))
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Do nothing."""
         self.closed = True
 
     def at(self, path: str) -> list[Any]:
-        """What was drawn at a path over time, first archetypes only."""
+        """First archetype of each log at a path, in order of time."""
         return [shapes[0] for where, shapes, tick, _ in self.logged if where == path and tick is not None]
 
     def frame_of(self, path: str) -> str:
-        """The frame an entity was put into."""
+        """Frame of an entity."""
         frames = [s for where, shapes, tick, _ in self.logged if where == path and tick is None for s in shapes]
         found = [s for s in frames if type(s).__name__ == "CoordinateFrame"]
         return str(component(found[-1], "frame")[0])
@@ -106,7 +106,7 @@ def component(archetype: Any, name: str) -> list[Any]:
 
 
 def rows_of(path: Path) -> Counter[str]:
-    """Rows by entity in an .rrd file, as the viewer's own program reads it; without how they are to look."""
+    """Rows by entity in an .rrd file, as the viewer's own program reads it; without its layout."""
     binary = Path(str(import_module("rerun_cli").__file__)).parent / "rerun"
     done = subprocess.run([binary, "rrd", "print", path], capture_output=True, text=True, check=True)
     found: Counter[str] = Counter()
@@ -118,7 +118,7 @@ def rows_of(path: Path) -> Counter[str]:
 
 @pytest.fixture
 def server() -> Iterator[Callable[[], Program]]:
-    """Starts servers that take what a viewer takes, without a window; all are ended."""
+    """Starts servers that replace viewers, without a window; all are ended with the test."""
     started: list[Program] = []
 
     def start() -> Program:

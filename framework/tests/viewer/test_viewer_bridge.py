@@ -1,4 +1,4 @@
-"""The bridge and the live sink: nothing a viewer does, or fails to do, makes who hands over messages wait."""
+"""The bridge and the live sink: no behaviour of a viewer blocks the caller that hands over messages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Start = Callable[[], Program]
 
 
 def until(holds: Callable[[], bool], what: str, seconds: float = 30.0) -> None:
-    """Wait for a condition that another process brings about."""
+    """Wait for a condition that another process fulfils."""
     limit = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < limit, f"{what} did not come about in {seconds:g} s"
@@ -47,22 +47,22 @@ def truth_at(tick: int) -> Shown:
 # --- the queue ------------------------------------------------------------------------------------------------------
 
 
-def test_while_the_child_is_frozen_what_does_not_fit_is_dropped_and_counted(tmp_path: Path) -> None:
+def test_while_the_child_is_frozen_messages_beyond_the_queue_are_dropped_and_counted(tmp_path: Path) -> None:
     bridge = Bridge(ViewerOrder(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=50)
     bridge.await_start()
     pid = bridge.process.pid
     assert pid is not None
     os.kill(pid, signal.SIGSTOP)
-    taken = sum(bridge.put(truth_at(tick)) for tick in range(200))  # were it to wait, this would never end
+    taken = sum(bridge.put(truth_at(tick)) for tick in range(200))  # if it blocked, this would never end
     assert bridge.dropped == 200 - taken
-    assert 50 <= taken <= 52  # the queue, and what the child had in hand when it was stopped
+    assert 50 <= taken <= 52  # the queue, and the messages that the child had already taken
     os.kill(pid, signal.SIGCONT)
     counts = bridge.close()
     assert (counts.drawn, counts.dropped, counts.is_complete) == (taken, bridge.dropped, True)
     assert rows_of(tmp_path / "run.rrd")["/metrics/clearance/r1"] == taken
 
 
-def test_when_the_child_is_killed_who_puts_goes_on(tmp_path: Path) -> None:
+def test_when_the_child_is_killed_put_does_not_block(tmp_path: Path) -> None:
     bridge = Bridge(ViewerOrder(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=10)
     bridge.await_start()
     bridge.process.kill()
@@ -76,7 +76,7 @@ def test_when_the_child_is_killed_who_puts_goes_on(tmp_path: Path) -> None:
     assert counts.notes == ("the viewer's process ended early: exit code -9",)
 
 
-def test_what_nothing_draws_and_what_comes_too_often_is_not_copied() -> None:
+def test_messages_that_are_not_drawn_or_too_frequent_are_not_copied() -> None:
     wanted = Wanted(BUILT_IN)
     assert not wanted.take(shown(Contact(False), port="contact"))
     truths = [wanted.take(truth_at(tick // 2)) for tick in range(20)]  # two of each tick, of at most 20 a second
@@ -84,7 +84,7 @@ def test_what_nothing_draws_and_what_comes_too_often_is_not_copied() -> None:
     assert wanted.take(pose_at(0.0, 0.0))
 
 
-def test_a_file_that_cannot_be_written_is_said_before_anything_is_drawn(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_reported_before_anything_is_drawn(tmp_path: Path) -> None:
     bridge = Bridge(ViewerOrder(facts_for(), tmp_path, None, "test"))
     with pytest.raises(ViewerError, match=r"--rerun .*: there is such a folder already"):
         bridge.await_start()
@@ -102,7 +102,7 @@ def test_a_frozen_viewer_costs_the_file_nothing_and_the_oldest_shapes_are_droppe
     until(lambda: sink.connections == 1, "a connection")
     os.kill(viewer.process.pid, signal.SIGSTOP)
     release = threading.Event()
-    # What the SDK does once its own buffers are full of what a frozen viewer does not take: it never returns.
+    # With a frozen viewer, the SDK never returns once its own buffers are full.
     sink._put(lambda to: release.wait(), 0)
     until(lambda: not sink._waiting, "the sender being stuck")
     for tick in range(1000):
@@ -115,7 +115,7 @@ def test_a_frozen_viewer_costs_the_file_nothing_and_the_oldest_shapes_are_droppe
     assert sink.sent == 101
 
 
-def test_a_viewer_that_was_killed_is_found_again_and_shown_the_scene(server: Start) -> None:
+def test_a_restarted_viewer_is_found_and_gets_the_scene(server: Start) -> None:
     viewer = server()
     sink = LiveSink(viewer.url, "test", "again")
     until(lambda: sink.connections == 1, "a connection")
@@ -176,7 +176,7 @@ def test_without_the_extra_one_message_says_what_to_install(monkeypatch: pytest.
     monkeypatch.setattr(extra, "import_module", import_module)
 
 
-def test_viewers_that_start_at_once_are_not_taken_for_each_other(server: Start) -> None:
+def test_viewers_that_start_at_the_same_time_are_not_confused(server: Start) -> None:
     with ThreadPoolExecutor(3) as pool:
         programs = list(pool.map(lambda _: server(), range(3)))
     assert len({program.port for program in programs}) == 3
@@ -184,7 +184,7 @@ def test_viewers_that_start_at_once_are_not_taken_for_each_other(server: Start) 
 
 
 @pytest.mark.parametrize("url", ["nonsense", "rerun+http://127.0.0.1/proxy", "127.0.0.1:9876/x", "127.0.0.1:port"])
-def test_what_is_no_viewers_address_is_refused(url: str) -> None:
+def test_an_invalid_address_of_a_viewer_is_refused(url: str) -> None:
     with pytest.raises(ViewerError, match="expected rerun\\+http://HOST:PORT/proxy, or HOST:PORT"):
         address_of(url)
 
@@ -193,7 +193,7 @@ def test_an_address_may_be_short() -> None:
     assert address_of("127.0.0.1:9876") == address_of("rerun+http://127.0.0.1:9876/proxy") == ("127.0.0.1", 9876)
 
 
-def test_a_viewer_that_nobody_started_is_said_to_be_absent() -> None:
+def test_a_viewer_that_was_not_started_is_reported_as_absent() -> None:
     with (
         pytest.raises(ViewerError, match="nothing listens there"),
         showing(facts_for(), Where(url="127.0.0.1:9"), recording_id="x"),

@@ -72,7 +72,7 @@ def test_every_entity_of_the_3d_view_has_a_frame_that_is_placed() -> None:
     assert memory.frame_of("/run/r1/base/x") == "r1/base"
 
 
-def test_a_robot_that_was_up_for_long_begins_when_it_is_first_heard() -> None:
+def test_a_robot_that_has_been_up_for_long_begins_at_its_first_message() -> None:
     made, memory = drawing()
     made.take(shown(Contact(False), port="contact", tick=7000))
     stamps = {stamp for path, _, tick, stamp in memory.logged if tick is not None}
@@ -91,7 +91,7 @@ def test_an_obstacle_appears_when_the_sweep_has_ended() -> None:
 def test_a_body_is_as_high_as_the_robot() -> None:
     vertices, triangles = prism(rectangle(0.8, 0.6), 1.2)
     assert vertices[:, 2].max() == 1.2
-    assert triangles.shape == (16, 3)  # two a side, one a corner for each lid
+    assert triangles.shape == (16, 3)  # two for each side, one for each corner of each lid
     assert triangles.max() < len(vertices)
 
 
@@ -154,7 +154,7 @@ def test_a_status_without_diagnostics_leaves_the_last_bars_in_the_picture() -> N
     made.take(shown(AvoiderStatus("steering", diagnostics([0.0, 3.0, 0.0, 0.0])), "avoider", "status"))
     made.take(shown(AvoiderStatus("clear"), "avoider", "status"))
     assert len(memory.at("/histogram/r1")) == 1
-    assert len(memory.at("/avoider")) >= 2  # the state changes all the same
+    assert len(memory.at("/avoider")) >= 2  # the state still changes
 
 
 def test_lanes_of_states_have_plain_names() -> None:
@@ -204,7 +204,7 @@ def test_stripes_of_all_robots_are_the_whole_line_once() -> None:
     assert stripes(line, 0, 3)[1].tolist() == [
         pytest.approx([0.9, 0.0]), pytest.approx([1.0, 0.0]), pytest.approx([1.0, 0.2])
     ]  # fmt: skip
-    assert [len(stripes(line[:2] * 0.1, number, 3)) for number in range(3)] == [1, 1, 1]  # 0.1 m: each has its third
+    assert [len(stripes(line[:2] * 0.1, number, 3)) for number in range(3)] == [1, 1, 1]  # 0.1 m: each has a third
 
 
 def test_plans_and_maps_of_robots_side_by_side_do_not_hide_each_other() -> None:
@@ -223,7 +223,7 @@ def test_plans_and_maps_of_robots_side_by_side_do_not_hide_each_other() -> None:
         assert (ends[0], ends[-1]) == pytest.approx((0.0, 4.0))
 
 
-def test_ring_slots_and_cones_have_the_sizes_asked_for() -> None:
+def test_ring_slots_and_cones_have_the_specified_sizes() -> None:
     bars = ring_bars(Pose2D(1.0, 2.0, 0.5), np.array([0.0, 5.0]), 0.7, 0.3, 2.0, 0.1)
     assert bars[0].tolist() == [pytest.approx([1.7, 2.0, 0.1]), pytest.approx([1.73, 2.0, 0.1])]
     assert bars[1, 1, 0] == pytest.approx(1.0 - 0.73 - 0.6)  # ends at two thresholds
@@ -252,7 +252,7 @@ def test_taking_over_and_handing_back_are_logged_and_not_driving_free() -> None:
     assert texts == ["r1: avoider takes over: something 1.61 m ahead", "r1: avoider hands back"]
 
 
-def test_the_way_driven_is_the_truths() -> None:
+def test_the_drawn_track_is_that_of_the_truth() -> None:
     made, memory = drawing()
     for tick in range(21):  # 1 s at 0.5 m/s
         twist = Twist2D(0.5, 0.0, 0.0)
@@ -285,7 +285,7 @@ def test_a_shadow_has_its_own_path_colour_and_half_the_opacity() -> None:
     assert memory.frame_of("/run/other/base/command") == "r1/base"
 
 
-def test_of_an_instance_that_waits_nothing_is_drawn() -> None:
+def test_nothing_is_drawn_of_a_waiting_instance() -> None:
     made, memory = drawing()
     made.take(pose_at(0.0, 0.0))
     before = len(memory.logged)
@@ -293,7 +293,7 @@ def test_of_an_instance_that_waits_nothing_is_drawn() -> None:
     assert len(memory.logged) == before
 
 
-def test_robots_side_by_side_have_colours_of_their_own() -> None:
+def test_robots_side_by_side_have_different_colours() -> None:
     actors = actors_of(facts_for("improved_vfh", "vff", "dwa"))
     assert len({actor.colour for actor in actors.values()}) == 3
 
@@ -333,7 +333,7 @@ def test_a_plugins_panel_is_drawn_and_a_broken_one_is_named(bumper: Discovery) -
     assert len(memory.at("/run/r1/base/bumper")) == 1
 
 
-def test_a_panel_that_fails_is_drawn_no_more_and_the_rest_goes_on(bumper: Discovery) -> None:
+def test_a_panel_that_fails_is_dropped_and_the_rest_goes_on(bumper: Discovery) -> None:
     made, memory = drawing(panels=tuple(panels_of(bumper)[0]))
     for tick in (0, 20, 40):
         made.take(shown(Contact(True), port="contact", tick=tick))

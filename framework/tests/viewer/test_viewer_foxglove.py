@@ -1,4 +1,4 @@
-"""What Foxglove is given of a robot: topics, frames, and the contents of each kind of message."""
+"""Data that Foxglove gets of a robot: topics, frames, and the contents of each kind of message."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STILL = Twist2D(0.0, 0.0, 0.0)
 
 
 class Kept(FoxgloveServer):
-    """Keeps what it serves."""
+    """Keeps the messages that it would serve."""
 
     def __init__(self) -> None:
         super().__init__("lab/r1", "127.0.0.1", 0)
@@ -87,7 +87,7 @@ def test_each_message_has_its_topic_and_frame() -> None:
     assert len(values["/trajectory"]["poses"]) <= 200 and values["/gate"]["message"] == "stopped: operator"
 
 
-def test_a_taken_port_is_one_error() -> None:
+def test_a_port_in_use_gives_one_error() -> None:
     server = FoxgloveServer("a", "127.0.0.1", 0)
     port = int(server.address.rpartition(":")[2])
     with pytest.raises(ViewerError, match=f"--foxglove 127.0.0.1:{port}: cannot be listened at"):

@@ -1,4 +1,4 @@
-"""Methods side by side begin together, keep to the clock, and end together where one of them cannot go on."""
+"""Methods side by side begin together, follow the clock, and end together if one of them fails."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from navloom.viewer.side_by_side import Pace, Stopped
 
 
 class Clock:
-    """A wall clock that only moves when somebody sleeps."""
+    """A wall clock that only advances in sleep."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -47,7 +47,7 @@ def test_runs_begin_together() -> None:
     thread.join(10.0)
 
 
-def test_where_one_cannot_go_on_the_others_end() -> None:
+def test_if_one_run_fails_the_others_end() -> None:
     pace = Pace(2)
     pace.abort()
     with pytest.raises(threading.BrokenBarrierError):

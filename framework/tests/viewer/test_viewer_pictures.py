@@ -1,4 +1,4 @@
-"""Pictures of the viewer without a screen: what must be seen is where the camera must see it."""
+"""Pictures of the viewer without a screen: objects appear where the camera must see them."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ FIELD_OF_VIEW = math.radians(55.0)
 """Vertical, of the viewer's 3D views."""
 GREEN, STATE_AVOIDER = (0, 158, 115), (184, 127, 0)
 AT = 15.0
-"""s of run time that is looked at: the robot passes the obstacle."""
+"""Run time of the picture, s: the robot passes the obstacle."""
 
 
 @dataclass(eq=False)
 class Looked:
-    """What a viewer showed: pixels of each view, (rows, cols, 3), and what it complained of."""
+    """Output of a viewer: pixels of each view, (rows, cols, 3), and its complaints."""
 
     views: dict[str, np.ndarray]
     complaints: list[Any]
     facts: Facts
 
     def near(self, view: str, colour: tuple[int, ...], tolerance: int = 12) -> np.ndarray:
-        """(n, 2) x, y of the pixels of a colour; none where the view is not there."""
+        """(n, 2) x, y of the pixels of a colour; none if the view is missing."""
         if view not in self.views:
             return np.empty((0, 2), int)
         close = np.abs(self.views[view].astype(int) - np.array(colour[:3])).max(axis=2) <= tolerance
         return np.argwhere(close)[:, ::-1]
 
     def misses(self, colour: tuple[int, ...], place: tuple[float, float, float], tolerance: int = 12) -> float:
-        """Pixels from where a place of the map must be seen to the nearest pixel of a colour."""
+        """Distance from the expected pixel of a place of the map to the nearest pixel of a colour, pixels."""
         found = self.near("3D", colour, tolerance)
         return float(np.hypot(*(found - self.seen_at(place)).T).min()) if len(found) else math.inf
 
     def seen_at(self, place: tuple[float, float, float]) -> np.ndarray:
-        """x, y, pixels, of a place of the map in the 3D view, by a pinhole camera where the layout puts it."""
+        """Expected x, y, pixels, of a place of the map in the 3D view: a pinhole camera at the place in the layout."""
         high, wide = self.views["3D"].shape[:2]
         eye, target = (np.array(point) for point in camera(self.facts))
         ahead = (target - eye) / np.linalg.norm(target - eye)
@@ -66,15 +66,15 @@ class Looked:
 
 
 Look = Callable[[Callable[[Looked], None], Path, Facts], None]
-"""Takes what must hold of what is seen, a file and its facts."""
+"""Takes a check of the output, a file and its facts."""
 
 
 @pytest.fixture
 def look(tmp_path: Path) -> Iterator[Look]:
-    """Opens an .rrd file without a screen, and looks until what it sees passes a check, or a minute is over.
+    """Opens an .rrd file without a screen, and takes pictures until one passes a check, or for a minute.
 
-    How long a viewer without a graphics card takes to draw all it was given depends on what else the machine does.
-    Skips where nothing can be drawn.
+    How long a viewer without a graphics card takes to draw everything depends on the load of the machine. Skips where
+    nothing can be drawn.
     """
     program = Program(options=("--headless",))
     client = experimental.ViewerClient.connect(program.url)
@@ -101,12 +101,12 @@ def look(tmp_path: Path) -> Iterator[Look]:
 
 
 def _seen(client: Any, folder: Path, facts: Facts) -> Looked:
-    """What the viewer shows now."""
+    """Output of the viewer now."""
     views = client.get_state().views
     pictures = {}
     for view in views:
         picture = folder / f"{view.view_class}.png"
-        with contextlib.suppress(ConnectionError):  # a tab that is behind another one
+        with contextlib.suppress(ConnectionError):  # a tab that another one hides
             client.save_screenshot(str(picture), view_id=view.view_id)
             key = view.view_class if view.view_class != "TimeSeries" else view.origin.rsplit("/", 1)[1]
             pictures[key] = np.asarray(Image.open(picture).convert("RGB"))
@@ -131,18 +131,18 @@ def recorded(folder: Path, methods: dict[str, tuple[str, ...]]) -> tuple[Path, F
 
 
 def place_at(episode: Episode, seconds: float) -> tuple[float, float]:
-    """Where the robot truly was."""
+    """True place of the robot."""
     row = min(episode.recorder.truth, key=lambda row: abs(row[0] - seconds))
     return row[1], row[2]
 
 
-def test_the_paper_run_shows_everything_where_it_is(tmp_path: Path, look: Look) -> None:
+def test_the_paper_run_shows_every_object_at_its_place(tmp_path: Path, look: Look) -> None:
     file, facts, episodes = recorded(tmp_path, {"r1": ()})
 
     def shows_everything(seen: Looked) -> None:
         recorder = episodes["r1"].recorder
         assert seen.complaints == []
-        # Of each thing a place that it must be seen at, to within a few pixels, clear of what may lie before it.
+        # For each object a place at which it must appear, within a few pixels, not hidden by others.
         assert seen.misses(GREEN, (0.0, 7.6 - 0.2, 0.09), 25) < 8  # the goal's ring
         assert seen.misses(DRIVEN, (*place_at(episodes["r1"], 3.5), 0.1)) < 8
         assert seen.misses(DRIVEN, (*place_at(episodes["r1"], 6.5), 0.1)) < 8

@@ -1,4 +1,4 @@
-"""The viewer colours a sweep as the mapper `ipabd` judges it: counts by class agree with the mapper's own."""
+"""The viewer colours a sweep by the classes of the mapper `ipabd`: its counts by class equal the mapper's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OF_RULES = {
 
 
 def random_sweep(geometry: str) -> Sweep:
-    """60 frames of 91 beams among everything: floor, ceiling, dust, no return."""
+    """60 frames of 91 beams with random ranges: floor, ceiling, dust, no return."""
     rng = np.random.default_rng(4)
     ranges = rng.uniform(0.0, 9.0, (60, 91))
     ranges[rng.random((60, 91)) < 0.1] = np.inf
@@ -48,14 +48,14 @@ def image_of(sweep: Sweep) -> SweepImage:
 
 @pytest.mark.parametrize("order", ["before_min", "paper"])
 @pytest.mark.parametrize("geometry", ["paper", "rigid_pitch"])
-def test_counts_are_the_mappers_own(geometry: str, order: str) -> None:
+def test_counts_equal_the_mappers(geometry: str, order: str) -> None:
     sweep = random_sweep(geometry)
     found = press(image_of(sweep), Filters(order=order), standing(60, (0.0, 0.0, 0.0)))  # type: ignore[arg-type]
     expected = {name: sum(found.counts[rule] for rule in rules) for name, rules in OF_RULES.items()}
     assert counted(sweep, SweepRule(minimum_first=order == "paper"), np.zeros((60, 3))) == expected
 
 
-def test_counts_are_the_mappers_own_while_the_robot_moves() -> None:
+def test_counts_equal_the_mappers_while_the_robot_moves() -> None:
     sweep = random_sweep("paper")
     poses = np.column_stack([sweep.frame_times * 0.4, sweep.frame_times * 0.1, sweep.frame_times * 0.3])
     stamps = np.round(sweep.frame_times * 1e9).astype(np.int64)

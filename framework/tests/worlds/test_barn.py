@@ -79,7 +79,7 @@ def test_a_wrong_array_is_named(tmp_path: Path, changes: dict[str, Any], message
         SCHEMES["barn"]("b.npz#7", written(tmp_path, **changes))
 
 
-def test_an_array_that_claims_an_absurd_size_is_refused_before_it_is_made(tmp_path: Path) -> None:
+def test_an_array_that_claims_an_absurd_size_is_refused_before_it_is_allocated(tmp_path: Path) -> None:
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 3)})
     with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:

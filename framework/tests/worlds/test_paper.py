@@ -53,7 +53,7 @@ def test_the_barrier_leaves_less_than_the_robots_width_and_the_door_fills_the_co
     assert boxes["door C"].x == (TABLE["partition"][0][1], TABLE["right wall"][0][0])
 
 
-def test_obstacle_o_stands_on_the_way_only_after_the_sweep() -> None:
+def test_obstacle_o_is_on_the_way_only_after_the_sweep() -> None:
     world = paper_gates_obstacle()
     assert boxes_of(world)["obstacle O"].centre == pytest.approx((1.2, 2.6))
     assert clearance(ROBOT, Place(1.2, 2.6), world, height=1.2, time=100.0)[0] > 0.0

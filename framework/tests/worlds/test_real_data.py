@@ -1,4 +1,4 @@
-"""On the real maps, where NAVLOOM_DATA names their folder."""
+"""Worlds of real maps; needs the folder that NAVLOOM_DATA names."""
 
 import os
 from pathlib import Path
@@ -42,8 +42,8 @@ def test_a_way_through_the_office() -> None:
 
 
 @pytest.mark.parametrize("name", ["dao__arena2", "rooms__32room_000", "cities__Berlin_0_512"])
-def test_a_small_disc_is_at_most_as_long_under_way_as_the_octile_optimum(name: str) -> None:
-    """An octile path without corner cutting stays 0.5 m off obstacles; at any angle at best cos 22.5 degrees of it."""
+def test_the_way_of_a_small_disc_is_at_most_as_long_as_the_octile_optimum(name: str) -> None:
+    """An octile path without corner cutting keeps 0.5 m off obstacles; an any-angle path is at best cos 22.5° of it."""
     world = SCHEMES["movingai"](f"{name}.map.gz", DATA / "movingai")
     assert world.raster is not None
     rows = len(world.raster.occupied)

@@ -190,7 +190,7 @@ def test_a_wrong_reference_is_explained(tmp_path: Path, argument: str, message: 
         SCHEMES["rosmap"](argument, tmp_path)
 
 
-def test_yaml_that_is_none_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_no_yaml_is_named(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text("image: [")
     with pytest.raises(WorldError, match=r"m\.yaml: not YAML"):

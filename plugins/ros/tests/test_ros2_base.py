@@ -144,7 +144,8 @@ def test_a_base_that_takes_the_other_type_is_named(network, robot):
     other = Driven(network.endpoint, stamped=True, node="other")
     assert until(lambda: other.tick() or "stamped" in other.why, 15.0)
     assert other.why == (
-        "/base subscribes /cmd_vel as geometry_msgs/msg/Twist, not geometry_msgs/msg/TwistStamped; set stamped = false"
+        "/base subscribes to /cmd_vel as geometry_msgs/msg/Twist, not geometry_msgs/msg/TwistStamped; "
+        "set stamped = false"
     )
     other.platform.close()
 
@@ -311,14 +312,14 @@ def test_odometry_may_be_that_of_tf():
 def test_stamps_of_a_simulator_are_those_of_its_clock():
     said = Said()
     robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0), is_simulated=True)
-    assert robot.clock_problem(SECOND) == "/clock has not been heard, and simulated = true"
+    assert robot.clock_problem(SECOND) == "/clock has no message yet, and simulated = true"
     said.say(base_sources.CLOCK, "rosgraph_msgs/msg/Clock", 0, 50 * SECOND, clock=stamp(7 * SECOND))
     values = {"header": {"frame_id": "odom", "stamp": stamp(7 * SECOND - 40_000_000)}}
     said.say(base_sources.ODOMETRY, "nav_msgs/msg/Odometry", 0, 50 * SECOND, **values)
     robot.listen(from_tf=False)
     assert robot.measured_ns == 50 * SECOND - 40_000_000  # 40 ms old by the simulator's clock
     assert robot.clock_ns(51 * SECOND) == 8 * SECOND and robot.clock_problem(50 * SECOND) == ""
-    assert robot.clock_problem(51 * SECOND) == "/clock stands still: the simulator is paused or gone"
+    assert robot.clock_problem(51 * SECOND) == "/clock has stopped: the simulator is paused or has ended"
 
 
 def test_a_laser_that_starts_late_or_is_nowhere_is_left_out():

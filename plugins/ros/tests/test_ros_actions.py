@@ -5,8 +5,9 @@ import threading
 import pytest
 from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED, ActionClient, ActionServer
 from navloom_ros.message_types import Types
-from navloom_ros.node import NoAnswer, Node
+from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED
+from navloom_ros.services import NoAnswer
 from ros_golden import KILTED
 from ros_network import Router, until
 

@@ -84,9 +84,9 @@ def test_echo_finds_the_distribution_by_the_hash(network):
 def test_echo_of_nothing_says_what_there_is(network):
     done = run(network, "echo", "/none", "--wait", "0.1")
     assert done.exit_code == 1
-    assert "/none: nobody publishes it in domain 0; topics there: /battery, /r1/map, /r1/scan" in done.output
+    assert "/none: no node publishes it in domain 0; topics there: /battery, /r1/map, /r1/scan" in done.output
     done = run(network, "echo", "/r1/scan", "--wait", "0.1")
-    assert done.exit_code == 1 and "/r1/scan: nothing has come within 0.1 s" in done.output
+    assert done.exit_code == 1 and "/r1/scan: no message within 0.1 s" in done.output
 
 
 def test_wrong_requests_are_one_line(network):

@@ -223,7 +223,7 @@ def test_nothing_is_written_over_and_nothing_is_left_of_what_failed(tmp_path):
         export(source, out, KILTED)
     assert out.read_bytes() == b"mine"
     empty = recorded(tmp_path / "empty.mcap", count=0)
-    with pytest.raises(RosError, match="it holds nothing that ROS has a message for"):
+    with pytest.raises(RosError, match="it has no message with a counterpart in ROS"):
         export(empty, tmp_path / "other.mcap", KILTED)
     with pytest.raises(RosError, match="not a recording"):
         export(out, tmp_path / "other.mcap", KILTED)

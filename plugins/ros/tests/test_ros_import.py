@@ -151,7 +151,7 @@ def test_what_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path) -> N
         ({"mounts": {"laser": HERE}}, r"--mount laser: the bag has no such sensor; it has scan"),
         ({"names": {"/other": "x"}}, r"has no topic '/other'; it has /odom, /scan"),
         ({"names": {"/scan": "odometry"}}, r"'odometry' cannot name a sensor"),
-        ({"odometry_topic": "/scan"}, r"topic '/scan' is no nav_msgs/msg/Odometry; there are /odom"),
+        ({"odometry_topic": "/scan"}, r"topic '/scan' is not a nav_msgs/msg/Odometry; there are /odom"),
     ):
         with pytest.raises(RecordingError, match=why):
             import_bag(path, out, **options)  # type: ignore[arg-type]

@@ -10,8 +10,9 @@ import pytest
 from navloom_ros import Types
 from navloom_ros.errors import BadName, RosError, UnfitMessage
 from navloom_ros.names import key_of, remapping
-from navloom_ros.node import NoAnswer, Node
+from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED, SENSOR, Qos
+from navloom_ros.services import NoAnswer
 from navloom_ros.tokens import Attachment
 from navloom_ros.wire import Wire, settings
 from ros_golden import KILTED

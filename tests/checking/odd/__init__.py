@@ -1,1 +1,1 @@
-"""Sound plugins of unusual kinds, which every check must let pass."""
+"""Sound plugins of unusual kinds, which must pass every check."""

@@ -1,4 +1,4 @@
-"""Twenty sound plugins that do what few do."""
+"""Twenty sound plugins that do unusual things."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def turned(answer: Avoidance, more: float) -> Avoidance:
 
 @ENTRIES.plant("r")
 class R(Gap):
-    """A name of one letter. Breaks ties by the stream that it is handed."""
+    """Has a name of one letter, and breaks ties with its random stream."""
 
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
@@ -76,7 +76,7 @@ class SamplingAvoider(Gap):
 
 @ENTRIES.plant("keeps_right")
 class KeepsRight(Gap):
-    """Asymmetric by intent: it keeps to the right, as on a road."""
+    """Is asymmetric on purpose: it keeps to the right, as on a road."""
 
     def bearing(self, given: AvoiderInput) -> float:
         pose = given.estimate.pose
@@ -86,7 +86,7 @@ class KeepsRight(Gap):
 
 @ENTRIES.plant("lazy")
 class Lazy(Gap):
-    """Makes what it needs at its first step."""
+    """Creates what it needs at its first step."""
 
     @cached_property
     def window(self) -> np.ndarray:
@@ -98,7 +98,7 @@ class Lazy(Gap):
 
 @lru_cache(maxsize=64)
 def cosines(beams: int, first: float, last: float) -> np.ndarray:
-    """Cached by all that it depends on, for all instances alike."""
+    """Cosines of the beams, cached for all instances by everything that they depend on."""
     return np.cos(np.linspace(first, last, beams))
 
 
@@ -122,7 +122,7 @@ class NumpyScalars(Gap):
 
 @ENTRIES.plant("generators")
 class Generators(Gap):
-    """Works by generators and itertools, that hold state within a step only."""
+    """Uses generators and itertools, whose state lasts one step only."""
 
     def sectors(self, scan: RangeScan) -> Iterator[float]:
         for k in range(0, len(scan.ranges), 8):
@@ -135,7 +135,7 @@ class Generators(Gap):
 
 @ENTRIES.plant("smooth")
 class Smooth(Gap):
-    """Has a memory, and forgets it when it is to."""
+    """Has a memory, and clears it in reset."""
 
     claims = {Claim.MIRROR, Claim.ROTATION, Claim.TRANSLATION, Claim.STOPS_WHEN_CLOSED}
 
@@ -154,7 +154,7 @@ class Smooth(Gap):
 
 @ENTRIES.plant("crawler")
 class Crawler(Gap):
-    """So careful that it never drives faster than 0.15 m/s."""
+    """Never drives faster than 0.15 m/s."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         answer = super().avoid(given)
@@ -163,7 +163,7 @@ class Crawler(Gap):
 
 @ENTRIES.plant("stops_only")
 class StopsOnly(Gap):
-    """Never steers: it does what the controller asks for, unless something is near."""
+    """Never steers: passes on the desired velocity, unless something is near."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         nearest, ahead = self.near(given)
@@ -174,7 +174,7 @@ class StopsOnly(Gap):
 
 @ENTRIES.plant("random_planner")
 class RandomPlanner(Flood):
-    """Chooses among paths of one length by chance: the handed-in stream orders the neighbours."""
+    """Chooses at random among paths of equal length: its random stream orders the neighbours."""
 
     def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
@@ -195,7 +195,7 @@ class RandomPlanner(Flood):
 
 @ENTRIES.plant("roundabout_planner")
 class RoundaboutPlanner(Flood):
-    """Finds a way that is far from the shortest: each step away from a wall is dear to it."""
+    """Finds a path that is far from the shortest: each step away from a wall costs much."""
 
     def radius(self) -> float:
         return 1.05 * super().radius()
@@ -203,7 +203,7 @@ class RoundaboutPlanner(Flood):
 
 @ENTRIES.plant("raising_planner")
 class RaisingPlanner(Flood):
-    """Refuses robots that it cannot plan for, by the error that is meant for it."""
+    """Refuses robots that it cannot plan for, with the error made for that."""
 
     def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
@@ -219,7 +219,7 @@ class RaisingPlanner(Flood):
 
 @ENTRIES.plant("float_controller")
 class FloatController(Proportional):
-    """Remembers its last command, and whose reference it was for."""
+    """Keeps its last command, and the reference that it was for."""
 
     claims = {Claim.MIRROR, Claim.ROTATION, Claim.TRANSLATION}
 
@@ -240,7 +240,7 @@ class FloatController(Proportional):
 
 @ENTRIES.plant("unsure")
 class Unsure(FromStart):
-    """Grows unsure with the way, and says that it is lost, which is allowed."""
+    """Grows unsure with the distance driven, and reports that it is lost, which is allowed."""
 
     def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
@@ -265,7 +265,7 @@ class ThinParams(Params):
 
 @ENTRIES.plant("thin_mapper")
 class ThinMapper(Hits):
-    """Draws a random tenth of the beams, by the stream handed in."""
+    """Draws a tenth of the beams, chosen by its random stream."""
 
     Params = ThinParams  # type: ignore[assignment]
 
@@ -280,7 +280,7 @@ class ThinMapper(Hits):
 
 @ENTRIES.plant("refusing_mapper")
 class RefusingMapper(Hits):
-    """Refuses scans without a beam by the error that is meant for it."""
+    """Refuses scans without a beam, with the error made for that."""
 
     def insert(self, scan: RangeScan, given: MapperInput) -> None:
         if not scan.ranges.size:
@@ -290,7 +290,7 @@ class RefusingMapper(Hits):
 
 @ENTRIES.plant("slow_mapper")
 class SlowMapper(Hits):
-    """Publishes every other second only, and a smaller map."""
+    """Publishes a smaller map, and only every other second."""
 
     def update(self, given: MapperInput) -> MapUpdate | None:
         answer = super().update(given)
@@ -304,7 +304,7 @@ class SlowMapper(Hits):
 
 @ENTRIES.plant("slipping")
 class Slipping(Dot):
-    """Noise from the stream that it is handed, which goes on over reset as the streams do."""
+    """Adds noise from its random stream, which continues over reset as streams do."""
 
     def __init__(self, params: Params, context: Context) -> None:
         self.draws = context.stream("slip")

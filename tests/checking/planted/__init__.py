@@ -14,11 +14,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Entry:
-    """What an entry point of a planted plugin leads to.
+    """Target of the entry point of a planted plugin.
 
     Attributes:
-        kind, name: Of the plugin.
-        thing: What is registered.
+        kind, name: Kind and name of the plugin.
+        thing: The class or function that is registered.
         caught_by: The check that must catch it; empty for a sound plugin.
     """
 

@@ -42,7 +42,7 @@ class Millimetres(Gap):
 
 @ENTRIES.plant("writes_ranges", caught_by="inputs_untouched")
 class WritesRanges(Gap):
-    """Replaces what it heard in place."""
+    """Replaces ranges of its input in place."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         for scan in given.scans:
@@ -84,7 +84,7 @@ class LooseParams(GapParams):
 
 @ENTRIES.plant("loose", caught_by="unknown_parameters")
 class Loose(Gap):
-    """Takes keys that it does not know, so that a typing error in a config passes."""
+    """Accepts unknown keys, so that a typing error in a config passes."""
 
     Params = LooseParams
 
@@ -148,7 +148,7 @@ class GlobalPython(Gap):
 
 @ENTRIES.plant("seeds_global", caught_by="global_state")
 class SeedsGlobal(Gap):
-    """Seeds the global generator, so that it looks reproducible, and ruins it for others."""
+    """Seeds the global generator, so that it looks reproducible and breaks others."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         np.random.seed(3)  # noqa: NPY002
@@ -169,7 +169,7 @@ class Unseeded(Gap):
 
 @ENTRIES.plant("wall_clock_time", caught_by="wall_clock")
 class WallClock(Gap):
-    """Brakes by the time since its last step, s of the wall clock."""
+    """Brakes by the wall time since its last step."""
 
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
@@ -193,7 +193,7 @@ SEEN_BEFORE: list[float] = []
 
 @ENTRIES.plant("module_state", caught_by="episodes")
 class ModuleState(Gap):
-    """What it learnt in an episode goes on in the next."""
+    """Keeps what it learnt in one episode for the next."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         SEEN_BEFORE.append(given.estimate.pose.x)
@@ -231,7 +231,7 @@ class NestedNone(Gap):
 
 @ENTRIES.plant("smuggled_none", caught_by="answers")
 class SmuggledNone(Gap):
-    """Past the message's own checks."""
+    """Sets None past the checks of the message."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         answer = super().avoid(given)
@@ -247,7 +247,7 @@ class WrongAnswer(Gap):
 
 @ENTRIES.plant("nan_when_empty", caught_by="odd_readings")
 class NanWhenEmpty(Gap):
-    """Divides by how many beams heard something."""
+    """Divides by the number of beams with an echo."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         heard = [scan.ranges[np.isfinite(scan.ranges)] for scan in given.scans]
@@ -272,7 +272,7 @@ class ThreeBeams(Gap):
 
 @ENTRIES.plant("trapped_by_inf", caught_by="reaches")
 class TrappedByInf(Gap):
-    """No echo counts as a wall at the robot."""
+    """Takes a beam without an echo for a wall at the robot."""
 
     def near(self, given: AvoiderInput) -> tuple[float, float]:
         nearest, ahead = super().near(given)
@@ -348,7 +348,7 @@ class Prints(Gap):
 
 @ENTRIES.plant("leaks", caught_by="memory")
 class Leaks(Gap):
-    """Keeps every scan for good, and more."""
+    """Keeps every scan for ever, and more."""
 
     kept: ClassVar[list[np.ndarray]] = []
 
@@ -406,7 +406,7 @@ class Crashes(Gap):
 
 @ENTRIES.plant("hangs_in_c", caught_by="returns")
 class HangsInC(Gap):
-    """Holds the interpreter in one call of C."""
+    """Holds the GIL in one call of C code."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         sum(range(10**13))
@@ -423,7 +423,7 @@ class Loops(Gap):
 
 @ENTRIES.plant("order_of_sets", caught_by="fresh_process")
 class OrderOfSets(Gap):
-    """Takes the first of a set of strings, whose order each process makes its own."""
+    """Takes the first of a set of strings, whose order differs from process to process."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         first = next(iter({"left", "right", "ahead", "back", "slow", "fast", "stay", "turn"}))
@@ -432,7 +432,7 @@ class OrderOfSets(Gap):
 
 @ENTRIES.plant("object_ids", caught_by="fresh_process")
 class ObjectIds(Gap):
-    """Breaks ties by where objects lie in memory."""
+    """Breaks ties by the addresses of objects."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         return turned(super().avoid(given), 1e-5 * (hash(self.name) % 1000))
@@ -440,7 +440,7 @@ class ObjectIds(Gap):
 
 @ENTRIES.plant("two_in_turn", caught_by="two_instances")
 class TwoInTurn(Gap):
-    """Instances share a counter by the class: alone each is right."""
+    """Instances share a counter in the class; alone, each is right."""
 
     turn_of: ClassVar[list[object]] = []
 
@@ -465,7 +465,7 @@ class ExtremeGain(Gap):
 
 @ENTRIES.plant("half_sector", caught_by="mirror")
 class HalfSector(Gap):
-    """Off by one in the sectors: it steers one sector to the left of where it means to."""
+    """Off by one in the sectors: steers one sector too far to the left."""
 
     claims = {Claim.MIRROR}
 
@@ -476,7 +476,7 @@ class HalfSector(Gap):
 
 @ENTRIES.plant("map_frame", caught_by="reaches")
 class MapFrame(Gap):
-    """Takes the bearing in the map for one from the heading."""
+    """Takes a bearing in the map frame for one relative to the heading."""
 
     def bearing(self, given: AvoiderInput) -> float:
         pose = given.estimate.pose
@@ -495,7 +495,7 @@ class SwappedAxes(Gap):
 
 @ENTRIES.plant("unwrapped", caught_by="reaches")
 class Unwrapped(Gap):
-    """Does not wrap the bearing: where it passes 180 degrees it turns the long way, and back."""
+    """Does not wrap the bearing: beyond 180 degrees it turns the long way round."""
 
     def bearing(self, given: AvoiderInput) -> float:
         pose = given.estimate.pose
@@ -510,14 +510,14 @@ class WrongSign(Gap):
 
 @ENTRIES.plant("ignores_footprint", caught_by="footprint")
 class IgnoresFootprint(Gap):
-    """Right for the robot it was tried on; its numbers are that robot's."""
+    """Has the numbers of the one robot that it was tried on."""
 
     claims = {Claim.FOOTPRINT}
 
 
 @ENTRIES.plant("blind", caught_by="no_contact")
 class Blind(Gap):
-    """Does what the controller asks for."""
+    """Passes on the desired velocity, whatever is in the way."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         return Avoidance(given.desired, "clear")
@@ -525,7 +525,7 @@ class Blind(Gap):
 
 @ENTRIES.plant("behind", caught_by="no_contact")
 class Behind(Gap):
-    """Takes what is behind for what is ahead: bearings from 0 to 360 degrees are meant, -180 to 180 come."""
+    """Takes what is behind for what is ahead: it expects bearings of 0 to 360 degrees, and gets -180 to 180."""
 
     def near(self, given: AvoiderInput) -> tuple[float, float]:
         turned_scans = tuple(replace(scan, ranges=np.roll(scan.ranges, len(scan.ranges) // 2)) for scan in given.scans)
@@ -535,7 +535,7 @@ class Behind(Gap):
 
 @ENTRIES.plant("never_stops", caught_by="stops_when_closed")
 class NeverStops(Gap):
-    """Creeps on where it is closed in."""
+    """Keeps creeping where it is closed in."""
 
     claims = {Claim.STOPS_WHEN_CLOSED}
 
@@ -569,6 +569,6 @@ class AtOrigin(Gap):
 
 @ENTRIES.plant("claims_other", caught_by="claims")
 class ClaimsOther(Gap):
-    """Claims what no avoider can be measured by."""
+    """Claims a behaviour that is not one of avoiders."""
 
     claims = {Claim.OPTIMAL_ANY_ANGLE}

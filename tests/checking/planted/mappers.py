@@ -44,7 +44,7 @@ class OldestPose(Hits):
 
 @ENTRIES.plant("moved_origin", caught_by="accurate")
 class MovedOrigin(Hits):
-    """Says that its map lies elsewhere than where it put things."""
+    """Gives its map another origin than it used for the cells."""
 
     def update(self, given: MapperInput) -> MapUpdate | None:
         answer = super().update(given)
@@ -56,7 +56,7 @@ class MovedOrigin(Hits):
 
 @ENTRIES.plant("no_echo_is_wall", caught_by="accurate")
 class NoEchoIsWall(Hits):
-    """All that is not heard is a wall at the sensor's range: a ring of phantoms."""
+    """Marks a wall at the sensor's range for each beam without an echo."""
 
     def insert(self, scan: RangeScan, given: MapperInput) -> None:
         ranges = np.where(np.arange(len(scan.ranges)) % 2, 0.6, scan.ranges)
@@ -99,7 +99,7 @@ class KeepsMapOverReset(Hits):
 
 @ENTRIES.plant("huge_map", caught_by="message_size")
 class HugeMap(Hits):
-    """Draws its map with cells of a millimetre."""
+    """Uses cells of one millimetre."""
 
     def update(self, given: MapperInput) -> MapUpdate | None:
         answer = super().update(given)
@@ -138,7 +138,7 @@ class UnturnedStart(FromStart):
 
 @ENTRIES.plant("old_stamp", caught_by="answers")
 class OldStamp(FromStart):
-    """The stamp of the step before."""
+    """Publishes the stamp of the previous step."""
 
     before = 0
 
@@ -164,7 +164,7 @@ class HeadingBeyondPi(FromStart):
 
 @ENTRIES.plant("drifts", caught_by="accurate")
 class Drifts(FromStart):
-    """Adds up a little more in each step."""
+    """Adds a growing error in each step."""
 
     steps = 0
 

@@ -66,7 +66,7 @@ class RightBends(Proportional):
 
 @ENTRIES.plant("never_turns_in_place", caught_by="settles")
 class NeverTurnsInPlace(Proportional):
-    """Does not look at turn_to."""
+    """Ignores turn_to."""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         return super().control(replace(given, reference=replace(given.reference, turn_to=None)))
@@ -74,7 +74,7 @@ class NeverTurnsInPlace(Proportional):
 
 @ENTRIES.plant("weak", caught_by="settles")
 class Weak(Proportional):
-    """So weak that it never comes onto its reference."""
+    """Is so weak that it never reaches its reference."""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         answer = super().control(given)
@@ -83,7 +83,7 @@ class Weak(Proportional):
 
 @ENTRIES.plant("swings", caught_by="settles")
 class Swings(Proportional):
-    """So strong that it swings about its reference."""
+    """Is so strong that it oscillates about its reference."""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         answer = super().control(given)
@@ -101,7 +101,7 @@ class LeftHanded(Proportional):
 
 @ENTRIES.plant("integrates", caught_by="reset_as_new")
 class Integrates(Proportional):
-    """An integral that reset leaves as it is."""
+    """Has an integral that reset does not clear."""
 
     sum = 0.0
 
@@ -185,7 +185,7 @@ class NoContactTold(Dot):
 
 @ENTRIES.plant("slips", caught_by="repeats")
 class Slips(Dot):
-    """Noise that no seed holds."""
+    """Adds noise that no seed determines."""
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
         self.x += 1e-4 * float(np.random.default_rng().normal())
@@ -218,7 +218,7 @@ class DegreeBearings(Dot):
 
 @ENTRIES.plant("backs_up", caught_by="no_contact")
 class BacksUp(Pause):
-    """Drives back 3 m, whatever stands there."""
+    """Drives back 3 m, whatever is behind it."""
 
     def recover(self, given: RecoveryInput) -> RecoveryStep:
         if given.starts:
@@ -241,7 +241,7 @@ class NeverEnds(Pause):
 
 @ENTRIES.plant("second_attempt", caught_by="ends")
 class SecondAttempt(Pause):
-    """Runs for ever when it is asked a second time."""
+    """Runs for ever when it is started a second time."""
 
     def recover(self, given: RecoveryInput) -> RecoveryStep:
         answer = super().recover(given)

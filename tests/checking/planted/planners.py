@@ -17,7 +17,7 @@ ENTRIES = Entries()
 
 @ENTRIES.plant("first_request", caught_by="answers")
 class FirstRequest(Flood):
-    """Answers request 1 whatever was asked."""
+    """Answers request 1, whatever the number of the request."""
 
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
         return replace(super().plan(given), request_id=1)
@@ -82,7 +82,7 @@ class NoOrigin(Flood):
 
 @ENTRIES.plant("unturned", caught_by="rotation")
 class Unturned(Flood):
-    """Takes the raster to be parallel to the map."""
+    """Ignores the heading of the raster."""
 
     claims = {Claim.ROTATION}
 
@@ -120,7 +120,7 @@ class EightWays(Flood):
 
 @ENTRIES.plant("gives_up", caught_by="reaches")
 class GivesUp(Flood):
-    """Looks no further than 5 m."""
+    """Searches no further than 5 m."""
 
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
         answer = super().plan(given)
@@ -132,7 +132,7 @@ class GivesUp(Flood):
 
 @ENTRIES.plant("through_the_last", caught_by="reaches")
 class ThroughTheLast(Flood):
-    """Walks through walls where there is no other way."""
+    """Plans through walls where there is no other path."""
 
     def search(self, free: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[int, int]]:
         return super().search(free, start, goal) or super().search(np.ones_like(free), start, goal)
@@ -140,7 +140,7 @@ class ThroughTheLast(Flood):
 
 @ENTRIES.plant("marks_map", caught_by="inputs_untouched")
 class MarksMap(Flood):
-    """Writes its inflation into the map that it was given."""
+    """Writes its inflation into the map of its input."""
 
     def free(self, grid: OccupancyGrid) -> np.ndarray:
         free = super().free(grid)
@@ -151,7 +151,7 @@ class MarksMap(Flood):
 
 @ENTRIES.plant("keeps_map", caught_by="fresh_process")
 class KeepsMap(Flood):
-    """Keeps the first map of a process for good, under the wrong key."""
+    """Caches the first map of a process for ever, under the wrong key."""
 
     known: dict[str, np.ndarray] = {}
 
@@ -172,7 +172,7 @@ class NegativeLength(Flood):
 
 @ENTRIES.plant("half_length", caught_by="path_length")
 class HalfLength(Flood):
-    """Says that its path is half as long as it is."""
+    """Reports half the length of its path."""
 
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
         answer = super().plan(given)

@@ -1,4 +1,4 @@
-"""Plugins that are right in plain scenes, and wrong where sensors, maps, robots or paths are others."""
+"""Plugins that are right in plain scenes, and wrong with other sensors, maps, robots or paths."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class SteersInto(Gap):
 
 @ENTRIES.plant("first_scan_only", caught_by="no_contact")
 class FirstScanOnly(Gap):
-    """Of two lasers it sees one."""
+    """Uses only one of two lasers."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         return super().avoid(replace(given, scans=given.scans[:1], sensors=given.sensors[:1]))
@@ -76,7 +76,7 @@ class FirstScanOnly(Gap):
 
 @ENTRIES.plant("backs_blindly", caught_by="no_contact")
 class BacksBlindly(Gap):
-    """Backs up to a target behind it, and looks ahead."""
+    """Backs up to a target behind it, but only checks ahead."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         if abs(self.bearing(given)) > 2.0:
@@ -99,7 +99,7 @@ class OneRobotOnly(Gap):
 
 @ENTRIES.plant("first_path_only", caught_by="settles")
 class FirstPathOnly(Proportional):
-    """Stands once the path comes anew."""
+    """Stops once a new path arrives."""
 
     def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
@@ -116,7 +116,7 @@ class FirstPathOnly(Proportional):
 
 @ENTRIES.plant("turns_in_degrees", caught_by="limits")
 class TurnsInDegrees(Proportional):
-    """Degrees in one of its two branches: where it turns in place."""
+    """Uses degrees in one of its two branches, the one that turns in place."""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         answer = super().control(given)
@@ -130,7 +130,7 @@ class TurnsInDegrees(Proportional):
 
 @ENTRIES.plant("unturned_map", caught_by="reaches")
 class UnturnedMap(Flood):
-    """Takes every raster to lie along the axes."""
+    """Treats every raster as parallel to the axes."""
 
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
         grid = given.map.grid
@@ -140,7 +140,7 @@ class UnturnedMap(Flood):
 
 @ENTRIES.plant("first_map_only", caught_by="no_contact")
 class FirstMapOnly(Flood):
-    """Grows the obstacles of a map once for each size."""
+    """Inflates the obstacles of a map only once for each size of map."""
 
     def free(self, grid: OccupancyGrid) -> np.ndarray:
         if getattr(self, "known", np.empty(0)).shape != grid.cells.shape:
@@ -173,7 +173,7 @@ class NewestPose(Hits):
 
 @ENTRIES.plant("filled_anew", caught_by="answers_stay")
 class FilledAnew(Hits):
-    """Hands out its array as read-only, and writes to it again."""
+    """Publishes its array as read-only, and writes to it again."""
 
     def update(self, given: MapperInput) -> MapUpdate | None:
         self.cells.flags.writeable = True
@@ -201,7 +201,7 @@ class StandsStill(FromStart):
 
 @ENTRIES.plant("lopsided", caught_by="covariance")
 class Lopsided(FromStart):
-    """Sets one half of the covariance."""
+    """Sets only one half of the covariance."""
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         covariance = np.diag([0.01, 0.01, 0.01])
@@ -211,7 +211,7 @@ class Lopsided(FromStart):
 
 @ENTRIES.plant("impossible_covariance", caught_by="covariance")
 class ImpossibleCovariance(FromStart):
-    """More in common than either has."""
+    """Gives a covariance larger than its variances allow."""
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         covariance = np.array([[0.01, 0.02, 0.0], [0.02, 0.01, 0.0], [0.0, 0.0, 0.01]])
@@ -223,7 +223,7 @@ class ImpossibleCovariance(FromStart):
 
 @ENTRIES.plant("mirrored_laser", caught_by="echoes")
 class MirroredLaser(Dot):
-    """Sees the wall of its world on the other side."""
+    """Scans the mirror image of its world."""
 
     def scan(self, given: PlatformInput) -> RangeScan:
         turn = np.linspace(-1.0, 1.0, 9)
@@ -253,7 +253,7 @@ class BeamSettings(Params):
 
 @ENTRIES.plant("single_beam", caught_by="sensor_extremes")
 class SingleBeam(Dot):
-    """Cannot make a scan of the one beam that its settings allow."""
+    """Fails at a single beam, which its settings allow."""
 
     sensor_settings = {"laser": BeamSettings}
 
@@ -274,7 +274,7 @@ class UnitlessSensor(Dot):
 
 @ENTRIES.plant("fixed_tick", caught_by="drives_as_told")
 class FixedTick(Dot):
-    """Moves by a tick, whatever the time that is asked for."""
+    """Advances by one tick, whatever the time of its input."""
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
         self.time_ns = given.time_ns - 50_000_000 * (given.time_ns > 0)
@@ -295,7 +295,7 @@ ENTRIES.plant("only_ahead", "metric_values", "metric")(
 
 
 def infinite_dot(given: RangeScan, seen: Any) -> Any:
-    """Draws the nearest echo where there is none, too."""
+    """Draws the nearest echo even where there is none."""
     import rerun as rr
 
     if given.ranges.size:
@@ -307,7 +307,7 @@ ENTRIES.plant("infinite_dot", "panel_draws", "panel")(Panel("infinite_dot", Rang
 
 @ENTRIES.plant("reads_here", "scheme_refuses", "scheme")
 def reads_here(argument: str, base: FilePath) -> World:
-    """Looks in the folder where navloom was started, not in the one of the config."""
+    """Reads from the folder where navloom was started, not from that of the config."""
     try:
         FilePath(argument).read_text("utf-8")
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Small sound plugins, one a role, that faults are planted in."""
+"""Small sound plugins, one for each role; the faulty plugins derive from them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class GapParams(Params):
 
 @ENTRIES.plant("gap")
 class Gap(Avoider):
-    """Turns to the target, and drives as fast as what is ahead lets it stop."""
+    """Turns to the target, and drives only as fast as it can stop before what is ahead."""
 
     Params = GapParams
 
@@ -70,7 +70,7 @@ class Gap(Avoider):
         return Avoidance(Twist2D(speed, 0.0, turn), "clear" if room > 1.0 else "steering")
 
     def near(self, given: AvoiderInput) -> tuple[float, float]:
-        """Nearest thing all round and ahead, m."""
+        """Distance to the nearest obstacle all round, and ahead, m."""
         nearest = ahead = math.inf
         for scan in given.scans:
             if not scan.ranges.size:
@@ -82,7 +82,7 @@ class Gap(Avoider):
         return nearest, ahead
 
     def bearing(self, given: AvoiderInput) -> float:
-        """Of the target, rad from the heading."""
+        """Bearing of the target relative to the heading, rad."""
         pose = given.estimate.pose
         return math.remainder(math.atan2(given.target.y - pose.y, given.target.x - pose.x) - pose.heading, math.tau)
 
@@ -127,7 +127,7 @@ class Flood(Planner):
         return PlanFailure(given.request.request_id, kind, Point2D(place.x, place.y), why)  # type: ignore[arg-type]
 
     def radius(self) -> float:
-        """By which obstacles are grown, m."""
+        """Radius by which obstacles are inflated, m."""
         return float(np.hypot(*self.context.robot.footprint.T).max())
 
     def free(self, grid: OccupancyGrid) -> np.ndarray:
@@ -179,7 +179,7 @@ class Flood(Planner):
 
 @ENTRIES.plant("from_start")
 class FromStart(Localizer):
-    """The odometry, put to the start."""
+    """The odometry, moved to the start pose."""
 
     accepts = ()
 
@@ -197,7 +197,7 @@ class HitsParams(Params):
 
 @ENTRIES.plant("hits")
 class Hits(Mapper):
-    """Occupied is what a beam hit; 16 m x 16 m round the start."""
+    """A map of 16 m x 16 m round the start, occupied where beams ended."""
 
     accepts = (RangeScan,)
     Params = HitsParams
@@ -247,7 +247,7 @@ class Hits(Mapper):
 
 @ENTRIES.plant("dot")
 class Dot(Platform):
-    """Drives exactly as told, on an empty floor."""
+    """Drives exactly as commanded, on an empty floor."""
 
     sensor_kinds = {"laser": RangeScan}
     is_simulated = True
@@ -286,7 +286,7 @@ class PauseParams(Params):
 
 @ENTRIES.plant("pause")
 class Pause(Recovery):
-    """Stands for a while."""
+    """Stops for a while."""
 
     accepts = ()
     Params = PauseParams

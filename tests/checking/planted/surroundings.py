@@ -1,4 +1,4 @@
-"""Plugins that change what their process has but one of, read from it, or keep something of it."""
+"""Plugins that change, read or keep resources that their process shares."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ENTRIES = Entries()
 
 @ENTRIES.plant("silences_numpy", caught_by="global_state")
 class SilencesNumpy(Gap):
-    """Once, when it is made: a second object finds it so already."""
+    """Changes the error state of numpy when created; a second object finds it changed already."""
 
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
@@ -81,7 +81,7 @@ class ReadsFolder(Proportional):
 
 @ENTRIES.plant("raw_thread", caught_by="no_threads")
 class RawThread(Gap):
-    """A thread that the module threading does not know."""
+    """Starts a thread that the module threading does not know."""
 
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
@@ -99,7 +99,7 @@ class KeepsFile(Gap):
 
 @ENTRIES.plant("prints_errors", caught_by="silent")
 class PrintsErrors(Gap):
-    """A line a step on standard error."""
+    """Prints a line on standard error in each step."""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         print(f"{given.target}", file=sys.stderr)
@@ -108,7 +108,7 @@ class PrintsErrors(Gap):
 
 @ENTRIES.plant("slow_first", caught_by="step_time")
 class SlowFirst(Gap):
-    """Makes in its first step what belongs into its warm-up."""
+    """Does in its first step what belongs in its warm-up."""
 
     table: ClassVar[list[int]] = []
 
@@ -123,7 +123,7 @@ class SlowFirst(Gap):
 
 @ENTRIES.plant("later_degrees", caught_by="goes_on")
 class LaterDegrees(Gap):
-    """Degrees for radians, from the 200th step on."""
+    """Gives degrees for radians from the 200th step on."""
 
     steps = 0
 
@@ -137,7 +137,7 @@ class LaterDegrees(Gap):
 
 @ENTRIES.plant("fails_later", caught_by="goes_on")
 class FailsLater(Proportional):
-    """A table that a long drive outruns."""
+    """Has a table that is too short for a long drive."""
 
     def __init__(self, params: object, context: Context) -> None:
         super().__init__(params, context)  # type: ignore[arg-type]
@@ -154,7 +154,7 @@ class FailsLater(Proportional):
 
 @ENTRIES.plant("ever_slower", caught_by="goes_on")
 class EverSlower(Proportional):
-    """Adds up its whole past in each step."""
+    """Sums its whole past in each step."""
 
     steps = 0
 
@@ -166,7 +166,7 @@ class EverSlower(Proportional):
 
 @ENTRIES.plant("second_reset", caught_by="reset_as_new")
 class SecondReset(Proportional):
-    """Forgets the first time only."""
+    """Resets only the first time."""
 
     total, resets = 0.0, 0
 

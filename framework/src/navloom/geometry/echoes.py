@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,17 +11,32 @@ from navloom.geometry.angles import wrap
 from navloom.geometry.frames import transform
 from navloom.messages import PoseTrack, RangeScan, Sweep
 
-__all__ = ["poses_at", "scan_points", "scan_points_in_map", "sweep_points_in_map"]
+__all__ = [
+    "Geometry",
+    "beam_ends",
+    "poses_along",
+    "poses_at",
+    "scan_points",
+    "scan_points_in_map",
+    "sweep_points",
+    "sweep_points_in_map",
+]
 
 Floats = NDArray[np.float64]
+Geometry = Literal["paper", "rigid_pitch"]
+"""How a sweep's ranges, pitches and bearings give points: see `sweep_points`."""
+
+
+def beam_ends(origins: Floats, bearings: Floats, ranges: Floats) -> Floats:
+    """Where beams of given ranges end: (n, 2) m, base frame. Origins are (n, 2) m, bearings (n,) rad, ranges (n,) m."""
+    ends: Floats = origins + ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], 1)
+    return ends
 
 
 def scan_points(scan: RangeScan) -> Floats:
     """Echoes of a scan: (n, 2) m, base frame. Beams without an echo are left out."""
     heard = np.isfinite(scan.ranges)
-    bearings = scan.bearings[heard]
-    points: Floats = scan.origins[heard] + scan.ranges[heard, None] * np.stack([np.cos(bearings), np.sin(bearings)], 1)
-    return points
+    return beam_ends(scan.origins[heard], scan.bearings[heard], scan.ranges[heard])
 
 
 def scan_points_in_map(scan: RangeScan, track: PoseTrack) -> Floats:
@@ -28,18 +45,29 @@ def scan_points_in_map(scan: RangeScan, track: PoseTrack) -> Floats:
     return transform(poses_at(track, times_ns), scan_points(scan)[:, None])[:, 0]
 
 
+def sweep_points(sweep: Sweep, geometry: Geometry | None = None) -> Floats:
+    """(frames, beams, 3) points of a sweep: x, y, z, m, base frame, z above the floor; NaN where there is no echo.
+
+    Args:
+        sweep: Ranges, pitches α and bearings b.
+        geometry: Overrides that of the sweep. "paper": R cosα cos b, R cosα sin b, R sinα (Hoang et al. 2013, eq. (1)).
+            "rigid_pitch", the scan plane tilted as a whole: R cosα cos b, R sin b, R sinα cos b.
+    """
+    sin_a, cos_a = np.sin(sweep.pitches)[:, None], np.cos(sweep.pitches)[:, None]
+    sin_b, cos_b = np.sin(sweep.bearings)[None, :], np.cos(sweep.bearings)[None, :]
+    ranges = np.where(np.isfinite(sweep.ranges), sweep.ranges, np.nan)
+    if (geometry or sweep.geometry) == "rigid_pitch":
+        forward, left, up = ranges * (cos_a * cos_b), ranges * sin_b, ranges * (sin_a * cos_b)
+    else:
+        forward, left, up = ranges * cos_a * cos_b, ranges * cos_a * sin_b, ranges * sin_a
+    return np.stack([forward + sweep.x, left + sweep.y, up + sweep.z], axis=-1)
+
+
 def sweep_points_in_map(sweep: Sweep, track: PoseTrack) -> Floats:
     """Echoes of a sweep: (n, 3) m, map frame, z above the floor, each from where the robot was in its frame."""
-    frames, beams = np.nonzero(np.isfinite(sweep.ranges))
-    ranges, pitch, bearing = sweep.ranges[frames, beams], sweep.pitches[frames], sweep.bearings[beams]
-    forward = ranges * np.cos(pitch) * np.cos(bearing)
-    if sweep.geometry == "paper":
-        left, up = ranges * np.cos(pitch) * np.sin(bearing), ranges * np.sin(pitch)
-    else:
-        left, up = ranges * np.sin(bearing), ranges * np.cos(bearing) * np.sin(pitch)
-    poses = poses_at(track, sweep.stamp_ns + 1e9 * sweep.frame_times)[frames]
-    flat = transform(poses, np.stack([sweep.x + forward, sweep.y + left], axis=1)[:, None])[:, 0]
-    return np.column_stack([flat, sweep.z + up])
+    points, heard = sweep_points(sweep), np.isfinite(sweep.ranges)
+    flat = transform(poses_at(track, sweep.stamp_ns + 1e9 * sweep.frame_times), points[..., :2])
+    return np.column_stack([flat[heard], points[heard, 2]])
 
 
 def poses_at(track: PoseTrack, times_ns: NDArray[np.int64] | Floats) -> Floats:
@@ -58,7 +86,18 @@ def poses_at(track: PoseTrack, times_ns: NDArray[np.int64] | Floats) -> Floats:
         raise ValueError("the track has no pose: expected at least one")
     begin = track.stamps_ns[0]  # differences of stamps fit a float64, stamps of a long run do not
     times, known = times_ns - begin, track.stamps_ns - begin
-    headings = np.unwrap(track.poses[:, 2])
-    columns = (track.poses[:, 0], track.poses[:, 1], headings)
-    x, y, heading = (np.interp(times, known, column) for column in columns)
-    return np.column_stack([x, y, wrap(heading)])
+    poses = poses_along(times, known, track.poses)
+    poses[:, 2] = wrap(poses[:, 2])
+    return poses
+
+
+def poses_along(times: Floats, known: Floats, poses: Floats) -> Floats:
+    """`poses_at` for times of any epoch and unit: (n, 3) x, y, m, and heading, rad, which is continuous, not wrapped.
+
+    Args:
+        times: (n,) requested times.
+        known: (k,) times of the poses, increasing; at least one.
+        poses: (k, 3) x, y, m, and heading, rad.
+    """
+    columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
+    return np.column_stack([np.interp(times, known, column) for column in columns])

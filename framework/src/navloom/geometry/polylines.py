@@ -1,11 +1,11 @@
-"""Distance between polylines, and their simplification."""
+"""Points along polylines, distance between polylines, and their simplification."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["hausdorff_distance"]
+__all__ = ["Polyline", "corners", "hausdorff_distance"]
 
 Floats = NDArray[np.float64]
 STEP = 0.02
@@ -13,6 +13,33 @@ STEP = 0.02
 MOST = 4000
 """Most points at which a polyline is compared; on longer ones the spacing is larger."""
 AT_ONCE = 256
+
+
+class Polyline:
+    """A polyline with the distances along it.
+
+    Args:
+        points: (n, 2) corners, m.
+
+    Attributes:
+        points: As given.
+        along: (n,) distance along the line at each corner, m; of an empty line one 0.
+    """
+
+    def __init__(self, points: Floats) -> None:
+        self.points = points
+        self.along: Floats = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+    @property
+    def length(self) -> float:
+        """Length, m."""
+        return float(self.along[-1])
+
+    def at(self, distances: Floats) -> Floats:
+        """(k, 2) points, m, at distances along the line, (k,) m; beyond an end of the line, that end."""
+        # np.interp needs increasing places: of coinciding corners, one is kept.
+        kept = np.concatenate([[True], np.diff(self.along) > 0.0])
+        return np.column_stack([np.interp(distances, self.along[kept], self.points[kept, axis]) for axis in (0, 1)])
 
 
 def hausdorff_distance(ours: Floats, theirs: Floats) -> float:
@@ -64,13 +91,6 @@ def _farthest(points: Floats, line: Floats) -> float:
 
 def _sampled(points: Floats) -> Floats:
     """(k, 2) the corners, and samples between them."""
-    lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
-    total = float(lengths.sum())
-    if total == 0.0:
-        return points
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    between = np.linspace(0.0, total, min(MOST, int(total / STEP) + 2))
-    places = np.union1d(along, between)
-    # np.interp needs increasing places: of coinciding corners, one is kept.
-    kept = np.concatenate([[True], np.diff(along) > 0.0])
-    return np.column_stack([np.interp(places, along[kept], points[kept, axis]) for axis in (0, 1)])
+    line = Polyline(points)
+    between = np.linspace(0.0, line.length, min(MOST, int(line.length / STEP) + 2))
+    return line.at(np.union1d(line.along, between))

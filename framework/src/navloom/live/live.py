@@ -10,6 +10,7 @@ from navloom.engine.nodes.node import Outputs, Tick
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted
 from navloom.live.mailbox import Inlet
+from navloom.live.restarts import BACKWARDS
 from navloom.live.run_clock import RunClock
 from navloom.live.step_times import StepTimes
 from navloom.messages import Envelope, InputRead, Selection, StepReport
@@ -20,8 +21,6 @@ IDLE = 0.5
 """Longest wait while no message arrives, s."""
 WAITING = 0.25
 """Interval of the reports of a node that waits for the first message of an input, s."""
-BACKWARDS = 200
-"""Largest step back, in ticks, of a message that is merely late; a larger one means that the run clock restarted."""
 
 Change = Callable[[], None]
 

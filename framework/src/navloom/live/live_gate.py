@@ -13,6 +13,7 @@ from navloom.engine.system import System
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted, all_sources
 from navloom.live.live import LiveRunner
+from navloom.live.restarts import RestartWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.navigation.gate import ENDING
@@ -90,7 +91,7 @@ class LiveGate(LiveRunner):
         self.gate.find_waiting = self._find_waiting
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
-        self._platform_sequence = 0
+        self._platform = RestartWatch()
         self._awaited_tick = -1
 
     def run(self) -> None:
@@ -224,14 +225,13 @@ class LiveGate(LiveRunner):
         return next(filter(None, found), "")
 
     def _follow_platform(self) -> None:
-        """After a restart of the platform, wait for a later step of the goal node, which ends the goal.
+        """After a restart of the platform, tell the gate, and wait for a later step of the goal, which ends the goal.
 
         Until then the trajectory is still authorised, but the robot's pose is not known.
         """
         slot = self._feeds["odometry"].slot
-        if slot.sequence < self._platform_sequence:
-            self._awaited_tick = slot.tick
-        self._platform_sequence = slot.sequence
+        if slot.envelope is not None and self._platform.has_restarted(slot.envelope):
+            self._awaited_tick, self.gate.has_new_platform = slot.tick, True
         if self._awaited_tick >= 0:
             for source in self.cell.reports:
                 if source[0] == "goal":

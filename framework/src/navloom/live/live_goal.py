@@ -8,11 +8,12 @@ from collections.abc import Callable
 from navloom.engine.nodes.goal import GoalNode
 from navloom.live.cell import Source
 from navloom.live.cells import Hosted
-from navloom.live.live import BACKWARDS, LiveRunner
+from navloom.live.live import LiveRunner
+from navloom.live.restarts import RestartWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Envelope, OperatorRequest, StepReport
 
-__all__ = ["LiveGoal", "began_anew"]
+__all__ = ["LiveGoal"]
 
 CHECK = 0.05
 """Shortest wait between two checks while no pose arrives, s."""
@@ -22,12 +23,6 @@ PLATFORM_SILENCE = 1.0
 """Silence of the platform after which a goal pauses, s."""
 BROKEN = 20
 """Number of consecutive failed steps of a plugin after which the goal ends with an error."""
-
-
-def began_anew(last: Envelope, at: Envelope) -> bool:
-    """Whether a publisher restarted between the last message and this one; a late message is not a restart."""
-    was_overtaken = last.tick - BACKWARDS < at.tick <= last.tick
-    return at.sequence < last.sequence and not was_overtaken
 
 
 class LiveGoal(LiveRunner):
@@ -40,8 +35,8 @@ class LiveGoal(LiveRunner):
         self._request = next(wire for wire in self.stepper.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
         self.faults: dict[Source, tuple[int, str]] = {}
-        self._platform_said: Envelope | None = None
-        self._began_anew = self._is_asked = False
+        self._platform = RestartWatch()
+        self._has_platform_restarted = self._is_asked = False
 
     def wait_time(self) -> float:
         """Longest wait for a message, s."""
@@ -59,7 +54,7 @@ class LiveGoal(LiveRunner):
     def step(self, trigger: str, number: int) -> None:
         """One step of the goal's state machine, with the faults and silences that this process knows of."""
         for _, envelope in self.cell.platform.take() if self.cell.platform is not None else ():
-            self._follow_platform(envelope)
+            self._has_platform_restarted |= self._platform.has_restarted(envelope)
         for source, inlet in self.cell.faults.items():
             for message, envelope in inlet.take():
                 if isinstance(message, StepReport):
@@ -76,12 +71,6 @@ class LiveGoal(LiveRunner):
         self._request.queue.append((2**62, request, 0))
         self._is_asked = True
 
-    def _follow_platform(self, at: Envelope) -> None:
-        last = self._platform_said
-        self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
-        if last is None or self._began_anew or at.sequence > last.sequence:
-            self._platform_said = at
-
     def _blame(self, source: Source, report: StepReport, at: Envelope) -> None:
         """Count a node's consecutive faults; the count restarts with its process."""
         before = self.faults.get(source, (0, ""))[0] if at.sequence > 1 else 0
@@ -91,9 +80,9 @@ class LiveGoal(LiveRunner):
             self.faults.pop(source, None)
 
     def _trouble(self) -> str:
-        if self._began_anew:
-            self._began_anew = False
-            return "the platform began anew, and where the robot is now is not known"
+        if self._has_platform_restarted:
+            self._has_platform_restarted = False
+            return "the platform restarted, and where the robot is now is not known"
         for (role, name), (times, text) in self.faults.items():
             if times >= BROKEN and self.cell.in_charge((role, name)) and role not in self.goal.optional:
                 del self.faults[role, name]  # the next goal tries again

@@ -35,6 +35,8 @@ UNSEEN_MEMORY = 5.0
 """Travelled distance for which space that was seen or occupied by the robot counts as known, m."""
 JUMP, FASTEST = 0.3, 5.0
 """Odometry that jumps farther than JUMP, m, plus FASTEST, m/s, times the elapsed time: the platform restarted."""
+TURN, FASTEST_TURN = 0.5, 10.0
+"""The same for its heading, rad and rad/s."""
 SILENT = 1.0
 """A longer gap in the odometry, s, also counts as a restart: the robot may have been moved meanwhile."""
 BACK = 1.0
@@ -168,9 +170,11 @@ class CollisionMonitor:
 
     def _begins_again(self, pose: Pose2D, time: float) -> bool:
         """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""
-        x, y, _ = self._poses[-1]
+        x, y, heading = self._poses[-1]
         passed = time - self._stamps[-1]
-        jumps = math.hypot(pose.x - x, pose.y - y) > JUMP + FASTEST * abs(passed)
+        jumps = math.hypot(pose.x - x, pose.y - y) > JUMP + FASTEST * abs(passed) or (
+            abs(math.remainder(pose.heading - heading, math.tau)) > TURN + FASTEST_TURN * abs(passed)
+        )
         return passed < -BACK or passed > max(SILENT, 5.0 * self.limits.period) or (passed > 0.0 and jumps)
 
     def look(self, name: str, scan: RangeScan) -> bool:

@@ -19,6 +19,7 @@ from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.reference import ReferenceNode
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose
+from navloom.geometry.polylines import Polyline
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
 from navloom.recording.imported import placed_in_map
 from navloom.recording.reader import Recorded, Recording
@@ -252,10 +253,7 @@ class _Runner:
                 rows.append(((stamps[-1] - stamps[0]) * 1e-9, *seen, found.x, found.y, found.heading))
         if self.result.localizer:
             self.result.poses = np.array(rows).reshape(-1, 7)
-        points = np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)
-        steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.empty(0)
-        self.along = np.concatenate([[0.0], np.cumsum(steps)])
-        self.points = points
+        self.driven_line = Polyline(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2))
         self._at: list[tuple[int, float, float]] = []
         return np.array(stamps, dtype=np.int64), poses
 
@@ -331,14 +329,14 @@ class _Runner:
 
     def _reference(self, pose: PoseEstimate, driven: Odometry, place: int) -> Reference | None:
         """The remaining driven track in the form that the reference node publishes."""
-        place = min(place, len(self.along) - 1)
-        progress = float(self.along[place])
-        left = float(self.along[-1]) - progress
+        along = self.driven_line.along
+        progress = float(along[min(place, len(along) - 1)])
+        left = self.driven_line.length - progress
         if left < ENDED:
             return None
         reach = min(self.reference.look_ahead, left)
         arcs = progress + np.append(np.arange(0.0, reach, WAY_STEP), reach)
-        way = np.column_stack([np.interp(arcs, self.along, self.points[:, axis]) for axis in (0, 1)])
+        way = self.driven_line.at(arcs)
         target = Point2D(float(way[-1, 0]), float(way[-1, 1]))
         twist = driven.twist
         return Reference(

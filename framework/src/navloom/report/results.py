@@ -6,14 +6,13 @@ import fcntl
 import io
 import json
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from navloom.config import ConfigError
-from navloom.files import write_each
+from navloom.files import make_writable, write_each
 from navloom.messages import OccupancyGrid
 from navloom.recording.shadows import shadow_table
 from navloom.study.episode import Episode
@@ -97,8 +96,7 @@ class OutFolder:
             raise ConfigError(
                 f"--out {folder}: holds {earlier} of an earlier result; name another folder, or remove it"
             )
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
+        make_writable(folder)
 
     def _leave(self, folder: Path) -> None:
         if self._is_new and folder.is_dir() and not any(folder.iterdir()):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.echoes import beam_ends, poses_along
 from navloom.messages import MapUpdate, RangeScan, Sweep
 from navloom.viewer.colours import CLOUD, GREY, SKY, faded
 from navloom.viewer.panels import Drawn, Seen
@@ -51,11 +52,7 @@ def sweep(message: Sweep, seen: Seen) -> Drawn:
         return
     times = message.stamp_ns * 1e-9 + message.frame_times
     track = seen.track
-    poses = None
-    if len(track):
-        headings = np.unwrap(track[:, 3])
-        columns = (track[:, 1], track[:, 2], headings)
-        poses = np.column_stack([np.interp(times, track[:, 0], column) for column in columns])
+    poses = poses_along(times, track[:, 0], track[:, 1:]) if len(track) else None
     rule = seen.robot.sweep_rule
     points = sweep_points(message, rule, poses)
     classes = sweep_classes(message, rule, poses)
@@ -88,8 +85,7 @@ def range_scan(message: RangeScan, seen: Seen) -> Drawn:
         yield seen.in_base(seen.port), rr.LineStrips3D(outlines.astype(np.float32), radii=0.008, colors=colours)
     if not is_cone.all():
         hits = echo & ~is_cone
-        ways = np.column_stack([np.cos(message.bearings[hits]), np.sin(message.bearings[hits])])
-        points = message.origins[hits] + message.ranges[hits, None] * ways
+        points = beam_ends(message.origins[hits], message.bearings[hits], message.ranges[hits])
         cloud = np.column_stack([points, np.full(len(points), BEAM_HEIGHT)]).astype(np.float32)
         yield seen.in_base(f"{seen.port}_returns"), rr.Points3D(cloud, radii=0.02, colors=[SKY])
 

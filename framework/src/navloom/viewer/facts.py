@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.echoes import Geometry
 from navloom.geometry.world import World
 from navloom.messages import Pose2D
 from navloom.viewer.colours import ACTOR, Colour
@@ -41,7 +42,7 @@ class SweepRule:
     minimum_first: bool = False
     min_range: float = 0.0
     max_range_tolerance: float = 0.05
-    geometry: str = "as_sweep"
+    geometry: Geometry | Literal["as_sweep"] = "as_sweep"
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.echoes import scan_points
 from navloom.messages import (
     Command,
     GateStatus,
@@ -143,10 +144,9 @@ class FoxgloveServer:
         self._transform("map", "odom", Pose2D(x, y, turn), at)
 
     def _cloud(self, topic: str, scan: RangeScan, at: int) -> None:
-        seen = np.isfinite(scan.ranges)
-        rays = np.column_stack([np.cos(scan.bearings[seen]), np.sin(scan.bearings[seen])])
-        points = np.zeros((int(seen.sum()), 3), dtype="<f4")
-        points[:, :2] = scan.origins[seen] + scan.ranges[seen, None] * rays
+        flat = scan_points(scan)
+        points = np.zeros((len(flat), 3), dtype="<f4")
+        points[:, :2] = flat
         number = self._messages.PackedElementFieldNumericType.Float32
         fields = [self._messages.PackedElementField(name=name, offset=4 * place, type=number)
                   for place, name in enumerate("xyz")]  # fmt: skip

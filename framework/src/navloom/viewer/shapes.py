@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.polylines import Polyline
 from navloom.messages import Pose2D
 
 __all__ = ["arc_of_twist", "at_height", "cones", "placed", "prism", "ring_bars", "rgba_cells", "slot_arcs",
@@ -50,17 +51,15 @@ def stripes(points: Floats, number: int, count: int) -> list[Floats]:
 
     Pieces are `STRIPE` long, or shorter if the line is too short for one piece each.
     """
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    if count == 1 or along[-1] == 0.0:
+    line = Polyline(points)
+    if count == 1 or line.length == 0.0:
         return [points]
-    length = min(STRIPE, along[-1] / count)
+    length = min(STRIPE, line.length / count)
     pieces = []
-    for begin in np.arange(number * length, along[-1] - 1e-9, count * length):
-        end = min(begin + length, along[-1])
-        inside = along[(along > begin) & (along < end)]
-        at = np.concatenate([[begin], inside, [end]])
-        pieces.append(np.column_stack([np.interp(at, along, column) for column in points.T]))
+    for begin in np.arange(number * length, line.length - 1e-9, count * length):
+        end = min(begin + length, line.length)
+        inside = line.along[(line.along > begin) & (line.along < end)]
+        pieces.append(line.at(np.concatenate([[begin], inside, [end]])))
     return pieces
 
 

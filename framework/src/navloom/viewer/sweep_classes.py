@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry import echoes
+from navloom.geometry.echoes import Geometry
+from navloom.geometry.frames import transform
 from navloom.messages import Sweep
 
 if TYPE_CHECKING:
@@ -25,28 +28,17 @@ STILL = 1e-6
 
 
 def sweep_points(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> Floats:
-    """(frames, beams, 3) points: x, y, m, map frame, and height above the floor, m; infinite or NaN without a return.
+    """(frames, beams, 3) points: x, y, m, map frame, and height above the floor, m; NaN without a return.
 
     Args:
         sweep: The published sweep.
         rule: Rule whose geometry may override that of the sweep.
         poses: (frames, 3) x, y, m, heading, rad, of base in the map frame; None gives the points in the base frame.
     """
-    geometry = sweep.geometry if rule.geometry == "as_sweep" else rule.geometry
-    sin_a, cos_a = np.sin(sweep.pitches)[:, None], np.cos(sweep.pitches)[:, None]
-    sin_b, cos_b = np.sin(sweep.bearings)[None, :], np.cos(sweep.bearings)[None, :]
-    r = np.where(np.isfinite(sweep.ranges), sweep.ranges, math.nan)
-    if geometry == "rigid_pitch":
-        forward, left, up = r * (cos_a * cos_b), r * sin_b, r * (sin_a * cos_b)
-    else:
-        forward, left, up = r * cos_a * cos_b, r * cos_a * sin_b, r * sin_a
-    points = np.stack([forward + sweep.x, left + sweep.y, up + sweep.z], axis=-1)
-    if poses is None:
-        return points
-    cosine, sine = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-    x, y = points[..., 0], points[..., 1]
-    moved = [cosine * x - sine * y + poses[:, :1], sine * x + cosine * y + poses[:, 1:2], points[..., 2]]
-    return np.stack(moved, axis=-1)
+    points = echoes.sweep_points(sweep, _geometry_of(sweep, rule))
+    if poses is not None:
+        points[..., :2] = transform(poses, points[..., :2])
+    return points
 
 
 def sweep_classes(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> NDArray[np.uint8]:
@@ -76,6 +68,10 @@ def sweep_classes(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) ->
     return classes
 
 
+def _geometry_of(sweep: Sweep, rule: SweepRule) -> Geometry:
+    return sweep.geometry if rule.geometry == "as_sweep" else rule.geometry
+
+
 def _nearest(
     sweep: Sweep, rule: SweepRule, points: Floats, poses: Floats | None, candidates: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
@@ -90,8 +86,7 @@ def _nearest(
     seen = points[..., :2] - origin
     level = np.where(candidates, np.hypot(seen[..., 0], seen[..., 1]), math.inf)
     found = np.zeros(level.shape, dtype=np.bool_)
-    geometry = sweep.geometry if rule.geometry == "as_sweep" else rule.geometry
-    if geometry == "paper" and (poses is None or np.ptp(poses, axis=0).max() <= STILL):
+    if _geometry_of(sweep, rule) == "paper" and (poses is None or np.ptp(poses, axis=0).max() <= STILL):
         rows = np.argmin(level, axis=0)
         columns = np.flatnonzero(np.isfinite(level[rows, np.arange(level.shape[1])]))
         found[rows[columns], columns] = True

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from navloom import Context, RangeScan, Recovery, RecoveryInput, RecoveryStep, Twist2D
+from navloom.geometry.echoes import beam_ends
 from numpy.typing import NDArray
 
 from navloom_recoveries.params import RetraceParams
@@ -57,8 +58,7 @@ class Retrace(Recovery[RetraceParams]):
 def echoes(scan: RangeScan) -> NDArray[np.float64]:
     """(k, 2) points of a scan's echoes, on the axes of its beams, m, base frame."""
     heard = scan.ranges < scan.range_max
-    ranges, bearings = less_noisy(scan)[heard], scan.bearings[heard]
-    return scan.origins[heard] + np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)
+    return beam_ends(scan.origins[heard], scan.bearings[heard], less_noisy(scan)[heard])
 
 
 def less_noisy(scan: RangeScan) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Actions over the wire: what rcl_action makes of three services and two topics (design.ros2.org, "Actions")."""
+"""Action servers and clients: three services and two topics for each action (design.ros2.org, "Actions")."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from navloom_ros.graph import ACTION_PART
-from navloom_ros.node import Call, Node
+from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED, Qos
+from navloom_ros.services import Call
 from navloom_ros.wire import now_ns
 
 __all__ = [
@@ -30,25 +31,26 @@ __all__ = [
 ]
 
 ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(1, 7)
-"""States of a goal, as action_msgs/msg/GoalStatus numbers them."""
+"""States of a goal, numbered as in action_msgs/msg/GoalStatus."""
 UNKNOWN = 0
 """State of a goal that the server does not know."""
 ENDED = (SUCCEEDED, CANCELED, ABORTED)
+"""States in which a goal has a result."""
 MOST_RESULTS = 100
-"""Goals that have ended and whose results are kept."""
+"""Most ended goals whose results a server keeps."""
 MOST_OPEN = 100
-"""Goals that have not ended; further ones are rejected."""
+"""Most goals of a server that have not ended; further ones are rejected."""
 MOST_WAITING = 64
-"""Clients that may wait for the result of one goal."""
+"""Most clients that may wait for the result of one goal."""
 _CANCEL_NONE, _CANCEL_REJECTED, _CANCEL_UNKNOWN, _CANCEL_ENDED = range(4)
 _FEEDBACK = Qos(depth=10)
 
 
 class Goal:
-    """A goal at its server, to be driven and ended there. Its methods may be called from any thread.
+    """A goal on the server's side, which executes and ends it. Its methods may be called from any thread.
 
     Attributes:
-        identity: Its 16 bytes.
+        identity: Its UUID, 16 bytes.
         request: The goal itself, a message of the type `…_Goal`.
         state: ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED or ABORTED.
         accepted_ns: When it was accepted, ns since the epoch.
@@ -65,36 +67,36 @@ class Goal:
 
     @property
     def is_canceling(self) -> bool:
-        """A client asked to cancel it, and it has not ended yet."""
+        """A client has asked to cancel it, the server agreed, and it has not ended yet."""
         return self.state == CANCELING
 
     @property
     def has_ended(self) -> bool:
-        """It has a result."""
+        """The goal has a result."""
         return self.state in ENDED
 
     def execute(self) -> None:
-        """Say that it is being worked on."""
+        """Set the state EXECUTING."""
         self._server.move(self, EXECUTING)
 
     def feedback(self, **values: Any) -> None:
-        """Tell whoever listens how far it is; the values are those of the type `…_Feedback`."""
+        """Publish feedback, with values of the type `…_Feedback`."""
         self._server.send_feedback(self, values)
 
     def succeed(self, **values: Any) -> None:
-        """End it: done. The values are those of the type `…_Result`."""
+        """End it as SUCCEEDED, with values of the type `…_Result`."""
         self._server.end(self, SUCCEEDED, values)
 
     def abort(self, **values: Any) -> None:
-        """End it: given up, by the server."""
+        """End it as ABORTED, with values of the type `…_Result`."""
         self._server.end(self, ABORTED, values)
 
     def canceled(self, **values: Any) -> None:
-        """End it: cancelled, as a client asked."""
+        """End it as CANCELED, with values of the type `…_Result`."""
         self._server.end(self, CANCELED, values)
 
     def result_for(self, call: Call) -> None:
-        """Answer a client that asks for the result, now or when there is one. The server's lock is held."""
+        """Answer a request for the result, now or when the goal ends. The server calls it with its lock held."""
         if self.has_ended:
             call.answer(status=self.state, result=self._result)
         elif len(self._waiting) < MOST_WAITING:
@@ -103,7 +105,7 @@ class Goal:
             call.drop()
 
     def end_with(self, state: int, result: Any) -> list[Call]:
-        """Note how it ended; who waits for that. The server's lock is held."""
+        """Store the result and return the requests that wait for it. The server calls it with its lock held."""
         self.state, self._result = state, result
         waiting, self._waiting = self._waiting, []
         return waiting
@@ -113,12 +115,12 @@ class ActionServer:
     """Offers an action.
 
     Args:
-        node: Whose action it is.
-        name: As `navigate_to_pose`.
-        type_name: As `nav2_msgs/action/NavigateToPose`.
-        accept: Says whether a goal is taken; it must not wait.
-        start: Gets each goal that was taken; it must not wait, but hand the goal on.
-        cancel: Says whether a goal may be cancelled; if so, the goal's `is_canceling` is true from then on.
+        node: Node that offers it.
+        name: Its name, as `navigate_to_pose`.
+        type_name: Its type, as `nav2_msgs/action/NavigateToPose`.
+        start: Receives each accepted goal. It must not block: it hands the goal to a thread that executes it.
+        accept: Whether to accept a goal, a message of the type `…_Goal`. It must not block.
+        cancel: Whether a goal may be cancelled; if so, its `is_canceling` becomes true.
     """
 
     def __init__(
@@ -143,20 +145,20 @@ class ActionServer:
         node.service(f"{part}send_goal", f"{type_name}_SendGoal", self._on_send_goal)
 
     def move(self, goal: Goal, state: int) -> None:
-        """Give a goal that has not ended another state."""
+        """Change the state of a goal that has not ended."""
         with self._lock:
             if not goal.has_ended and not (state == EXECUTING and goal.is_canceling):
                 goal.state = state
                 self._publish_status()
 
     def send_feedback(self, goal: Goal, values: dict[str, Any]) -> None:
-        """Publish how far a goal is."""
+        """Publish feedback of a goal that has not ended."""
         with self._lock:
             if not goal.has_ended:
                 self._feedback.publish(goal_id=_identified(goal.identity), feedback=values)
 
     def end(self, goal: Goal, state: int, values: dict[str, Any]) -> None:
-        """End a goal with a result; a goal that has ended stays as it is."""
+        """End a goal with a result; one that has already ended does not change."""
         result = self._types.new(f"{self._type}_Result", **values)
         with self._lock:
             if goal.has_ended:
@@ -182,7 +184,7 @@ class ActionServer:
             self._publish_status()
         try:
             self._start(goal)
-        except Exception:  # of a stranger; the service counts it, and nobody waits for a goal that never began
+        except Exception:  # of foreign code; the service counts it, and the clients get a result
             goal.abort()
             raise
 
@@ -195,7 +197,7 @@ class ActionServer:
                 goal.result_for(call)
 
     def _on_cancel(self, call: Call) -> None:
-        """The goal that is named, all accepted up to a time, both, or where neither is given, all."""
+        """Cancel the goal with the given id, all goals accepted up to the given time, or both; with neither, all."""
         named = call.request.goal_info.goal_id.uuid.tobytes()
         until_ns = _nanoseconds(call.request.goal_info.stamp)
         anonymous = not any(named)
@@ -228,15 +230,16 @@ class ActionServer:
 
 
 class ActionClient:
-    """Uses an action.
+    """Sends goals to an action server.
 
     Args:
-        node: Whose client it is.
-        name: As `navigate_to_pose`.
-        type_name: As `nav2_msgs/action/NavigateToPose`.
+        node: Node that uses the action.
+        name: Its name, as `navigate_to_pose`.
+        type_name: Its type, as `nav2_msgs/action/NavigateToPose`.
 
     Attributes:
-        failed: Calls of `on_feedback` that raised; `reason` says what the last one raised.
+        failed: Calls of `on_feedback` that raised.
+        reason: What the last of them raised.
     """
 
     def __init__(self, node: Node, name: str, type_name: str) -> None:
@@ -253,7 +256,7 @@ class ActionClient:
         threading.Thread(target=self._read_feedback, name=f"feedback {name}", daemon=True).start()
 
     def wait(self, timeout: float) -> bool:
-        """Whether there is a server, within so many s."""
+        """Wait for a server, at most `timeout` s; whether there is one."""
         name = self._send.entity.name
         return bool(self._node.wait_for(lambda graph: graph.find(name, ("SS",)), timeout))
 
@@ -262,8 +265,8 @@ class ActionClient:
 
         Args:
             goal: Of the type `…_Goal`, or its values by field.
-            on_feedback: Gets each message of the type `…_Feedback`, on a thread of this client.
-            timeout: s until it is given up.
+            on_feedback: Receives each message of the type `…_Feedback`, on a thread of this client.
+            timeout: Longest wait for the answer, s.
 
         Raises:
             NoAnswer: There is no server, or it took too long.
@@ -282,7 +285,7 @@ class ActionClient:
         return sent
 
     def forget(self, identity: bytes) -> None:
-        """Stop leading feedback to a goal."""
+        """Stop delivering feedback of a goal."""
         self._sent.pop(identity, None)
 
     def _read_feedback(self) -> None:
@@ -291,18 +294,18 @@ class ActionClient:
             if sent is not None and sent.on_feedback is not None:
                 try:
                     sent.on_feedback(received.message.feedback)
-                except Exception as error:  # of a stranger; other goals still get theirs
+                except Exception as error:  # of foreign code; other goals still get their feedback
                     self.failed += 1
                     self.reason = f"{type(error).__name__}: {error}"
 
 
 class SentGoal:
-    """A goal at its client.
+    """A goal on the client's side.
 
     Attributes:
-        identity: Its 16 bytes.
-        is_accepted: Whether the server took it.
-        on_feedback: Gets what the server tells of it.
+        identity: Its UUID, 16 bytes.
+        is_accepted: The server has accepted it.
+        on_feedback: Receives its feedback.
     """
 
     def __init__(self, client: ActionClient, identity: bytes, on_feedback: Callable[[Any], None] | None) -> None:
@@ -312,13 +315,13 @@ class SentGoal:
         self._client = client
 
     def result(self, timeout: float) -> Future[Any]:
-        """What it ends with: the future gets a message with `status` and `result`, or NoAnswer after so many s."""
+        """A future of the result: a message with `status` and `result`, or NoAnswer after `timeout` s."""
         future = self._client.get_result.ask({"goal_id": _identified(self.identity)}, timeout)
         future.add_done_callback(lambda _: self._client.forget(self.identity))
         return future
 
     def cancel(self, timeout: float = 10.0) -> bool:
-        """Ask the server to cancel it; whether it will. Raises NoAnswer where the server does not answer."""
+        """Ask the server to cancel it; whether it agrees. Raises NoAnswer if the server does not answer in time."""
         response = self._client.cancel_goal.call({"goal_info": {"goal_id": _identified(self.identity)}}, timeout)
         return bool(response.return_code == _CANCEL_NONE and len(response.goals_canceling))
 

@@ -1,4 +1,4 @@
-"""Recordings of navloom as MCAP files of ROS 2, and bags as recordings."""
+"""What `navloom ros export` and `navloom ros import` do: recordings to ROS 2 MCAP files, and bags to recordings."""
 
 from __future__ import annotations
 
@@ -23,15 +23,16 @@ __all__ = ["export", "import_from"]
 
 
 def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
-    """Write what a recording holds for ROS tools.
+    """Write a recording as an MCAP file of ROS messages.
 
-    Stamps are the run clock, as one timeline: of a live recording it is moved to begin when that was received.
+    Stamps are the run clock. Those of a live recording are shifted so that the first is the time of its receipt.
 
     Returns:
-        `messages` by topic; `left_out` by role and port; `note`, what a user should know of the recording's end.
+        `messages`: number by topic. `left_out`: number without a counterpart in ROS, by role and port. `note`: what a
+        user should know about the end of the recording.
 
     Raises:
-        RosError: The recording cannot be read, or the file not be written.
+        RosError: The recording cannot be read, or the file cannot be written.
     """
     translator = Translator(types)
     try:
@@ -45,7 +46,7 @@ def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
                 for made in translator.translate(role, instance, port, message, envelope.stamp_ns):
                     out.add(made.topic, made.message, envelope.stamp_ns + translator.offset_ns)
             if not out.messages:
-                raise RosError(f"{source}: it holds nothing that ROS has a message for")
+                raise RosError(f"{source}: it has no message with a counterpart in ROS")
         return {"messages": out.messages, "left_out": translator.left_out, "note": recording.note}
     except RecordingError as error:
         raise RosError(str(error)) from None
@@ -60,10 +61,12 @@ def import_from(
     map_ref: str | None,
     start: tuple[float, float, float] | None,
 ) -> Imported:
-    """Import a bag as the options of the command say; see `import_bag`.
+    """Parse the options of the command and import a bag; see `import_bag`.
 
     Raises:
-        BadName: An option without its two parts.
+        BadName: A --map-topic that is not TOPIC=NAME.
+        ConfigError: A --mount that cannot be read.
+        RecordingError: See `import_bag`.
     """
     names = {}
     for text in map_topics:

@@ -1,4 +1,7 @@
-"""ROS messages as ours: ranges by the conventions of REP 117 and sensor_msgs to ours, in the base frame."""
+"""Converts ROS messages of a bag to navloom's, in the base frame, for `bag_import`.
+
+ROS ranges follow REP 117 and the comments of sensor_msgs: NaN, ±inf and values outside the limits have meanings.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,12 @@ __all__ = ["TILTED", "ConversionError", "laser_scan", "odometry", "point_cloud",
 
 Floats = NDArray[np.float64]
 TILTED = math.radians(10.0)
-"""Tilt from which a planar scan is not one: its ranges are off by more than 1.5 %."""
+"""Largest tilt of a planar scan, rad; beyond, projected ranges are off by more than 1.5 %."""
 ELEVATION = math.radians(1.0)
 AZIMUTH = math.radians(0.5)
-"""Steps of the raster that a cloud without rows is put into."""
+"""Cell size of the raster for clouds without regular rows, rad."""
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""numpy's types for the `datatype` of a sensor_msgs/msg/PointField."""
 
 
 class ConversionError(ValueError):
@@ -32,10 +36,10 @@ def stamp_of(header: Any) -> int:
 
 
 def laser_scan(message: Any, mount: Mount) -> RangeScan:
-    """A LaserScan.
+    """Converts a LaserScan. Raises ConversionError.
 
-    +inf and what is at or beyond range_max is no echo; -inf is something nearer than range_min, and becomes range_min;
-    NaN and what is below range_min is no measurement, and its beam is left out.
+    +inf and ranges from range_max mean no echo. -inf means an object closer than range_min, and becomes range_min. NaN
+    and ranges below range_min are no measurement; their beams are left out.
     """
     if mount.tilt > TILTED:
         raise ConversionError(f"its plane is tilted by {math.degrees(mount.tilt):.0f}°: not a planar scan")
@@ -57,13 +61,13 @@ def laser_scan(message: Any, mount: Mount) -> RangeScan:
 
 
 def range_reading(message: Any, mount: Mount) -> RangeScan:
-    """A Range: one beam as wide as its field of view; the conventions of `laser_scan`."""
+    """Converts a Range to one beam as wide as its field of view; ranges as in `laser_scan`. Raises ConversionError."""
     ranges, is_kept = _ranges(np.array([float(message.range)]), float(message.min_range), float(message.max_range))
     if not is_kept[0]:
         raise ConversionError("its reading is no measurement (NaN or below min_range)")
     axis = mount.rotation[:, 0]
     if math.hypot(axis[0], axis[1]) < math.cos(TILTED):
-        raise ConversionError("it does not look along the floor")
+        raise ConversionError("its beam is not parallel to the floor")
     return RangeScan(
         stamp_of(message.header),
         mount.translation[None, :2],
@@ -77,7 +81,7 @@ def range_reading(message: Any, mount: Mount) -> RangeScan:
 
 
 def _ranges(ranges: Floats, range_min: float, range_max: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Ranges by our rules, and which are measurements."""
+    """Ranges with +inf for no echo, and which of them are measurements."""
     found = np.where(np.isneginf(ranges), range_min, ranges)
     with np.errstate(invalid="ignore"):
         is_kept = found >= range_min
@@ -86,11 +90,11 @@ def _ranges(ranges: Floats, range_min: float, range_max: float) -> tuple[Floats,
 
 
 def point_cloud(message: Any, mount: Mount) -> Sweep:
-    """A PointCloud2 with fields x, y, z as a sweep of geometry "paper": ranges over elevation and azimuth.
+    """Converts a PointCloud2 with fields x, y, z to a sweep of geometry "paper": ranges over elevation and azimuth.
 
-    Rows and columns are kept where each row has one elevation and each column one azimuth, as a level scanner of rings
-    gives them; else points go into a raster of 1° by 0.5°, and the nearest of each cell counts. What is not finite is
-    no return.
+    The cloud's rows and columns are kept if each row has one elevation and each column one azimuth, as from a level
+    multi-ring scanner. Otherwise points are binned to 1° by 0.5°, and the nearest point of each cell counts. A point
+    that is not finite is no echo. Raises ConversionError.
     """
     points = _points(message)
     rows, columns = int(message.height), int(message.width)
@@ -98,7 +102,7 @@ def point_cloud(message: Any, mount: Mount) -> Sweep:
     distance = np.sqrt((points**2).sum(axis=1))
     is_return = np.isfinite(distance) & (distance > 1e-6)
     if not is_return.any():
-        raise ConversionError("it has no point")
+        raise ConversionError("it has no points")
     with np.errstate(invalid="ignore", divide="ignore"):
         elevation = np.arcsin(np.clip(points[:, 2] / distance, -1.0, 1.0))
         azimuth = np.arctan2(points[:, 1], points[:, 0])
@@ -119,7 +123,7 @@ def point_cloud(message: Any, mount: Mount) -> Sweep:
 def _as_it_lies(
     distance: Floats, elevation: Floats, azimuth: Floats, is_return: NDArray[np.bool_], rows: int, columns: int
 ) -> tuple[Floats, Floats, Floats] | None:
-    """The cloud's own rows and columns; None where they are no elevations and azimuths."""
+    """Ranges, elevations and azimuths in the cloud's own rows and columns; None if these are not regular."""
     shape = (rows, columns)
     holes = ~is_return.reshape(shape)
     up = np.ma.masked_array(elevation.reshape(shape), holes)
@@ -138,7 +142,7 @@ def _as_it_lies(
 
 
 def _binned(distance: Floats, elevation: Floats, azimuth: Floats) -> tuple[Floats, Floats, Floats]:
-    """The nearest point of each cell of a raster."""
+    """Ranges of the nearest point in each cell of a raster, and its elevations and azimuths."""
     row = np.floor(elevation / ELEVATION).astype(np.int64)
     column = np.floor(azimuth / AZIMUTH).astype(np.int64)
     first_row, first_column = row.min(), column.min()
@@ -150,7 +154,7 @@ def _binned(distance: Floats, elevation: Floats, azimuth: Floats) -> tuple[Float
 
 
 def _points(message: Any) -> Floats:
-    """(n, 3) x, y, z of a cloud."""
+    """Points of a cloud, (n, 3), m, in the frame of its sensor."""
     fields = {field.name: field for field in message.fields}
     if not {"x", "y", "z"} <= set(fields):
         raise ConversionError(f"it has fields {', '.join(fields) or 'none'}, expected x, y and z")
@@ -168,7 +172,7 @@ def _points(message: Any) -> Floats:
 
 
 def odometry(message: Any) -> Odometry:
-    """A nav_msgs Odometry: pose of base in the odometry frame, velocity in base."""
+    """Converts a nav_msgs/msg/Odometry: pose in the odometry frame, velocity in the base frame."""
     at, turn = message.pose.pose.position, message.pose.pose.orientation
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     pose = Pose2D(float(at.x), float(at.y), yaw_of(quaternion_matrix(turn.x, turn.y, turn.z, turn.w)))
@@ -176,5 +180,5 @@ def odometry(message: Any) -> Odometry:
 
 
 def yaw_of(rotation: Floats) -> float:
-    """Heading of a rotation, rad in [-π, π)."""
+    """Heading of a rotation matrix, rad in [-π, π)."""
     return float(wrap(np.asarray(math.atan2(rotation[1, 0], rotation[0, 0]))))

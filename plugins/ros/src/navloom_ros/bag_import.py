@@ -1,4 +1,7 @@
-"""Makes a recording of a ROS 1 or ROS 2 bag: what a platform would have published, and nothing else."""
+"""Converts a ROS 1 or ROS 2 bag to a recording: the streams that a platform publishes, and nothing else.
+
+`navloom ros import` calls it. The bag is read twice: first for transforms and frames, then for its messages.
+"""
 
 from __future__ import annotations
 
@@ -44,18 +47,18 @@ _CONVERT = {
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 ODOM = "odom"
-"""Frame that a transform to the robot is odometry from."""
+"""Odometry frame; its transform to the robot is used as odometry if no topic has any."""
 
 
 @dataclass
 class Topic:
-    """What became of a topic.
+    """A topic of the bag and the outcome of its import.
 
     Attributes:
-        name, type: Of the topic.
-        sensor: Port it became; empty where it was skipped.
-        messages: Converted.
-        skipped: By reason, how many were not; for a whole topic that was skipped its number of messages.
+        name, type: The ROS name and type.
+        sensor: Port in the recording; empty if the topic was skipped.
+        messages: Number of converted messages.
+        skipped: Number of skipped messages by reason; if the whole topic was skipped, all its messages.
     """
 
     name: str
@@ -65,13 +68,13 @@ class Topic:
     skipped: Counter[str] = field(default_factory=Counter)
 
     def to_json(self) -> dict[str, Any]:
-        """For `ros import --json`."""
+        """An entry of `navloom ros import --json`."""
         return {**vars(self), "skipped": dict(self.skipped)}
 
 
 @dataclass
 class Imported:
-    """A bag that was imported: its topics in order of name, and the first and the last stamp, ns."""
+    """Outcome of an import: the topics in order of name, and the first and the last stamp, ns."""
 
     topics: list[Topic]
     first_ns: int = 0
@@ -92,15 +95,15 @@ def import_bag(
     Args:
         bag: A `.bag` file, or the folder of a ROS 2 bag.
         out: Recording to write.
-        names: Sensor name by topic, where it should not be the topic's own.
-        mounts: By sensor name, where the bag has no transform for it.
-        odometry_topic: Which of several to take; None for the one with most messages, else the transform from odom.
-        map_ref: Map for replays of it, a world's reference or a map's .yaml; None for none.
-        start: x, y, m, heading, rad, of the robot in the map when the bag begins; None where its odometry is in it.
+        names: Sensor names by topic, to replace those made from the topic's name.
+        mounts: Mounts by sensor name; they replace the bag's transforms.
+        odometry_topic: Topic to use; None for the one with the most messages, or else the transform from odom.
+        map_ref: Map for replays, a world's reference or a map's .yaml; None for none.
+        start: x, y, m, heading, rad, of the robot in the map when the bag begins; None if its odometry is in the map.
 
     Raises:
-        RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use; or there is such a file.
-        WriteError: The disk is full; nothing is left.
+        RecordingError: No bag, no odometry, no ranges that can be used, or `out` exists.
+        WriteError: The disk is full; no partial file remains.
     """
     with opened(bag) as reader:
         work = _Work(reader, dict(names or {}), dict(mounts or {}), odometry_topic)
@@ -112,7 +115,7 @@ def import_bag(
 
 
 class _Work:
-    """One bag on its way to a recording."""
+    """The import of one bag. The constructor selects the topics and mounts; `write` converts the messages."""
 
     def __init__(
         self, reader: Any, names: dict[str, str], mounts: dict[str, Mount], odometry_topic: str | None
@@ -140,7 +143,7 @@ class _Work:
         return {topic.sensor: _CONVERT[topic.type][1] for topic in taken}
 
     def first_pose(self) -> Pose2D:
-        """Where the odometry begins. Raises RecordingError where it has no message."""
+        """The first pose of the odometry. Raises RecordingError if it has no message."""
         is_topic = self.odometry is not None
         wanted = [
             c for c in self.reader.connections if (c.topic == self.odometry if is_topic else c.msgtype in _TRANSFORMS)
@@ -155,7 +158,7 @@ class _Work:
     def _choose_odometry(self, wanted: str | None) -> None:
         counts = {name: info.msgcount for name, info in self.reader.topics.items() if info.msgtype == _ODOMETRY}
         if wanted is not None and wanted not in counts:
-            raise RecordingError(f"topic {wanted!r} is no {_ODOMETRY}; there are {', '.join(counts) or 'none'}")
+            raise RecordingError(f"topic {wanted!r} is not a {_ODOMETRY}; there are {', '.join(counts) or 'none'}")
         filled = {name: count for name, count in counts.items() if count}
         if wanted is not None and wanted not in filled:
             raise RecordingError(f"topic {wanted!r} has no message; odometry is in {', '.join(filled) or 'no topic'}")
@@ -179,7 +182,7 @@ class _Work:
             raise RecordingError(f"--mount {unknown}: the bag has no such sensor; it has {', '.join(taken) or 'none'}")
 
     def _read_frames(self) -> None:
-        """Transforms, and the frame of each sensor and of the odometry, from the first message that has one."""
+        """Read all transforms, and the frame of each sensor and of the odometry from its first message."""
         self.frame_of: dict[str, str] = {}
         self.child = ""
         wanted = [c for c in self.reader.connections if c.msgtype in {_ODOMETRY, *_TRANSFORMS, *_CONVERT}]
@@ -194,7 +197,11 @@ class _Work:
                     self.child = message.child_frame_id
 
     def _sort_out(self) -> None:
-        """Give each sensor its mount, and say of each topic that is left out why."""
+        """Find the mount of each sensor, and note why a topic is skipped.
+
+        Raises:
+            RecordingError: No odometry, or no sensor that can be used.
+        """
         self.base = self.frames.base(self.child)
         self.mount_of: dict[str, Mount] = {}
         for topic in self.topics.values():
@@ -236,7 +243,7 @@ class _Work:
         return self.frames.mount(frame, self.base)
 
     def write(self, log: ImportedLog) -> Imported:
-        """Convert every message in the order of the bag."""
+        """Convert all messages in the order of the bag."""
         wanted = [c for c in self.reader.connections if c.topic in self.mount_of or c.topic == self.odometry]
         if self.odometry is None:
             wanted += [c for c in self.reader.connections if c.msgtype in _TRANSFORMS]
@@ -253,7 +260,7 @@ class _Work:
         return Imported(list(self.topics.values()), log.first_ns, log.last_ns)
 
     def _converted(self, topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
-        """Port and message of each of ours that one of ROS gives."""
+        """Ports and navloom messages that one ROS message converts to."""
         if topic.type in _TRANSFORMS:
             for one in message.transforms:
                 if one.header.frame_id.lstrip("/") == ODOM and one.child_frame_id.lstrip("/") in (self.base, *BASES):
@@ -265,7 +272,7 @@ class _Work:
             yield topic.sensor, convert(message, self.mount_of[topic.name])
 
     def _from_transform(self, one: Any) -> Odometry:
-        """Odometry from a pose alone: the velocity is that since the pose before."""
+        """Odometry from a transform; the velocity is that since the previous one."""
         turn, at, stamp_ns = one.transform.rotation, one.transform.translation, stamp_of(one.header)
         pose = Pose2D(float(at.x), float(at.y), yaw_of(quaternion_matrix(turn.x, turn.y, turn.z, turn.w)))
         twist = Twist2D(0.0, 0.0, 0.0)
@@ -280,7 +287,7 @@ class _Work:
 
 
 def _name_of(topic: str) -> str:
-    """A sensor's name from its topic's."""
+    """Sensor name from a topic's name."""
     name = re.sub(r"[^A-Za-z0-9_]", "_", topic.strip("/"))
     name = name[:1].lower() + name[1:]
     return name if re.match(r"[a-z]", name) else f"sensor_{name}"

@@ -1,4 +1,8 @@
-"""Opens ROS bags with `rosbags`. That package bounds nothing, so its memory, its files and its queries are bounded."""
+"""Reads ROS bags with `rosbags`, for `bag_import`.
+
+A bag may be hostile, and `rosbags` has no limits. So this module limits its memory and the size of what it unpacks, and
+refuses databases that compute their rows.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +22,20 @@ from navloom.recording.header import RecordingError
 __all__ = ["deserialized", "messages", "opened"]
 
 INFORMATION = "rosbag2_bagfile_information"
-"""Key of the YAML file of a ROS 2 bag."""
+"""Top-level key of a ROS 2 bag's metadata.yaml."""
 PIECE = 1 << 20
-"""Bytes that are unpacked at once."""
+"""Bytes to unpack at once."""
 
 
 @contextmanager
 def opened(bag: Path) -> Iterator[Any]:
-    """A bag's reader, while no more memory may be allocated than the bound.
+    """Open a bag as a `rosbags` reader. Within the context the process may allocate only up to the limit.
 
     Args:
-        bag: A `.bag` file, the folder of a ROS 2 bag, or its one file.
+        bag: A `.bag` file, the folder of a ROS 2 bag, or the data file in it.
 
     Raises:
-        RecordingError: No bag that can be read, or one that takes more memory or unpacks to larger files.
+        RecordingError: Not a readable bag, or one that exceeds the limit on memory or on unpacked files.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -48,7 +52,7 @@ def opened(bag: Path) -> Iterator[Any]:
             stack.enter_context(reader)
         except MemoryError:
             raise
-        except Exception as error:  # of its own, of the parsers under it, and assertions
+        except Exception as error:  # rosbags raises its own, those of its parsers, and assertions
             raise RecordingError(
                 f"{bag}: not a bag that can be read ({_words(error)}); expected F.bag or a ROS 2 bag's folder"
             ) from None
@@ -56,8 +60,8 @@ def opened(bag: Path) -> Iterator[Any]:
 
 
 def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
-    """Connection, time of receipt, ns, and bytes of each message. Raises RecordingError where the bag is damaged."""
-    if not connections:  # which the reader takes for all
+    """Connection, time of receipt, ns, and bytes of each message. Raises RecordingError if the bag is damaged."""
+    if not connections:  # the reader would read all of them
         return
     try:
         yield from reader.messages(connections=connections)
@@ -68,7 +72,7 @@ def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int
 
 
 def deserialized(reader: Any, raw: bytes, connection: Any) -> Any:
-    """The object of a message. Raises RecordingError where its bytes are no message of its type."""
+    """A message from its bytes. Raises RecordingError if they are not a message of its type."""
     try:
         return reader.deserialize(raw, connection.msgtype)
     except MemoryError:
@@ -82,10 +86,10 @@ def deserialized(reader: Any, raw: bytes, connection: Any) -> Any:
 
 @contextmanager
 def _bounded_memory(bag: Path) -> Iterator[None]:
-    """Lets the system refuse memory beyond the bound: what a bag claims and packs is unpacked by foreign code."""
+    """Let the system refuse memory beyond the limit, as third-party code allocates what a bag claims to contain."""
     limit = bytes_of(BAG_MB, RecordingError)
     before = resource.getrlimit(resource.RLIMIT_AS)
-    with suppress(OSError):  # what is allocated already, only Linux says
+    with suppress(OSError):  # /proc exists only on Linux; elsewhere there is no limit
         used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
         least = min((one for one in before if one != resource.RLIM_INFINITY), default=used + limit)
         resource.setrlimit(resource.RLIMIT_AS, (min(used + limit, least), before[1]))
@@ -100,7 +104,7 @@ def _bounded_memory(bag: Path) -> Iterator[None]:
 
 
 def _checked(path: Path, folder: Path) -> Path:
-    """The bag, or a copy in `folder` where its files are compressed, once its files are what they should be."""
+    """Check the files of a bag. Returns the bag, or a copy in `folder` with unpacked files if they are compressed."""
     if not path.is_dir():
         with _readable(path), open_file(path, RecordingError):
             pass
@@ -132,7 +136,7 @@ def _checked(path: Path, folder: Path) -> Path:
 
 
 def _unpacked(files: Sequence[Path], folder: Path) -> list[Path]:
-    """Files of a bag that were compressed as a whole, unpacked; together no larger than the bound."""
+    """Unpack the files of a bag that are compressed as a whole; together they must not exceed the limit."""
     import zstandard
 
     left = limit = bytes_of(BAG_MB, RecordingError)
@@ -154,7 +158,7 @@ def _unpacked(files: Sequence[Path], folder: Path) -> list[Path]:
 
 
 def _refuse_queries(path: Path) -> None:
-    """Refuse a database whose tables are queries or computed columns: reading one row of these may never end."""
+    """Refuse a database with views or computed columns: reading one row of them may never end."""
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             database.execute("PRAGMA trusted_schema = OFF")

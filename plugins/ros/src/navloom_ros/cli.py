@@ -1,4 +1,4 @@
-"""`navloom ros`: look into a robot's ROS network, serve a robot of navloom there, write recordings for ROS tools."""
+"""The commands of `navloom ros`: inspect a ROS network, show a navloom robot on it, export and import recordings."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from navloom_ros.graph import Graph, Listed
 from navloom_ros.hashing import NOT_HASHED
 from navloom_ros.message_types import DISTRIBUTIONS, Types
 from navloom_ros.names import full_name
-from navloom_ros.node import Node, Received
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT
 from navloom_ros.serving.outlets import PUBLISHED, STREAMS
 from navloom_ros.tokens import Entity
+from navloom_ros.topics import Received
 from navloom_ros.wire import ROUTER
 
 __all__ = ["app"]
@@ -32,15 +33,19 @@ __all__ = ["app"]
 app = App(name="ros", help="Work with a ROS 2 network over Zenoh, without ROS.", no_args_is_help=True)
 
 SHOWN = 12
-"""Elements of a list that are shown where people read it."""
+"""Elements of a list that `echo` prints without --whole."""
 FAILED, WRONG = 1, 2
-"""Exit codes: it failed on the way; the request was wrong."""
+"""Exit codes: failed while running; invalid request."""
 
-Router = Annotated[str, typer.Option(metavar="ENDPOINT", help="Of the robot's Zenoh router.")]
+Router = Annotated[str, typer.Option(metavar="ENDPOINT", help="The robot's Zenoh router.")]
 Domain = Annotated[int, typer.Option(metavar="N", min=0, max=232, envvar="ROS_DOMAIN_ID", help="ROS domain.")]
 Distribution = Annotated[
     str | None,
-    typer.Option("--distro", metavar="NAME", help="humble, jazzy, kilted or lyrical; else the one that fits."),
+    typer.Option(
+        "--distro",
+        metavar="NAME",
+        help="humble, jazzy, kilted or lyrical; by default the one with the publisher's type.",
+    ),
 ]
 Interfaces = Annotated[
     list[Path] | None,
@@ -57,7 +62,7 @@ def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) 
         typer.echo(json.dumps(found))
         return
     if not found["nodes"]:
-        typer.echo(f"nobody is there in domain {domain}, at {router}")
+        typer.echo(f"no nodes in domain {domain} at {router}")
     for kind, entries in found.items():
         typer.echo(f"{kind}:" if entries else f"{kind}: none")
         for entry in entries:
@@ -66,10 +71,12 @@ def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) 
 
 @app.command()
 def echo(
-    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="As /scan.")],
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name, as /scan.")],
     count: Annotated[int | None, typer.Option(metavar="N", min=1, help="End after N messages.")] = None,
-    patience: Annotated[float, typer.Option("--wait", metavar="S", min=0.1, help="s to wait for the first one.")] = 5.0,
-    whole: Annotated[bool, typer.Option("--whole", help="Lists whole instead of their first elements.")] = False,
+    patience: Annotated[
+        float, typer.Option("--wait", metavar="S", min=0.1, help="Longest wait for the first message, s.")
+    ] = 5.0,
+    whole: Annotated[bool, typer.Option("--whole", help="Print whole lists, not only their first elements.")] = False,
     router: Router = ROUTER,
     domain: Domain = 0,
     distribution: Distribution = None,
@@ -91,14 +98,16 @@ def echo(
                 typer.echo(_text(node.types, received, None if whole else SHOWN, as_json))
                 seen += 1
         if not seen:
-            raise RosError(f"{name}: nothing has come within {patience:g} s {subscription.reason}".rstrip())
+            raise RosError(f"{name}: no message within {patience:g} s {subscription.reason}".rstrip())
 
 
 @app.command()
 def export(
     recording: Annotated[Path, typer.Argument(metavar="RUN.MCAP", help="A recording of navloom.")],
     out: Annotated[Path, typer.Argument(metavar="OUT.MCAP", help="File to write.")],
-    distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="Whose message definitions.")] = "jazzy",
+    distribution: Annotated[
+        str, typer.Option("--distro", metavar="NAME", help="ROS 2 distribution of the messages.")
+    ] = "jazzy",
     as_json: AsJson = False,
 ) -> None:
     """Export a recording as MCAP with ROS messages.
@@ -125,18 +134,22 @@ def serve(
     which: RobotOptions,
     router: Router = ROUTER,
     domain: Domain = 0,
-    namespace: Annotated[str, typer.Option(metavar="NAME", help="Of relative names, as /robot1.")] = "/",
-    publish: Annotated[str, typer.Option(metavar="LIST", help=f"What to publish, of {','.join(STREAMS)}.")] = ",".join(
-        PUBLISHED
-    ),
+    namespace: Annotated[
+        str, typer.Option(metavar="NAME", help="Namespace of the topics and actions, as /robot1.")
+    ] = "/",
+    publish: Annotated[
+        str, typer.Option(metavar="LIST", help=f"What to publish: some of {','.join(STREAMS)}.")
+    ] = ",".join(PUBLISHED),
     take: Annotated[
-        str, typer.Option(metavar="LIST", help="What to take from the network, of goals,pose; nothing by default.")
+        str, typer.Option(metavar="LIST", help="What to take from the network: some of goals,pose; nothing by default.")
     ] = "",
-    distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="ROS 2 of the network.")] = "jazzy",
+    distribution: Annotated[
+        str, typer.Option("--distro", metavar="NAME", help="ROS 2 distribution of the network.")
+    ] = "jazzy",
 ) -> None:
     """Show a live robot to ROS tools, until Ctrl-C.
 
-    Whoever reaches the router of a ROS network may send it anything: goals are only taken with --take goals.
+    Anyone who reaches the router of a ROS network can publish on it, so goals are taken only with --take goals.
     """
     from navloom_ros.serving.adapter import TAKEN, Serving
     from navloom_ros.serving.adapter import serve as serve_robot
@@ -163,14 +176,19 @@ def import_(
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
     place: MapOptions,
     map_topic: Annotated[
-        list[str] | None, typer.Option("--map-topic", metavar="TOPIC=NAME", help="Name of the sensor; repeats.")
+        list[str] | None,
+        typer.Option("--map-topic", metavar="TOPIC=NAME", help="Name of the sensor of a topic; may repeat."),
     ] = None,
     mount: Annotated[
         list[str] | None,
-        typer.Option("--mount", metavar="NAME=X,Y,YAW_DEG[,Z]", help="Where the bag has no transform; repeats."),
+        typer.Option(
+            "--mount",
+            metavar="NAME=X,Y,YAW_DEG[,Z]",
+            help="Mount of a sensor without a transform in the bag; may repeat.",
+        ),
     ] = None,
     odom: Annotated[
-        str | None, typer.Option("--odom", metavar="TOPIC", help="Odometry, where there are several.")
+        str | None, typer.Option("--odom", metavar="TOPIC", help="Odometry topic, if the bag has several.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -197,15 +215,15 @@ def _publisher_of(node: Node, name: str, patience: float) -> Entity:
     found: list[Entity] = node.wait_for(lambda graph: graph.find(name, ("MP",)), patience)
     if not found:
         there = ", ".join(node.graph.topics()) or "none"
-        raise RosError(f"{name}: nobody publishes it in domain {node.domain}; topics there: {there}")
+        raise RosError(f"{name}: no node publishes it in domain {node.domain}; topics there: {there}")
     return found[0]
 
 
 def _types_for(publisher: Entity, distribution: str | None, folders: list[Path]) -> Types:
-    """Those of the distribution that is given, or of the first that has the publisher's type with its hash.
+    """Types of the given distribution, or of the first one that has the publisher's type with the same hash.
 
     Raises:
-        UnknownType: No distribution has it.
+        UnknownType: None has it.
     """
     likely = [name for name in DISTRIBUTIONS if (name == "humble") == (publisher.type_hash == NOT_HASHED)]
     for name in [distribution] if distribution else likely:
@@ -220,7 +238,7 @@ def _types_for(publisher: Entity, distribution: str | None, folders: list[Path])
 
 @contextmanager
 def _joined(router: str, domain: int) -> Iterator[Node]:
-    """A node that has heard who is there."""
+    """A node that has discovered the other nodes of the network."""
     with Node(f"navloom_{os.getpid()}", router=router, domain=domain) as node:
         node.settle()
         yield node
@@ -228,14 +246,14 @@ def _joined(router: str, domain: int) -> Iterator[Node]:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Errors as one line; Ctrl-C as an end."""
+    """Print errors as one line, with the exit code; end quietly on Ctrl-C or a closed pipe."""
     try:
         yield
     except RosError as error:
         typer.echo(f"navloom ros: {error}", err=True)
         wrong = isinstance(error, (BadDefinition, BadName, UnknownType))
         raise typer.Exit(WRONG if wrong else FAILED) from None
-    except BrokenPipeError:  # of whoever reads only the beginning
+    except BrokenPipeError:  # as when the output is piped to head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         return
@@ -266,7 +284,7 @@ def _line(entry: dict[str, Any]) -> str:
     qualities = sorted({one["qos"] for one in offered})
     if qualities and providers == "publishers":
         text += f"  ({'; '.join(qualities)})"
-    return text if entry["matches"] else f"{text}  TYPES OR HASHES DIFFER: they do not hear each other"
+    return text if entry["matches"] else f"{text}  TYPES OR HASHES DIFFER: they cannot communicate"
 
 
 def _text(types: Types, received: Received, most: int | None, as_json: bool) -> str:
@@ -294,7 +312,7 @@ def _lines(values: dict[str, Any], depth: int = 0) -> Iterator[str]:
 
 
 def _finite(value: Any) -> Any:
-    """Values that JSON has: NaN and infinities as text."""
+    """Values for JSON, which has no NaN or infinity: these become text."""
     if isinstance(value, dict):
         return {name: _finite(one) for name, one in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Errors of this distribution: one base class, so that a caller catches all of them in one line."""
+"""Errors of this distribution. One base class, so that a caller can catch all of them at once."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ __all__ = ["BadDefinition", "BadName", "BadToken", "MalformedMessage", "RosError
 
 
 class RosError(ValueError):
-    """Something of ROS that cannot be used; its text is one sentence for the user."""
+    """Base class: a ROS network, file or message that cannot be used. The text is one sentence for the user."""
 
 
 class UnknownType(RosError):
-    """A type that the distribution does not have and that nobody has given."""
+    """A type that neither the distribution nor the user's own folders define."""
 
 
 class BadDefinition(RosError):
-    """A `.msg`, `.srv` or `.action` text that cannot be used."""
+    """A `.msg`, `.srv` or `.action` text that is invalid or not supported."""
 
 
 class BadName(RosError):
-    """A name of a node, topic, service or action that ROS does not allow."""
+    """An invalid name of a node, topic, service or action, or an invalid option."""
 
 
 class BadToken(RosError):
@@ -26,8 +26,8 @@ class BadToken(RosError):
 
 
 class MalformedMessage(RosError):
-    """Bytes that are not a message of their type."""
+    """Bytes that cannot be decoded as a message of the expected type."""
 
 
 class UnfitMessage(RosError):
-    """A message whose values do not fit its type's fields."""
+    """A message whose values do not match the fields of its type."""

@@ -1,4 +1,4 @@
-"""Where sensors are mounted, from a log's transforms."""
+"""Sensor mounts from the transforms of a bag, for `bag_import`; and the rotation of a quaternion."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ __all__ = ["BASES", "FrameTree", "Mount", "quaternion_matrix", "wrap"]
 
 Floats = NDArray[np.float64]
 BASES = ("base_link", "base_footprint")
+"""Usual names of the robot's frame, the preferred one first (REP 105)."""
 FLOOR = "base_footprint"
+"""Frame whose origin is on the floor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """Where a sensor is: rotation (3, 3) and translation (3,), m, of its frame in base; z from the floor if known."""
+    """Pose of a sensor's frame in base: rotation (3, 3), translation (3,), m; z is from the floor if that is known."""
 
     rotation: Floats
     translation: Floats
 
     @property
     def tilt(self) -> float:
-        """Angle between the sensor's plane and the floor, rad; a sensor that hangs upside down has none."""
+        """Angle between the sensor's plane and the floor, rad; 0 for a sensor mounted upside down."""
         return float(np.arccos(np.clip(abs(self.rotation[2, 2]), 0.0, 1.0)))
 
 
 def quaternion_matrix(x: float, y: float, z: float, w: float) -> Floats:
-    """Rotation matrix (3, 3) of a quaternion; of one without length, as unset messages have it, no rotation."""
+    """Rotation matrix (3, 3) of a quaternion; identity for one of length 0, as in unset messages."""
     length = float(np.sqrt(x * x + y * y + z * z + w * w))
     if length < 1e-9:
         return np.eye(3)
@@ -45,19 +47,19 @@ def quaternion_matrix(x: float, y: float, z: float, w: float) -> Floats:
 
 
 def wrap(angles: Floats) -> Floats:
-    """Angles in [-π, π), rad."""
+    """Angles, rad, wrapped to [-π, π)."""
     turned = angles - math.tau * np.round(angles / math.tau)
     return np.where((turned >= math.pi) | (turned < -math.pi), -math.pi, turned)
 
 
 class FrameTree:
-    """Frames with their parents: static transforms, and of moving ones the first that came."""
+    """The static transforms of a bag, and the first transform of each moving frame."""
 
     def __init__(self) -> None:
         self._up: dict[str, tuple[str, Floats, bool]] = {}
 
     def add(self, message: Any, is_static: bool) -> None:
-        """Take in a TFMessage. What is static is believed before what moves."""
+        """Store the transforms of a TFMessage. A static transform replaces a moving one of the same frame."""
         for one in message.transforms:
             child, parent = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/")
             known = self._up.get(child)
@@ -70,19 +72,19 @@ class FrameTree:
             self._up[child] = (parent, motion, is_static)
 
     def knows(self, frame: str) -> bool:
-        """The frame is in a transform."""
+        """Whether a frame appears in any transform."""
         return frame in self._up or any(parent == frame for parent, _, _ in self._up.values())
 
     def parent(self, frame: str) -> str:
-        """The frame that a frame is in; empty where that is not known."""
+        """The parent of a frame; empty if it has none."""
         return self._up[frame][0] if frame in self._up else ""
 
     def base(self, child_of_odometry: str) -> str:
-        """The robot's own frame: base_link where there is one, else what the odometry moves."""
+        """The robot's frame: the first of BASES in the tree, else the child frame of the odometry, else base_link."""
         return next((name for name in BASES if self.knows(name)), child_of_odometry.lstrip("/") or BASES[0])
 
     def between(self, frame: str, base: str) -> Floats | None:
-        """(4, 4) motion that takes points of a frame into base; None where the two are not connected."""
+        """(4, 4) transform of points from `frame` to `base`; None if the tree does not connect them."""
         root_of_frame, from_frame = self._climb(frame.lstrip("/"))
         root_of_base, from_base = self._climb(base)
         shared = next((name for name in root_of_frame if name in root_of_base), None)
@@ -91,7 +93,7 @@ class FrameTree:
         return np.linalg.inv(from_base[root_of_base.index(shared)]) @ from_frame[root_of_frame.index(shared)]
 
     def mount(self, frame: str, base: str) -> Mount | None:
-        """Where a sensor's frame is in base; its height is counted from the floor where the log says where that is."""
+        """Pose of a sensor's frame in base; None if unknown. Its height is from the floor if the bag has that frame."""
         motion = self.between(frame, base)
         if motion is None:
             return None
@@ -103,7 +105,7 @@ class FrameTree:
         return Mount(motion[:3, :3], motion[:3, 3])
 
     def _climb(self, frame: str) -> tuple[list[str], list[Floats]]:
-        """Frames above a frame, itself first, and the motion from it into each."""
+        """A frame and its ancestors, nearest first, and the (4, 4) transform from the frame to each."""
         names, motions = [frame], [np.eye(4)]
         while names[-1] in self._up and len(names) < 64:
             parent, motion, _ = self._up[names[-1]]

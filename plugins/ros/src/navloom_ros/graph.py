@@ -1,4 +1,4 @@
-"""The ROS graph: who is there, as liveliness tokens tell it."""
+"""The ROS graph: which nodes, topics, services and actions exist, from the liveliness tokens of rmw_zenoh."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from navloom_ros.tokens import Entity
 __all__ = ["ACTION_PART", "Graph", "Listed"]
 
 MOST_ENTITIES = 20_000
-"""Entities that are kept: whoever floods the network with tokens fills no more memory than these."""
+"""Most entities that are stored, so that a flood of tokens cannot fill the memory."""
 ACTION_PART = "/_action/"
-"""In the names of the topics and services that an action is made of."""
+"""Part of the name of every topic and service that an action consists of."""
 
 
 @dataclass
 class Listed:
-    """What is known under one name.
+    """A topic, service or action.
 
     Attributes:
-        types: Of those who offer or use it, in the order they came.
+        types: Types of its endpoints, in order of discovery; more than one is an error on the network.
         providers, users: Publishers and subscriptions of a topic; servers and clients of a service or action.
     """
 
@@ -31,10 +31,10 @@ class Listed:
 
 
 class Graph:
-    """All entities of one domain; tokens come and go in any order.
+    """All entities of one domain. Tokens may appear and disappear in any order.
 
     Attributes:
-        unread: Tokens that could not be read, or were too many.
+        unread: Tokens that were ignored: invalid, or more than MOST_ENTITIES.
     """
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Graph:
         self.unread = 0
 
     def add(self, token: str) -> Entity | None:
-        """Keep an entity; None where its token cannot be read."""
+        """Store the entity of a token; None if the token is ignored."""
         if token in self._entities:
             return self._entities[token]
         try:
@@ -56,38 +56,38 @@ class Graph:
         return entity
 
     def remove(self, token: str) -> Entity | None:
-        """Forget an entity; None where it was not known."""
+        """Remove the entity of a token; None if it is not stored."""
         return self._entities.pop(token, None)
 
     def without(self, session: str) -> Graph:
-        """The graph as it would be without one process."""
+        """A copy of the graph without the entities of one process."""
         left = Graph()
         left._entities = {token: one for token, one in list(self._entities.items()) if one.session != session}
         return left
 
     @property
     def entities(self) -> list[Entity]:
-        """All, in the order they came."""
+        """All entities, in order of discovery."""
         return list(self._entities.values())
 
     def find(self, name: str, kinds: Iterable[str]) -> list[Entity]:
-        """Endpoints of these kinds with this full name."""
+        """Endpoints with a full name, of some kinds (keys of `tokens.KINDS`)."""
         return [one for one in self.entities if one.name == name and one.kind in kinds]
 
     def nodes(self) -> list[str]:
-        """Full names, sorted; two nodes of one name appear once."""
+        """Full names of the nodes, sorted and distinct."""
         return sorted({one.full_node_name for one in self.entities if one.kind == "NN"})
 
     def topics(self) -> dict[str, Listed]:
-        """By name, without those of actions."""
+        """Topics by name, without those of actions."""
         return self._listed("MP", "MS")
 
     def services(self) -> dict[str, Listed]:
-        """By name, without those of actions."""
+        """Services by name, without those of actions."""
         return self._listed("SS", "SC")
 
     def actions(self) -> dict[str, Listed]:
-        """By name; the type is that of the action."""
+        """Actions by name, with the type of the action."""
         found: dict[str, Listed] = {}
         for one in self.entities:
             name, separator, part = one.name.partition(ACTION_PART)

@@ -1,7 +1,7 @@
 """Type hashes of ROS 2 (REP 2011): RIHS01 is the SHA-256 of a type's description as JSON.
 
-`rosbags` hashes most messages correctly, but takes `char` for a type of its own, where a `.msg` means `uint8` by it.
-Every service has `char` in its event. So hashes are computed here, for messages, services and actions alike.
+`rosbags` hashes most messages correctly, but treats `char` as a distinct type, while in a `.msg` it means `uint8`. The
+event of every service has a `char`. So this module computes all hashes: of messages, services and actions.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from rosbags.interfaces import Nodetype
 __all__ = ["NOT_HASHED", "field_description", "rihs01"]
 
 Fields = list[tuple[str, Any]]
-"""Names and descriptors of a type's fields, as `rosbags` has them: a node type and what it is of."""
+"""Names and descriptors of a type's fields, as in `rosbags`: a node type and its operand."""
 
 NOT_HASHED = "TypeHashNotSupported"
-"""What Humble writes in the place of a hash."""
+"""What Humble writes in place of a hash."""
 
 _NESTED = 1
 _BOUNDED_STRING = 21
@@ -42,11 +42,11 @@ _NUMBERS = {
 }
 """Number of each primitive type (type_description_interfaces/msg/FieldType)."""
 _ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
-"""What the number of an element grows by in an array or a sequence."""
+"""Added to the number of the element type for an array or a sequence."""
 
 
 def field_description(name: str, descriptor: Any) -> dict[str, Any]:
-    """One field as the description has it: name, type number, capacities, name of a nested type."""
+    """A field as in the JSON description: name, type number, capacities, name of a nested type."""
     kind, rest = descriptor
     number, capacity = 0, 0
     if kind not in (Nodetype.BASE, Nodetype.NAME):
@@ -72,11 +72,11 @@ def field_description(name: str, descriptor: Any) -> dict[str, Any]:
 
 
 def rihs01(name: str, fields: Mapping[str, Fields]) -> str:
-    """Hash of a type.
+    """Hash of a type, `RIHS01_` and 64 hexadecimal digits.
 
     Args:
         name: `package/kind/Name`.
-        fields: Fields of this type and of all types that it refers to, directly or not.
+        fields: Fields of this type and of all types that it refers to, directly or indirectly; by type name.
     """
     described: dict[str, dict[str, Any]] = {}
     waiting = [name]

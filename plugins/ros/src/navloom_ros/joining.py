@@ -1,4 +1,7 @@
-"""A node that joins its network in the background: a robot that is switched on later is found when it is there."""
+"""Joins a ROS network in the background, so that the robot may be switched on later than navloom.
+
+The platform `ros2_base` and the plugins `ros_map` and `ros_path` use it: a plugin must not wait for a network.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ from navloom_ros.node import Node
 __all__ = ["Joining", "Network"]
 
 AGAIN = 1.0
-"""s between two tries to join the network."""
+"""Interval between two attempts to join the network, s."""
 LONGEST = 5.0
-"""s that one try takes at most."""
+"""Longest wait for the joining thread when the process ends, s; an attempt takes less."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """A ROS network, and the name of a node there: as `Node` and `Types` take them."""
+    """A ROS network, and the name of a node on it: the arguments of `Node` and `Types`."""
 
     router: str
     domain: int
@@ -33,11 +36,11 @@ class Network:
     remap: Mapping[str, str] = field(default_factory=dict)
 
     def types(self) -> Types:
-        """Of the distribution. Raises RosError."""
+        """Types of the distribution and of the folders. Raises RosError."""
         return Types(self.distribution, self.folders)
 
     def join(self, types: Types, name: str = "") -> Node:
-        """A node on it, by another name perhaps. Raises RosError."""
+        """A new node on the network; `name` replaces the default one. Raises RosError."""
         return Node(
             name or self.node, namespace=self.namespace, router=self.router, domain=self.domain, types=types,
             remap=self.remap,
@@ -45,19 +48,19 @@ class Network:
 
 
 class Joining:
-    """Tries until the node is there, once it was started.
+    """Joins a network on a thread, retrying until it succeeds. `start` begins.
 
     Args:
-        network: To join.
-        set_up: Called once with the node, before others see it; it declares what the node reads and offers.
+        network: The network.
+        set_up: Called once with the node, before `node` is set; declares publishers and subscriptions.
 
     Attributes:
-        types: Of the network.
-        node: None until it has joined.
+        types: Types of the network.
+        node: The node; None until it has joined.
         why: Why it has not joined yet.
 
     Raises:
-        RosError: The network's types cannot be had.
+        RosError: The distribution is not known, or a definition cannot be used.
     """
 
     def __init__(self, network: Network, set_up: Callable[[Node], None]) -> None:
@@ -69,17 +72,21 @@ class Joining:
         self._thread: threading.Thread | None = None
 
     def start(self, timeout: float = 0.0) -> Node | None:
-        """Begin to join, if that has not begun; the node, where it is there within some s."""
+        """Begin to join, on the first call, and return the node; None if the first attempt has not succeeded in time.
+
+        Args:
+            timeout: Longest wait for the first attempt, s.
+        """
         if self._thread is None:
             self._thread = threading.Thread(target=self._join, name="ros joining", daemon=True)
-            # A thread that is within Zenoh when Python ends would end the process by a signal.
+            # A thread that is inside Zenoh while Python shuts down would crash the process.
             weakref.finalize(self, _end, self._closing, self._thread)
             self._thread.start()
         self._tried.wait(timeout)
         return self.node
 
     def close(self) -> None:
-        """Leave the network, or join no more."""
+        """Leave the network, or stop joining it."""
         self._closing.set()
         with self._lock:
             if self.node is not None:
@@ -100,7 +107,7 @@ class Joining:
                     return
                 self._set_up(node)
                 self.node = node
-                weakref.finalize(self, node.close)  # an open session hangs the process at its end
+                weakref.finalize(self, node.close)  # an open session would hang the process at exit
             self._tried.set()
             return
 

@@ -1,4 +1,4 @@
-"""Why an avoider chose what it chose, as markers of ROS: it reads attributes only and knows no class of navloom."""
+"""ROS markers that show why an avoider chose its direction. Reads attributes only and imports no class of navloom."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ Pose = tuple[float, float, float]
 _ARROW, _LINE_STRIP, _CUBE_LIST, _TEXT = 0, 4, 6, 9
 _DELETE_ALL = 3
 RADIUS = 0.8
-"""m from the robot at which its free slots are drawn."""
+"""Distance from the robot at which free slots are drawn, m."""
 ARC = 0.1
-"""rad between two points of an arc."""
+"""Angle between two points of a drawn arc, rad."""
 MOST_CELLS = 10_000
-"""Cells of a window that are drawn, the most certain first."""
+"""Most cells of a window that are drawn, the most certain first."""
 
 
 def avoider_markers(header: dict[str, Any], what: Any, status: str, base: Pose) -> list[dict[str, Any]]:
-    """Certainty window (`costs`), free slots, the direction chosen and why, map frame.
+    """Values of the markers, map frame: certainty window (`costs`), free slots, chosen direction and the reason.
 
     Args:
-        header: Of each marker.
-        what: `AvoiderDiagnostics`.
-        status: Of the avoider.
+        header: Header of each marker.
+        what: The avoider's `AvoiderDiagnostics`.
+        status: The avoider's status.
         base: Pose of the robot in the map, m and rad.
     """
     made: list[dict[str, Any]] = [{"header": header, "action": _DELETE_ALL}]

@@ -1,4 +1,4 @@
-"""MCAP files as rosbag2 writes them: channels of `cdr`, with `ros2msg` texts, which Foxglove and others open."""
+"""Writes MCAP files in the format of rosbag2, which Foxglove also opens: `cdr` channels with `ros2msg` schemas."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ __all__ = ["McapFile"]
 
 
 class McapFile:
-    """Writes one file, which appears under its name once it is whole. Use it in a `with` statement.
+    """Writes one file, which gets its name only when it is complete. Use it in a `with` statement.
 
     Args:
         path: File to write; an existing one is refused.
-        types: Whose messages are written.
+        types: Types of the messages.
 
     Raises:
-        RosError: There is such a file, or it cannot be made.
+        RosError: The file exists, or cannot be created.
 
     Attributes:
-        messages: How many were written, by topic.
+        messages: Number of messages written, by topic.
     """
 
     def __init__(self, path: Path, types: Types) -> None:
@@ -66,13 +66,13 @@ class McapFile:
         """Write a message.
 
         Args:
-            topic: As `/scan`.
-            message: Of the types.
-            stamp_ns: When it was recorded and published, ns.
+            topic: Full name, as `/scan`.
+            message: Of a type in `types`.
+            stamp_ns: Time of recording and of publication, ns.
 
         Raises:
             UnfitMessage: It does not fit its type.
-            RosError: The disk is full.
+            RosError: The file cannot be written, as when the disk is full.
         """
         name = message.__msgtype__
         data = self._types.encode(message)
@@ -89,5 +89,5 @@ class McapFile:
         if name not in self._schemas:
             text = self._types.schema_of(name)
             self._schemas[name] = self._writer.register_schema(name, "ros2msg", text.encode())
-        # Without the quality of service: how rosbag2 writes it differs between its versions.
+        # The quality of service is left out: its format differs between versions of rosbag2.
         return int(self._writer.register_channel(topic, "cdr", self._schemas[name]))

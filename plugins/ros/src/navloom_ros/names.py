@@ -1,4 +1,7 @@
-"""Names of ROS 2 and the keys that rmw_zenoh makes of them (design.ros2.org, "Topic and Service name mapping")."""
+"""ROS 2 names, and the Zenoh keys that rmw_zenoh derives from them.
+
+Source: design.ros2.org, "Topic and Service name mapping".
+"""
 
 from __future__ import annotations
 
@@ -20,21 +23,21 @@ __all__ = [
 ]
 
 NAMESPACES = "::"
-"""Between the parts of a type's name on the wire."""
+"""Separator between the parts of a type's name on the wire."""
 _TOKEN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NODE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,254}")
 _LONGEST = 248
-"""Characters of a full name, as ROS bounds it."""
+"""Longest full name that ROS allows, characters."""
 
 
 def full_name(name: str, namespace: str = "/", node: str = "", remap: Mapping[str, str] | None = None) -> str:
-    """A name as it is known to all: `scan` in the namespace `/r1` is `/r1/scan`, `~/scan` is `/r1/node/scan`.
+    """Expand a name: `scan` in the namespace `/r1` becomes `/r1/scan`, `~/scan` becomes `/r1/node/scan`.
 
     Args:
         name: Of a topic, service or action; relative, private (`~`) or absolute.
         namespace: Of the node, with its leading slash.
         node: Name of the node.
-        remap: Rules as given by `remapping`; both sides are expanded like the name.
+        remap: New names by old name; both are expanded like the name.
 
     Raises:
         BadName: ROS does not allow it.
@@ -45,10 +48,10 @@ def full_name(name: str, namespace: str = "/", node: str = "", remap: Mapping[st
 
 
 def remapping(rules: list[str]) -> dict[str, str]:
-    """Rules `old:=new`, as ROS programs take them, by old name.
+    """Parse remapping rules `old:=new`, the syntax of ROS programs, to new names by old name.
 
     Raises:
-        BadName: A rule without `:=`, or with a name that is none.
+        BadName: A rule without `:=`, or with an invalid name.
     """
     parsed: dict[str, str] = {}
     for rule in rules:
@@ -62,25 +65,28 @@ def remapping(rules: list[str]) -> dict[str, str]:
 
 
 def check_namespace(namespace: str) -> str:
-    """The namespace with its leading slash. Raises BadName where ROS does not allow it."""
+    """The namespace with its leading slash. Raises BadName if ROS does not allow it."""
     return "/" if namespace in ("", "/") else _expanded(namespace if namespace[0] == "/" else f"/{namespace}", "/", "")
 
 
 def check_node_name(name: str) -> str:
-    """The name. Raises BadName where ROS does not allow it."""
+    """Return the name. Raises BadName if ROS does not allow it."""
     if not _NODE.fullmatch(name):
         raise BadName(f"node name {name!r}: expected letters, digits and _, with no digit first")
     return name
 
 
 def dds_type(name: str) -> str:
-    """`sensor_msgs/msg/LaserScan` on the wire: `sensor_msgs::msg::dds_::LaserScan_`. Another form stays as it is."""
+    """Type name on the wire: `sensor_msgs/msg/LaserScan` becomes `sensor_msgs::msg::dds_::LaserScan_`.
+
+    A name of another form is returned unchanged.
+    """
     parts = name.split("/")
     return NAMESPACES.join((*parts[:2], "dds_", f"{parts[2]}_")) if len(parts) == 3 else name
 
 
 def ros_type(name: str) -> str:
-    """`sensor_msgs::msg::dds_::LaserScan_` as ROS writes it; a type of another form as it is."""
+    """Inverse of `dds_type`; a name of another form is returned unchanged."""
     parts = name.split(NAMESPACES)
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return name
@@ -88,21 +94,21 @@ def ros_type(name: str) -> str:
 
 
 def key_of(domain: int, name: str, type_name: str, type_hash: str) -> str:
-    """Key of a topic or service: `0/scan/sensor_msgs::msg::dds_::LaserScan_/RIHS01_…`.
+    """Zenoh key of a topic or service: `0/scan/sensor_msgs::msg::dds_::LaserScan_/RIHS01_…`.
 
     Args:
         domain: ROS_DOMAIN_ID.
         name: Full name, with its leading slash.
         type_name: `package/kind/Name`.
-        type_hash: RIHS01, or what Humble writes.
+        type_hash: RIHS01, or `hashing.NOT_HASHED` for Humble.
     """
     return f"{domain}/{name.strip('/')}/{dds_type(type_name)}/{type_hash}"
 
 
 def plain_buffer_key(key: str) -> str:
-    """Where publishers of Lyrical and later may send a type with `uint8[]` instead, as plain CDR.
+    """Second key on which publishers of Lyrical and later may send types with `uint8[]`, as plain CDR.
 
-    They do while every subscriber that they know of takes buffers; what goes there does not go to the topic's own key.
+    They use it while all subscribers they know of accept buffers; such messages are not sent on the topic's own key.
     Source: rmw_zenoh `buffer_endpoint_helpers.hpp`.
     """
     return f"{key}/_buf_cpu"

@@ -1,6 +1,6 @@
-"""Quality of service as rmw_zenoh writes it into liveliness tokens (`liveliness_utils.cpp`, `qos.cpp`).
+"""Quality of service, and its text in the liveliness tokens of rmw_zenoh (`liveliness_utils.cpp`, `qos.cpp`).
 
-`reliability:durability:history,depth:deadline s,ns:lifespan s,ns:liveliness,lease s,ns`; what is default is left empty.
+`reliability:durability:history,depth:deadline s,ns:lifespan s,ns:liveliness,lease s,ns`; a default value is left empty.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from navloom_ros.errors import BadToken
 __all__ = ["DEFAULT", "LATCHED", "SENSOR", "SERVICES", "Qos"]
 
 DEFAULT_DEPTH = 42
-"""Depth that is left empty."""
+"""Depth that the text leaves empty."""
 MOST_KEPT = 1000
-"""Messages that a reader keeps where it is to keep all."""
+"""Most messages that a queue holds, also with keep all."""
 _RELIABLE, _BEST_EFFORT = "1", "2"
 _TRANSIENT_LOCAL, _VOLATILE = "1", "2"
 _KEEP_LAST, _KEEP_ALL = "1", "2"
 _REST = ":,:,:,,"
-"""Deadline, lifespan and liveliness, all default: rmw_zenoh does not act on them."""
+"""Default deadline, lifespan and liveliness; rmw_zenoh ignores them."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Qos:
     """What a publisher offers or a subscription asks for.
 
     Attributes:
-        reliable: Sent until it has arrived; else best effort.
+        reliable: Lost messages are sent again; otherwise best effort.
         transient_local: Late joiners get the last messages ("latched").
-        depth: Messages that are kept; nothing where all are.
+        depth: Length of the queue, messages; None to keep all.
     """
 
     reliable: bool = True
@@ -39,12 +39,12 @@ class Qos:
 
     @property
     def kept(self) -> int:
-        """Messages that a queue holds."""
+        """Length of a queue with this depth, messages."""
         return MOST_KEPT if self.depth is None else max(1, min(self.depth, MOST_KEPT))
 
     @property
     def text(self) -> str:
-        """As a token has it."""
+        """The text for a token."""
         reliability = "" if self.reliable else _BEST_EFFORT
         durability = _TRANSIENT_LOCAL if self.transient_local else ""
         history = f"{_KEEP_ALL}," if self.depth is None else f",{'' if self.depth == DEFAULT_DEPTH else self.depth}"
@@ -52,7 +52,7 @@ class Qos:
 
     @classmethod
     def parsed(cls, text: str) -> Qos:
-        """Read what a token has; values and parts of newer versions are taken for the default.
+        """Parse the text of a token; unknown values of newer versions count as the default.
 
         Raises:
             BadToken: Not of this form.
@@ -62,7 +62,7 @@ class Qos:
             raise BadToken(f"QoS {text!r}: expected reliability:durability:history,depth:…")
         history, depth = parts[2].split(",")[:2]
         if depth and not re.fullmatch(r"[0-9]{1,20}", depth):
-            raise BadToken(f"QoS {text!r}: depth {depth!r} is no number")
+            raise BadToken(f"QoS {text!r}: depth {depth!r} is not a number")
         return cls(
             reliable=parts[0] != _BEST_EFFORT,
             transient_local=parts[1] == _TRANSIENT_LOCAL,
@@ -78,10 +78,10 @@ class Qos:
 
 
 DEFAULT = Qos()
-"""Of topics, as rclcpp and rclpy have it."""
+"""Default of topics, as in rclcpp and rclpy."""
 SENSOR = Qos(reliable=False, depth=5)
-"""Of sensor data."""
+"""For sensor data."""
 LATCHED = Qos(transient_local=True, depth=1)
-"""Of maps, robot descriptions and the status of actions."""
+"""For maps, robot descriptions and the status of actions."""
 SERVICES = Qos()
-"""Of services."""
+"""For services."""

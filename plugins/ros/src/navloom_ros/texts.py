@@ -1,7 +1,7 @@
-"""Reads `.msg`, `.srv` and `.action` texts into the fields of the types that they define.
+"""Parses `.msg`, `.srv` and `.action` texts, for `message_types`.
 
-A service defines a request, a response and an event; an action defines a goal, a result and a feedback, two services
-and the message that carries the feedback. ROS generates the same types (design.ros2.org, on interfaces and actions).
+As in ROS, a service defines three types: request, response and event. An action defines a goal, a result, a feedback,
+two services and a message that carries the feedback (design.ros2.org, on interfaces and actions).
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from navloom_ros.errors import BadDefinition
 __all__ = ["KINDS", "Definitions", "check_references", "definitions_in", "types_of"]
 
 Definitions = dict[str, tuple[list[Any], list[tuple[str, Any]]]]
-"""By type name, its constants and its fields, as `rosbags` has them."""
+"""Constants and fields by type name, as in `rosbags`."""
 
 KINDS = ("msg", "srv", "action")
 LONGEST_TEXT = 1 << 20
-"""Characters of a definition."""
+"""Longest definition, characters."""
 MOST_FILES = 10_000
-"""Definitions of a folder."""
+"""Most definitions in a folder."""
 DEEPEST = 64
-"""Levels of types within types."""
+"""Most levels of nested types."""
 _TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
 _SEPARATOR = re.compile(r"^---[ \t]*$", re.MULTILINE)
 _PARTS = {"msg": 1, "srv": 2, "action": 3}
@@ -38,7 +38,7 @@ def definitions_in(folder: Path) -> Iterator[tuple[str, str]]:
     """Name and text of every definition in a folder, at any depth, laid out as `package/msg/Name.msg`.
 
     Raises:
-        BadDefinition: No such folder, more or larger files than are read, or a text that is not UTF-8.
+        BadDefinition: No such folder, too many or too large files, or a text that is not UTF-8.
     """
     if not folder.is_dir():
         raise BadDefinition(f"{folder}: no such folder; expected one that has package/msg/Name.msg in it")
@@ -60,7 +60,7 @@ def types_of(name: str, text: str) -> Definitions:
 
     Args:
         name: `package/kind/Name`; the kind says how many parts the text has.
-        text: As in a file of that kind.
+        text: Content of a file of that kind.
 
     Raises:
         BadDefinition: The name or the text breaks the rules.
@@ -96,10 +96,10 @@ def types_of(name: str, text: str) -> Definitions:
 
 
 def check_references(defined: Definitions, known: Mapping[str, Any]) -> None:
-    """Refuse types that refer to a type that is neither defined nor known, or to themselves.
+    """Refuse types that refer to an undefined type, or to themselves.
 
     Raises:
-        BadDefinition: Naming the type, the field and what it refers to.
+        BadDefinition: Names the type, the field and the type that it refers to.
     """
     refers = {
         name: [(field, other) for field, descriptor in fields if (other := _referred(descriptor)) is not None]
@@ -115,7 +115,7 @@ def check_references(defined: Definitions, known: Mapping[str, Any]) -> None:
 
 
 def _refuse_circles(path: list[str], refers: Mapping[str, list[tuple[str, str]]], finished: set[str]) -> None:
-    """Walk what the last type of a path refers to; each type is walked once."""
+    """Follow the references of the last type of a path, depth first; each type is visited once."""
     for field, other in refers[path[-1]]:
         if other in path:
             raise BadDefinition(f"{path[-1]}: field {field!r} is of {other!r}, which contains this type itself")
@@ -144,7 +144,7 @@ def _parsed(name: str, text: str, package: str) -> Definitions:
         raise BadDefinition(f"{name}: longer than {LONGEST_TEXT} characters")
     if re.search(r"^\s*wstring\b", text, re.MULTILINE):
         raise BadDefinition(f"{name}: `wstring` is not supported; use `string`")
-    try:  # as a message of the package, where the parser looks for types without a package
+    try:  # the parser resolves types without a package in the package of the name that it gets
         ((constants, fields),) = get_types_from_msg(text, f"{package}/msg/{name.rpartition('/')[2]}").values()
     except TypesysError as error:
         raise BadDefinition(f"{name}: not a definition: {str(error)[:200]}") from None

@@ -1,4 +1,4 @@
-"""Liveliness tokens and attachments of rmw_zenoh: who is there, and what goes beside each message.
+"""Liveliness tokens of rmw_zenoh, which announce nodes and endpoints, and attachments, the metadata of each message.
 
 Sources: `liveliness_utils.cpp` and `attachment_helpers.cpp` of ros2/rmw_zenoh.
 """
@@ -19,9 +19,9 @@ __all__ = ["KINDS", "PREFIX", "Attachment", "Entity"]
 PREFIX = "@ros2_lv"
 """First part of every token."""
 KINDS = {"NN": "node", "MP": "publisher", "MS": "subscription", "SS": "service", "SC": "client"}
-"""What a token is of."""
+"""Kinds of entities, by the letters in a token."""
 LONGEST = 4096
-"""Characters of a token that is read."""
+"""Longest token that is read, characters."""
 _NODE_PARTS, _ENDPOINT_PARTS = 9, 13
 _GID = 16
 _ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
@@ -32,16 +32,16 @@ class Entity:
     """A node, or an endpoint of one: publisher, subscription, service or client.
 
     Attributes:
-        kind: One of KINDS' letters.
+        kind: A key of KINDS.
         domain: ROS_DOMAIN_ID.
-        session: Zenoh's id of the process, hexadecimal.
-        node_id, entity_id: Unique within it, numbers in rmw_zenoh; of a node both are the same.
-        namespace, node: Name of the node.
-        name: Of the topic or service, in full; empty of a node.
-        type_name: `package/kind/Name`; empty of a node.
-        type_hash: Empty of a node.
-        qos: Nothing of a node.
-        enclave: Of security; nothing uses it here.
+        session: Zenoh id of the process, hexadecimal.
+        node_id, entity_id: Unique in the process; numbers in rmw_zenoh. Equal for a node.
+        namespace, node: Namespace and name of the node.
+        name: Full name of the topic or service; empty for a node.
+        type_name: `package/kind/Name`; empty for a node.
+        type_hash: Hash of the type; empty for a node.
+        qos: Quality of service; None for a node.
+        enclave: Security enclave; not used here.
     """
 
     kind: str
@@ -64,7 +64,7 @@ class Entity:
 
     @property
     def token(self) -> str:
-        """The key of its liveliness."""
+        """The key of its liveliness token."""
         parts = [PREFIX, str(self.domain), self.session, self.node_id, self.entity_id, self.kind]
         parts += [_mangled(part) for part in (self.enclave, self.namespace, self.node)]
         if self.qos is not None:
@@ -73,12 +73,12 @@ class Entity:
 
     @property
     def gid(self) -> bytes:
-        """The 16 bytes that ROS knows it by: XXH3-128 of its token, the lower half first."""
+        """Its ROS identifier, 16 bytes: XXH3-128 of its token, lower half first."""
         return xxhash.xxh3_128_intdigest(self.token.encode()).to_bytes(_GID, "little")
 
     @classmethod
     def parsed(cls, token: str) -> Entity:
-        """Read a token; parts that newer versions append are passed over.
+        """Parse a token; parts that newer versions append are ignored.
 
         Raises:
             BadToken: Not of this form.
@@ -90,7 +90,7 @@ class Entity:
                 f"token {token[:200]!r}: expected {PREFIX}/domain/session/node/entity/kind/enclave/namespace/…"
             )
         if not (parts[1].isascii() and parts[1].isdecimal()):
-            raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is no number")
+            raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is not a number")
         enclave, namespace, node = (_unmangled(part) for part in parts[6:9])
         head = (parts[5], int(parts[1]), parts[2], parts[3], parts[4], namespace, node)
         if parts[5] == "NN":
@@ -101,12 +101,12 @@ class Entity:
 
 @dataclass(frozen=True)
 class Attachment:
-    """What goes beside a message.
+    """Metadata that is sent with a message.
 
     Attributes:
         sequence: Number of the message or request, from 1.
         source_ns: When it was sent, ns since the epoch on the sender's clock.
-        gid: Of the publisher; of a request and its response, of the client.
+        gid: Gid of the publisher; for a request and its response, of the client.
     """
 
     sequence: int
@@ -115,12 +115,12 @@ class Attachment:
 
     @property
     def data(self) -> bytes:
-        """33 bytes: two numbers, the length of the gid, the gid."""
+        """The 33 bytes on the wire: sequence, time, length of the gid, gid."""
         return _ATTACHMENT.pack(self.sequence, self.source_ns, _GID, self.gid)
 
     @classmethod
     def parsed(cls, data: bytes) -> Attachment:
-        """Read an attachment; what newer versions append is passed over.
+        """Parse an attachment; bytes that newer versions append are ignored.
 
         Raises:
             BadToken: Too short, or another length of the gid.

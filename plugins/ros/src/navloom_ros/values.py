@@ -1,4 +1,7 @@
-"""Values of messages: made from what a user gives, checked before they are encoded, and shown as plain text."""
+"""Field values of messages, for `message_types`: filled in from keyword arguments, checked, and shown as plain values.
+
+`store` is the typestore of `rosbags` throughout.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +17,27 @@ from navloom_ros.errors import UnfitMessage
 __all__ = ["filled", "misfit", "plain", "spare_bytes", "with_unsigned_bytes"]
 
 _ALIASES = {"bool": "bool_", "char": "uint8"}
-"""Where numpy's name differs from the primitive's name."""
+"""numpy's names of primitives, where they differ."""
 _IDENTITY = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}
-"""Defaults in `.msg` texts that are not zero; `rosbags` does not keep them."""
+"""Default values in `.msg` texts that are not zero, which `rosbags` drops."""
 
 
 def dtype_of(base: str) -> np.dtype[Any]:
-    """Numpy's type for a primitive in an array."""
+    """numpy type of an array of a primitive."""
     return np.dtype(_ALIASES.get(base, base))
 
 
 def filled(store: Any, name: str, values: Mapping[str, Any], place: str = "") -> Any:
-    """A message with these values, and its defaults elsewhere.
+    """A message with these values, and defaults elsewhere.
+
+    Args:
+        store: Typestore of `rosbags`.
+        name: Type of the message.
+        values: By field.
+        place: Path of this message in the outer one, for the error, as `.pose.orientation`.
 
     Raises:
-        UnfitMessage: No such field, or a value that does not fit it.
+        UnfitMessage: No such field, or a value does not fit it.
     """
     definition = store.get_msgdef(name)
     known = [field for field, _ in definition.fields]
@@ -73,9 +82,10 @@ def _array(base: str, given: Any, place: str) -> np.ndarray[Any, Any]:
 
 
 def misfit(store: Any, message: Any, name: str, place: str = "") -> str:
-    """What in a message does not fit its type, in words; empty where everything that `rosbags` does not check fits.
+    """The first field that does not fit its type, as a sentence; empty if there is none.
 
-    It would take an array of another type with as many bytes, or a message of another type with the same fields.
+    Checks what `rosbags` does not: it accepts an array of another type with as many bytes, or a message of another type
+    with the same fields.
     """
     for field, descriptor in _checked_fields(store, name):
         value = getattr(message, field, None)
@@ -126,7 +136,7 @@ def _kind(value: Any) -> str:
 
 @lru_cache(4096)
 def _checked_fields(store: Any, name: str) -> list[tuple[str, Any]]:
-    """Fields of nested messages and of arrays of numbers: what `rosbags` takes as it comes."""
+    """Fields that `rosbags` does not check: nested messages and arrays of numbers."""
     return [entry for entry in store.get_msgdef(name).fields if _is_unchecked(*entry[1])]
 
 
@@ -145,10 +155,10 @@ def with_unsigned_bytes(descriptor: Any) -> Any:
 
 
 def spare_bytes(store: Any, message: Any) -> int:
-    """Bytes that Fast DDS may have left unused behind a message.
+    """Most unused bytes that Fast DDS may append to a message.
 
-    Its estimate of the size aligns every sequence of 8-byte elements, empty ones too, where the bytes do not: 4 bytes
-    each, which the alignment of what follows may round up to 8. Messages of `rclpy.serialization` have them.
+    Its size estimate aligns every sequence of 8-byte elements, even an empty one, which the data do not align: 4 bytes
+    each, and the alignment of later fields may round that up to 8. Seen in messages of `rclpy.serialization`.
     """
     empty = _empty_wide(store, message)
     return 4 * empty + 4 if empty else 0
@@ -170,7 +180,7 @@ def _empty_wide(store: Any, message: Any) -> int:
 
 
 def plain(store: Any, message: Any, most: int | None = None) -> Any:
-    """A message as dicts, lists and numbers; of lists longer than `most`, the first and how many there are."""
+    """A message as dicts, lists and numbers; a list longer than `most` is cut and its length appended."""
     if hasattr(message, "__msgtype__"):
         names = [field for field, _ in store.get_msgdef(message.__msgtype__).fields]
         return {name: plain(store, getattr(message, name), most) for name in names}

@@ -1,6 +1,6 @@
-"""The only module here that speaks Zenoh: keys, bytes and attachments, as rmw_zenoh sends them.
+"""The only module of this package that imports Zenoh: sends and receives bytes with attachments, as rmw_zenoh does.
 
-A process joins as a client of the robot's router, since a router does not forward between peers; it listens nowhere.
+The session is a client of the robot's router, because a router does not forward between peers. It opens no port.
 """
 
 from __future__ import annotations
@@ -21,22 +21,24 @@ from navloom_ros.qos import Qos
 __all__ = ["ROUTER", "NoRouter", "Question", "Wire", "settings"]
 
 ROUTER = "tcp/127.0.0.1:7447"
-"""Where `rmw_zenohd` listens."""
+"""Default endpoint of `rmw_zenohd`."""
 HEARTBEAT = 0.5
-"""s between two heartbeats of a latched, reliable publisher that has news."""
+"""Interval of the heartbeats of a latched, reliable publisher that has sent messages, s."""
 CONNECT = 2.0
-"""s that a router may take to answer, at first."""
+"""Longest wait for the router when a session opens, s."""
 
+Keep = Callable[[Callable[[], None]], None]
+"""Takes what is called when a node closes."""
 OnSample = Callable[[bytes, bytes], None]
-"""Takes the bytes of a message and of its attachment, on the network's thread: it must not wait."""
+"""Callback for a message and its attachment, as bytes. It runs on Zenoh's thread and must not block."""
 
 
 class NoRouter(RosError):
-    """There is no Zenoh router at an address."""
+    """No Zenoh router answers at an endpoint."""
 
 
 class Question:
-    """A request that a server has to answer; it may do so later, from any thread."""
+    """A received request. It may be answered later, from any thread."""
 
     def __init__(self, query: Any, data: bytes, attachment: bytes) -> None:
         self._query = query
@@ -44,27 +46,27 @@ class Question:
         self.attachment = attachment
 
     def answer(self, key: str, data: bytes, attachment: bytes) -> None:
-        """Answer once; whoever has stopped waiting does not get it."""
+        """Answer, once; the answer is lost if the client has timed out."""
         with suppress(zenoh.ZError):
             self._query.reply(key, data, attachment=attachment)
         self.drop()
 
     def drop(self) -> None:
-        """End it without an answer."""
+        """Finish the request; without an answer if none was sent."""
         with suppress(zenoh.ZError):
             self._query.drop()
 
 
 class Wire:
-    """One session with the robot's router. Use it in a `with` statement: an open session hangs the process at its end.
+    """One session with the robot's router. Use it in a `with` statement: an open session hangs the process at exit.
 
     Args:
-        router: Its endpoint, as tcp/192.168.0.7:7447.
-        largest: Bytes of the largest message that is taken; larger ones are passed over before they are copied.
+        router: Endpoint of the router, as tcp/192.168.0.7:7447.
+        largest: Largest message or attachment that is received, bytes; larger ones are dropped before they are copied.
 
     Attributes:
-        session: Zenoh's id of this process, as tokens have it.
-        too_large: Messages that were passed over.
+        session: Zenoh id of this process, as in tokens.
+        too_large: Messages that were dropped because of their size.
     """
 
     def __init__(self, router: str, largest: int) -> None:
@@ -95,15 +97,23 @@ class Wire:
 
     @property
     def joined(self) -> bool:
-        """Whether there is a link to the router now."""
+        """The session has a link to the router now."""
         return bool(self._session.info.routers_zid())
 
     def token(self, key: str) -> Callable[[], None]:
-        """Say that an entity is there until what is returned is called."""
+        """Declare a liveliness token; the returned function undeclares it."""
         return _undeclarer(self._session.liveliness().declare_token(key))
 
     def watch(self, key: str, on_change: Callable[[str, bool], None]) -> Callable[[], None]:
-        """Follow tokens: each one's key, and whether it came or went; those that are there already come first."""
+        """Watch liveliness tokens; existing ones are reported first.
+
+        Args:
+            key: Key expression of the tokens.
+            on_change: Receives the key of a token, and true if it appeared, false if it disappeared.
+
+        Returns:
+            A function that ends the watch.
+        """
 
         def changed(sample: Any) -> None:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -112,7 +122,7 @@ class Wire:
         return _undeclarer(self._session.liveliness().declare_subscriber(key, handler, history=True))
 
     def publisher(self, key: str, qos: Qos) -> tuple[Callable[[bytes, bytes], None], Callable[[], None]]:
-        """A function that sends a message and its attachment, and one that ends the publisher."""
+        """Declare a publisher. Returns a function that sends a message and its attachment, and one that ends it."""
         options: dict[str, Any] = {}
         if qos.transient_local:
             options = {"publisher_detection": True, "cache": zenoh.ext.CacheConfig(qos.kept)}
@@ -130,13 +140,13 @@ class Wire:
         )
 
         def put(data: bytes, attachment: bytes) -> None:
-            with suppress(zenoh.ZError):  # a link that is gone loses it
+            with suppress(zenoh.ZError):  # the message is lost if the link is down
                 publisher.put(data, attachment=attachment)
 
         return put, _undeclarer(publisher)
 
     def subscribe(self, key: str, qos: Qos, on_sample: OnSample) -> Callable[[], None]:
-        """Receive messages; late joiners of a latched topic get the last ones."""
+        """Receive messages, and first the last ones of a latched topic; the returned function ends it."""
 
         def receive(sample: Any) -> None:
             taken = self._taken(sample)
@@ -155,7 +165,7 @@ class Wire:
         return _undeclarer(zenoh.ext.declare_advanced_subscriber(self._session, key, handler, **options))
 
     def serve(self, key: str, on_question: Callable[[Question], None]) -> Callable[[], None]:
-        """Take requests; `on_question` runs on the network's thread and must not wait."""
+        """Receive requests. `on_question` runs on Zenoh's thread and must not block. The returned function ends it."""
 
         def receive(query: Any) -> None:
             taken = self._taken(query)
@@ -170,7 +180,7 @@ class Wire:
     def ask(
         self, key: str, data: bytes, attachment: bytes, timeout: float, on_answer: OnSample, on_end: Callable[[], None]
     ) -> None:
-        """Send a request; `on_answer` gets each answer, then `on_end` is called, both on the network's thread."""
+        """Send a request. `on_answer` receives each answer, then `on_end` is called; both run on Zenoh's thread."""
 
         def receive(reply: Any) -> None:
             taken = self._taken(reply.ok) if reply.ok is not None else None
@@ -201,7 +211,7 @@ class Wire:
 
 
 def settings(router: str) -> dict[str, Any]:
-    """Zenoh's configuration of a client of one router, which listens nowhere and searches for nobody."""
+    """Zenoh configuration of a client of one router: no listening port, no scouting."""
     return {
         "mode": "client",
         "connect": {"endpoints": [router], "timeout_ms": int(1000 * CONNECT), "exit_on_failure": True},
@@ -214,7 +224,7 @@ def settings(router: str) -> dict[str, Any]:
 
 
 def now_ns() -> int:
-    """ns since the epoch, as attachments have it."""
+    """Time in ns since the epoch, as in attachments."""
     return time.time_ns()
 
 

@@ -40,6 +40,7 @@ class GateNode(Node):
         is_silent, gone: Live: see `Sensed`.
         find_waiting: Set by the executor: returns which node waits for which stream; empty for none.
         obeyed: Live: requests that came through a service since the last step.
+        has_new_platform: Live: the platform restarted since the last look at its messages.
     """
 
     role = "gate"
@@ -73,6 +74,8 @@ class GateNode(Node):
         self.gone = ""
         self.find_waiting: Callable[[], str] = lambda: ""
         self.obeyed: list[Obeyed] = []
+        self.has_new_platform = False
+        self._has_forgotten = False
         self._warm: list[str] = []
         self._waiting = ""
         self._pending: dict[str, str] = {}
@@ -168,9 +171,10 @@ class GateNode(Node):
             self.told = ""
             return
         self.told = GateTold(
-            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm), self._waiting
-        ).text
-        self.obeyed, self._warm = [], []
+            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm), self._waiting,
+            self._has_forgotten,
+        ).text  # fmt: skip
+        self.obeyed, self._warm, self._has_forgotten = [], [], False
 
     def _look_again(self, said: GateStatus, platform_ns: int) -> None:
         """Publish a new command and status if a scan between two ticks changes them."""
@@ -184,10 +188,16 @@ class GateNode(Node):
         self.status.put(self._status)
 
     def _see(self) -> bool:
-        """Pass new odometry and scans to the collision monitor; True if there was a scan."""
+        """Pass new odometry and scans to the collision monitor; True if there was a scan.
+
+        A restarted platform may stand anywhere: what the monitor knows from before does not hold for it.
+        """
         monitor, odometry = self.gate.monitor, self.odometry.value
         if monitor is None or odometry is None:
             return False
+        if self.has_new_platform:
+            self.has_new_platform, self._has_forgotten = False, True
+            monitor.forget()
         monitor.move(odometry)
         news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
         return any(news)

@@ -83,6 +83,7 @@ class GateTold:
         contact: A contact was latched between two steps.
         warm: "role instance" of the instances that were able to take over.
         waiting: Which node waits for which stream; empty for none.
+        restarted: Live: the platform restarted.
     """
 
     now_ns: int | None = None
@@ -92,6 +93,7 @@ class GateTold:
     contact: bool = False
     warm: tuple[str, ...] = ()
     waiting: str = ""
+    restarted: bool = False
 
     @property
     def text(self) -> str:

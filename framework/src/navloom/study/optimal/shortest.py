@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.frames import inverse, transform
+from navloom.geometry.polylines import Polyline
 from navloom.geometry.solids import centre_at, is_fixed, overlaps
 from navloom.geometry.world import Box, Obstacle, Place, Raster, World
 from navloom.study.optimal.field_space import FieldSpace
@@ -256,10 +257,8 @@ def _are_near(circles: Circles, points: Floats, reach: float, step: float) -> Bo
     """(n,) whether the circles' centres are within `reach`, m, of a path, which is sampled every `step`, m."""
     from scipy.spatial import KDTree
 
-    lengths = np.hypot(*np.diff(points, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    at = np.linspace(0.0, along[-1], 2 + int(along[-1] / step))
-    samples = np.stack([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])], axis=-1)
+    line = Polyline(points)
+    samples = line.at(np.linspace(0.0, line.length, 2 + int(line.length / step)))
     distances, _ = KDTree(samples).query(circles.places[:, :2], distance_upper_bound=reach)
     near: Bools = np.isfinite(distances)
     return near

@@ -1,4 +1,4 @@
-"""Avoiders in scenes."""
+"""Scenes and measures of avoiders."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from navloom.testing.behaviour.scene import TWO_LASERS, Post, Scene, Wall
 __all__ = ["AVOIDERS", "place_in_map"]
 
 NEAR = 0.3
-"""How near to its target an avoider must come, m."""
+"""Distance from its target at which an avoider has reached it, m."""
 SAME = 0.02
-"""How far two answers may differ that should be alike, of the robot's limits."""
+"""Greatest difference of two commands that should be equal, as a share of the robot's limits."""
 MOST_TURNS = 2.0 * math.tau
-"""How far a robot may turn on its way to a target in the open, to and fro, rad."""
+"""Most turning on the way to a target in the open, rad; turns to both sides add up."""
 TRAPPED = 40
-"""Ticks of being trapped after which a drive is over: a recovery would take its turn."""
+"""Consecutive trapped ticks after which a drive is over, since a recovery would start."""
 LOOKS = 30
-"""Ticks for which a standing robot is shown a scene before its answers are compared."""
+"""Ticks for which a stopped robot is shown a scene before its commands are compared."""
 MOST_STILL = 0.02
-"""Speed at which a robot counts as stopped, m/s."""
+"""Greatest speed at which a robot counts as stopped, m/s."""
 
 
 def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> AvoiderInput:
@@ -52,7 +52,7 @@ def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[fl
 
 
 def drive_avoider(make: Maker, scene: Scene, seconds: float) -> FinishedDrive:
-    """Drive to the scene's target, until it is reached, touched, trapped for 2 s, or the time is up."""
+    """Drive to the target until it is reached, the robot is in contact, trapped or stopped, or the time is up."""
     if not make.sees(RangeScan) and (scene.posts or scene.walls):
         raise Unfit("it takes no RangeScan: it sees nothing of the scenes")
     avoider = make(scene)
@@ -77,16 +77,16 @@ def _ended(done: FinishedDrive) -> str:
 
 
 def open_scene(seed: int) -> Scene:
-    """Nothing but a target, 3 m away, in one direction after the other all round."""
+    """An open floor with a target 3 m away, in another direction for each seed."""
     bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 8]
     place = place_in_map(seed)
     return Scene(Place(0.0, 0.0), (3.0 * math.cos(bearing), 3.0 * math.sin(bearing))).moved(place)
 
 
 def blocked_scene(seed: int) -> Scene:
-    """Something between the robot and its target: a wall, a post, posts, a corridor with an end, a wall beside it.
+    """Obstacles between the robot and its target: a wall, a post, posts, a dead end, a wall beside the way.
 
-    Every fourth robot points away from its target; from the seventh on, robots have two lasers, fore and aft.
+    In every fourth scene the robot points away from its target; from the seventh on, it has two lasers, fore and aft.
     """
     stream = np.random.default_rng([seed, 1])
     side, off = float(stream.choice([-1.0, 1.0])), float(stream.uniform(-0.25, 0.25))
@@ -107,7 +107,7 @@ def blocked_scene(seed: int) -> Scene:
 
 
 def tight_scene(seed: int) -> Scene:
-    """The same for robots that are long or wide, and gaps that they fit through or not."""
+    """Blocked scenes with long and wide robots, and a wall with a gap that is too narrow for the robot."""
     stream = np.random.default_rng([seed, 2])
     length, width = ((1.2, 0.4), (0.5, 1.0), (1.0, 0.8))[seed % 3]
     if seed % 2:
@@ -118,7 +118,7 @@ def tight_scene(seed: int) -> Scene:
 
 
 def closed_scene(seed: int) -> Scene:
-    """Closed in all round by posts that touch each other, or by a box: nowhere can the robot go."""
+    """A robot that is closed in by a ring of posts or by a box."""
     reach = 0.36 + 0.02 * (seed % 4)
     target = (4.0 * math.cos(seed), 4.0 * math.sin(seed))
     if seed % 2:
@@ -131,7 +131,7 @@ def closed_scene(seed: int) -> Scene:
 
 
 def look_scene(seed: int) -> Scene:
-    """A few posts and a wall round a standing robot at the origin, all in general position."""
+    """A stopped robot at the origin, with a few posts and at times a wall at random places around it."""
     stream = np.random.default_rng([seed, 3])
     posts = _posts(stream, count=int(stream.integers(1, 5)))
     wall = Wall(*stream.uniform(-1.0, 4.0, 2).tolist(), *stream.uniform(1.5, 4.0, 2).tolist())
@@ -145,7 +145,7 @@ def _wall_away(wall: Wall) -> float:
 
 
 def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Post, ...]:
-    """Posts ahead, none nearer than 1 m to the start or the target or 1.5 m to another."""
+    """Posts ahead; their centres are over 1.2 m from the start, 1 m from the target and 1.6 m from each other."""
     found: list[Post] = []
     for x, y, r in stream.uniform((0.8, -2.0, 0.1), (4.2, 2.0, 0.3), (200, 3)).tolist():
         others = [(p.x, p.y) for p in found]
@@ -158,7 +158,7 @@ def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Post, ...]:
 
 
 def place_in_map(seed: int) -> Place:
-    """Where a scene lies in the map: the first at the origin, the others anywhere."""
+    """Place of a scene in the map: the origin for seed 0, a random one for others."""
     stream = np.random.default_rng([seed, 4])
     x, y, heading = stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()
     return Place(0.0, 0.0) if seed == 0 else Place(x, y, heading)
@@ -172,7 +172,7 @@ def reaches(make: Maker, scene: Scene) -> Measured:
     x, y, _ = done.poses[-1].tolist()
     left = math.hypot(x - scene.target[0], y - scene.target[1])
     turned = float(np.abs(done.twists[:, 1]).sum()) * PERIOD
-    said = f"was {left:.2f} m from its target, {_ended(done)}, and had turned by {turned / math.tau:.1f} rounds"
+    said = f"ended {left:.2f} m from its target ({_ended(done)}), after {turned / math.tau:.1f} full turns"
     return Measured(done.ended == "reached" and turned <= MOST_TURNS, said, left, (done.line,))
 
 
@@ -188,12 +188,12 @@ def stops_when_closed(make: Maker, scene: Scene) -> Measured:
     late = np.abs(done.twists[len(done.twists) // 2 :, 0])
     speed = float(late.max(initial=0.0))
     if done.gap <= 0.0:
-        return Measured(False, "touched what closes it in", 0.0, (done.line,))
+        return Measured(False, "touched the obstacles around it", 0.0, (done.line,))
     return Measured(speed <= MOST_STILL, f"drove at {speed:.3f} m/s", speed, (done.line,))
 
 
 def _answers(make: Maker, scene: Scene) -> tuple[float, float]:
-    """What a standing robot is told to do, when it has looked for a while: speed, m/s, and turn rate, rad/s."""
+    """Command to a stopped robot after it was shown a scene for a while: speed, m/s, and turn rate, rad/s."""
     avoider, pose = make(scene), (scene.start.x, scene.start.y, scene.start.heading)
     twist = Twist2D(0.0, 0.0, 0.0)
     for tick in range(LOOKS):
@@ -202,17 +202,17 @@ def _answers(make: Maker, scene: Scene) -> tuple[float, float]:
 
 
 def _alike(make: Maker, scene: Scene, other: Scene, sign: float) -> Measured:
-    """Compare the answers in two scenes; the sign is that of the turn rate in the second."""
+    """Compare the commands in two scenes; `sign` is -1 if the second scene must give the opposite turn rate."""
     (v, w), (v2, w2) = _answers(make, scene), _answers(make, other)
     robot = robot_of(scene)
     off = max(abs(v - v2) / robot.max_linear, abs(w - sign * w2) / robot.max_angular)
-    said = f"answered {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other"
-    pairs = (_arrow("here", scene, v, w), _arrow("in the other", other, v2, w2))
+    said = f"commanded {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other scene"
+    pairs = (_arrow("here", scene, v, w), _arrow("other scene", other, v2, w2))
     return Measured(off <= SAME, said, off, pairs, (scene, other))
 
 
 def _arrow(name: str, scene: Scene, v: float, w: float) -> Line:
-    """Where a command leads to in 3 s."""
+    """Track of a robot that follows a command for 3 s."""
     s, points = scene.start, []
     for t in np.linspace(0.0, 3.0, 20).tolist():
         turn = w * t
@@ -235,7 +235,8 @@ def mirror(make: Maker, scene: Scene) -> Measured:
 
 
 AVOIDERS = (
-    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and two rounds", open_scene, reaches, 8),
+    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and at most two full turns", open_scene,
+              reaches, 8),
     Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 12),
     Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 12),
     Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,

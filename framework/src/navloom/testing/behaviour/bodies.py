@@ -1,4 +1,4 @@
-"""Platforms that drive as they are told, and recoveries before a wall."""
+"""Scenes and measures of platforms, which follow commands, and of recoveries, which start at a wall."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ __all__ = ["PLATFORMS", "RECOVERIES"]
 LEG = 3.0
 """Time for which a command is held, s."""
 SLACK, SHARE = 0.08, 0.25
-"""How far a leg may be off: m or rad, and as a share of what was asked for."""
+"""Greatest error of a leg: m or rad, plus a share of the commanded distance or angle."""
 LONGEST = 120.0
-"""Time that a recovery may take, s."""
+"""Longest time that a recovery may take, s."""
 
 
 def empty_scene(seed: int) -> Scene:
-    """An empty floor; where the robot starts on it is the seed's."""
+    """An empty floor; the seed chooses the robot's start."""
     stream = np.random.default_rng([seed, 9])
     place = Place(*stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()) if seed else Place(0.0, 0.0)
     return Scene(Place(0.0, 0.0), (3.0, 0.0)).moved(place)
@@ -40,15 +40,15 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
         raise Unfit("it is no simulation (is_simulated): a real robot is not moved by a check")
     platform = make(scene, world=World("check", start=scene.start))
     poses, true, legs = [], [], ((0.3, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.2, 0.0), (0.25, 0.3))
-    worst, said, tick = 0.0, "moved as it was told", 0
+    worst, said, tick = 0.0, "followed its commands", 0
     out = platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
     first = out.odometry.pose
     if max(abs(first.x), abs(first.y), abs(first.heading)) > SLACK:
         worst = math.inf
-        said = f"began its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
+        said = f"started its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
     for v, w in ((0.0, 0.0), *legs):
         before = out.odometry.pose
-        ticks = 1 if v >= 0.0 and w == 0.0 else 2  # on other legs it is asked for every second tick
+        ticks = 1 if v >= 0.0 and w == 0.0 else 2  # on other legs it advances every second tick
         for _ in range(round(LEG / PERIOD / ticks)):
             tick += ticks
             out = platform.advance(PlatformInput(Twist2D(v, 0.0, w), None, tick * PERIOD_NS))
@@ -65,12 +65,12 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
         lines.append(Line("truth", np.array(true)))
         apart = float(np.hypot(*(np.array(true) - in_map)[:, :2].T).max())
         if apart > 3.0 * SLACK and worst <= 1.0:
-            worst, said = apart / SLACK, f"had its truth {apart:.2f} m from its odometry, put to the start"
+            worst, said = apart / SLACK, f"gave a truth {apart:.2f} m from its odometry, seen from the start"
     return Measured(worst <= 1.0, said, worst, tuple(lines))
 
 
 def _off(before: object, after: object, twist: Twist2D, v: float, w: float) -> tuple[float, str]:
-    """How far one leg was off, 1 being the most there may be, and in words."""
+    """Error of one leg, where 1 is the greatest allowed, and the error in words."""
     a, b = ([getattr(p, key) for key in ("x", "y", "heading")] for p in (before, after))
     ahead, left, turn = compose(inverse(np.array(a)), np.array(b)).tolist()
     asked_turn = w * LEG
@@ -78,14 +78,14 @@ def _off(before: object, after: object, twist: Twist2D, v: float, w: float) -> t
     way_off = math.hypot(ahead - asked[0], left - asked[1]) / (SLACK + SHARE * math.hypot(*asked))
     turn_off = abs(math.remainder(turn - asked_turn, math.tau)) / (SLACK + SHARE * abs(asked_turn))
     twist_off = max(abs(twist.vx - v), abs(twist.wz - w)) / (SLACK + SHARE * max(abs(v), abs(w)))
-    told = f"told {v:g} m/s and {w:g} rad/s for {LEG:g} s, its odometry"
+    when = f"when commanded {v:g} m/s and {w:g} rad/s for {LEG:g} s"
     if twist_off > max(way_off, turn_off):
-        return twist_off, f"{told} gave a twist of {twist.vx:.3f} m/s and {twist.wz:.3f} rad/s"
-    return max(way_off, turn_off), f"{told} moved ({ahead:.3f}, {left:.3f}) m and {turn:.3f} rad"
+        return twist_off, f"gave odometry with a twist of {twist.vx:.3f} m/s and {twist.wz:.3f} rad/s {when}"
+    return max(way_off, turn_off), f"gave odometry that moved ({ahead:.3f}, {left:.3f}) m and {turn:.3f} rad {when}"
 
 
 def stuck_scene(seed: int) -> Scene:
-    """The robot close before a wall or at the end of a corridor. It came 1.2 m; or 0.3 m, from a wall behind it."""
+    """A robot close to a wall or at the end of a corridor, which drove there 1.2 m, or 0.3 m from a wall behind it."""
     scene = Scene(Place(0.0, 0.0), (3.0, 0.0), walls=(Wall(0.45, -2.0, 0.45, 2.0),), came=1.2)
     if seed % 2:
         scene = replace(scene, walls=(*scene.walls, Wall(-3.0, 0.5, 0.45, 0.5), Wall(-3.0, -0.5, 0.45, -0.5)))
@@ -95,7 +95,7 @@ def stuck_scene(seed: int) -> Scene:
 
 
 def drive_recovery(make: Maker, scene: Scene) -> tuple[FinishedDrive, str]:
-    """Drive by a recovery until it is over, two attempts; and its last state."""
+    """Let a recovery drive for two attempts. Gives the drive and the last state of the recovery."""
     recovery, start = make(scene), np.array([scene.start.x, scene.start.y, scene.start.heading])
     trail = compose(start, np.stack([np.linspace(-scene.came, 0.0, 25), np.zeros(25), np.zeros(25)], axis=1))
     attempt, is_first, state = 1, True, "running"
@@ -132,9 +132,10 @@ def recovery_ends(make: Maker, scene: Scene) -> Measured:
 
 PLATFORMS = (
     Behaviour("platform", Claim.DRIVES_AS_TOLD,
-              f"the way and the turn asked for, to {SLACK} m or rad and {SHARE:.0%}", empty_scene, drives_as_told, 2),
+              f"to follow its commands within {SLACK} m or rad plus {SHARE:.0%}", empty_scene, drives_as_told, 2),
 )  # fmt: skip
 RECOVERIES = (
     Behaviour("recovery", Claim.NO_CONTACT, "to touch nothing", stuck_scene, recovery_no_contact, 6),
-    Behaviour("recovery", Claim.ENDS, f"done or failed, twice, within {LONGEST:g} s", stuck_scene, recovery_ends, 3),
+    Behaviour("recovery", Claim.ENDS, f"done or failed in both attempts, within {LONGEST:g} s", stuck_scene,
+              recovery_ends, 3),
 )  # fmt: skip

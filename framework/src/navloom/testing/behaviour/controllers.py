@@ -1,4 +1,4 @@
-"""Controllers on references: straight, round bends to both sides, and turning in place at the end."""
+"""Scenes and measures of controllers: straights, bends to both sides, and turning in place at the end."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ __all__ = ["CONTROLLERS"]
 Floats = NDArray[np.float64]
 
 OFF = 0.08
-"""How far a robot may be beside its trajectory once it has settled, m."""
+"""Greatest distance of the robot from its trajectory once it has settled, m."""
 SETTLED = 0.6
-"""Share of the way after which it must have settled."""
+"""Share of the drive after which the robot must have settled."""
 REPLANNED = 0.3
-"""Share of the way at which the trajectory is replaced by the same one from a new path."""
+"""Share of the trajectory at which it is replaced by an equal one with a new path number."""
 END = 0.2
-"""How near to the end of its trajectory it must come, m."""
+"""Goal tolerance, m: within half of it, the robot has reached the end of its trajectory and turns in place."""
 TURNED = 0.1
-"""How far its heading may be from the one it is to turn to, rad."""
+"""Greatest error of the heading after the turn in place, rad."""
 SWINGS, SWINGING = 40, 0.2
-"""Ticks at the end of a drive, and the mean turn rate in them, rad/s, from which a robot swings."""
+"""Last ticks of a drive, and the mean turn rate in them from which a robot counts as swinging, rad/s."""
 SAME = 0.02
-"""How far two commands may differ that should be alike, of the robot's limits."""
+"""Greatest difference of two commands that should be equal, as a share of the robot's limits."""
 
 
 def samples_of(scene: Scene) -> Floats:
-    """(n, 6) of the trajectory along the scene's way."""
+    """(n, 6) samples of the trajectory along the scene's way, as `Trajectory` has them."""
     robot = robot_of(scene)
     limits = SpeedLimits(0.2, 0.4, robot.max_angular)
     return make_trajectory(np.array(scene.way), limits).samples
 
 
 def way_scene(seed: int) -> Scene:
-    """A straight way, a bend to each side, or an S, the robot beside its begin and turned off it."""
+    """A straight way, a bend to either side, or an S; the robot starts beside its beginning with another heading."""
     ways = (
         ((0.0, 0.0), (5.0, 0.0)),
         ((0.0, 0.0), (2.0, 0.0), (4.0, 2.0), (4.0, 4.0)),
@@ -63,12 +63,12 @@ def way_scene(seed: int) -> Scene:
 
 
 class Referee:
-    """What the reference node would say of a robot on a trajectory, which comes anew from a planner on the way.
+    """Stands in for the reference node. On the way, it replaces the trajectory by an equal one with a new path number.
 
     Args:
-        samples: (n, 6) of the trajectory.
+        samples: (n, 6) samples of the trajectory.
         turn_to: Heading to turn to at its end, rad; None for none.
-        extra: What the controller reads beside.
+        extra: Extra inputs of the controller.
     """
 
     def __init__(self, samples: Floats, turn_to: float | None, extra: Extras) -> None:
@@ -92,7 +92,11 @@ class Referee:
 
 
 def follow(make: Maker, scene: Scene, turn: float) -> tuple[FinishedDrive, list[float], Referee]:
-    """Follow the scene's way to its end, then turn in place by an angle, rad; and how far beside it was, m, by tick."""
+    """Follow the scene's way to its end, then turn in place by an angle, rad.
+
+    Returns:
+        The drive, the cross-track error of each tick before the turn, m, and the referee.
+    """
     samples = samples_of(scene)
     referee = Referee(samples, math.remainder(float(samples[-1, 3]) + turn, math.tau), make.extra)
     controller, beside = make(scene), list[float]()
@@ -127,9 +131,9 @@ def settles(make: Maker, scene: Scene) -> Measured:
     assert referee.turn_to is not None
     off = abs(math.remainder(referee.turn_to - float(done.poses[-1, 2]), math.tau))
     if off > TURNED:
-        return Measured(False, f"was {off:.3f} rad from the heading it was to turn to at the end", float(late), lines)
+        return Measured(False, f"was {off:.3f} rad from its goal heading after turning in place", float(late), lines)
     swings = float(np.abs(done.twists[-SWINGS:, 1]).mean())
-    said = f"swings to and fro at {swings:.2f} rad/s about the heading it was to turn to"
+    said = f"swung at {swings:.2f} rad/s about its goal heading at the end"
     return Measured(done.ended == "turned" or swings < SWINGING, said, float(late), lines)
 
 
@@ -146,10 +150,10 @@ def _alike(other_of: Callable[[Scene], Scene], sign: float) -> Callable[[Maker, 
         (v, w), (v2, w2) = _answers(make, scene), _answers(make, other)
         robot = robot_of(scene)
         off = max(abs(v - v2) / robot.max_linear, abs(w - sign * w2) / robot.max_angular)
-        said = f"answered {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other"
+        said = f"commanded {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other scene"
         lines = (
             Line("reference", samples_of(scene)[:, 1:3]),
-            Line("reference of the other", samples_of(other)[:, 1:3]),
+            Line("reference, other scene", samples_of(other)[:, 1:3]),
         )
         return Measured(off <= SAME, said, off, lines, (scene, other))
 
@@ -157,7 +161,7 @@ def _alike(other_of: Callable[[Scene], Scene], sign: float) -> Callable[[Maker, 
 
 
 def look_scene(seed: int) -> Scene:
-    """The robot beside a way at the origin."""
+    """A way anywhere in the map, with the robot beside its beginning."""
     scene = way_scene(seed + 1)
     start = scene.start
     return replace(scene, start=Place(start.x, start.y, start.heading)).moved(Place(0.0, 0.0))
@@ -165,7 +169,7 @@ def look_scene(seed: int) -> Scene:
 
 CONTROLLERS = (
     Behaviour("controller", Claim.SETTLES,
-              f"to reach the end, at most {OFF} m beside it after {SETTLED:.0%} of the way, and to turn in place there",
+              f"to be at most {OFF} m beside it after {SETTLED:.0%} of the way, reach its end and turn in place there",
               way_scene, settles, 8),
     Behaviour("controller", Claim.TRANSLATION, f"the same within {SAME:.0%} of the limits", look_scene,
               _alike(lambda scene: scene.moved(Place(3.37, -1.81)), 1.0), 12),

@@ -1,4 +1,4 @@
-"""Drives of a plain robot through scenes: where it is known exactly, and it follows within its acceleration."""
+"""Drives of a simple robot through scenes: its pose is known exactly, and its acceleration is limited."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class FinishedDrive:
     Attributes:
         poses: (n, 3) x, y, m, heading, rad, map frame, one a tick.
         twists: (n, 2) speed, m/s, and turn rate, rad/s.
-        gap: Least distance of the footprint from anything, m.
-        ended: What the step said to end it by, or empty.
+        gap: Least distance of the footprint from any obstacle, m.
+        ended: Why it ended: the reason that the step gave, "stopped" or "contact"; empty if the time was up.
     """
 
     poses: Floats
@@ -43,7 +43,7 @@ class FinishedDrive:
 
     @property
     def line(self) -> Line:
-        """To draw."""
+        """The track, to draw."""
         return Line("driven", self.poses, is_robot=True)
 
 
@@ -57,10 +57,11 @@ def drive(
     """Drive from the scene's start.
 
     Args:
-        scene: Where.
+        scene: Obstacles, and the robot's start.
         seconds: Longest time, s.
-        step: Given run clock, ns, pose, speed and turn rate, commands a speed and a turn rate, or says why it is over.
-        may_stand: It goes on while the robot is stopped; else it is over after 4 s of that.
+        step: Called with run clock, ns, pose, and (speed, turn rate). Returns the commanded (speed, turn rate), or the
+            reason to end the drive.
+        may_stand: The robot may be stopped for any time; otherwise 4 s of standstill end the drive.
     """
     robot = robot_of(scene)
     x, y, heading, v, w = scene.start.x, scene.start.y, scene.start.heading, 0.0, 0.0
@@ -91,7 +92,7 @@ def drive(
 
 
 def _limited(asked: tuple[float, float], v: float, robot: RobotSpec) -> tuple[float, float]:
-    """The command within the robot's limits, as the gate would have it."""
+    """The command within the robot's limits, as the gate limits it."""
     speed = min(max(asked[0], -robot.max_linear), robot.max_linear)
     gain = (robot.max_acceleration if abs(speed) > abs(v) else robot.max_deceleration) * PERIOD
     speed = min(max(speed, v - gain), v + gain)
@@ -99,7 +100,7 @@ def _limited(asked: tuple[float, float], v: float, robot: RobotSpec) -> tuple[fl
 
 
 def estimate_at(stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> PoseEstimate:
-    """What a localizer would say that knows it all."""
+    """The estimate of a perfect localizer."""
     return PoseEstimate(stamp_ns, Pose2D(*pose), Twist2D(twist[0], 0.0, twist[1]), NO_COVARIANCE)
 
 

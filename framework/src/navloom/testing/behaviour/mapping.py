@@ -1,4 +1,4 @@
-"""Localizers and mappers in made rooms, and what a pitching laser sees of them."""
+"""Scenes and measures of localizers and mappers: generated rooms, and what a pitching laser sees of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.frames import compose, inverse, transform
+from navloom.geometry.cells import cells_at, has_cells
+from navloom.geometry.echoes import scan_points
+from navloom.geometry.frames import compose, transform
 from navloom.geometry.world import Place
 from navloom.messages import MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseTrack, RangeScan, Sweep, Twist2D
 from navloom.roles import LocalizerInput, MapperInput
@@ -24,39 +26,39 @@ __all__ = ["LOCALIZERS", "MAPPERS"]
 Floats = NDArray[np.float64]
 
 SECONDS = 12.0
-"""Of a drive through a room, s."""
+"""Duration of a drive through a room, s."""
 TURNS = 4.0
-"""When it turns to the other side, s."""
+"""Time at which the robot turns to the other side, s."""
 NEAR, TURNED = 0.1, 0.05
-"""How far a localizer may be off, m and rad."""
+"""Greatest error of a localizer's pose, m and rad."""
 SPEED_OFF, TURN_OFF = 0.1, 0.3
-"""How far its twist may be off in half of the ticks, m/s and rad/s."""
+"""Greatest median error of a localizer's twist, m/s and rad/s."""
 NEAR_DRIFTING = 0.08
-"""The same where odometry drifts, m."""
+"""Greatest error of a localizer's position while odometry drifts, m."""
 VAGUE = 1.0
-"""Standard deviation of its heading with which a localizer does not track, rad."""
+"""Greatest standard deviation of the heading of a localizer that tracks, rad."""
 DRIFT_WAY, DRIFT_TURN = 1.04, 0.05
-"""Drift: ways are measured too long by this factor, and turned by this much a metre, rad."""
+"""Drift of odometry: distances are too long by this factor, and the heading is off by this much, rad per metre."""
 LATE = 4
-"""Ticks after which a mapper gets a scan."""
+"""Delay of the scans that a mapper gets, ticks."""
 BEAMS = 240
-"""Of the laser."""
+"""Beams of the laser."""
 SCAN_EVERY = 2
-"""Ticks from scan to scan."""
+"""Ticks from one scan to the next."""
 TRUE_SHARE, FOUND_SHARE = 0.9, 0.8
-"""Shares of the occupied cells that must lie at something, and of what was seen that must be occupied."""
+"""Least share of the occupied cells that lie at an obstacle, and of the hits that lie in occupied cells."""
 OCCUPIED = 65
 """Occupancy, percent, from which a cell counts as occupied."""
 BETTER = 0.25
-"""Share of the hits that a map moved by half a cell has more of in occupied cells than it has as it is: a shift."""
+"""Share of the hits that a map gains in occupied cells when it is moved by half a cell, from which it is shifted."""
 HEIGHT = 1.0
-"""Of walls and posts, m."""
+"""Height of walls and posts, m."""
 MOUNT = 0.4
 """Height of the pitching laser, m."""
 
 
 def room(seed: int) -> Scene:
-    """A room of 7 m x 5 m with a niche and three posts; where it lies in the map is the seed's."""
+    """A room of 7 m x 5 m with a niche and three posts; the seed chooses its place in the map."""
     stream = np.random.default_rng([seed, 8])
     walls = (
         Wall(-3.5, -2.5, 3.5, -2.5), Wall(3.5, -2.5, 3.5, 1.0), Wall(3.5, 1.0, 2.5, 1.0), Wall(2.5, 1.0, 2.5, 2.5),
@@ -68,7 +70,7 @@ def room(seed: int) -> Scene:
 
 
 def true_poses(scene: Scene) -> Floats:
-    """(n, 3) of a robot that drives an eight from the scene's start, one a tick."""
+    """(n, 3) poses of a robot that drives a figure of eight from the scene's start, map frame, one a tick."""
     x, y, heading = scene.start.x, scene.start.y, scene.start.heading
     poses = [(x, y, heading)]
     for tick in range(round(SECONDS / PERIOD)):
@@ -81,7 +83,7 @@ def true_poses(scene: Scene) -> Floats:
 
 
 def odometry_of(poses: Floats, drift: bool) -> Floats:
-    """(n, 3) in the odometry frame, which starts where the robot starts."""
+    """(n, 3) poses in the odometry frame, whose origin is the robot's start."""
     found, at = [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0)
     for before, after in pairwise(poses):
         way = math.hypot(after[0] - before[0], after[1] - before[1])
@@ -96,14 +98,14 @@ def odometry_of(poses: Floats, drift: bool) -> Floats:
 
 def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured:
     if not scene.walls:
-        raise Unfit("nothing in the scene tells where the robot is")
+        raise Unfit("nothing in the scene shows where the robot is")
     poses = true_poses(scene)
-    told = odometry_of(poses, drift)
+    drifted = odometry_of(poses, drift)
     grid = grid_of(scene)
     localizer, known = make(scene, map=grid), MapUpdate(0, grid, np.empty((0, 4)), ())
     found, twists, sees, extra = [], [], make.sees(RangeScan), make.extra
     vague = 0.0
-    for tick, (pose, odometry) in enumerate(zip(poses.tolist(), told.tolist(), strict=True)):
+    for tick, (pose, odometry) in enumerate(zip(poses.tolist(), drifted.tolist(), strict=True)):
         stamp_ns = tick * PERIOD_NS
         scans = (_scan(scene, pose, stamp_ns),) if sees and tick % SCAN_EVERY == 0 else ()
         given = Odometry(stamp_ns, Pose2D(*odometry), Twist2D(0.25, 0.0, -0.7 if tick * PERIOD < TURNS else 0.7))
@@ -117,14 +119,14 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
     off = np.hypot(*(estimates - poses)[:, :2].T)
     turned = np.abs((estimates[:, 2] - poses[:, 2] + math.pi) % math.tau - math.pi)
     worst, most = float(off.max()), float(turned.max())
-    alone = transform(poses[0], told[:, :2])
+    alone = transform(poses[0], drifted[:, :2])
     lines = (Line("true", poses[:, :2]), Line("odometry alone", alone), Line("estimate", estimates, is_robot=True))
     said = f"was up to {worst:.3f} m and {most:.3f} rad off"
     if drift:
-        said += f", where odometry alone is {float(np.hypot(*(alone - poses[:, :2]).T).max()):.3f} m off"
+        said += f", while odometry alone is {float(np.hypot(*(alone - poses[:, :2]).T).max()):.3f} m off"
     v_off, w_off = np.median(np.abs(twists), axis=0).tolist()
     if v_off > SPEED_OFF or w_off > TURN_OFF:
-        said = f"gave a twist that is {v_off:.2f} m/s and {w_off:.2f} rad/s off that of the odometry"
+        said = f"gave a twist that differs from that of the odometry by {v_off:.2f} m/s and {w_off:.2f} rad/s"
         return Measured(False, said, v_off, lines)
     if vague > VAGUE:
         said = f"tracks with a standard deviation of its heading of {vague:.1f} rad"
@@ -150,7 +152,7 @@ def corrects_drift(make: Maker, scene: Scene) -> Measured:
 
 @dataclass(frozen=True, eq=False)
 class MapperSeen:
-    """What a mapper was shown: its last map, and the places that beams hit, (n, 2) m, map frame."""
+    """A mapper's last map, and the points that beams hit, (n, 2) m, map frame."""
 
     update: MapUpdate | None
     hits: Floats
@@ -170,10 +172,7 @@ def _shown_scans(make: Maker, scene: Scene) -> MapperSeen:
 
 
 def _places(scan: RangeScan, pose: list[float]) -> Floats:
-    heard = np.isfinite(scan.ranges)
-    ranges, bearings = scan.ranges[heard], scan.bearings[heard]
-    ways = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-    return transform(np.array(pose), scan.origins[heard] + ranges[:, None] * ways)
+    return transform(np.array(pose), scan_points(scan))
 
 
 def _track(poses: Floats, tick: int) -> PoseTrack:
@@ -182,7 +181,7 @@ def _track(poses: Floats, tick: int) -> PoseTrack:
 
 
 def sweep_at(scene: Scene, pose: Floats, stamp_ns: int) -> tuple[Sweep, Floats]:
-    """One sweep of a standing robot, from below the horizon upwards, and the places it hit above the floor."""
+    """A sweep of a stopped robot, from below the horizon upwards, and its hits above the floor, (n, 2) m, map frame."""
     pitches, bearings = np.radians(np.linspace(-20.0, 5.0, 60)), np.radians(np.linspace(-50.0, 50.0, 101))
     level = scene.ranges((float(pose[0]), float(pose[1])), bearings + pose[2], 30.0)
     sin, cos = np.sin(pitches)[:, None], np.cos(pitches)[:, None]
@@ -217,7 +216,7 @@ def _shown_sweeps(make: Maker, scene: Scene) -> MapperSeen:
 
 
 def accurate_mapper(make: Maker, scene: Scene) -> Measured:
-    """Of sweeps, and of scans: each for itself, where it takes both."""
+    """Judge the maps of sweeps and of scans separately if the mapper takes both; the worse one counts."""
     shows = []
     if make.sees(Sweep):
         shows.append(_shown_sweeps)
@@ -232,7 +231,7 @@ def _accuracy(seen: MapperSeen, scene: Scene) -> Measured:
     if not len(seen.hits):
         raise Unfit("nothing in the scene is seen")
     if seen.update is None:
-        return Measured(False, "gave no map of what it was shown", 0.0, (Line("hits", seen.hits, is_dots=True),))
+        return Measured(False, "gave no map", 0.0, (Line("hits", seen.hits, is_dots=True),))
     grid = seen.update.grid
     origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
     rows, cols = np.nonzero(grid.cells >= OCCUPIED)
@@ -241,34 +240,33 @@ def _accuracy(seen: MapperSeen, scene: Scene) -> Measured:
     right = _near_share(cells, _surface(scene), slack)
     found = _near_share(seen.hits, cells, slack)
     lines = (Line("occupied cells", cells, is_dots=True), Line("hits", seen.hits[::7], is_dots=True))
-    said = f"has {right:.0%} of its occupied cells within {slack:.2f} m of something, and {found:.0%} of what was hit"
-    x, y, better = _best_shift(grid, seen.hits)
-    if better > BETTER:
-        said = (
-            f"is shifted: with it moved by ({x:g}, {y:g}) cells, {better:.0%} more of what was hit is in occupied cells"
-        )
+    said = (
+        f"had {right:.0%} of its occupied cells at obstacles, and {found:.0%} of the hits in them, within {slack:.2f} m"
+    )
+    x, y, gain = _best_shift(grid, seen.hits)
+    if gain > BETTER:
+        said = f"is shifted: moved by ({x:g}, {y:g}) cells, it has {gain:.0%} more of the hits in occupied cells"
         return Measured(False, said, min(right, found), lines)
     return Measured(right >= TRUE_SHARE and found >= FOUND_SHARE, said, min(right, found), lines)
 
 
 def _best_shift(grid: OccupancyGrid, hits: Floats) -> tuple[float, float, float]:
-    """Half cells along the raster's axes by which it is best moved, and the share of hits in occupied cells it gains.
+    """Half cells along the raster's axes that fit the hits best, and the share of hits in occupied cells they gain.
 
-    What was hit lies in occupied cells, unless the raster as a whole is shifted.
+    Hits lie in occupied cells, unless the raster as a whole is shifted.
     """
-    to_grid = inverse(np.array([grid.origin.x, grid.origin.y, grid.origin.heading]))
-    places = transform(to_grid, hits) / grid.resolution
     moves = [(x, y) for x in (0.0, -0.5, 0.5) for y in (0.0, -0.5, 0.5)]
-    shares = [_occupied_share(grid, places - move) for move in moves]
+    turn = np.array([0.0, 0.0, grid.origin.heading])
+    shares = [_occupied_share(grid, hits - transform(turn, grid.resolution * np.array(move))) for move in moves]
     best = int(np.argmax(shares))
     return *moves[best], shares[best] - shares[0]
 
 
-def _occupied_share(grid: OccupancyGrid, places: Floats) -> float:
-    """Share of places, (n, 2) columns and rows of a raster, that are in occupied cells."""
-    cells = np.floor(places).astype(int)
-    is_inside = ((cells >= 0) & (cells < grid.cells.shape[::-1])).all(axis=1)
-    return float((grid.cells[cells[is_inside, 1], cells[is_inside, 0]] >= OCCUPIED).sum()) / len(places)
+def _occupied_share(grid: OccupancyGrid, points: Floats) -> float:
+    """Share of points, (n, 2) m, map frame, that lie in occupied cells."""
+    cells = cells_at(grid, points)
+    known = cells[has_cells(grid, cells)]
+    return float((grid.cells[known[:, 0], known[:, 1]] >= OCCUPIED).sum()) / len(points)
 
 
 def _near_share(points: Floats, others: Floats, reach: float) -> float:
@@ -280,7 +278,7 @@ def _near_share(points: Floats, others: Floats, reach: float) -> float:
 
 
 def _surface(scene: Scene) -> Floats:
-    """(n, 2) points on all that stands in a scene, 2 cm apart, m."""
+    """(n, 2) points on the posts and walls of a scene, 2 cm apart, m, map frame."""
     found = []
     for p in scene.posts:
         turns = np.linspace(0.0, math.tau, max(8, int(math.tau * p.radius / 0.02)))
@@ -294,13 +292,13 @@ def _surface(scene: Scene) -> Floats:
 def _alike(
     measure: Callable[[Maker, Scene], Measured], other_of: Callable[[Scene], Scene]
 ) -> Callable[[Maker, Scene], Measured]:
-    """Whether the error is the same in another scene, to 2 cm, or 2 percent of the share."""
+    """Measure whether another scene gives the same value: errors within 2 cm, shares within 2 percentage points."""
 
     def measured(make: Maker, scene: Scene) -> Measured:
         other = other_of(scene)
         here, there = measure(make, scene), measure(make, other)
         off = abs(here.value - there.value)
-        said = f"{here.said}, and {there.said} in the other"
+        said = f"{here.said}, and {there.said} in the other scene"
         return Measured(off <= 0.02, said, off, (*here.lines, *there.lines), (scene, other))
 
     return measured
@@ -319,15 +317,15 @@ LOCALIZERS = (
               room, accurate_localizer, 3, False),
     Behaviour("localizer", Claim.CORRECTS_DRIFT, f"at most {NEAR_DRIFTING} m and {TURNED} rad off",
               room, corrects_drift, 3, False),
-    Behaviour("localizer", Claim.TRANSLATION, "the same error to 2 cm", room, _alike(accurate_localizer, _moved), 2,
+    Behaviour("localizer", Claim.TRANSLATION, "the same error within 2 cm", room, _alike(accurate_localizer, _moved), 2,
               False),
-    Behaviour("localizer", Claim.ROTATION, "the same error to 2 cm", room, _alike(accurate_localizer, _turned), 2,
+    Behaviour("localizer", Claim.ROTATION, "the same error within 2 cm", room, _alike(accurate_localizer, _turned), 2,
               False),
 )  # fmt: skip
 MAPPERS = (
     Behaviour("mapper", Claim.ACCURATE,
-              f"at least {TRUE_SHARE:.0%} of the occupied cells at something, and {FOUND_SHARE:.0%} of what was hit",
+              f"{TRUE_SHARE:.0%} of the occupied cells at obstacles, and {FOUND_SHARE:.0%} of the hits in them",
               room, accurate_mapper, 3),
-    Behaviour("mapper", Claim.TRANSLATION, "the same shares to 2 %", room, _alike(accurate_mapper, _moved), 2),
-    Behaviour("mapper", Claim.ROTATION, "the same shares to 2 %", room, _alike(accurate_mapper, _turned), 2),
+    Behaviour("mapper", Claim.TRANSLATION, "the same shares within 2 %", room, _alike(accurate_mapper, _moved), 2),
+    Behaviour("mapper", Claim.ROTATION, "the same shares within 2 %", room, _alike(accurate_mapper, _turned), 2),
 )  # fmt: skip

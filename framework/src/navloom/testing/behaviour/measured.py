@@ -1,4 +1,4 @@
-"""What is measured, how it is told, and how a plugin is made for a scene."""
+"""What the behaviour tier measures and reports, and how it makes a plugin for a scene."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ BEAMS = 120
 REACH = 6.0
 """Range of the laser of the scenes, m."""
 TRIES = 60
-"""Most smaller scenes that are tried for the smallest that still fails."""
+"""Most scenes that are tried while a failing scene is reduced."""
 
 
 class Unfit(Exception):
-    """A scene that cannot be put to a plugin, or not judged; the text is the reason, as one phrase."""
+    """A scene does not suit a plugin, or cannot be judged; the text is the reason, as one phrase."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Line:
     """Something to draw in the picture of a scene: points (n, 2) or poses (n, 3), m, rad, map frame, and its name.
 
     Attributes:
-        is_robot: Its poses are the robot's; the footprint is drawn at some of them.
-        is_dots: Single points, not a line.
+        is_robot: The points are poses of the robot; the footprint is drawn at some of them.
+        is_dots: The points are not joined.
     """
 
     name: str
@@ -55,14 +55,14 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What one scene showed.
+    """Result of one scene.
 
     Attributes:
-        holds: The claim holds in it.
+        holds: The claim holds in the scene.
         said: What was measured, with units, as part of a sentence.
         value: The number that decides, in the behaviour's unit.
-        lines: To draw.
-        scenes: The scenes that `lines` belong to where there are two, side by side.
+        lines: Lines of the picture.
+        scenes: The two scenes that `lines` belong to in turn, if two were compared.
     """
 
     holds: bool
@@ -74,12 +74,12 @@ class Measured:
 
 @dataclass(frozen=True)
 class Maker:
-    """Makes one plugin's instances, each as the framework would.
+    """Makes instances of one plugin, as the framework does.
 
     Attributes:
         cls: The plugin.
         params: Its checked parameters; None for the defaults.
-        seed: Of its random streams.
+        seed: Seed of its random streams.
     """
 
     cls: type[Role]
@@ -91,7 +91,7 @@ class Maker:
         """Its extra inputs before their first message.
 
         Raises:
-            Unfit: It does not step without one of them.
+            Unfit: The plugin needs one of them to step.
         """
         extras = extras_of(self.cls)
         if needed := [name for name, one in extras.items() if not one.optional]:
@@ -99,7 +99,7 @@ class Maker:
         return Extras(dict.fromkeys(extras.values()))
 
     def sees(self, kind: type[Message]) -> bool:
-        """Whether it takes messages of a sensor."""
+        """Whether the plugin takes sensor messages of a class."""
         return any(issubclass(kind, one) for one in self.cls.accepts)
 
     def __call__(
@@ -119,15 +119,15 @@ class Maker:
 
 @dataclass(frozen=True)
 class Behaviour:
-    """One claim of one role: how it is measured.
+    """How one claim of one role is measured.
 
     Attributes:
-        role, claim: Whose, and which.
-        demand: What is demanded, as the end of "expected ...".
-        scene: The scene of a seed.
-        measure: Measures a new plugin in it.
-        scenes: How many seeds are tried.
-        shrinks: A scene with less in it shows as well what is wrong.
+        role, claim: The role and its claim.
+        demand: What is demanded, as the end of a sentence "expected …".
+        scene: Makes the scene of a seed.
+        measure: Measures a new instance in a scene.
+        scenes: Number of seeds, and so of scenes.
+        shrinks: A failing scene may be reduced: with fewer posts and walls it still shows the same fault.
     """
 
     role: str
@@ -140,7 +140,7 @@ class Behaviour:
 
     @property
     def name(self) -> str:
-        """Of its check."""
+        """Name of its check."""
         return self.claim.value
 
 
@@ -150,14 +150,14 @@ def robot_of(scene: Scene) -> RobotSpec:
 
 
 def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS) -> RangeScan:
-    """What a laser in the middle of the robot sees at a pose, x, y, m, heading, rad."""
+    """Scan of a laser in the middle of the robot, which is at a pose: x, y, m, heading, rad, map frame."""
     return scan_from(scene, ALL_ROUND[0], pose, stamp_ns, beams)
 
 
 def scan_from(
     scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS
 ) -> RangeScan:
-    """What a laser sees when the robot is at a pose, x, y, m, heading, rad."""
+    """Scan of a laser of a robot that is at a pose: x, y, m, heading, rad, map frame."""
     count = max(1, round(beams * laser.half_field / math.pi))
     turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
     bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
@@ -169,7 +169,7 @@ def scan_from(
 
 
 def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:
-    """The smallest scene found that still fails, by leaving out what stands in it, and what it shows."""
+    """The smallest scene found that still fails, with posts and walls left out, and its result."""
     left = TRIES
     is_smaller = behaviour.shrinks
     while is_smaller and left > 0:
@@ -180,7 +180,7 @@ def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> t
             left -= 1
             try:
                 tried = behaviour.measure(make, candidate)
-            except Unfit:  # the scene has lost what its oracle needs
+            except Unfit:  # the reduced scene lacks what the measure needs
                 continue
             if not tried.holds:
                 scene, seen, is_smaller = candidate, tried, True
@@ -189,7 +189,7 @@ def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> t
 
 
 def _rounded(scene: Scene) -> tuple[Scene, ...]:
-    """The scene with round numbers, unless it has them already."""
+    """The scene with rounded numbers; empty if they are round already."""
     target = (round(scene.target[0], 1), round(scene.target[1], 1))
     posts = tuple(
         replace(p, x=round(p.x, 1), y=round(p.y, 1), radius=max(0.1, round(p.radius, 1))) for p in scene.posts

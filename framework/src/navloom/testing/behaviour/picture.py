@@ -1,4 +1,4 @@
-"""Pictures of scenes: what stands there, and what the plugin did."""
+"""Pictures of scenes: the obstacles, and what the plugin did."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from navloom.testing.behaviour.scene import Scene
 __all__ = ["draw"]
 
 WIDTH = 88.0
-"""Of a picture of one scene, mm."""
+"""Width of the picture of one scene, mm."""
 OUTLINES = 8
-"""Footprints that are drawn along a line."""
+"""Footprints drawn along a line."""
 
 
 def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:

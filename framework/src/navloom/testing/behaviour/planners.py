@@ -1,4 +1,4 @@
-"""Planners on made maps, against the shortest path there is."""
+"""Scenes and measures of planners: generated maps, and comparisons with the shortest path."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
 from navloom.geometry.frames import transform
+from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place, Raster, World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles import PlannerInput
@@ -24,11 +25,11 @@ CELL = 0.05
 """Edge of a cell of the maps, m."""
 DIAGONAL = math.sqrt(2.0) * CELL
 ON_GRID = 1.0 / math.cos(math.pi / 8.0)
-"""How much longer the shortest path on an eight-connected grid may be than the shortest at any angle."""
+"""Greatest ratio of the shortest path on an eight-connected grid to the shortest any-angle path."""
 ANY_ANGLE = 1.02
-"""What a search at any angle is allowed beyond the optimum: Theta* does not find it exactly."""
+"""Greatest ratio of the path of an any-angle search to the shortest; Theta* does not find the optimum exactly."""
 SAME = 0.005
-"""How far the lengths of two paths may differ that should be alike, as a share."""
+"""Greatest difference of two path lengths that should be equal, as a share."""
 
 
 def grid_of(scene: Scene, place: Place | None = None) -> OccupancyGrid:
@@ -41,7 +42,7 @@ def grid_of(scene: Scene, place: Place | None = None) -> OccupancyGrid:
 
 
 def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
-    """What a new planner answers for the start and target of a scene on a map."""
+    """Answer of a new planner to a request from the start of a scene to its target."""
     start = Pose2D(scene.start.x, scene.start.y, scene.start.heading)
     planner = make(scene)
     if scene.has_earlier_map:
@@ -56,13 +57,13 @@ def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
 
 
 def _asked(make: Maker, scene: Scene) -> Path | PlanFailure:
-    """The same with all of the scene turned by the heading of its map: the raster lies askew to the axes."""
+    """As `ask`, with the whole scene turned by the heading of its map, so that the raster is not along the axes."""
     turned = Place(0.0, 0.0, scene.map_heading)
     return ask(make, scene.moved(turned), grid_of(scene, turned))
 
 
 def _flipped(grid: OccupancyGrid) -> OccupancyGrid:
-    """The map of the mirrored scene, of a raster that is not turned."""
+    """The map of the mirrored scene; the raster must lie along the axes."""
     low = -(grid.origin.y + grid.cells.shape[0] * CELL)
     return OccupancyGrid(np.ascontiguousarray(grid.cells[::-1]), CELL, Pose2D(grid.origin.x, low, 0.0))
 
@@ -71,9 +72,9 @@ def _flipped(grid: OccupancyGrid) -> OccupancyGrid:
 
 
 def room(seed: int) -> Scene:
-    """A room of 8 m x 6 m with a wall that juts out and posts, so that the straight way is closed.
+    """A room of 8 m x 6 m in which a wall and a post block the straight way.
 
-    Of three, one has a map whose raster is turned, and one is preceded by a request on another map.
+    Of three scenes, one has a map whose raster is turned, and one comes after a request on another map.
     """
     stream = np.random.default_rng([seed, 5])
     box = (
@@ -93,7 +94,7 @@ def room(seed: int) -> Scene:
 
 
 def room_or_cell(seed: int) -> Scene:
-    """A room; every third time its goal is walled in."""
+    """A room; in every third one, the goal is walled in."""
     scene = room(seed)
     if seed % 3 != 2:
         return scene
@@ -104,7 +105,7 @@ def room_or_cell(seed: int) -> Scene:
 
 
 def tight(seed: int) -> Scene:
-    """A room with a wall right across it that has a wide door, and a narrow one on the shorter way."""
+    """A room divided by a wall that has a wide door, and a narrow one on the shorter way."""
     stream = np.random.default_rng([seed, 6])
     box, x = room(seed).walls[:4], float(stream.uniform(-0.5, 0.5))
     length, width = ((0.5, 0.4), (1.0, 0.8), (0.8, 0.8))[seed % 3]
@@ -124,14 +125,14 @@ def _length(points: np.ndarray) -> float:
 
 @lru_cache(maxsize=256)
 def shortest(scene: Scene, radius: float) -> float | None:
-    """Length of the shortest path of a disc through the scene's cells, m, exact; None where there is none."""
+    """Exact length of the shortest path of a disc through the scene's cells, m; None if there is none."""
     occupied, (x, y) = scene.cells(CELL)
     world = World("scene", raster=Raster("cells", occupied, CELL, Place(x, y)))
     return optimal_length(world, scene.start, Place(*scene.target), radius, 1.0)
 
 
 def _roomy(scene: Scene) -> float | None:
-    """Length of the shortest path that a planner may be asked for: of the circumscribed disc with a cell to spare."""
+    """Length of the shortest path with room for the robot, m: for its circumscribed disc plus a cell's diagonal."""
     return shortest(scene, circumscribed_radius(scene.outline) + DIAGONAL)
 
 
@@ -148,7 +149,7 @@ def _lines(answer: Path | PlanFailure) -> tuple[Line, ...]:
 def reaches(make: Maker, scene: Scene) -> Measured:
     answer = _asked(make, scene)
     if _roomy(scene) is not None:
-        said = f"{_told(answer)} where the robot has room for one"
+        said = f"{_told(answer)} where the robot has room to pass"
         return Measured(isinstance(answer, Path), said, 0.0, _lines(answer))
     if shortest(scene, 0.5 * CELL) is None:
         return Measured(
@@ -158,7 +159,7 @@ def reaches(make: Maker, scene: Scene) -> Measured:
 
 
 def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
-    """Least distance of a path's points from the middle of an occupied cell, less what is demanded of it."""
+    """Measure the least distance of a path from the middle of an occupied cell, which must be at least `radius`, m."""
     answer = _asked(make, scene)
     if isinstance(answer, PlanFailure):
         return Measured(True, _told(answer), 0.0)
@@ -170,15 +171,11 @@ def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
         from scipy.spatial import KDTree
 
         centres = np.stack([x + (cols + 0.5) * CELL, y + (rows + 0.5) * CELL], axis=1)
-        least = float(KDTree(centres).query(_dense(points))[0].min())
+        line = Polyline(points)
+        dense = line.at(np.linspace(0.0, line.length, 2 + int(line.length / (0.2 * CELL))))
+        least = float(KDTree(centres).query(dense)[0].min())
     said = f"{_told(answer)} that comes within {least:.3f} m of the middle of an occupied cell, {what}"
     return Measured(least >= radius, said, least, (Line("path", points),))
-
-
-def _dense(points: np.ndarray) -> np.ndarray:
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.linspace(0.0, along[-1], 2 + int(along[-1] / (0.2 * CELL)))
-    return np.stack([np.interp(at, along, points[:, k]) for k in (0, 1)], axis=1)
 
 
 def no_contact(make: Maker, scene: Scene) -> Measured:
@@ -187,7 +184,7 @@ def no_contact(make: Maker, scene: Scene) -> Measured:
 
 def footprint(make: Maker, scene: Scene) -> Measured:
     radius = inscribed_radius(scene.outline)
-    return _least(make, scene, radius - DIAGONAL, f"of a robot that reaches {radius:.2f} m to every side")
+    return _least(make, scene, radius - DIAGONAL, f"while the inscribed radius is {radius:.2f} m")
 
 
 def _within(make: Maker, scene: Scene, factor: float) -> Measured:
@@ -195,9 +192,9 @@ def _within(make: Maker, scene: Scene, factor: float) -> Measured:
     if best is None:
         raise Unfit("no room for the robot: nothing to compare with")
     if isinstance(answer, PlanFailure):
-        return Measured(False, f"{_told(answer)} where there is one of {best:.2f} m", math.inf)
+        return Measured(False, f"{_told(answer)} where a path of {best:.2f} m exists", math.inf)
     length, most = _length(answer.points), factor * best + 2.0 * DIAGONAL
-    said = f"{_told(answer)}; the shortest of any angle has {best:.2f} m, the bound is {most:.2f} m"
+    said = f"{_told(answer)}; the shortest any-angle path has {best:.2f} m, the bound is {most:.2f} m"
     return Measured(length <= most, said, length / best, _lines(answer))
 
 
@@ -214,10 +211,11 @@ def _alike(make: Maker, scene: Scene, other: Scene, grid: OccupancyGrid) -> Meas
     here, there = ask(make, scene, grid_of(scene)), ask(make, other, grid)
     if isinstance(here, PlanFailure) or isinstance(there, PlanFailure):
         alike = type(here) is type(there)
-        return Measured(alike, f"{_told(here)}, and {_told(there)} in the other", 0.0, (*_lines(here), *_lines(there)))
+        said = f"{_told(here)}, and {_told(there)} in the other scene"
+        return Measured(alike, said, 0.0, (*_lines(here), *_lines(there)))
     a, b = _length(here.points), _length(there.points)
     off = abs(a - b) / max(a, b)
-    said = f"gave a path of {a:.3f} m, and one of {b:.3f} m in the other"
+    said = f"gave a path of {a:.3f} m, and one of {b:.3f} m in the other scene"
     return Measured(off <= SAME, said, off, (*_lines(here), *_lines(there)), (scene, other))
 
 
@@ -239,10 +237,11 @@ PLANNERS = (
     Behaviour("planner", Claim.REACHES, "a path where there is room, and a failure where there is none",
               room_or_cell, reaches, 9),
     Behaviour("planner", Claim.NO_CONTACT, "a path through free cells only", room, no_contact, 9),
-    Behaviour("planner", Claim.FOOTPRINT, "the inscribed disc free along the path, to a cell's diagonal",
+    Behaviour("planner", Claim.FOOTPRINT, "the inscribed disc free along the path, within a cell's diagonal",
               tight, footprint, 9),
-    Behaviour("planner", Claim.OPTIMAL, "a length within that of a grid with eight neighbours", room, optimal, 9),
-    Behaviour("planner", Claim.OPTIMAL_ANY_ANGLE, "a length within 2 % of the shortest at any angle",
+    Behaviour("planner", Claim.OPTIMAL, "a path at most 8.24 % longer than the shortest any-angle path",
+              room, optimal, 9),
+    Behaviour("planner", Claim.OPTIMAL_ANY_ANGLE, "a path at most 2 % longer than the shortest any-angle path",
               room, optimal_any_angle, 9),
     Behaviour("planner", Claim.TRANSLATION, f"the same length within {SAME:.1%}", room, translation, 6),
     Behaviour("planner", Claim.ROTATION, f"the same length within {SAME:.1%}", room, rotation, 6),

@@ -1,4 +1,4 @@
-"""Small scenes: posts and walls, a robot and where it is to go. What a sensor sees of them is exact."""
+"""Small scenes: posts, walls, a robot and its target. What a sensor sees of them is exact."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["ALL_ROUND", "MAST", "TWO_LASERS", "Mount", "Post", "Scene", "Wall"]
 Floats = NDArray[np.float64]
 
 FEW = 5
-"""Posts, and walls, that are told of in words."""
+"""Most posts, and most walls, that the description of a scene lists."""
 
 
 @dataclass(frozen=True)
@@ -53,25 +53,25 @@ class Mount:
 
 ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
 TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0.0, 2.0))
-"""Neither is in the middle of the robot, and neither sees all of what is there."""
+"""Two lasers, neither in the middle of the robot nor with a view all round."""
 MAST = (Mount("mast", -0.25, 0.15, 0.0, math.pi),)
-"""One laser behind the middle and beside it: what it sees is nearer to the front than to itself."""
+"""One laser with a view all round, behind the middle of the robot and beside it."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What stands where, map frame.
+    """A robot, its target and obstacles, in the map frame.
 
     Attributes:
-        start: Of the robot.
-        target: Where it is to go: x, y, m.
-        posts, walls: What is in the way.
-        length, width: Of the robot's footprint, m.
-        way: Corners of a way to follow, m; empty where there is none.
-        lasers: On the robot.
-        map_heading: By which the raster of its map is turned in the map frame, rad.
-        has_earlier_map: A planner is asked on another map of the same size first.
-        came: How far straight ahead the robot has come, m, where that matters.
+        start: Pose of the robot at the start.
+        target: Where the robot must go: x, y, m.
+        posts, walls: The obstacles.
+        length, width: Size of the robot's footprint, m.
+        way: Corners of a way to follow, m; empty if there is none.
+        lasers: Lasers on the robot.
+        map_heading: Heading of the raster of the map in the map frame, rad.
+        has_earlier_map: A planner first gets a request on another map of the same size.
+        came: Distance that the robot drove straight ahead to its start, m; 0 where it does not matter.
     """
 
     start: Place
@@ -95,22 +95,22 @@ class Scene:
     def words(self) -> str:
         """The scene as one phrase."""
         s = self.start
-        told = [
+        parts = [
             f"robot of {self.length:g} m x {self.width:g} m at {_at(s.x, s.y)} heading {math.degrees(s.heading):.0f}°"
         ]
-        told.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
-        told += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
-        told += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
+        parts.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
+        parts += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
+        parts += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
         if self.came:
-            told.append(f"having come {self.came:g} m")
+            parts.append(f"after {self.came:g} m straight ahead")
         if self.lasers is not ALL_ROUND:
-            told.append("lasers at " + " and ".join(f"({one.x:g}, {one.y:g})" for one in self.lasers))
+            parts.append("lasers at " + " and ".join(f"({one.x:g}, {one.y:g})" for one in self.lasers))
         if self.map_heading:
-            told.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
+            parts.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
         if self.has_earlier_map:
-            told.append("after a request on the mirrored map")
+            parts.append("after a request on the mirrored map")
         more = max(0, len(self.posts) - FEW) + max(0, len(self.walls) - FEW)
-        return ", ".join(told) + (f" and {more} more things" if more else "")
+        return ", ".join(parts) + (f" and {more} more obstacles" if more else "")
 
     def moved(self, place: Place) -> Scene:
         """The scene turned about the origin by a heading and then moved."""
@@ -142,7 +142,7 @@ class Scene:
         )
 
     def smaller(self) -> Iterator[Scene]:
-        """The scenes with less in them: half of it first, then one thing fewer each."""
+        """Scenes with fewer posts or walls: first with half of them, then with one less."""
         for name in ("posts", "walls"):
             kept = getattr(self, name)
             half = len(kept) // 2
@@ -151,12 +151,12 @@ class Scene:
                 yield replace(self, **{name: part})
 
     def ranges(self, origin: tuple[float, float], directions: Floats, reach: float) -> Floats:
-        """(n,) distance to what is first met in each direction, m; +inf where nothing is within reach.
+        """(n,) distance to the first obstacle in each direction, m; +inf if there is none within reach.
 
         Args:
-            origin: m, map frame.
+            origin: Place of the sensor, m, map frame.
             directions: (n,) rad, map frame.
-            reach: m.
+            reach: Longest distance, m.
         """
         x, y = origin
         cos, sin = np.cos(directions), np.sin(directions)
@@ -179,14 +179,14 @@ class Scene:
         return np.where(nearest <= reach, nearest, np.inf)
 
     def gap(self, x: float, y: float, heading: float) -> float:
-        """Distance of the footprint, at a pose, from what stands nearest, m; 0 where they touch, +inf in the open."""
+        """Distance of the footprint, at a pose, from the nearest obstacle, m; 0 in contact, +inf without obstacles."""
         outline = transform(np.array([x, y, heading]), self.outline)
         gaps = [max(0.0, _to_polygon(outline, p.x, p.y) - p.radius) for p in self.posts]
         gaps += [_wall_gap(outline, w) for w in self.walls]
         return min(gaps, default=math.inf)
 
     def cells(self, resolution: float, margin: float = 1.0) -> tuple[NDArray[np.bool_], tuple[float, float]]:
-        """The scene as a raster: (rows, cols) which cells something stands in, and the lower left corner, m."""
+        """The scene as a raster: (rows, cols) which cells are occupied, and the lower left corner, m, map frame."""
         ends = [(self.start.x, self.start.y), self.target, *self.way]
         ends += [(p.x + s * p.radius, p.y + s * p.radius) for p in self.posts for s in (-1.0, 1.0)]
         ends += [(w.x1, w.y1) for w in self.walls] + [(w.x2, w.y2) for w in self.walls]

@@ -1,4 +1,4 @@
-"""The behaviour tier: what a plugin claims is demanded, the rest is shown without judgement."""
+"""The behaviour tier: a plugin must behave as it claims; the rest is reported without judgement."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BEHAVIOUR = "behaviour"
 BEHAVIOURS: tuple[Behaviour, ...] = (
     *PLATFORMS, *LOCALIZERS, *MAPPERS, *PLANNERS, *CONTROLLERS, *AVOIDERS, *RECOVERIES
 )  # fmt: skip
-"""What is measured, role by role."""
+"""All behaviours, role by role."""
 SCENE_LIMIT = 120.0
 """Longest time that one scene may take, s; a drive has hundreds of steps."""
 
@@ -45,7 +45,7 @@ class _Raised(Exception):
 
 
 def measured(behaviour: Behaviour, make: Maker, scene: Scene, subject: Subject) -> Measured:
-    """What one scene shows. Raises Unfit, and _Raised for an error of the plugin's own."""
+    """Result of one scene. Raises Unfit, or _Raised for an error that comes from the plugin's code."""
     try:
         with alike(), GUARD.within(f"{behaviour.name}", SCENE_LIMIT):
             return behaviour.measure(make, scene)
@@ -59,7 +59,7 @@ def measured(behaviour: Behaviour, make: Maker, scene: Scene, subject: Subject) 
 
 
 def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Remark]:
-    """Measure a plugin in every scene of one behaviour; of one that plays nothing to its end, `answers` tells."""
+    """Measure a plugin in every scene of one behaviour. `answers` reports a plugin that finishes no scene."""
     if bench.of_topic(USUAL):
         bench.sound()
     cls, claim = bench.subject.thing, behaviour.claim
@@ -87,17 +87,17 @@ def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Remark]:
 
 
 def claims_of(cls: type[Role]) -> frozenset[Claim]:
-    """What is demanded of a plugin: the purpose of its role and its own claims, less what it disclaims."""
+    """Claims that a plugin must meet: the purpose of its role and its own claims, without those it disclaims."""
     return (PURPOSE.get(cls.role, frozenset()) | frozenset(cls.claims)) - frozenset(cls.disclaims)
 
 
 def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[tuple[int, Scene, Measured]]) -> Finding:
-    """The first scene that failed, made as small as it goes."""
+    """Finding for the first scene that failed, reduced as long as it still fails."""
     seed, scene, seen = failed[0]
     try:
         with alike(), GUARD.within(behaviour.name, SCENE_LIMIT):
             scene, seen = shrunk(behaviour, make, scene, seen)
-    except Exception:  # a smaller scene may be too small for the plugin: the one that was found stands
+    except Exception:  # the plugin may raise in a reduced scene: then the original one is reported
         seed, scene, seen = failed[0]
     source = "its role claims" if behaviour.claim in PURPOSE.get(behaviour.role, ()) else "it claims"
     others = f"; {len(failed)} of {behaviour.scenes} scenes fail" if len(failed) > 1 else ""
@@ -107,7 +107,7 @@ def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[t
 
 
 def _shown(behaviour: Behaviour, bench: Bench, failed: Sequence[tuple[int, Scene, Measured]]) -> Remark:
-    """What a plugin does that it does not claim."""
+    """Remark on a behaviour that the plugin does not claim."""
     held = behaviour.scenes - len(failed)
     text = f"expected {behaviour.demand}; held in {held} of {behaviour.scenes} scenes"
     why = dict(bench.subject.thing.disclaims).get(behaviour.claim)
@@ -127,7 +127,7 @@ def _name(seed: int) -> str:
 
 
 def _drawn(title: str, behaviour: Behaviour, bench: Bench, seed: int, scene: Scene, seen: Measured) -> str:
-    """Path of the picture of a scene; empty where none is wanted or matplotlib is missing."""
+    """Draw the picture of a scene. Gives its path; empty if no pictures are wanted or matplotlib is missing."""
     if bench.out is None:
         return ""
     path = bench.out / f"{bench.subject.full_name}-{behaviour.name}-{seed}.png"
@@ -139,7 +139,7 @@ def _drawn(title: str, behaviour: Behaviour, bench: Bench, seed: int, scene: Sce
 
 
 def _claims(bench: Bench) -> Iterator[Finding]:
-    """Claims that no scene of the role could judge, and disclaimers of nothing."""
+    """Find claims that the role has no scenes for, and disclaimers of what the role does not claim."""
     cls: Any = bench.subject.thing
     known = {b.claim for b in BEHAVIOURS if b.role == bench.subject.kind}
     names = ", ".join(f"Claim.{claim.name}" for claim in Claim if claim in known) or "none"
@@ -150,7 +150,7 @@ def _claims(bench: Bench) -> Iterator[Finding]:
     for claim, reason in dict(cls.disclaims).items():
         if claim not in purpose:
             told = ", ".join(sorted(f"Claim.{one.name}" for one in purpose)) or "nothing"
-            yield Finding(f"disclaims {claim!r}", f"what its role claims for it: {told}", given="the class")
+            yield Finding(f"disclaims {claim!r}", f"a claim of its role: {told}", given="the class")
         elif not (isinstance(reason, str) and len(reason.split()) > 2):
             yield Finding(f"disclaims {claim.name} with the reason {reason!r}", "a sentence that says why")
 
@@ -165,11 +165,11 @@ def _demand_of(claim: Claim) -> str:
 
 
 CHECKS = (
-    Check("claims", BEHAVIOUR, frozenset(PURPOSE), "Claims are those that its role has scenes for.", _claims, True),
+    Check("claims", BEHAVIOUR, frozenset(PURPOSE), "Its role has scenes for each of its claims.", _claims, True),
     *(
         Check(claim.value, BEHAVIOUR, frozenset(b.role for b in BEHAVIOURS if b.claim is claim), _demand_of(claim),
               _run_of(claim))
         for claim in Claim
     ),
 )  # fmt: skip
-"""One for each claim, and one for what is claimed."""
+"""One check for each claim, and one for the list of claims."""

@@ -35,4 +35,4 @@ CHECKS = (
     *lasting.CHECKS,
     *objects.CHECKS,
 )
-"""In the order they run: first what needs no object, then what says most of a broken plugin."""
+"""Contract checks in running order: those without an object first, then those that say most about a broken plugin."""

@@ -14,38 +14,38 @@ from navloom.testing.inputs import IMPOSSIBLE
 __all__ = ["CHECKS"]
 
 
-@check("contract", PLAYED, "The process that runs it lives on: it neither exits, crashes nor is killed.")
+@check("contract", PLAYED, "Its process survives every call: it does not exit, crash or get killed.")
 def survives(bench: Bench) -> Iterator[Finding]:
-    """Play everything once. The runner tells of a process that ended."""
+    """Play every scene once. The runner reports a process that ended."""
     bench.of_topic()
     yield from ()
 
 
-@check("contract", PLAYED, "Each call returns: none hangs.")
+@check("contract", PLAYED, "Every call returns; none hangs.")
 def returns(bench: Bench) -> Iterator[Finding]:
-    """As `survives`: a timer ends a process that hangs, and the runner tells of it."""
+    """Play every scene, as `survives` does. A timer ends a process that hangs, and the runner reports it."""
     yield from survives.run(bench)  # type: ignore[misc]
 
 
-@check("contract", PLAYED, "In every usual scene each answer is of its type and within its ranges.")
+@check("contract", PLAYED, "In every usual scene, each answer has its type, with values in their ranges.")
 def answers(bench: Bench) -> Iterator[Finding]:
-    """The checks at the door, and those of the message itself."""
+    """Answers must pass the checks of the door and those of their message class."""
     yield from _faults(bench, (USUAL, "at_goal"))
 
 
-@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m bring an answer "
+@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m give an answer "
        "without NaN, or InputError.")  # fmt: skip
 def odd_readings(bench: Bench) -> Iterator[Finding]:
-    """What sensors give now and then."""
+    """Sensors give such readings now and then."""
     topics = ("empty", "infinite", "single_beam", "nearest")
     if not bench.of_topic(*topics):
         raise NotRun("it reads no range sensor")
     yield from _faults(bench, topics, may_refuse=True)
 
 
-@check("contract", {"planner"}, "A goal that cannot be reached brings a PlanFailure, never an exception or a path.")
+@check("contract", {"planner"}, "A goal that cannot be reached gives a PlanFailure, never an exception or a path.")
 def typed_failures(bench: Bench) -> Iterator[Finding]:
-    """Goals in a wall and behind walls; and requests that a planner may answer either way."""
+    """Goals in a wall and behind walls, and requests that may be answered by a path or by a failure."""
     yield from _faults(bench, ("odd_request", IMPOSSIBLE))
     for scene in bench.of_topic(IMPOSSIBLE):
         if not isinstance(bench.base(scene), list):
@@ -59,7 +59,7 @@ def typed_failures(bench: Bench) -> Iterator[Finding]:
 
 
 def _faults(bench: Bench, topics: tuple[str, ...], may_refuse: bool = False) -> Iterator[Finding]:
-    """The faults of first plays, each text once."""
+    """The faults in the first plays of scenes, each text once."""
     told: set[str] = set()
     for scene in bench.of_topic(*topics):
         base = bench.base(scene)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.cells import cells_at, has_cells
 from navloom.geometry.frames import inverse, transform
+from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.roles import PlannerInput
@@ -97,8 +98,8 @@ def _room(make: Maker, half: float, turns: int) -> tuple[float, float, float]:
 
 def _path_gap(points: Floats, half: float) -> float:
     """Least distance of a path from the upper side of the block at its middle, m; nan where it does not pass there."""
-    dense = [np.linspace(one, other, 2 + int(math.dist(one, other) / STEP)) for one, other in pairwise(points.tolist())]
-    along = np.concatenate(dense) if dense else points
+    line = Polyline(points)
+    along = line.at(np.arange(0.0, line.length, STEP))
     above = along[(np.abs(along[:, 0]) < 0.5 * half) & (along[:, 1] > 0.0)]
     return float(above[:, 1].min()) - half if len(above) else math.nan
 
@@ -107,10 +108,9 @@ def _grid_gap(grid: OccupancyGrid, half: float, turn: Floats) -> float:
     """Distance of the nearest free place above the middle of the block from it, m; nan for none."""
     up = np.arange(half, SIDE, STEP)
     places = transform(turn, np.stack([np.full_like(up, 0.1 * CELL), up], axis=1))
-    origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
-    cells = np.floor(transform(inverse(origin), places) / grid.resolution).astype(int)
-    is_inside = ((cells >= 0) & (cells < grid.cells.shape[::-1])).all(axis=1)
-    is_free = grid.cells[cells[is_inside, 1], cells[is_inside, 0]] < 50
+    cells = cells_at(grid, places)
+    is_inside = has_cells(grid, cells)
+    is_free = grid.cells[cells[is_inside, 0], cells[is_inside, 1]] < 50
     return float(up[is_inside][np.argmax(is_free)]) - half if is_free.any() else math.nan
 
 

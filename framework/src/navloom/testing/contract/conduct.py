@@ -1,4 +1,4 @@
-"""What a plugin does beside answering: time, memory, output, threads, files."""
+"""What a plugin does besides answering: time, memory, output, threads, files."""
 
 from __future__ import annotations
 
@@ -30,32 +30,30 @@ from navloom.testing.restamped import restamped
 __all__ = ["CHECKS", "COMMANDING", "beyond"]
 
 PLAYS = 3
-"""Plays of which the fastest time of each step counts: the machine may be busy."""
+"""Plays of each scene; the fastest time of each step counts, since the machine may be busy."""
 MOST_LINES = 0.5
-"""Lines on standard error, a step."""
+"""Most lines on standard error per step."""
 COMMANDING = {"controller", "avoider", "recovery"}
 BEYOND = 1.5
 LONGEST_FIRST = 0.5
-"""Longest first step, s, of a role that answers in each tick; of others the same multiple of their limit."""
+"""Longest first step, s; for a patient role, this share of the longest step."""
 PATIENT = 1.0
-"""Longest step of a role that no motor waits for, s."""
+"""Longest step of a patient role, s: its class says `is_patient`, since no motor waits for it."""
 LARGEST, LARGEST_OF_PATIENT = 4 * 2**20, 16 * 2**20
-"""Bytes of one answer at most, of roles that answer in each tick, and of those that may take their time."""
+"""Largest answer of a role that answers in each tick, and of a patient role, bytes."""
 MEMORY_TIME = 3.0
-"""How long steps are played for the check of memory, s."""
+"""Approximate duration of the memory check, s."""
 FEWEST, MOST = 160, 4000
-"""Steps that it plays."""
+"""Fewest and most steps of the memory check."""
 GROWTH, GROWTH_OF_FEW = 48.0, 2048.0
-"""Bytes a step that are a leak; of fewer than 1000 steps, since a bounded memory may still be filling."""
+"""Growth that is a leak, bytes a step: from 1000 steps on, and in fewer, when a bounded memory may still be filling."""
 NATIVE_GROWTH = 8192.0
-"""Bytes a step of the process that are a leak in compiled code."""
+"""Growth of the process that is a leak in compiled code, bytes a step."""
 
 
-@check(
-    "contract", PLAYED, "A step takes less than the control tick; of mappers, planners and recoveries less than 1 s."
-)
+@check("contract", PLAYED, "A step takes less than the control tick, or than 1 s for mappers, planners and recoveries.")
 def step_time(bench: Bench) -> Iterator[Finding]:
-    """The 99th percentile of the steps but the first, each at its fastest of several plays; and the first."""
+    """Limit the 99th percentile of all steps after the first, each at its fastest of several plays, and the first."""
     limit = PATIENT if _is_patient(bench) else PERIOD
     scenes = bench.sound()
     first = bench.first_step
@@ -81,7 +79,7 @@ def _is_patient(bench: Bench) -> bool:
 
 
 def _slowest(bench: Bench, scene: PlayedScene, plays: int) -> tuple[float, float]:
-    """Fastest time of the first step of a scene, and the 99th percentile of those of the others, s."""
+    """Time of the first step of a scene, and 99th percentile of the others, s; each step at its fastest play."""
     times = []
     for _ in range(plays):
         with alike():
@@ -97,9 +95,9 @@ def _slowest(bench: Bench, scene: PlayedScene, plays: int) -> tuple[float, float
     return float(fastest[0]), float(np.percentile(late, 99.0, method="higher"))
 
 
-@check("contract", PLAYED, "An answer is no larger than its stream carries in time: 4 MiB, a map or path 16 MiB.")
+@check("contract", PLAYED, "An answer is at most 4 MiB, a map or path at most 16 MiB, so that it arrives in time.")
 def message_size(bench: Bench) -> Iterator[Finding]:
-    """As encoded."""
+    """The encoded size counts."""
     limit = LARGEST_OF_PATIENT if _is_patient(bench) else LARGEST
     for scene in bench.sound():
         with alike():
@@ -115,7 +113,7 @@ def message_size(bench: Bench) -> Iterator[Finding]:
 
 
 def _largest(answer: Any) -> str:
-    """The field that takes most of an answer."""
+    """The largest field of an answer, as a phrase; empty if it has none."""
     if isinstance(answer, PlatformOutput):
         name = max(answer.scans, key=lambda one: size_of(answer.scans[one]), default="")
         return f", most of it from the sensor {name!r}" if name else ""
@@ -133,9 +131,9 @@ def _largest(answer: Any) -> str:
     return f", most of it in {max(sizes)[1]}" if sizes else ""
 
 
-@check("contract", COMMANDING, "On an easy way no command is beyond 1.5 times the robot's limits.")
+@check("contract", COMMANDING, "On an easy course, no command exceeds 1.5 times the robot's limits.")
 def limits(bench: Bench) -> Iterator[Finding]:
-    """The gate limits commands, so that a little more does no harm; degrees for radians is far more."""
+    """The gate limits commands, so a small excess does no harm; degrees taken for radians are a large one."""
     for scene in bench.sound():
         if not scene.is_gentle:
             continue
@@ -149,7 +147,7 @@ def limits(bench: Bench) -> Iterator[Finding]:
 
 
 def beyond(twist: Twist2D, robot: RobotSpec) -> tuple[str, str] | None:
-    """What is far beyond the limits, and what was expected; None where nothing is."""
+    """Problem and expectation for a command far beyond the limits; None if it is not."""
     for name, value, limit, unit, of in (
         ("vx", twist.vx, robot.max_linear, "m/s", "max_linear"),
         ("wz", twist.wz, robot.max_angular, "rad/s", "max_angular"),
@@ -163,10 +161,10 @@ def beyond(twist: Twist2D, robot: RobotSpec) -> tuple[str, str] | None:
     return None
 
 
-@check("contract", PLAYED, "Nothing is printed on standard output, which belongs to the command that runs, and "
-       "no line a step on standard error.")  # fmt: skip
+@check("contract", PLAYED, "It prints nothing on standard output, which belongs to the running command, and at most "
+       "one line in two steps on standard error.")  # fmt: skip
 def silent(bench: Bench) -> Iterator[Finding]:
-    """Python's and that of C code; on import too."""
+    """Output of Python and of C code counts, also on import."""
     steps, before = 0, PRINTED.errors()
     for scene in bench.scenes:
         bench.base(scene)
@@ -179,13 +177,13 @@ def silent(bench: Bench) -> Iterator[Finding]:
         first = text.strip().splitlines()[0][:80]
         yield Finding(f"prints {first!r}", "logging.getLogger(__name__), or the answer's diagnostics; no print()")
     elif lines > MOST_LINES * steps:
-        yield Finding(f"prints {lines} lines on standard error in {steps} steps", "a line where something happens: "
-                      "logging.getLogger(__name__).debug(…) for each step, or the answer's diagnostics")  # fmt: skip
+        yield Finding(f"prints {lines} lines on standard error in {steps} steps", "a line only when something "
+                      "happens; for each step logging.getLogger(__name__).debug(…) or diagnostics")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Rule:
-    """A kind of deed that no verb has a use for."""
+    """A kind of side effect that no verb needs."""
 
     kind: str
     does: str
@@ -194,9 +192,9 @@ class _Rule:
 
 RULES = {
     "thread": _Rule("thread", "starts a thread", "no thread: the framework runs each node in one of its own"),
-    "process": _Rule("process", "starts a process", "no process: the work is done in the step itself"),
-    "file": _Rule("file", "writes a file", "no file: what is to be kept goes into messages"),
-    "socket": _Rule("socket", "uses a socket", "no socket: data from elsewhere come through a platform or a node"),
+    "process": _Rule("process", "starts a process", "no process: a step does its work itself"),
+    "file": _Rule("file", "writes a file", "no file: data to keep goes into messages"),
+    "socket": _Rule("socket", "uses a socket", "no socket: outside data comes from a platform or a node"),
 }
 
 
@@ -222,12 +220,12 @@ def no_files(bench: Bench) -> Iterator[Finding]:
     yield from _deeds(bench, "socket")
     left = _left_open(bench)
     if left:
-        yield Finding(f"keeps {len(left)} files open: {', '.join(left[:3])}", "each file read and closed when it is "
-                      "made: with open(…) as file")  # fmt: skip
+        yield Finding(f"keeps {len(left)} files open: {', '.join(left[:3])}", "each file read and closed in the "
+                      "constructor: with open(…) as file")  # fmt: skip
 
 
 def _left_open(bench: Bench) -> list[str]:
-    """Paths of the files that an object opens and keeps; not what the first object of the process opened once."""
+    """Paths of the files that an object keeps open; files that only the first object opens do not count."""
     scene = bench.sound()[0]
     bench.play(scene)
     gc.collect()
@@ -239,16 +237,16 @@ def _left_open(bench: Bench) -> list[str]:
 
 
 def _open_files() -> dict[str, str]:
-    """Files of this process that are open, by number."""
+    """Paths of the open files of this process, by descriptor."""
     found = {}
     for number in os.listdir("/proc/self/fd"):
-        with suppress(OSError):  # the one that lists them is closed by now
+        with suppress(OSError):  # the descriptor of the listing itself is closed by now
             found[number] = os.readlink(f"/proc/self/fd/{number}")
     return found
 
 
 def _deeds(bench: Bench, kind: str) -> Iterator[Finding]:
-    """The first deed of a kind in plays of every scene."""
+    """The first side effect of a kind in the plays of all scenes."""
     if kind in bench.deeds:
         deed, scene = bench.deeds[kind]
         rule = RULES[kind]
@@ -258,7 +256,7 @@ def _deeds(bench: Bench, kind: str) -> Iterator[Finding]:
 
 @check("contract", PLAYED, "Memory does not grow with the number of steps.")
 def memory(bench: Bench) -> Iterator[Finding]:
-    """A scene is played on and on, with fresh inputs and rising stamps, and what is held is measured."""
+    """Repeat a scene with new input objects and rising stamps, and measure the memory."""
     scene = bench.sound()[0]
     with alike():
         player = bench.player(scene)
@@ -281,7 +279,7 @@ def memory(bench: Bench) -> Iterator[Finding]:
                     sizes.append(_sizes(bench, player.plugin))
         shot = tracemalloc.take_snapshot()
     except Fault as fault:
-        raise NotRun(f"it fails when the scene goes on: see the check `goes_on` ({fault.problem})") from None
+        raise NotRun(f"it fails when the scene is repeated: see the check `goes_on` ({fault.problem})") from None
     finally:
         tracemalloc.stop()
     quarter = count // 4
@@ -301,17 +299,17 @@ def memory(bench: Bench) -> Iterator[Finding]:
     elif min(native[1:]) > NATIVE_GROWTH:
         yield Finding(
             f"takes {native[-1]:.0f} bytes more after each step, outside Python's memory",
-            "compiled code that frees what it takes", given=f"{count} steps of scene {scene.name!r}", scene=scene.name,
+            "compiled code that frees its memory", given=f"{count} steps of scene {scene.name!r}", scene=scene.name,
         )  # fmt: skip
 
 
 def _resident() -> int:
-    """Memory of this process, bytes."""
+    """Resident memory of this process, bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
 def _sizes(bench: Bench, plugin: Any) -> dict[str, int]:
-    """How many entries the containers of a plugin and of its modules have."""
+    """Number of entries in each container of a plugin and of its modules, by name."""
     import sys
 
     found: dict[str, int] = {}
@@ -332,7 +330,7 @@ def _sizes(bench: Bench, plugin: Any) -> dict[str, int]:
 
 
 def _growing(sizes: Sequence[dict[str, int]], quarter: int) -> list[str]:
-    """Containers that got an entry at least every fourth step, in each quarter."""
+    """Containers that gained at least one entry every four steps, in each quarter of the steps."""
     return [
         name
         for name, last in sizes[-1].items()
@@ -342,7 +340,7 @@ def _growing(sizes: Sequence[dict[str, int]], quarter: int) -> list[str]:
 
 
 def _line_that_holds(bench: Bench, shot: tracemalloc.Snapshot) -> str:
-    """The line of the plugin that allocated most of what is held; empty where others did."""
+    """The line of the plugin that allocated most of the held memory; empty if other code did."""
     folder = bench.subject.folder
     lines = [one for one in shot.statistics("lineno") if folder and one.traceback[0].filename.startswith(folder)]
     if not lines or lines[0].size < 4096:

@@ -40,18 +40,18 @@ def fields_of(model: type[Params]) -> list[tuple[str, FieldInfo]]:
 
 
 def _models_of(cls: Any) -> dict[str, type[Params]]:
-    """What tables of a config hold for a plugin: its parameters, and the settings of each kind of sensor."""
+    """Models of a plugin's config tables: its parameters, and the settings of each kind of sensor."""
     settings: Mapping[str, type[Params]] = getattr(cls, "sensor_settings", {})
     return {"": cls.Params, **{f" of the sensor {kind!r}": model for kind, model in settings.items()}}
 
 
-@check("contract", EVERY, "It is found under its name, and the registry takes it.", is_static=True)
+@check("contract", EVERY, "It is found under its name, and the registry accepts it.", is_static=True)
 def registers(bench: Bench) -> Iterator[Finding]:
-    """What is refused never gets here: the worker tells it of this check."""
+    """Find nothing: the worker fails this check for a plugin that cannot be loaded, before it runs any."""
     yield from ()
 
 
-@check("contract", CLASSES, "Verb, reset, configure and warm_up take the arguments that they are called with.",
+@check("contract", CLASSES, "Its verb, reset, configure and warm_up accept the framework's arguments.",
        is_static=True)  # fmt: skip
 def signatures(bench: Bench) -> Iterator[Finding]:
     """Each method is bound to the arguments that the framework calls it with."""
@@ -102,7 +102,7 @@ def defaults_within_bounds(bench: Bench) -> Iterator[Finding]:
     is_static=True,
 )
 def units(bench: Bench) -> Iterator[Finding]:
-    """Of real numbers; whole numbers, switches and texts have none."""
+    """Only real numbers need a unit."""
     for owner, model in _models_of(bench.subject.thing).items():
         for name, field in fields_of(model):
             text = field.description or ""
@@ -124,7 +124,7 @@ def unknown_parameters(bench: Bench) -> Iterator[Finding]:
     model: type[Params] = bench.subject.thing.Params
     if model.model_config.get("extra") != "forbid":
         yield Finding(
-            f"{model.__name__} takes unknown keys", "model_config without `extra`, so that misspelt keys are refused",
+            f"{model.__name__} accepts unknown keys", "model_config without `extra`, so that misspelt keys are refused",
             place_of(model),
         )  # fmt: skip
 
@@ -149,9 +149,9 @@ def documented(bench: Bench) -> Iterator[Finding]:
                       "each field with its meaning, unit and frame, arrays with their shape")  # fmt: skip
 
 
-@check("contract", {"metric"}, "It says its unit, what it is, and bounds that are in order.", is_static=True)
+@check("contract", {"metric"}, "It has a unit, a description, and bounds in ascending order.", is_static=True)
 def described(bench: Bench) -> Iterator[Finding]:
-    """What the tables of `compare` print."""
+    """The tables of `compare` print these."""
     metric = bench.subject.thing
     if not isinstance(metric, Metric):
         yield Finding(f"is a {type(metric).__name__}", "a navloom.Metric")

@@ -10,6 +10,6 @@ __all__ = ["CLASSES", "EVERY", "PLAYED"]
 
 EVERY = frozenset(CHECKED)
 CLASSES = frozenset((*ROLES, NODE))
-"""Plugins that are classes with parameters."""
+"""Kinds whose plugins are classes with parameters."""
 PLAYED = CLASSES
-"""Plugins that are played through scenes."""
+"""Kinds whose plugins are played through scenes."""

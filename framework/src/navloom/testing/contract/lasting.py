@@ -1,4 +1,4 @@
-"""What shows in a long drive only, and what becomes of answers that were given."""
+"""Faults that appear only in a long drive, and answers that change after they were given."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from navloom.testing.restamped import restamped
 __all__ = ["CHECKS"]
 
 LONG = 3.0
-"""Time for which steps are played, s."""
+"""Processor time after which a long drive ends, s, once the fewest steps were played."""
 FEWEST, MOST = 240, 2000
-"""Steps that are played; of a robot that is asked for each tick, 12 s to 100 s."""
+"""Fewest and most steps of a long drive: 12 s and 100 s of robot time where each step is a tick."""
 FEW = 3
-"""Scenes of a long drive."""
+"""Most scenes that one round of a long drive joins."""
 SEAM = 5
-"""Steps after a scene begins again, and the robot with it, that are not judged."""
+"""First steps of each scene that are not judged, since the robot jumps to the scene's start."""
 IN_A_ROW = 3
-"""Commands beyond the limits, one after the other, that are a fault."""
+"""Consecutive commands beyond the limits that are a fault."""
 EVER_LONGER = 3.0
-"""Ratio of the last steps' times to those of the first that is a fault, where it still grows."""
+"""Ratio of the last step times to the first that is a fault, if step times still grow."""
 WORTH = 0.1
-"""Share of the tick below which a step's time does not matter."""
+"""Step time below which growth does not matter, as a share of the tick."""
 
 
-@check("contract", PLAYED, "A long drive brings answers as its beginning does: none fails, is beyond the limits, or "
-       "takes ever longer.")  # fmt: skip
+@check("contract", PLAYED, "A long drive goes on as it began: no step fails, exceeds the limits or takes longer and "
+       "longer.")  # fmt: skip
 def goes_on(bench: Bench) -> Iterator[Finding]:
-    """Scenes are played on and on, with fresh inputs and rising stamps."""
+    """Scenes are repeated, with new input objects and rising stamps."""
     drive = _drive(bench.sound())
     spent: list[float] = []
     too_much = 0
@@ -69,7 +69,7 @@ def goes_on(bench: Bench) -> Iterator[Finding]:
 
 
 def _drive(scenes: list[PlayedScene]) -> list[tuple[PlayedScene, int, float]]:
-    """One round of a long drive of one robot: of each step its scene, its number there, and how much later it is, s."""
+    """One round of a long drive with one robot: the scene of each step, its number there, and its shift in time, s."""
     robot = scenes[0].context.robot
     gentle = [one for one in scenes if one.is_gentle and one.context.robot.max_linear == robot.max_linear]
     found: list[tuple[PlayedScene, int, float]] = []
@@ -84,7 +84,7 @@ def _at(scene: PlayedScene, step: int) -> str:
 
 
 def _slowing(spent: NDArray[np.float64], lap: int, scene: PlayedScene) -> Iterator[Finding]:
-    """What to say of steps that take longer and longer, s; `lap` is how many are a round."""
+    """A finding if the times of the steps, `spent`, s, keep growing; `lap` is the number of steps in a round."""
     laps = len(spent) // lap
     if laps < 4:
         return
@@ -93,15 +93,15 @@ def _slowing(spent: NDArray[np.float64], lap: int, scene: PlayedScene) -> Iterat
     is_growing = second < third < last and last - third > 0.5 * (second - first)
     if is_growing and last > EVER_LONGER * first and last > WORTH * PERIOD:
         yield Finding(
-            f"takes ever longer for a step: {1000.0 * first:.1f} ms at first, {1000.0 * last:.1f} ms after "
+            f"takes longer and longer for a step: {1000.0 * first:.1f} ms at first, {1000.0 * last:.1f} ms after "
             f"{len(spent)} steps", "a step whose work does not grow with the drive",
             given=_at(scene, len(spent)), scene=scene.name,
         )  # fmt: skip
 
 
-@check("contract", PLAYED, "An answer that was given stays as it is.")
+@check("contract", PLAYED, "An answer does not change after it was given.")
 def answers_stay(bench: Bench) -> Iterator[Finding]:
-    """Others still read it, and recordings keep it: an array that is filled anew in each step changes it."""
+    """Other nodes still read it, and recordings keep it. Reusing one array for every answer changes earlier answers."""
     for scene in bench.sound():
         given: list[tuple[Any, bytes]] = []
         with alike():
@@ -111,9 +111,9 @@ def answers_stay(bench: Bench) -> Iterator[Finding]:
                 given.append((answer, digest(answer)))
         for step, (answer, before) in enumerate(given):
             if digest(answer) != before:
-                yield Finding("changes an answer that it gave before", "an array of its own for each answer: a copy, "
-                              "or no read-only view of one that is written to", given=bench.at(scene, step),
-                              scene=scene.name)  # fmt: skip
+                yield Finding("changes an answer that it gave in an earlier step", "a new array in each answer: a "
+                              "copy, not a view of an array that the plugin writes to again",
+                              given=bench.at(scene, step), scene=scene.name)  # fmt: skip
                 return
 
 

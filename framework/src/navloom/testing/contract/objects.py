@@ -1,4 +1,4 @@
-"""Metrics, worlds, schemes, panels and messages: what is called as it is, without an object of a role."""
+"""Checks of plugins that are not classes with a verb: metrics, worlds, schemes, panels and messages."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ JUNK = (
     "x" * 5000,
     "ä",
 )
-"""What people and scripts give to a scheme that it cannot use."""
+"""Arguments that no scheme can use, as people and scripts may give them."""
 ENOUGH = 20
-"""Messages that are made of a class."""
+"""Samples that are made of a message class."""
 
 
 def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]:
-    """What a call of the plugin gives, or what to say of the error that it raises."""
+    """The answer of a call to the plugin, or a finding for the error that it raises."""
     try:
         with GUARD.within("the call"):
             return act(), None
@@ -59,7 +59,7 @@ def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]
 
 
 def _line(bench: Bench, error: BaseException) -> str:
-    """The innermost line of the plugin that an error came through."""
+    """The innermost line of the plugin in the traceback of an error."""
     places = [
         f"{PurePath(frame.f_code.co_filename).name}:{line}"
         for frame, line in traceback.walk_tb(error.__traceback__)
@@ -72,7 +72,7 @@ def _line(bench: Bench, error: BaseException) -> str:
 
 
 def _trail(ticks: int, **changes: Any) -> Trail:
-    """An episode of a robot that drives a bend past something, 0.05 s a tick."""
+    """An episode of a robot that drives a bend past an obstacle; a tick is 0.05 s."""
     time = 0.05 * np.arange(ticks, dtype=np.float64)
     turn: NDArray[np.float64] = 0.3 * time
     v, w = 0.3 + 0.02 * np.sin(3.0 * time), 0.3 + 0.02 * np.cos(2.0 * time)
@@ -87,13 +87,13 @@ def _trail(ticks: int, **changes: Any) -> Trail:
 
 
 def _trails() -> dict[str, Trail]:
-    """Episodes of all kinds that a study has."""
+    """Episodes of all kinds that occur in a study."""
     drive = _trail(200)
     unknown = np.full(200, math.nan)
     return {
         "a drive to the goal": drive,
         "a collision": _trail(200, outcome="collision", clearance=drive.clearance - 1.1, touches=2),
-        "a drive without a goal, of which nothing is known": _trail(
+        "a drive without a goal and with unknown values": _trail(
             200, cross_track=unknown, clearance=unknown, pose_error=np.empty(0), optimal=None, goal_distance=None,
             reference=None, outcome="no_path",
         ),
@@ -101,13 +101,13 @@ def _trails() -> dict[str, Trail]:
         "one tick": _trail(1, outcome="timeout"),
         "no tick": _trail(0, outcome="error"),
         "a robot that backs up": _trail(200, vx=np.full(200, -0.2), wz=np.full(200, -0.3)),
-        "a robot that stands": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
+        "a stopped robot": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
     }  # fmt: skip
 
 
 @check("contract", {"metric"}, "It gives a finite number within its bounds, or None, for every kind of episode.")
 def metric_values(bench: Bench) -> Iterator[Finding]:
-    """Failed episodes too, those without a tick, and those of which little is known."""
+    """Episodes may have failed, have no tick, or lack most values."""
     metric = _metric(bench)
     for name, trail in _trails().items():
         found, problem = _problem(bench, lambda trail=trail: measure(trail, [metric])[metric.name])  # type: ignore[misc]
@@ -122,7 +122,7 @@ def metric_values(bench: Bench) -> Iterator[Finding]:
             return
 
 
-@check("contract", {"metric"}, "It gives the same number again, whatever seeds, clock and speed of the computer.")
+@check("contract", {"metric"}, "It gives the same number with any seeds, clock and speed of the computer.")
 def metric_repeats(bench: Bench) -> Iterator[Finding]:
     """`tick_ns` is wall time, which no run repeats."""
     metric = _metric(bench)
@@ -139,9 +139,9 @@ def metric_repeats(bench: Bench) -> Iterator[Finding]:
                 return
 
 
-@check("contract", {"metric"}, "The episode that it is given is not changed.")
+@check("contract", {"metric"}, "It does not change its episode.")
 def metric_untouched(bench: Bench) -> Iterator[Finding]:
-    """Other metrics are computed of the same one."""
+    """Other metrics are computed from the same episode."""
     metric = _metric(bench)
     for name, trail in _trails().items():
         before = {one.name: np.array(getattr(trail, one.name)) for one in fields(trail)}
@@ -154,7 +154,7 @@ def metric_untouched(bench: Bench) -> Iterator[Finding]:
 
 def _metric(bench: Bench) -> Metric:
     if not isinstance(bench.subject.thing, Metric):
-        raise NotRun(f"{bench.subject.thing!r} is no navloom.Metric: see the check `registers`")
+        raise NotRun(f"{bench.subject.thing!r} is not a navloom.Metric: see the check `registers`")
     return bench.subject.thing
 
 
@@ -163,7 +163,7 @@ def _metric(bench: Bench) -> Metric:
 
 @check("contract", {"world"}, "It is a World of finite numbers, whose start and goal are within its bounds and free.")
 def world_usable(bench: Bench) -> Iterator[Finding]:
-    """For a robot of 0.4 m x 0.4 m."""
+    """Free means free for a robot of 0.4 m x 0.4 m."""
     world, problem = _problem(bench, bench.subject.thing)
     if problem is not None:
         yield problem
@@ -192,18 +192,18 @@ def world_usable(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"world"}, "It is the same world each time.")
 def world_repeats(bench: Bench) -> Iterator[Finding]:
-    """Whatever the seeds and the clock."""
+    """Global seeds and the clock are changed in between."""
     made = []
     for seeds, clock in ((1, 1.7e9), (OTHER_SEEDS, 1.9e9)):
         with alike(seeds, (clock, 0.001)):
             made.append(_problem(bench, bench.subject.thing)[0])
     if bytes_of(made[0]) != bytes_of(made[1]):
-        yield Finding("gives another world the second time", "the same world; a scheme takes a seed: door:3")
+        yield Finding("gives another world the second time", "the same world; give a scheme its seed: door:3")
 
 
-@check("contract", {"scheme"}, "What it cannot use it refuses by a ValueError, and it writes nothing.")
+@check("contract", {"scheme"}, "It refuses bad arguments with a ValueError, and it writes nothing.")
 def scheme_refuses(bench: Bench) -> Iterator[Finding]:
-    """As `navloom.worlds.WorldError`, which names what was given and what was expected."""
+    """`navloom.worlds.WorldError` is such an error; it names what was given and what was expected."""
     for text in JUNK:
         GUARD.deeds.clear()
         try:
@@ -231,10 +231,12 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
 
 
 def _scheme_deed(text: str) -> Finding:
-    """What to say of what a scheme did beside reading below its base folder."""
+    """Finding for the first side effect of a scheme; it may only read files below its base folder."""
     deed = GUARD.deeds[0]
     expected = (
-        "paths from the folder that it is given: base / argument" if deed.kind == "environment" else "to read only"
+        "paths relative to the folder that it is given: base / argument"
+        if deed.kind == "environment"
+        else "to read only"
     )
     return Finding(f"does this: {deed.text[:80]}", expected, deed.place, f"argument {text[:40]!r}")
 
@@ -259,10 +261,10 @@ def _not_finite(value: Any, path: str) -> str:
 @check(
     "contract",
     {"panel"},
-    "Each message becomes pairs of entity path and archetype, before the first pose too.",
+    "It turns each message into pairs of entity path and archetype, also before the first pose.",
 )
 def panel_draws(bench: Bench) -> Iterator[Finding]:
-    """It draws made messages of its class."""
+    """It draws generated messages of its class."""
     from navloom.viewer.facts import Actor, Variant
     from navloom.viewer.panels import Seen
 
@@ -290,7 +292,7 @@ def panel_draws(bench: Bench) -> Iterator[Finding]:
 
 
 def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[str, Message]]:
-    """Messages of a class, and what is odd of each."""
+    """Messages of a class, each after a phrase for what is unusual about it."""
     yield "", sample(cls, rng)
     if cls is RangeScan:
         yield " without an echo", messages.scan(math.inf)
@@ -298,7 +300,7 @@ def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[st
 
 
 def _undrawable(one: Any) -> str:
-    """Why something cannot be logged, in words; empty where it can."""
+    """Why the viewer cannot log an object, in words; empty if it can."""
     if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and one[0]):
         return repr(one)[:100]
     if not hasattr(one[1], "as_component_batches"):
@@ -312,9 +314,9 @@ def _undrawable(one: Any) -> str:
     return ""
 
 
-@check("contract", {"message"}, "Encoded and decoded it is the same.")
+@check("contract", {"message"}, "It is the same after encoding and decoding.")
 def message_codec(bench: Bench) -> Iterator[Finding]:
-    """As between processes and in recordings."""
+    """Messages are encoded between processes and in recordings."""
     cls: type[Message] = bench.subject.thing
     rng = np.random.default_rng(bench.seed)
     for number in range(ENOUGH):

@@ -22,14 +22,17 @@ from navloom.testing.player import Fault
 __all__ = ["CHECKS", "values_of"]
 
 STEPS = 4
-"""Steps that are played with each value."""
+"""Steps played with each value."""
 ENOUGH = 8.0
-"""s for all values; those that are left then are not tried."""
+"""Time after which no further values are tried, s."""
 
 
-@check("contract", PLAYED, "Every value that a parameter's bounds allow works, the others at their defaults.")
+@check("contract", PLAYED, "Every value that a parameter's bounds allow works, with the others at their defaults.")
 def extremes(bench: Bench) -> Iterator[Finding]:
-    """Least, greatest, each choice, either position of a switch. A plugin may refuse them with ValueError when made."""
+    """The least and the greatest value, each choice, both positions of a switch.
+
+    A plugin may refuse a value with ValueError in its constructor.
+    """
     scene = bench.sound()[0]
     model: type[Params] = bench.subject.thing.Params
     given = bench.subject.params.model_dump()
@@ -40,7 +43,7 @@ def extremes(bench: Bench) -> Iterator[Finding]:
                 return
             try:
                 params = model.model_validate({**given, name: value})
-            except ValidationError:  # it does not go with the defaults of others, and says so
+            except ValidationError:  # the model refuses this value together with the other defaults
                 continue
             try:
                 with alike():
@@ -52,13 +55,19 @@ def extremes(bench: Bench) -> Iterator[Finding]:
 
 
 def _refuses(fault: Fault) -> bool:
-    """Whether a plugin that is made refuses its parameters, which a config's check tells of."""
+    """Whether a plugin refuses its parameters: with InputError, or with ValueError in its constructor.
+
+    A check of the config reports the latter.
+    """
     return fault.is_refusal or (fault.call == "__init__" and isinstance(fault.__cause__, ValueError))
 
 
-@check("contract", PLAYED, "configure() takes checked parameters while the plugin runs.")
+@check("contract", PLAYED, "configure() accepts checked parameters while the plugin runs.")
 def configure(bench: Bench) -> Iterator[Finding]:
-    """Between two steps, as an operator does; afterwards `self.params` are the new ones, and steps go on."""
+    """Parameters change between two steps, as an operator changes them.
+
+    Afterwards `self.params` must be the new parameters, and further steps must work.
+    """
     scene = bench.sound()[0]
     params = _changed(bench)
     half = len(scene.inputs) // 2
@@ -68,15 +77,15 @@ def configure(bench: Bench) -> Iterator[Finding]:
             player.play(scene.inputs[:half])
             player.configure(params)
             if getattr(player.plugin, "params", None) != params:
-                told = "configure() leaves self.params as it was"
-                yield Finding(told, "super().configure(params), or self.params = params", given=f"{params!r}")
+                problem = "configure() does not change self.params"
+                yield Finding(problem, "super().configure(params), or self.params = params", given=f"{params!r}")
             player.play(scene.inputs[half:])
         except Fault as fault:
             yield bench.finding(fault, f"configure() after {half} steps of scene {scene.name!r}", scene.name)
 
 
 def _changed(bench: Bench) -> Any:
-    """The plugin's parameters, with the first one changed that can be."""
+    """The plugin's parameters, with the first one changed that has another valid value."""
     model: type[Params] = bench.subject.thing.Params
     given = bench.subject.params.model_dump()
     for name, field in model.model_fields.items():
@@ -111,7 +120,7 @@ def values_of(field: FieldInfo, default: Any) -> Iterator[Any]:
 
 
 def _bounds(field: FieldInfo, default: Any, is_whole: bool) -> Iterator[Any]:
-    """Least and greatest value; where a bound is open, one that is near it."""
+    """The least and the greatest value; at an open bound, a value near it."""
     known = default if isinstance(default, (int, float)) and not isinstance(default, bool) else 1
     for mark in field.metadata:
         if isinstance(mark, Ge):

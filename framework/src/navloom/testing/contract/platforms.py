@@ -1,4 +1,4 @@
-"""Whether what a simulated platform reports agrees with the world that it was handed, and with its own truth."""
+"""Whether the reports of a simulated platform agree with its world and with its own truth."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ Floats = NDArray[np.float64]
 START = (0.3, -0.2, 0.4)
 """Pose of the robot, m, m, rad: neither at the origin nor along an axis."""
 LOOKS, TURNS, PUSHES = 25, 50, 80
-"""Steps for which the robot stands, turns in place, and drives against a wall."""
+"""Steps for which the robot is stopped, turns in place, and drives against a wall."""
 STILL = (0.0, 0.0)
 TURN = 0.7
 """Turn rate of the robot that turns, rad/s."""
 AT = 0.3
-"""Height of the rays of the comparison, m; everything in its world is taller."""
+"""Height of the rays that echoes are compared with, m; everything in the world is taller."""
 NEAR, SHARE = 0.15, 0.05
-"""How far an echo may be from where it should be, m, and as a share of its range."""
+"""Greatest error of an echo: a distance, m, plus a share of its range."""
 RIGHT = 0.8
 """Share of the echoes that must be right."""
 RAYS = 9
-"""Over the width of a beam."""
+"""Rays that are cast across the width of a beam."""
 AWAY = (0.3, -0.2, -2.4)
 """Pose of a robot that turns its back to the walls, m, m, rad."""
 CLEAR = 1.2
-"""How many times farther than a sensor sees things must be that it is not to hear, and 0.5 m more."""
+"""A beam meets nothing if the next object is farther than this many times its range plus 0.5 m."""
 FEWEST = 5
-"""Beams of a sensor that are judged at least."""
+"""Fewest beams of a sensor that are judged."""
 HEARD = 0.2
-"""Share of the beams that meet nothing of which a platform may give echoes: sensors have false ones."""
+"""Greatest share of the beams that meet nothing and have an echo: sensors have false ones."""
 APART = 3
 """Steps for which contact and truth may differ: a bumper has a delay."""
 
 
 def _world() -> World:
-    """A wall on one side and ahead, and a box on the other: behind the robot is nothing."""
+    """Walls to the left and ahead, a box to the right, and nothing behind the robot."""
     walls = (
         Box("left wall", (-1.0, 4.2), (1.4, 1.6), (0.0, 2.4)), Box("front wall", (4.0, 4.2), (-3.0, 1.6), (0.0, 2.4)),
         Box("box", (1.0, 1.6), (-1.6, -0.9), (0.0, 2.4)),
@@ -64,7 +64,7 @@ def _world() -> World:
 def _context(bench: Bench, sensors: tuple[SensorSpec, ...], start: tuple[float, float, float] = START) -> Context:
     cls: type[Platform] = bench.subject.thing
     if not cls.is_simulated or cls.own_world(bench.subject.params) is not None:
-        raise NotRun("it does not simulate the world that it is handed")
+        raise NotRun("it does not simulate the world that it is given")
     bench.sound()
     return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=_world())
 
@@ -72,7 +72,7 @@ def _context(bench: Bench, sensors: tuple[SensorSpec, ...], start: tuple[float, 
 def _outputs(
     bench: Bench, context: Context, twist: tuple[float, float], steps: int, seed: int = 0
 ) -> list[PlatformOutput]:
-    """What it gives while it is told to drive with a speed, m/s, and a turn rate, rad/s, in a run of a seed."""
+    """Outputs of the platform while it is commanded a speed, m/s, and a turn rate, rad/s, in the run of a seed."""
     with alike():
         player = Player(bench.subject, context, bench.seed + seed)
         return [
@@ -81,14 +81,14 @@ def _outputs(
         ]
 
 
-@check("contract", {"platform"}, "Echoes of range sensors are where the world has something.")
+@check("contract", {"platform"}, "Echoes of range sensors lie on objects of the world.")
 def echoes(bench: Bench) -> Iterator[Finding]:
-    """Of a simulated robot that stands: bearings, frames, units, and +inf where a beam meets nothing."""
+    """For a stopped simulated robot. Wrong bearings, frames and units, and echoes of nothing, show here."""
     cls: type[Platform] = bench.subject.thing
     kinds = [kind for kind, message in cls.sensor_kinds.items() if issubclass(message, RangeScan)]
     specs = tuple(SensorSpec(kind, kind) for kind in kinds if _has_defaults(cls, kind))
     if not specs:
-        raise NotRun("it has no range sensor without settings of its own")
+        raise NotRun("it has no range sensor that works without settings")
     context = _context(bench, specs)
     for twist, steps, does in ((STILL, LOOKS, "stands"), ((0.0, TURN), TURNS, "turns")):
         right: dict[str, list[bool]] = {}
@@ -100,7 +100,7 @@ def echoes(bench: Bench) -> Iterator[Finding]:
         for name, found in right.items():
             if found and sum(found) < RIGHT * len(found):
                 yield Finding(
-                    f"gives echoes of the sensor {name!r} of which {1.0 - np.mean(found):.0%} are where nothing is",
+                    f"gives echoes of the sensor {name!r} of which {1.0 - np.mean(found):.0%} lie where nothing is",
                     "origins and bearings in the base frame, rad, counter-clockwise, ranges in m, +inf for no echo, "
                     "and as stamp the time at which they were taken",
                     given=f"a robot that {does} at {START[:2]} m heading {START[2]} rad, walls to the left and ahead, "
@@ -124,7 +124,7 @@ def _has_defaults(cls: type[Platform], kind: str) -> bool:
 
 
 def _right(scan: RangeScan, track: PoseTrack, world: World) -> list[bool]:
-    """Of each echo of a scan: whether something is there, from where the robot was when the beam was taken."""
+    """Whether an object of the world is where each echo lies, seen from where the robot was at the beam's time."""
     heard = np.isfinite(scan.ranges)
     poses = poses_at(track, scan.stamp_ns + 1e9 * scan.time_offsets[heard])
     count = int(heard.sum())
@@ -222,9 +222,9 @@ def _ranges_of(outputs: list[PlatformOutput]) -> dict[str, list[Floats]]:
     return found
 
 
-@check("contract", {"platform"}, "Contact says what the truth says: that the robot touches something, or not.")
+@check("contract", {"platform"}, "Contact and truth agree on whether the robot touches something.")
 def contact(bench: Bench) -> Iterator[Finding]:
-    """Of a simulated robot that drives against a wall."""
+    """For a simulated robot that drives against a wall."""
     apart = 0
     for step, out in enumerate(_outputs(bench, _context(bench, (), (3.0, 0.0, 0.0)), (0.3, 0.0), PUSHES)):
         if out.truth is None:
@@ -239,15 +239,15 @@ def contact(bench: Bench) -> Iterator[Finding]:
             return
         if out.truth.touching and out.truth.clearance > NEAR:
             yield Finding(
-                f"gives a truth that touches something, with a clearance of {out.truth.clearance:.2f} m",
+                f"gives truth.touching = True with a clearance of {out.truth.clearance:.2f} m",
                 "a clearance of 0 in contact", given=f"a robot that drives against a wall, step {step}",
             )  # fmt: skip
             return
 
 
-@check("contract", {"platform"}, "Every value that a sensor's settings allow works, the others at their defaults.")
+@check("contract", {"platform"}, "Every value that a sensor's settings allow works, with the others at their defaults.")
 def sensor_extremes(bench: Bench) -> Iterator[Finding]:
-    """As `extremes`, of the tables [[sensor]]."""
+    """As `extremes`, for the settings in the tables [[sensor]]."""
     cls: type[Platform] = bench.subject.thing
     for kind in cls.sensor_kinds:
         model = cls.sensor_settings.get(kind)
@@ -257,7 +257,7 @@ def sensor_extremes(bench: Bench) -> Iterator[Finding]:
             for value in values_of(field, field.get_default(call_default_factory=True)):
                 try:
                     model.model_validate({name: value})
-                except ValidationError:  # it does not go with the defaults of others, and says so
+                except ValidationError:  # the model refuses this value together with the other defaults
                     continue
                 try:
                     spec = SensorSpec("sensor", kind, {name: value})

@@ -1,4 +1,4 @@
-"""The same inputs give the same answers: whatever the process, the clock, the global seeds and the episodes before."""
+"""The same inputs give the same answers in any process, with any clock, global seeds and earlier episodes."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from navloom.testing.process import digests_of
 __all__ = ["CHECKS"]
 
 HASH_SEEDS = (4242, 99)
-"""Of fresh processes: a set of few texts may be in the same order under one of them."""
+"""PYTHONHASHSEED of the fresh processes; with a single one, a small set of strings may keep its order by chance."""
 FEW = 5
 """Steps of the short episode between two resets."""
-STREAM = "random numbers from self.context.stream('name') alone"
-IN_SELF = "state in self alone: no module or class variable that a call changes"
+STREAM = "random numbers only from self.context.stream('name')"
+IN_SELF = "state only in self: no module or class variable that a call changes"
 
 
 @check("contract", PLAYED, "Two new objects give the same answers to the same inputs.")
 def repeats(bench: Bench) -> Iterator[Finding]:
-    """Nothing is varied: random numbers without a seed show here. State outside the object is told by `episodes`."""
+    """Nothing is varied, so random numbers without a seed show here. `episodes` reports state outside the object."""
     found = bench.unrepeated
     if found is not None and not _is_state(bench):
         yield replace(found, expected=STREAM)
 
 
-@check("contract", PLAYED, "An episode leaves nothing behind that a later object of the plugin sees.")
+@check("contract", PLAYED, "An episode does not affect later objects of the plugin.")
 def episodes(bench: Bench) -> Iterator[Finding]:
-    """Every scene has been played; each is played once more, and again after that."""
+    """Every scene was played once already; each is played twice more."""
     if bench.unrepeated is not None:
         if not _is_state(bench):
             raise NotRun("answers to the same inputs differ anyway: see the check `repeats`")
@@ -48,7 +48,7 @@ def episodes(bench: Bench) -> Iterator[Finding]:
 
 
 def _is_state(bench: Bench) -> bool:
-    """Whether plays differ since earlier ones left something: then a fresh process repeats the first play of all."""
+    """Whether plays differ because earlier plays left state: a fresh process then repeats the very first play."""
     first = bench.sound()[0]
     theirs = digests_of(bench.request, 0, {first.name: len(first.inputs)}, alike=True)
     return first_difference(bench.answers(first), theirs.get(first.name, [])) is None
@@ -61,7 +61,7 @@ def _refuse_unrepeated(bench: Bench) -> None:
 
 @check("contract", PLAYED, "Answers do not depend on the global random seeds.")
 def global_random(bench: Bench) -> Iterator[Finding]:
-    """`random` and legacy `numpy.random` are seeded differently."""
+    """The global generators of `random` and `numpy.random` get other seeds."""
     _refuse_unrepeated(bench)
     if bench.led_by_seeds is not None:
         yield replace(bench.led_by_seeds, expected=STREAM)
@@ -69,15 +69,15 @@ def global_random(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", PLAYED, "Answers do not depend on the wall clock.")
 def wall_clock(bench: Bench) -> Iterator[Finding]:
-    """The plugin sees another time, that moves in leaps."""
+    """The plugin sees a different clock, which moves in jumps."""
     _refuse_unrepeated(bench)
     if bench.led_by_clock is not None:
-        yield replace(bench.led_by_clock, expected="time from the input's stamps alone")
+        yield replace(bench.led_by_clock, expected="time only from the stamps of the input")
 
 
-@check("contract", PLAYED, "A fresh process with other PYTHONHASHSEED, clock and global seeds answers alike.")
+@check("contract", PLAYED, "A fresh process with another PYTHONHASHSEED, clock and seeds gives the same answers.")
 def fresh_process(bench: Bench) -> Iterator[Finding]:
-    """What one process cannot show: the order of sets, addresses, seeds that a library draws when it is imported."""
+    """Finds what one process cannot show: order of sets, addresses, seeds that a library draws on import."""
     scenes = bench.steady()
     steps = {scene.name: len(scene.inputs) for scene in scenes}
     for hash_seed in HASH_SEEDS:
@@ -95,7 +95,7 @@ def fresh_process(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", PLAYED, "reset() gives the state of a new object.")
 def reset_as_new(bench: Bench) -> Iterator[Finding]:
-    """A scene is played, the object reset, a little played, the object reset again, and the scene played again."""
+    """Play a scene and reset the object; play a few steps and reset again; then play the scene again."""
 
     def again(scene: PlayedScene) -> list[bytes]:
         with alike():
@@ -115,11 +115,11 @@ def reset_as_new(bench: Bench) -> Iterator[Finding]:
         yield found
 
 
-@check("contract", PLAYED, "What it is given is not changed.")
+@check("contract", PLAYED, "It does not change its inputs.")
 def inputs_untouched(bench: Bench) -> Iterator[Finding]:
-    """It is handed inputs that can be written to, and they are compared afterwards.
+    """The plugin gets writable inputs, which are compared afterwards.
 
-    The scenes are new ones: a plugin that wrote to its inputs has done so in the plays before.
+    The scenes are generated again, since a plugin that writes to its inputs has already changed those of earlier plays.
     """
     for scene in made_scenes(bench.subject, bench.seed):
         try:
@@ -130,16 +130,16 @@ def inputs_untouched(bench: Bench) -> Iterator[Finding]:
                     before = digest(loose)
                     player.step(loose)
                     if digest(loose) != before:
-                        yield Finding("changes what it was given", "a copy of its own: np.array(…) before writing",
+                        yield Finding("changes its inputs", "a copy, np.array(…), before it writes",
                                       given=bench.at(scene, step), scene=scene.name)  # fmt: skip
                         return
         except Fault:
             continue
 
 
-@check("contract", PLAYED, "Answers are the same when the inputs went through the codec, as between processes.")
+@check("contract", PLAYED, "Answers are the same if the inputs were encoded and decoded, as between processes.")
 def through_the_codec(bench: Bench) -> Iterator[Finding]:
-    """What is compared by identity, or kept from step to step, is another object then."""
+    """Decoding makes new objects, which shows comparisons by identity."""
 
     def again(scene: PlayedScene) -> list[bytes]:
         with alike():

@@ -1,4 +1,4 @@
-"""What answers say in numbers."""
+"""Whether the numbers in an answer can be right: lengths, covariances, angles and stamps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.frames import inverse, transform
+from navloom.geometry.cells import cells_at, has_cells, places_of
+from navloom.geometry.polylines import Polyline
 from navloom.messages import Message, OccupancyGrid, Path, RangeScan
 from navloom.plugins.registry import NODE
 from navloom.testing.bench import Bench, alike
@@ -27,21 +28,21 @@ OCCUPIED = 50
 BLOCKED = 0.05
 """Share of a path that may touch blocked cells: a diagonal step touches their corners."""
 FREE = 0.05
-"""Share of the occupied places of a map that a traversable grid may have as free: the robot may stand in some."""
+"""Greatest share of the map's occupied cells that are free in a traversable grid: the robot may stand in some."""
 ENDS = 0.5
-"""Way at each end of a path that is not judged, m."""
+"""Length at each end of a path that is not judged, m."""
 SECOND_NS = 1_000_000_000
 TICK_NS = 50_000_000
-"""How far ahead of the run clock the stamp of a reading may be, ns."""
+"""Greatest lead of the stamp of a reading over the run clock, ns."""
 UNITS = 500
-"""How many times a stamp in another unit than ns is too small, at least."""
+"""A stamp that is this many times smaller than the run clock is not in ns."""
 FURTHEST = 1.1
-"""Greatest ratio of a range to range_max: noise."""
+"""Greatest ratio of a range to range_max: ranges have noise."""
 FULL_TURN = math.tau + 1e-6
 
 
 def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
-    """PlayedScene, input, step and answer of every sound scene."""
+    """Scene, input, step number and answer of each step of the sound scenes."""
     for scene in bench.sound():
         with alike():
             player = bench.player(scene)
@@ -49,9 +50,9 @@ def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
                 yield scene, given, step, player.step(given)
 
 
-@check("contract", {"planner"}, "A path's length is that of its points, or more where they were pruned.")
+@check("contract", {"planner"}, "A path's length is that of its points, or more if points were pruned.")
 def path_length(bench: Bench) -> Iterator[Finding]:
-    """In m."""
+    """The stated length, m, is compared with that of the polyline through the points."""
     for scene, given, step, answer in _answers(bench):
         if not isinstance(answer, Path):
             continue
@@ -67,7 +68,7 @@ def path_length(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"planner"}, "A path leads through free cells of its own traversable grid.")
 def traversable(bench: Bench) -> Iterator[Finding]:
-    """It is pruned and smoothed within that grid. Near its ends the robot may stand close to something."""
+    """Paths are pruned and smoothed within that grid. Near the ends of a path, obstacles may be close."""
     for scene, given, step, answer in _answers(bench):
         if not isinstance(answer, Path) or answer.traversable is None:
             continue
@@ -82,48 +83,40 @@ def traversable(bench: Bench) -> Iterator[Finding]:
         share = _blocked_share(answer.points, answer.traversable)
         if share > BLOCKED:
             yield Finding(
-                f"gives a path of which {share:.0%} leads through cells that its traversable grid says are occupied",
-                "a grid of the same rows, columns, origin and resolution as the path was searched in",
+                f"gives a path of which {share:.0%} leads through occupied cells of its own traversable grid",
+                "the grid in which the path was searched: the same rows, columns, origin and resolution",
                 given=bench.at(scene, step), scene=scene.name,
             )  # fmt: skip
             return
 
 
 def _blocked_share(points: Floats, grid: OccupancyGrid) -> float:
-    """Share of a path, without what is near its ends, in occupied cells of a grid or beside it."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.arange(ENDS, along[-1] - ENDS, 0.25 * grid.resolution)
-    if not len(at):
+    """Share of a path that lies in occupied cells of a grid or outside the grid, without the path's two ends."""
+    line = Polyline(points)
+    distances = np.arange(ENDS, line.length - ENDS, 0.25 * grid.resolution)
+    if not len(distances):
         return 0.0
-    dense = np.column_stack([np.interp(at, along, points[:, k]) for k in (0, 1)])
-    return 1.0 - float(_is_free(grid, dense).mean())
+    return 1.0 - float(_is_free(grid, line.at(distances)).mean())
 
 
 def _free_share(map_grid: OccupancyGrid, grid: OccupancyGrid) -> float:
-    """Share of the middles of a map's cells at 100 that another grid says are free."""
-    rows, columns = np.nonzero(map_grid.cells == 100)
-    if not len(rows):
-        return 0.0
-    origin, middles = map_grid.origin, (np.stack([columns, rows], axis=1) + 0.5) * map_grid.resolution
-    places = transform(np.array([origin.x, origin.y, origin.heading]), middles)
-    return float(_is_free(grid, places).mean())
+    """Share of the centres of a map's cells at 100 that lie in free cells of another grid."""
+    occupied = np.argwhere(map_grid.cells == 100)
+    return float(_is_free(grid, places_of(map_grid, occupied)).mean()) if len(occupied) else 0.0
 
 
-def _is_free(grid: OccupancyGrid, places: Floats) -> NDArray[np.bool_]:
-    """(n,) which places, (n, 2) m, map frame, are in free cells of a grid; none beside it."""
-    origin = grid.origin
-    to_grid = inverse(np.array([origin.x, origin.y, origin.heading]))
-    cells = np.floor(transform(to_grid, places) / grid.resolution).astype(int)
-    rows, columns = grid.cells.shape
-    is_inside = (cells >= 0).all(axis=1) & (cells[:, 1] < rows) & (cells[:, 0] < columns)
-    is_free = np.zeros(len(cells), dtype=np.bool_)
-    is_free[is_inside] = grid.cells[cells[is_inside, 1], cells[is_inside, 0]] < OCCUPIED
+def _is_free(grid: OccupancyGrid, points: Floats) -> NDArray[np.bool_]:
+    """(n,) which points, (n, 2) m, map frame, lie in free cells of a grid; none outside the grid does."""
+    cells = cells_at(grid, points)
+    is_free = has_cells(grid, cells)
+    known = cells[is_free]
+    is_free[is_free] = grid.cells[known[:, 0], known[:, 1]] < OCCUPIED
     return is_free
 
 
 @check("contract", {"localizer"}, "The covariance is symmetric, and no direction has a negative variance.")
 def covariance(bench: Bench) -> Iterator[Finding]:
-    """What filters and gates invert."""
+    """Filters and gates invert the covariance."""
     for scene, _, step, answer in _answers(bench):
         given = answer.covariance
         scale = max(float(np.abs(given).max()), 1e-12)
@@ -141,7 +134,7 @@ def covariance(bench: Bench) -> Iterator[Finding]:
 @check("contract", {"platform"}, "Bearings and half angles of scans are in rad, ranges at most range_max, and "
        "beams begin within 10 m of base.")  # fmt: skip
 def scan_geometry(bench: Bench) -> Iterator[Finding]:
-    """What no sensor can have."""
+    """Larger values mean wrong units: no sensor has them."""
     for scene, _, step, answer in _answers(bench):
         for name, scan in answer.scans.items():
             if not isinstance(scan, RangeScan) or not scan.ranges.size:
@@ -166,15 +159,15 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", {"mapper", "platform", NODE}, "Stamps are on the run clock, in ns.")
 def stamps(bench: Bench) -> Iterator[Finding]:
-    """In the scenes it soon is at 1 s and more: a stamp in s or ms is next to nothing then."""
+    """Once the run clock is past 1 s, a stamp in s or ms is far too small for one in ns."""
     for scene, given, step, answer in _answers(bench):
         now_ns = _now_ns(bench.subject.kind, given)
         ahead_ns = TICK_NS if bench.subject.kind == "platform" else SECOND_NS
         for name, stamp_ns in _stamps_of(answer.scans if bench.subject.kind == "platform" else answer):
             if stamp_ns > now_ns + ahead_ns or (now_ns >= SECOND_NS and 0 < stamp_ns < now_ns / UNITS):
                 yield Finding(
-                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as the stamps "
-                    "of what it is given", given=bench.at(scene, step), scene=scene.name,
+                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as in the "
+                    "stamps of its inputs", given=bench.at(scene, step), scene=scene.name,
                 )  # fmt: skip
                 return
 

@@ -1,4 +1,4 @@
-"""Where a plugin keeps its state: in its object alone, so that episodes, instances and threads do not meet."""
+"""A plugin keeps its state in its object alone, so that instances and threads do not affect each other."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from navloom.testing.player import Fault, Player, digest, first_difference
 __all__ = ["CHECKS"]
 
 MOST_SWITCHES = 150
-"""Lines of a plugin's code at most at which another instance steps in between."""
+"""Most lines of a plugin's code at which another instance makes a step."""
 TRACED_STEPS = 3
 LOCKED = 0.5
-"""How long another instance may take for a step, s, before it counts as waiting for a lock."""
+"""Longest wait for a step of the other instance, s; a step that takes longer is taken to wait for a lock."""
 SWITCH_INTERVAL = 1e-5
-"""Between two switches of threads, s."""
+"""Interval between thread switches, s."""
 
 _Line = tuple[str, int]
-"""File and number."""
+"""File and line number."""
 
 
-@check("contract", PLAYED, "Two instances that step in turn do not see each other.")
+@check("contract", PLAYED, "Two instances that step in turn do not affect each other.")
 def two_instances(bench: Bench) -> Iterator[Finding]:
-    """As an active instance and a shadow do."""
+    """An active instance and its shadow step in this way."""
     scenes = bench.steady()
     for one, other in zip(scenes, [*scenes[1:], scenes[0]], strict=True):
         mine: list[bytes] = []
@@ -57,7 +57,7 @@ def two_instances(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", PLAYED, "Two instances can step at the same time, in two threads.")
 def threads(bench: Bench) -> Iterator[Finding]:
-    """Another instance steps at each line of a step; then both run freely."""
+    """First another instance steps at each line of a step, then both run freely."""
     scenes = bench.steady()
     one, other = scenes[0], scenes[-1]
     yield from _switched(bench, one, other)
@@ -65,7 +65,7 @@ def threads(bench: Bench) -> Iterator[Finding]:
 
 
 def _switched(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
-    """Steps of one instance, at the lines of which another makes a step in a thread of its own."""
+    """Step one instance; at each line of its code, step another in a separate thread."""
     between = _Between(bench, one, other)
     found = between.differs(None)
     if found is not None:
@@ -74,7 +74,7 @@ def _switched(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Fi
 
 
 class _Between:
-    """Has an instance make a step while another is at a line of its own: at one line, or at each new one."""
+    """Steps a second instance while the first is at a given line of its code, or at each new line."""
 
     def __init__(self, bench: Bench, one: PlayedScene, other: PlayedScene) -> None:
         self.bench, self.one, self.other = bench, one, other
@@ -85,7 +85,11 @@ class _Between:
         self._stepped = 0
 
     def differs(self, at: _Line | None) -> Finding | None:
-        """What to say of the first steps of an instance, with steps of another at one line; None: at each."""
+        """A finding if steps of the second instance change the first answers of the first one.
+
+        Args:
+            at: The line at which the second instance steps; None for each new line.
+        """
         self._at, self._passed, self._stepped = at, set(), 0
         answers: list[bytes] = []
         with alike():
@@ -131,7 +135,7 @@ class _Between:
 
 
 def _free(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
-    """Two threads, each with an instance of its own, that play at the same time."""
+    """Play two instances at the same time, each in its own thread."""
     answers: dict[str, list[bytes] | Fault] = {}
 
     def play(name: str, scene: PlayedScene) -> None:

@@ -1,4 +1,4 @@
-"""To which side an avoider steers."""
+"""The side to which an avoider steers."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from navloom.testing.inputs import PERIOD
 __all__ = ["CHECKS"]
 
 PLACES = ((0.9, 0.45), (1.1, 0.4), (1.3, 0.5))
-"""Of a box ahead of the robot and beside its way, m."""
+"""Places of a box that is ahead of the robot and beside its way: x and distance to the side, m, base frame."""
 LOOKS = 15
-"""Steps for which a standing robot looks."""
+"""Steps for which a stopped robot is shown each scene."""
 TOWARDS = 0.05
-"""Change of the turn rate towards the box that counts, as a share of the robot's limit."""
+"""Least change of the turn rate towards the box that counts, as a share of the robot's limit."""
 
 
-@check("contract", {"avoider"}, "It does not turn towards what stands beside its way, whichever side that is on.")
+@check("contract", {"avoider"}, "It does not turn towards obstacles on its left as well as on its right.")
 def turns_away(bench: Bench) -> Iterator[Finding]:
-    """Against its answer on an open floor. One that prefers a side turns towards things on one side only."""
+    """Turn rates are compared with that on an open floor.
+
+    An avoider that prefers a side turns towards boxes on that side only, so turning towards boxes on both is a fault.
+    """
     if not any(issubclass(RangeScan, kind) for kind in bench.subject.thing.accepts):
         raise NotRun("it reads no range sensor")
     bench.steady()
@@ -36,13 +39,13 @@ def turns_away(bench: Bench) -> Iterator[Finding]:
         if min(changes) <= least:
             return
     yield Finding(
-        f"turns towards a box to its left, and towards one to its right, by {min(changes):.2f} rad/s and more",
-        "bearings counter-clockwise, left positive", given=f"a standing robot and a box at {PLACES[0]} m, base frame",
+        f"turns towards a box to its left, and towards one to its right, by at least {min(changes):.2f} rad/s",
+        "bearings counter-clockwise, left positive", given=f"a stopped robot and a box at {PLACES[0]} m, base frame",
     )  # fmt: skip
 
 
 def _turn_rate(bench: Bench, world: World) -> float:
-    """Turn rate, rad/s, that a standing robot is told to have when it has looked for a while; its target is ahead."""
+    """Turn rate that the avoider commands a stopped robot after some steps, rad/s; the target is straight ahead."""
     scene = replace(bench.sound()[0], context=builders.context(role="avoider", period=PERIOD))
     turn = 0.0
     with alike():

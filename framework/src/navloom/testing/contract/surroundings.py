@@ -1,4 +1,4 @@
-"""What a plugin takes from its process beside its inputs, and what it leaves changed there."""
+"""What a plugin reads from its process besides its inputs, and what it changes there."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _SEEDS: Mapping[str, Callable[[], Any]] = MappingProxyType({
 })  # fmt: skip
 
 
-@check("contract", PLAYED, "A step leaves what the process has but one of as it is: random seeds, environment, folder.")
+@check("contract", PLAYED, "A step changes no state of the process: random seeds, environment, working folder, …")
 def global_state(bench: Bench) -> Iterator[Finding]:
-    """Other plugins of the process, and the framework, have the same. Its import leaves it as it is, too."""
+    """Other plugins of the process and the framework share this state. The import must not change it either."""
     scene = bench.sound()[0]
     with alike():
         before = {name: look() for name, look in _SEEDS.items()}
@@ -34,7 +34,7 @@ def global_state(bench: Bench) -> Iterator[Finding]:
             player.step(given)
         seeds = [name for name, look in _SEEDS.items() if look() != before[name]]
     by_import, by_calls = PROCESS_STATE.changed()
-    expected = "context.stream(name) for random numbers, and nothing else that is global"
+    expected = "random numbers from context.stream(name), and no change of the process's state"
     if seeds or by_calls:
         yield Finding(f"changes {', '.join(seeds + by_calls)}", expected, given=f"scene {scene.name!r}",
                       scene=scene.name)  # fmt: skip
@@ -42,9 +42,9 @@ def global_state(bench: Bench) -> Iterator[Finding]:
         yield Finding(f"changes {', '.join(by_import)} when it is imported", expected)
 
 
-@check("contract", PLAYED - {"platform"}, "A call reads no environment variable, and nothing of the working folder.")
+@check("contract", PLAYED - {"platform"}, "A call uses no environment variable and no working folder.")
 def environment(bench: Bench) -> Iterator[Finding]:
-    """They differ between the computers and the services that run a robot. A platform that is a driver may."""
+    """These differ between the computers and services that run a robot. A platform that is a driver may use them."""
     if "environment" in bench.deeds:
         deed, scene = bench.deeds["environment"]
         yield Finding(f"reads {deed.text.removeprefix('open ')}", "a parameter: a field of its Params",

@@ -1,4 +1,7 @@
-"""A robot on a ROS 2 network as a platform."""
+"""The platform plugin `ros2_base`: a robot on a ROS 2 network behind the role interface of a platform.
+
+It joins the parts of this package: `link` has the network, `sources` what the robot reported last.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +39,9 @@ STILL = Twist2D(0.0, 0.0, 0.0)
 
 
 class Ros2Base(Platform):
-    """Drives a base by its velocity topic; odometry, scans and contact are those of its network.
+    """Drives a base through its velocity topic, and reads odometry, scans and contact from its ROS network.
 
-    Live it raises while the robot cannot be driven, with the reason: then the gate stops it, until it can again.
+    While the robot cannot be driven, `advance` raises with the reason, and the gate keeps the robot stopped.
     """
 
     name = "ros2_base"
@@ -67,17 +70,17 @@ class Ros2Base(Platform):
         self._newest = dict.fromkeys((ODOMETRY, *self._sensors), 0)
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
-        """Send a velocity at once."""
+        """Send a velocity now, without waiting for the next tick."""
         self._command = command
         self._link.send(command.vx, command.vy, command.wz, self._robot.clock_ns(now_ns()))
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Send the command once more, and say what the robot has said since the last tick.
+        """Send the command again, and return what the robot has reported since the last tick.
 
         Raises:
-            RosError: The robot cannot be driven now.
+            RosError: The robot cannot be driven now; the text says why.
         """
-        self.drive(given.command, given.time_ns)  # a base counts the time since its last command
+        self.drive(given.command, given.time_ns)  # a base times out when no command arrives
         now, robot, given_ns = now_ns(), self._robot, given.time_ns
         if self._zero_ns is None or now - given_ns < self._zero_ns or now - given_ns > self._zero_ns + 10**9:
             self._zero_ns = now - given_ns
@@ -98,31 +101,31 @@ class Ros2Base(Platform):
             found = sensor.read(self._robot, now)
             if sensor.lacks:
                 raise RosError(
-                    f"sensor {name}: {self.params.tf_topic} does not say where its frame {sensor.lacks!r} is in "
-                    f"{self.params.base_frame!r}: publish that, or give the sensor a mount"
+                    f"sensor {name}: {self.params.tf_topic} does not connect its frame {sensor.lacks!r} to "
+                    f"{self.params.base_frame!r}: publish that transform, or give the sensor a mount"
                 )
             if found is not None:
                 yield name, _scan(found[0], self._stamp(name, found[1], time_ns))
 
     def _stamp(self, name: str, measured_ns: int, time_ns: int) -> int:
-        """A time of this host's monotonic clock on the run clock; it never runs backwards."""
+        """Converts a time on this host's monotonic clock to the run clock, ns; never decreases for the same stream."""
         assert self._zero_ns is not None
         newest = min(self._newest[name], time_ns)
         self._newest[name] = max(newest, min(time_ns, measured_ns - self._zero_ns))
         return self._newest[name]
 
     def _silence(self, now: int) -> str:
-        """Why there is no odometry; empty where there is."""
+        """Why there is no current odometry; empty if there is."""
         by_frames = self.params.odometry == "tf"
         what = self.params.tf_topic if by_frames else self.params.odometry_topic
         measured_ns = self._robot.measured_ns
         if self._robot.anchor.is_unsteady(now):
-            return f"{what} jumps again and again: has it more than one publisher?"
+            return f"{what} keeps jumping: does it have more than one publisher?"
         if measured_ns is not None and now - measured_ns <= self.params.odometry_timeout * 1e9:
             return ""
         why = self._robot.unusable or self._link.why_silent(TF if by_frames else ODOMETRY)
         since = (
-            "has not been heard" if measured_ns is None else f"has been silent for {(now - measured_ns) * 1e-9:.2f} s"
+            "has no message yet" if measured_ns is None else f"has been silent for {(now - measured_ns) * 1e-9:.2f} s"
         )
         return f"{what} {since}{': ' * bool(why)}{why}"
 

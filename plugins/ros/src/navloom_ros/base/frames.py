@@ -1,4 +1,7 @@
-"""The tree of frames that a robot publishes on /tf and /tf_static, and how a planar sensor is mounted in it."""
+"""The latest transforms of a live robot's /tf and /tf_static: where its base and its sensors are now.
+
+`navloom_ros.frames` does the same for a bag, where the first transform of a moving frame counts.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +18,19 @@ __all__ = ["Frames", "heading_of", "planar", "rotation"]
 Floats = NDArray[np.float64]
 
 MOST_FRAMES = 1000
-"""Frames that are kept; further ones are passed over."""
+"""Most frames that are stored; further ones are ignored."""
 UNIT = 0.05
-"""How far the length of a quaternion may be from 1."""
+"""Largest deviation of a quaternion's length from 1."""
 
 
 class Frames:
-    """Where each frame was last in its parent; names without a leading slash."""
+    """The newest transform of each frame to its parent. Leading slashes of names are ignored."""
 
     def __init__(self) -> None:
         self._in_parent: dict[str, tuple[str, Floats]] = {}
 
     def add(self, message: Any) -> None:
-        """Take in a TFMessage; transforms that are none are passed over."""
+        """Store the transforms of a TFMessage; invalid ones are ignored."""
         for one in message.transforms:
             child, moved = one.child_frame_id.lstrip("/"), one.transform.translation
             turned = rotation(one.transform.rotation)
@@ -39,7 +42,7 @@ class Frames:
             self._in_parent[child] = one.header.frame_id.lstrip("/"), matrix
 
     def find(self, target: str, frame: str) -> Floats | None:
-        """The (4, 4) transform from a frame to the target frame; None where no chain of frames joins them."""
+        """The (4, 4) transform from `frame` to `target`; None if the tree does not connect them."""
         from_frame, from_target = self._chain(frame.lstrip("/")), self._chain(target.lstrip("/"))
         for name, to_common in from_frame.items():
             if name in from_target:
@@ -48,26 +51,26 @@ class Frames:
         return None
 
     def _chain(self, frame: str) -> dict[str, Floats]:
-        """Every frame above one, with the transform to it, itself first."""
+        """A frame and its ancestors, nearest first, each with the (4, 4) transform from the frame to it."""
         matrix = np.eye(4)
         chain = {frame: matrix}
-        while (above := self._in_parent.get(frame)) is not None and above[0] not in chain:  # else it is a circle
+        while (above := self._in_parent.get(frame)) is not None and above[0] not in chain:  # stops at a cycle
             frame, matrix = above[0], above[1] @ matrix
             chain[frame] = matrix
         return chain
 
 
 def rotation(quaternion: Any) -> Floats | None:
-    """The (3, 3) matrix of a quaternion message; None where it is none."""
+    """The (3, 3) rotation matrix of a quaternion message; None if its length is not 1."""
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     length = math.sqrt(x * x + y * y + z * z + w * w)
-    if not abs(length - 1.0) < UNIT:  # NaN too
+    if not abs(length - 1.0) < UNIT:  # also true for NaN
         return None
     return quaternion_matrix(x, y, z, w)
 
 
 def heading_of(matrix: Floats) -> float:
-    """Heading of a frame's x axis in the plane, rad."""
+    """Heading of a transform's x axis in the plane, rad."""
     return math.atan2(matrix[1, 0], matrix[0, 0])
 
 

@@ -1,7 +1,8 @@
-"""A process of its own that stops the base when the process of the platform dies or freezes.
+"""The guardian: a separate process that stops the base when the platform's process dies or freezes.
 
-It has a session of its own with the robot's router. The platform writes a line to it with each tick; where the lines
-end, or cease while the robot moves, it publishes zero.
+It has its own session with the robot's router. The platform writes one line to its stdin in each tick. When the pipe
+closes, or no line arrives while the robot moves, the guardian publishes zero velocity. `Guard` is the platform's end of
+the pipe, used by `link`; `main` runs in the guardian's process.
 """
 
 from __future__ import annotations
@@ -25,19 +26,27 @@ from navloom_ros.qos import DEFAULT
 __all__ = ["Guard", "velocity"]
 
 BETWEEN = 0.02
-"""s between two zeros."""
+"""Interval between two zero velocities, s."""
 AFTER = 1.0
-"""s for which zero is published once the platform's process has ended."""
+"""How long zero is published after the platform's process has ended, s."""
 AGAIN = 1.0
-"""s between two tries to join the network."""
+"""Interval between two attempts to join the network, s."""
 UNHEARD = 1.0
-"""s without a sign of the guardian after which it counts as frozen."""
+"""Time without an answer from the guardian after which it counts as frozen, s."""
 READY, BEAT = b"r", b"b"
 MOVING, STOPPED = "m", "s"
 
 
 def velocity(types: Types, stamped: bool, vx: float, vy: float, wz: float, frame: str, stamp_ns: int | None) -> Any:
-    """A Twist, or a TwistStamped with a stamp of the robot's clock; without one, 0, which ROS takes for now."""
+    """A Twist, or a TwistStamped.
+
+    Args:
+        types: Of the robot's distribution.
+        stamped: Make a TwistStamped.
+        vx, vy, wz: Velocity in the base frame, m/s and rad/s.
+        frame: Of the TwistStamped.
+        stamp_ns: On the robot's clock; None becomes 0, which ROS reads as "now".
+    """
     twist = {"linear": {"x": vx, "y": vy}, "angular": {"z": wz}}
     if not stamped:
         return types.new("geometry_msgs/msg/Twist", **twist)
@@ -47,16 +56,16 @@ def velocity(types: Types, stamped: bool, vx: float, vy: float, wz: float, frame
 
 
 class Guard:
-    """The platform's end of it: starts the process and tells it that the platform lives.
+    """The platform's end of the guardian: starts its process and sends it a heartbeat.
 
     Args:
-        given: What `main` needs, as JSON has it.
+        given: Settings for `main`, of types that JSON has (`Settings.for_guardian`).
     """
 
     def __init__(self, given: Mapping[str, Any]) -> None:
         command = [sys.executable, "-c", f"from {__name__} import main; main()", json.dumps(dict(given))]
-        # Nothing of the environment: the guardian outlives the robot's processes by a second, and whoever ends what
-        # those have started must not end it before it has stopped the base.
+        # An empty environment: the framework finds leftover processes of a robot by a mark in their environment. It
+        # must not end the guardian, which outlives the platform by a second, before the base is stopped.
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -73,7 +82,7 @@ class Guard:
 
     @property
     def is_alive(self) -> bool:
-        """It runs, and answers; also while it starts."""
+        """The process runs and answers. Also true while it starts."""
         said = b""
         with suppress(BlockingIOError):
             said = os.read(self._from, 4096)
@@ -84,12 +93,17 @@ class Guard:
         return self._process.poll() is None and is_heard
 
     def beat(self, is_moving: bool, stamp_ns: int | None) -> None:
-        """Say that the platform lives, whether the base may move, and the time on the robot's clock."""
+        """Send the heartbeat.
+
+        Args:
+            is_moving: The last velocity was not zero.
+            stamp_ns: Time on the robot's clock; None if that is unknown.
+        """
         with suppress(BlockingIOError, BrokenPipeError):
             os.write(self._to, f"{MOVING if is_moving else STOPPED} {stamp_ns or 0}\n".encode())
 
     def close(self, is_frozen: bool = False) -> None:
-        """Let it stop the base and end; it does so by itself when this process ends. A frozen one is killed."""
+        """Let the guardian stop the base and exit, as it also does when this process ends. A frozen one is killed."""
         if is_frozen:
             self._process.kill()
         for stream in (self._process.stdin, self._process.stdout):
@@ -101,7 +115,7 @@ class Guard:
 
 
 def main() -> None:
-    """Run in the guardian's process, with what `Guard` was given as JSON in the first argument."""
+    """Run the guardian's process. Its first argument is the settings of `Guard` as JSON."""
     given = json.loads(sys.argv[1])
     given_network = given["network"]
     network = Network(**{**given_network, "folders": tuple(map(Path, given_network["folders"]))})
@@ -126,7 +140,12 @@ def main() -> None:
 
 
 def _guard(stop: Any, silence: float) -> None:
-    """Publish zero while the platform is silent and the base may move; end some time after the platform has."""
+    """Publish zero velocity while the platform is silent and the base may move, and for `AFTER` s once it has ended.
+
+    Args:
+        stop: Publishes zero velocity with a stamp, ns; 0 for none.
+        silence: Time without a heartbeat after which the platform counts as frozen, s.
+    """
     is_moving, ended_at, text = False, None, b""
     stamp_ns, heard = 0, time.monotonic()
     while ended_at is None or time.monotonic() - ended_at < AFTER:
@@ -150,7 +169,7 @@ def _guard(stop: Any, silence: float) -> None:
 
 
 def _is_over(seconds: float) -> bool:
-    """Wait, at most so long; whether the platform's process has ended."""
+    """Whether the platform's process ends within some seconds; waits that long at most."""
     until = time.monotonic() + seconds
     while (left := until - time.monotonic()) > 0.0:
         if select.select([0], [], [], left)[0] and not os.read(0, 65536):

@@ -1,4 +1,7 @@
-"""The robot's ROS network as a platform needs it: joined in the background, guarded, and joined again by itself."""
+"""The connection of the platform `ros2_base` to the robot's ROS network: topics in, velocities out, and the guardian.
+
+The network is joined in the background. Zenoh reconnects by itself when the router restarts.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,18 @@ from dataclasses import dataclass
 
 from navloom_ros.base.guardian import Guard, velocity
 from navloom_ros.joining import Joining, Network
-from navloom_ros.node import Node, Publisher, Received, Subscription
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT, Qos
+from navloom_ros.topics import Publisher, Received, Subscription
 
 __all__ = ["TRANSFORMS", "Link", "Settings", "Topic", "now_ns"]
 
 READINGS = Qos(reliable=False, depth=20)
-"""Of sensor data: what comes between two ticks."""
+"""Quality of service of sensor data; the depth covers the messages between two ticks."""
 TRANSFORMS = Qos(transient_local=True, depth=100)
-"""Of /tf_static, which several nodes may publish, each its own."""
+"""Quality of service of /tf_static; the depth covers several nodes that each publish their own transforms."""
 FLOWING = Qos(depth=200)
-"""Of /tf, which comes at hundreds of Hz."""
+"""Quality of service of /tf and /clock, which arrive at hundreds of Hz."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +30,9 @@ class Topic:
     """A topic to read.
 
     Attributes:
-        name: Of the topic.
-        kind: Its type.
-        qos: How it is asked for.
+        name: Its ROS name.
+        kind: Its type, as `nav_msgs/msg/Odometry`.
+        qos: Quality of service of the subscription.
     """
 
     name: str
@@ -41,11 +45,11 @@ class Settings:
     """Where the robot is and how it takes commands.
 
     Attributes:
-        network: Of the robot.
-        command: Topic of velocities.
-        stamped: They are TwistStamped.
+        network: The robot's ROS network.
+        command: Topic of velocity commands.
+        stamped: Commands are TwistStamped.
         frame: Frame of a TwistStamped.
-        silence: s without a tick after which the guardian stops the base.
+        silence: Time without a tick after which the guardian stops the base, s.
     """
 
     network: Network
@@ -56,25 +60,25 @@ class Settings:
 
     @property
     def kind(self) -> str:
-        """Type of the velocities."""
+        """Message type of the commands."""
         return "geometry_msgs/msg/TwistStamped" if self.stamped else "geometry_msgs/msg/Twist"
 
     def for_guardian(self) -> dict[str, object]:
-        """What the guardian has to know, as JSON has it."""
+        """The settings of the guardian, of types that JSON has."""
         network = {**vars(self.network), "folders": [str(folder) for folder in self.network.folders]}
         network["node"] = f"{self.network.node}_guardian"
         return {**vars(self), "network": network}
 
 
 class Link:
-    """Reads topics and sends velocities, once `send` or `problem` was called.
+    """Reads topics and sends velocities. The first call of `send` or `problem` joins the network.
 
     Args:
-        settings: Where the robot is.
-        topics: What to read; nothing else of the network is received.
+        settings: Where the robot is and how it takes commands.
+        topics: By name, the topics to read; nothing else of the network is received.
 
     Raises:
-        RosError: Settings that no network can meet.
+        RosError: A type that the distribution does not have, or a definition that cannot be used.
     """
 
     def __init__(self, settings: Settings, topics: Mapping[str, Topic]) -> None:
@@ -88,55 +92,60 @@ class Link:
         self._guard: Guard | None = None
 
     def problem(self) -> str:
-        """Why the base cannot be driven now; empty where it can."""
+        """Why the base cannot be driven now; empty if it can. A dead or frozen guardian is replaced."""
         guard, node = self._started(), self._joining.node
         if not guard.is_alive:
             guard.close(is_frozen=True)
             self._guard = Guard(self._settings.for_guardian())
-            return "the guardian's process has ended or hangs; another one starts"
+            return "the guardian's process has ended or hangs; a new one is starting"
         if node is None:
             return self._joining.why
         if not node.wire.joined:
             return f"the link to the router {self._settings.network.router} is down"
         if not guard.is_ready:
-            return "the guardian's process starts"
+            return "the guardian's process is starting"
         return self._nobody_listens(node)
 
     def take(self, name: str) -> Iterator[Received]:
-        """What a topic has brought since the last call, oldest first."""
+        """Messages of a topic since the last call, oldest first."""
         subscription = self._subscriptions.get(name)
         while subscription is not None and (received := subscription.take()) is not None:
             yield received
 
     def why_silent(self, name: str) -> str:
-        """What is known of a topic that brings nothing."""
+        """Why no message of a topic arrives; empty if the reason is not known."""
         node, topic, subscription = self._joining.node, self._topics[name].name, self._subscriptions.get(name)
         if node is None or subscription is None:
             return self._joining.why
         if subscription.refused:
-            return f"{subscription.refused} messages could not be read, the last one because {subscription.reason}"
+            return f"{subscription.refused} messages could not be read, the last one: {subscription.reason}"
         if others := node.mismatches(topic):
             ours = f"{subscription.entity.type_name} of {self._types.distribution}"
             return f"it is published as {others[0].type_name}, {others[0].type_hash}; expected {ours}"
         if not node.graph.find(subscription.entity.name, ("MP",)):
-            return "nobody publishes it"
+            return "no node publishes it"
         return ""
 
     def send(self, vx: float, vy: float, wz: float, stamp_ns: int | None) -> None:
-        """Send a velocity, m/s and rad/s; the stamp is of the robot's clock, None where that is unknown."""
+        """Send a velocity, m/s and rad/s.
+
+        Args:
+            vx, vy, wz: In the base frame.
+            stamp_ns: Time on the robot's clock; None if that is unknown.
+        """
         self._started().beat(bool(vx or vy or wz), stamp_ns)
         if self._publisher is not None:
             settings = self._settings
             self._publisher.publish(velocity(self._types, settings.stamped, vx, vy, wz, settings.frame, stamp_ns))
 
     def close(self) -> None:
-        """Leave the network; the guardian stops the base once more and ends."""
+        """Leave the network. The guardian stops the base and exits."""
         if self._guard is not None:
             self._guard.close()
         self._joining.close()
 
     def _started(self) -> Guard:
-        """The guardian; the first call starts it, and joins the network."""
+        """The guardian. The first call starts it and begins to join the network."""
         if self._guard is None:
             self._joining.start()
             self._guard = Guard(self._settings.for_guardian())
@@ -154,12 +163,12 @@ class Link:
         if any((one.type_name, one.type_hash) == (ours.type_name, ours.type_hash) for one in listeners):
             return ""
         if not listeners:
-            return f"nobody subscribes {ours.name}: the base is not there"
+            return f"no node subscribes to {ours.name}: is the base running?"
         other = listeners[0]
         hint = f"; set stamped = {str(not self._settings.stamped).lower()}" if "/Twist" in other.type_name else ""
         if other.type_name == ours.type_name:
             hint = f": hash {other.type_hash} is not that of {self._types.distribution}; set distribution"
-        return f"{other.full_node_name} subscribes {ours.name} as {other.type_name}, not {ours.type_name}{hint}"
+        return f"{other.full_node_name} subscribes to {ours.name} as {other.type_name}, not {ours.type_name}{hint}"
 
 
 def now_ns() -> int:

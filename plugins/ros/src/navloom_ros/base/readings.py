@@ -1,4 +1,7 @@
-"""What ROS sensors say, as arrays in the base frame: no framework, no network."""
+"""Converts live ROS messages to arrays in the base frame. Pure: imports neither the framework nor the network.
+
+`bag_conversion` does the same for bags, without the checks for a robot that is being driven.
+"""
 
 from __future__ import annotations
 
@@ -18,25 +21,33 @@ __all__ = ["Anchor", "Beams", "Unusable", "beams_of_laser", "beams_of_ranges", "
 Floats = NDArray[np.float64]
 
 TILTED = math.cos(math.radians(10.0))
-"""A laser whose axis is further from the vertical scans no plane."""
+"""Cosine of the largest tilt of a planar laser, 10°; a scan with more tilt is refused."""
 MOST_BEAMS = 100_000
-"""Beams of the largest scan that is read."""
+"""Most beams of a scan; larger scans are refused."""
 RESTARTED, RESTARTED_TURN = 0.3, 0.3
-"""m and rad by which the odometry of a new publisher may differ before it counts as one that began again."""
+"""Largest jump of the pose, m and rad, when the publisher of the odometry changes; more counts as a restart."""
 FASTER = 3.0
-"""How many times faster than the robot odometry may be before it counts as one that began again."""
+"""Largest speed of the odometry, in multiples of the robot's; a pose that moves faster counts as a restart."""
 
 
 UNSTEADY, UNSTEADY_NS = 4, 2_000_000_000
-"""Odometry that begins again so often within 2 s is that of several publishers, or of none."""
+"""Restarts of the odometry within 2 s after which it is unusable: several publishers, or a faulty one."""
 
 
 class Unusable(ValueError):
-    """A message whose values mean nothing."""
+    """A message whose values cannot be used; the text says why."""
 
 
 class Beams(NamedTuple):
-    """A scan: (n, 2) origins, m, (n,) bearings and half angles, rad, offsets, s, ranges, m; base frame."""
+    """A scan in the base frame.
+
+    Attributes:
+        origins: (n, 2), m.
+        bearings, half_angles: (n,), rad.
+        time_offsets: (n,), s after the stamp.
+        ranges: (n,), m; +inf for no echo.
+        range_min, range_max: Of the sensor, m.
+    """
 
     origins: Floats
     bearings: Floats
@@ -60,25 +71,27 @@ def stamp_ns_of(stamp: Any) -> int:
 
 
 def motion_of(message: Any) -> Motion:
-    """What nav_msgs/msg/Odometry says. Raises Unusable."""
+    """Pose and velocity of a nav_msgs/msg/Odometry. Raises Unusable."""
     pose, twist = message.pose.pose, message.twist.twist
     turned = rotation(pose.orientation)
     values = (pose.position.x, pose.position.y, twist.linear.x, twist.linear.y, twist.angular.z)
     if turned is None or not all(map(math.isfinite, values)):
-        raise Unusable("odometry without a pose or velocity: a value is not finite, or the orientation is none")
+        raise Unusable(
+            "odometry without a pose or velocity: a value is not finite, or the orientation is not a unit quaternion"
+        )
     return Motion((values[0], values[1], heading_of(turned)), values[2:])
 
 
 def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
-    """Beams of sensor_msgs/msg/LaserScan that say something: an echo, or that there is none within reach (+inf).
+    """Beams of a sensor_msgs/msg/LaserScan that are measurements: an echo, or +inf for none within reach.
 
     Args:
         scan: The message.
         mount: (4, 4) from the laser's frame to base; the laser may hang upside down.
-        is_far_below: A range below range_min, as 0, says that nothing is within reach; else it says nothing.
+        is_far_below: A range below range_min, as 0, means no echo; otherwise such a beam is left out.
 
     Raises:
-        Unusable: Values that mean nothing, or a laser that is tilted.
+        Unusable: Invalid values, or a laser that is tilted.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float64)
     limits = (scan.range_min, scan.range_max, scan.angle_min, scan.angle_increment, scan.time_increment)
@@ -91,8 +104,8 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
         raise Unusable(f"a laser that is tilted by {tilt:.0f}°: expected at most 10°")
     if is_far_below:
         ranges = np.where(ranges < scan.range_min, np.inf, ranges)
-    ranges = np.where(ranges == -np.inf, scan.range_min, ranges)  # REP 117: something nearer than it can measure
-    says = ranges >= scan.range_min  # not NaN
+    ranges = np.where(ranges == -np.inf, scan.range_min, ranges)  # REP 117: an object closer than range_min
+    says = ranges >= scan.range_min  # false for NaN
     ranges = np.where(ranges > scan.range_max, np.inf, ranges)[says]
     angles: Floats = scan.angle_min + scan.angle_increment * np.flatnonzero(says)
     along: Floats = mount[:2, :2] @ np.vstack([np.cos(angles), np.sin(angles)])
@@ -115,7 +128,7 @@ def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
         if not all(map(math.isfinite, limits)) or not 0.0 <= one.min_range <= one.max_range or one.field_of_view < 0.0:
             raise Unusable("a range with limits that are not finite, or min_range above max_range")
         if math.isnan(one.range):
-            raise Unusable("a range that is no number")
+            raise Unusable("a range that is NaN")
     least, most = min(one.min_range for one in readings), max(one.max_range for one in readings)
     ranges = [math.inf if one.range > one.max_range else max(one.range, one.min_range) for one in readings]
     return Beams(
@@ -140,11 +153,16 @@ def is_set(message: Any, path: str) -> bool:
 
 @dataclass
 class Anchor:
-    """Keeps odometry in one frame where the robot's own begins again: it is taken to stand where it stood.
+    """Keeps the odometry continuous when the robot's own restarts from zero.
+
+    A restart is a jump larger than the robot can drive. The robot is assumed not to have moved meanwhile.
 
     Args:
-        is_from_first: The frame begins where the first pose was; else it is the robot's own.
-        speed, turn: What the robot can do, m/s and rad/s.
+        is_from_first: The origin is the first pose; otherwise it is that of the robot's odometry frame.
+        speed, turn: Limits of the robot, m/s and rad/s.
+
+    Attributes:
+        restarts: How many there were.
     """
 
     is_from_first: bool
@@ -158,12 +176,12 @@ class Anchor:
     _at_ns: int = 0
 
     def place(self, raw: tuple[float, float, float], by: bytes, at_ns: int) -> tuple[float, float, float]:
-        """A pose of the robot's odometry in the frame that is kept, m and rad.
+        """A pose of the robot's odometry in the continuous frame, m and rad.
 
         Args:
-            raw: As the robot says.
-            by: Who says so.
-            at_ns: When, on this host's monotonic clock.
+            raw: Pose as the robot published it.
+            by: Gid of the publisher.
+            at_ns: When it was measured, on this host's monotonic clock.
         """
         if self._raw is None:
             self._origin = _then(_inverse(raw), (0.0, 0.0, 0.0)) if self.is_from_first else (0.0, 0.0, 0.0)
@@ -175,11 +193,11 @@ class Anchor:
         return _then(self._origin, raw)
 
     def is_unsteady(self, now_ns: int) -> bool:
-        """It began again and again: nobody can tell where the robot is."""
+        """The odometry restarts too often to know the pose."""
         return len(self._restarted_ns) == UNSTEADY and now_ns - self._restarted_ns[0] < UNSTEADY_NS
 
     def check(self, twist: tuple[float, float, float]) -> None:
-        """Refuse a velocity that the robot cannot have. Raises Unusable."""
+        """Check that the robot can drive a velocity, m/s and rad/s. Raises Unusable."""
         speed = math.hypot(twist[0], twist[1])
         if speed > FASTER * self.speed + RESTARTED or abs(twist[2]) > FASTER * self.turn + RESTARTED_TURN:
             raise Unusable(f"odometry of {speed:.3g} m/s and {twist[2]:.3g} rad/s, which the robot cannot drive")
@@ -193,7 +211,7 @@ class Anchor:
 
 
 def _then(pose: tuple[float, float, float], step: tuple[float, float, float]) -> tuple[float, float, float]:
-    """A pose that is given in another one, in the frame of that."""
+    """Composition of two planar poses: `step`, given in the frame of `pose`, in the frame that `pose` is in."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = pose[0] + cos * step[0] - sin * step[1], pose[1] + sin * step[0] + cos * step[1]
     return x, y, math.remainder(pose[2] + step[2], math.tau)

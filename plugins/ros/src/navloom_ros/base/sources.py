@@ -1,4 +1,7 @@
-"""What a robot on a ROS network says of itself, as it was last heard: motion, contact, clock, frames, readings."""
+"""The latest state of a live robot from its topics: motion, contact, clock, frames and range readings.
+
+The platform `ros2_base` polls these objects in each tick; the messages come from `link`.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +30,15 @@ from navloom_ros.base.stamps import Delays
 __all__ = ["CLOCK", "CONTACT", "ODOMETRY", "STATIC", "TF", "Heard", "Laser", "Ranges", "Robot"]
 
 ODOMETRY, TF, STATIC, CONTACT, CLOCK = "odometry", "tf", "tf static", "contact", "clock"
-"""Names of the topics that are no sensor's."""
+"""Names in `Link` of the topics that belong to no sensor."""
 STANDING_NS = 500_000_000
-"""A clock that has not moved for so long is that of a simulator that has been paused."""
+"""Time without a change of /clock after which the simulator counts as paused, ns."""
 
 Floats = NDArray[np.float64]
 
 
 class Heard(Protocol):
-    """A message as `navloom_ros.node.Received` has it."""
+    """The fields of `navloom_ros.node.Received` that are read here."""
 
     @property
     def message(self) -> Any: ...
@@ -48,27 +51,27 @@ class Heard(Protocol):
 
 
 class Reads(Protocol):
-    """What gives the messages of a topic since the last call."""
+    """Source of messages, as `Link`: `take` yields those of a topic since the last call."""
 
     def take(self, name: str) -> Iterator[Heard]: ...
 
 
 @dataclass
 class Robot:
-    """Everything but the range sensors.
+    """The robot's state except for its range sensors.
 
     Args:
-        reads: Where messages come from.
-        frame, odometry_frame: Of the base, and of odometry where that comes from /tf.
-        anchor: Where the odometry frame is.
+        reads: Source of the messages.
+        frame, odometry_frame: Base frame, and the odometry frame if odometry comes from /tf.
+        anchor: Keeps the odometry frame continuous.
         is_simulated: Stamps are those of /clock.
-        contact_field: What says that there is a contact.
+        contact_field: Field of the contact message that tells of a contact.
 
     Attributes:
         measured_ns: When the newest motion was measured, on this host's monotonic clock; None before the first.
-        pose, twist: That motion, in the frame that is kept.
-        is_touching: A contact is there.
-        unusable: Why the newest message that meant nothing did not.
+        pose, twist: Newest pose, m and rad, in the frame of `anchor`, and velocity in the base frame, m/s and rad/s.
+        is_touching: The robot is in contact.
+        unusable: Why the last invalid odometry was invalid; empty before the first.
     """
 
     reads: Reads
@@ -89,7 +92,11 @@ class Robot:
     _moved: tuple[tuple[float, float, float], int] | None = None
 
     def listen(self, from_tf: bool) -> None:
-        """Take in what has come. Args: from_tf: Odometry is that of /tf."""
+        """Read all new messages.
+
+        Args:
+            from_tf: Odometry comes from /tf.
+        """
         for heard in self.reads.take(CLOCK):
             shown_ns = stamp_ns_of(heard.message.clock)
             if self._clock is None or shown_ns != self._clock[0]:
@@ -108,21 +115,27 @@ class Robot:
             self.is_touching = is_set(heard.message, self.contact_field)
 
     def clock_problem(self, now_ns: int) -> str:
-        """Why the clock of a simulated robot is not to be relied on; empty where it is."""
+        """Why the clock of a simulated robot cannot be used; empty if it can."""
         if not self.is_simulated:
             return ""
         if self._clock is None:
-            return "/clock has not been heard, and simulated = true"
+            return "/clock has no message yet, and simulated = true"
         stands = now_ns - self._clock[1] > STANDING_NS
-        return "/clock stands still: the simulator is paused or gone" if stands else ""
+        return "/clock has stopped: the simulator is paused or has ended" if stands else ""
 
     def clock_ns(self, now_ns: int) -> int | None:
-        """What the robot's clock shows, for stamps that go to it; None where that is not known."""
+        """Time on the robot's clock, ns, for the stamps of commands; None if it is not known."""
         known = self._clock if self.is_simulated else self._sent
         return None if known is None else known[0] + now_ns - known[1]
 
     def when_ns(self, name: str, heard: Heard, stamp_ns: int) -> int:
-        """When something was measured, on this host's monotonic clock; by topic."""
+        """When the data of a message were measured, on this host's monotonic clock.
+
+        Args:
+            name: Of its topic; delays are estimated for each.
+            heard: The message.
+            stamp_ns: Stamp of its header.
+        """
         delays = self._delays.setdefault(name, Delays())
         if self.is_simulated and self._clock is not None:
             return delays.measured_by_clock_ns(stamp_ns, self._clock[0], heard.arrived_ns)
@@ -137,7 +150,7 @@ class Robot:
             self.measured_ns = at_ns
 
     def _move_by_frames(self, heard: Heard) -> None:
-        """Odometry from /tf: the pose as it is, the velocity by how it changed."""
+        """Odometry from /tf; the velocity is that between the last two poses."""
         own = [one for one in heard.message.transforms if one.header.frame_id.lstrip("/") == self.odometry_frame]
         found = self.frames.find(self.odometry_frame, self.frame)
         if not own or found is None:
@@ -148,22 +161,22 @@ class Robot:
             twist = self.twist if self._moved is None else _twist_between(*self._moved, pose, stamp_ns)
             self._moved = pose, stamp_ns
             self._move(Motion(pose, twist), heard, stamp_ns)
-        elif stamp_ns < self._moved[1] - STANDING_NS:  # the clock began again
+        elif stamp_ns < self._moved[1] - STANDING_NS:  # the clock was set back or restarted
             self._moved = pose, stamp_ns
 
 
 @dataclass
 class Laser:
-    """One laser.
+    """A laser scanner.
 
     Args:
-        topic: Name by which its messages are taken.
-        mount: (4, 4) to base; None where /tf says.
-        short_is_nothing: See `beams_of_laser`.
+        topic: Its topic.
+        mount: (4, 4) from its frame to base; None to take it from /tf.
+        short_is_nothing: `is_far_below` of `beams_of_laser`.
 
     Attributes:
-        lacks: Frame that /tf does not join with the base; empty where there is none.
-        unusable: Why the newest scan means nothing; empty where it does.
+        lacks: Frame that /tf does not connect to the base; empty if there is none.
+        unusable: Why the newest scan cannot be used; empty if it can.
     """
 
     topic: str
@@ -173,7 +186,7 @@ class Laser:
     unusable: str = ""
 
     def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
-        """The newest scan since the last call and when it was measured; None where nothing came that says anything."""
+        """The newest usable scan since the last call and when it was measured, ns; None if there is none."""
         newest: tuple[Beams, int] | None = None
         for heard in robot.reads.take(self.topic):
             header = heard.message.header
@@ -184,7 +197,7 @@ class Laser:
                 continue
             try:
                 beams = beams_of_laser(heard.message, mount, self.short_is_nothing)
-                self.unusable = "" if len(beams.ranges) else "no beam of the scan says anything"
+                self.unusable = "" if len(beams.ranges) else "no beam of the scan is a measurement"
             except Unusable as error:
                 self.unusable = str(error)
             else:
@@ -194,12 +207,12 @@ class Laser:
 
 @dataclass
 class Ranges:
-    """A ring of range sensors; it says something while each of them does.
+    """A ring of single-beam range sensors. It has a reading only while all of them have one.
 
     Args:
-        topics: Names by which their messages are taken.
-        mounts: (4, 4) to base, one a topic; None where /tf says.
-        stale_ns: How long a reading counts.
+        topics: One for each sensor.
+        mounts: (4, 4) from each sensor's frame to base; None to take them from /tf.
+        stale_ns: Age from which a reading is stale.
 
     Attributes:
         lacks, unusable: See `Laser`.
@@ -213,7 +226,7 @@ class Ranges:
     _last: dict[str, tuple[Any, Floats, int]] = field(default_factory=dict)
 
     def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
-        """All readings, where one has come since the last call and none is stale."""
+        """All readings as one scan and when the newest was measured, ns; None without a new one or with a stale one."""
         has_news = False
         for number, topic in enumerate(self.topics):
             for heard in robot.reads.take(topic):
@@ -239,7 +252,7 @@ class Ranges:
 def _twist_between(
     before: tuple[float, float, float], before_ns: int, after: tuple[float, float, float], after_ns: int
 ) -> tuple[float, float, float]:
-    """Velocity in the base frame by which a pose became another."""
+    """Mean velocity in the base frame between two poses, m/s and rad/s."""
     seconds = (after_ns - before_ns) * 1e-9
     turn = math.remainder(after[2] - before[2], math.tau)
     heading = before[2] + 0.5 * turn

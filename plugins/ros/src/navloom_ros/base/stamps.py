@@ -1,7 +1,7 @@
-"""When a ROS message was measured, on the clock of this host.
+"""Estimates when the data of a ROS message were measured, on this host's monotonic clock.
 
-The clocks of a robot and of this host are never compared. What counts is how much longer than the quickest message of
-its topic a message took, and how old its data were when it was sent, both by the robot's own clock.
+The clocks of the robot and of this host are never compared. The age of a message is its delay relative to the fastest
+recent message of its topic, plus the age of its data when it was sent, which is a difference on the robot's own clock.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from __future__ import annotations
 __all__ = ["Delays"]
 
 WINDOW_NS = 5_000_000_000
-"""The quickest message is one of the last 5 to 10 s, so that clocks may drift."""
+"""Half of the window, ns, over which the fastest message is sought: the last 5 to 10 s, so that clocks may drift."""
 STEP_NS = 1_000_000_000
-"""A delay that grows by more is a clock that was set."""
+"""Growth of the delay, ns, beyond which the robot's clock was set; the estimate starts again."""
 OLDEST_NS, AHEAD_NS = 1_000_000_000, 50_000_000
-"""Age of data when they are sent, and how far their stamp may be ahead of that; else the stamp is of another clock."""
+"""Largest age of data when sent, and largest lead of their stamp, ns; beyond, the stamp is from another clock."""
 
 
 class Delays:
-    """Of the messages of one topic.
+    """Delays of the messages of one topic.
 
     Attributes:
-        odd: Messages whose stamp was of another clock than their publisher's; they count as measured when sent.
+        odd: Messages whose stamp was not from their publisher's clock; they count as measured when they were sent.
     """
 
     def __init__(self) -> None:
@@ -30,21 +30,21 @@ class Delays:
         self._since_ns = 0
 
     def measured_ns(self, stamp_ns: int, sent_ns: int, arrived_ns: int) -> int:
-        """When it was measured, on this host's monotonic clock.
+        """When the data of a message were measured, on this host's monotonic clock.
 
         Args:
-            stamp_ns: Of its header, on the robot's clock; 0 where it has none.
+            stamp_ns: Stamp of its header, on the robot's clock; 0 for none.
             sent_ns: When it was sent, on the robot's clock.
             arrived_ns: When it arrived, on this host's monotonic clock.
         """
         return arrived_ns - self._late_ns(sent_ns, arrived_ns) - self._age_ns(stamp_ns, sent_ns)
 
     def measured_by_clock_ns(self, stamp_ns: int, clock_ns: int, arrived_ns: int) -> int:
-        """The same of a simulated robot, whose clock showed `clock_ns` when the message arrived."""
+        """The same for a simulated robot, whose /clock showed `clock_ns` when the message arrived."""
         return arrived_ns - self._age_ns(stamp_ns, clock_ns)
 
     def _late_ns(self, sent_ns: int, arrived_ns: int) -> int:
-        """How much longer than the quickest it took."""
+        """Delay beyond that of the fastest recent message."""
         delay_ns = arrived_ns - sent_ns
         if self._least_ns is None or delay_ns - min(self._least_ns, self._before_ns) > STEP_NS:
             self._least_ns = self._before_ns = delay_ns

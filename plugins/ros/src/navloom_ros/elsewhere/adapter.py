@@ -1,4 +1,4 @@
-"""Somebody else's map and paths, from a ROS network, as a mapper and a planner."""
+"""The plugins `ros_map` and `ros_path`: a map and paths from a ROS network behind the roles of mapper and planner."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from navloom_ros.elsewhere.params import RosMapParams, RosPathParams
 from navloom_ros.elsewhere.reading import Unusable, cells_of
 from navloom_ros.errors import RosError
 from navloom_ros.joining import Joining
-from navloom_ros.node import Node, Subscription
+from navloom_ros.node import Node
 from navloom_ros.params import network_of
 from navloom_ros.qos import LATCHED
+from navloom_ros.topics import Subscription
 
 __all__ = ["RosMap", "RosPath"]
 
 
 class RosMap(Mapper[RosMapParams]):
-    """Publishes the map of a ROS node as often as that publishes it; it takes no sensor."""
+    """Publishes each map that a ROS node publishes; uses no sensor."""
 
     name = "ros_map"
     is_bridge = True
@@ -52,10 +53,10 @@ class RosMap(Mapper[RosMapParams]):
         super().configure(params)
 
     def update(self, given: MapperInput) -> MapUpdate | None:
-        """The newest map, where one has come or the last one is asked for again.
+        """The newest map if there is a new one; on a clear request, the last one again; otherwise None.
 
         Raises:
-            InputError: A map that cannot be used.
+            InputError: The map is in the wrong frame or has invalid values.
         """
         self._joining.start()
         newest = None
@@ -79,7 +80,7 @@ class RosMap(Mapper[RosMapParams]):
 
 
 class RosPath(Planner[RosPathParams]):
-    """Asks a ROS node for each path, and waits for it until a deadline."""
+    """Requests each path from a ROS node, with a deadline."""
 
     name = "ros_path"
     is_bridge = True

@@ -1,4 +1,4 @@
-"""How a path is asked for on a ROS network: by a service, or by a goal that is published and a path that follows."""
+"""Requests paths on a ROS network for `ros_path`: from a service, or by a goal topic and a path topic."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_ros.elsewhere.reading import Unusable, points_of, pose_of
-from navloom_ros.node import Client, Node, Publisher, Subscription
+from navloom_ros.node import Node
+from navloom_ros.services import Client
+from navloom_ros.topics import Publisher, Subscription
 
 __all__ = ["PathSource"]
 
@@ -14,12 +16,12 @@ Pose = tuple[float, float, float]
 
 
 class PathSource:
-    """Somebody who plans.
+    """A planner on the ROS network.
 
     Args:
-        service: A nav_msgs/srv/GetPlan; where empty, the topics are used.
-        goal_topic, path_topic: Where the goal is published, and the path read.
-        frame: Of both.
+        service: A nav_msgs/srv/GetPlan; if empty, the topics are used.
+        goal_topic, path_topic: Topics to publish the goal on and to read the path from.
+        frame: Frame of goals and paths.
     """
 
     def __init__(self, service: str, goal_topic: str, path_topic: str, frame: str) -> None:
@@ -29,7 +31,7 @@ class PathSource:
         self._paths: Subscription | None = None
 
     def set_up(self, node: Node) -> None:
-        """Declare what is needed of a node."""
+        """Declare the service client, or the publisher and the subscription, on a node."""
         if self._service:
             self._client = node.client(self._service, "nav_msgs/srv/GetPlan")
         else:
@@ -37,17 +39,24 @@ class PathSource:
             self._goals = node.publisher(self._goal_topic, "geometry_msgs/msg/PoseStamped")
 
     def ask(self, start: Pose, goal: Pose, deadline: float) -> NDArray[np.float64]:
-        """(n, 2) points from start to goal, m; waits at most `deadline` s for them.
+        """Request a path and wait for it.
+
+        Args:
+            start, goal: x, y, m, heading, rad. The topics send the goal only.
+            deadline: Longest wait, s.
+
+        Returns:
+            (n, 2) points from start to goal, m, in the frame.
 
         Raises:
-            Unusable: None came in time, or one that means nothing.
+            Unusable: No path arrived in time, or it has invalid values.
             RosError: The service does not answer.
         """
         if self._client is not None:
             asked = {"start": pose_of(*start, self._frame), "goal": pose_of(*goal, self._frame)}
             return points_of(self._client.call(asked, deadline).plan, self._frame)
         assert self._goals is not None and self._paths is not None
-        while self._paths.take() is not None:  # those of requests before
+        while self._paths.take() is not None:  # answers to earlier requests
             pass
         self._goals.publish(**pose_of(*goal, self._frame))
         received = self._paths.take(deadline)

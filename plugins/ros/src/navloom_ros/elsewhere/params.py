@@ -10,21 +10,23 @@ __all__ = ["RosMapParams", "RosPathParams"]
 
 
 class RosMapParams(Ros2Network):
-    """A map that a ROS node publishes."""
+    """Parameters of `ros_map`."""
 
-    topic: str = Field("/map", description="nav_msgs/msg/OccupancyGrid, latched.")
-    frame: str = Field("map", description="The frame it has to be in.")
+    topic: str = Field("/map", description="A latched nav_msgs/msg/OccupancyGrid.")
+    frame: str = Field("map", description="Frame that the map must be in.")
     node: str = Field("navloom_map", description="Name of the ROS node.")
 
 
 class RosPathParams(Ros2Network):
-    """Paths that a ROS node plans."""
+    """Parameters of `ros_path`."""
 
     service: str = Field(
-        "", description="nav_msgs/srv/GetPlan that is asked; where empty, goal_topic tells and path_topic answers."
+        "", description="nav_msgs/srv/GetPlan to call; if empty, goal_topic and path_topic are used instead."
     )
-    goal_topic: str = Field("/goal_pose", description="geometry_msgs/msg/PoseStamped: the goal of each request.")
-    path_topic: str = Field("/plan", description="nav_msgs/msg/Path: the first one after it is the answer.")
-    deadline: float = Field(2.0, gt=0.0, le=30.0, description="s to wait for a path.")
-    frame: str = Field("map", description="The frame of goals and paths.")
+    goal_topic: str = Field(
+        "/goal_pose", description="geometry_msgs/msg/PoseStamped: where the goal of each request is published."
+    )
+    path_topic: str = Field("/plan", description="nav_msgs/msg/Path: the next path is the answer.")
+    deadline: float = Field(2.0, gt=0.0, le=30.0, description="Longest wait for a path, s.")
+    frame: str = Field("map", description="Frame of goals and paths.")
     node: str = Field("navloom_path", description="Name of the ROS node.")

@@ -1,4 +1,4 @@
-"""Maps and paths of ROS as arrays: no framework, no network."""
+"""Converts ROS maps and paths to arrays. Pure: imports neither the framework nor the network."""
 
 from __future__ import annotations
 
@@ -11,33 +11,37 @@ from numpy.typing import NDArray
 __all__ = ["Unusable", "cells_of", "heading_of", "points_of", "pose_of"]
 
 UNIT = 0.05
-"""How far the length of a quaternion may be from 1."""
+"""Largest deviation of a quaternion's length from 1."""
 MOST_POINTS = 100_000
-"""Points of a path that is read."""
+"""Most points of a path; longer paths are refused."""
 
 
 class Unusable(ValueError):
-    """A map or a path that means nothing."""
+    """A map or a path that cannot be used; the text says why."""
 
 
 def cells_of(grid: Any) -> tuple[NDArray[np.int8], float, tuple[float, float, float]]:
-    """Cells (rows, columns), edge of one, m, and place of the first, m and rad, of a grid. Raises Unusable."""
+    """Cells of a nav_msgs/msg/OccupancyGrid, int8 (rows, columns), cell size, m, and origin x, y, m, heading, rad.
+
+    Raises:
+        Unusable: Invalid values.
+    """
     info = grid.info
     cells = np.asarray(grid.data, dtype=np.int8)
     if info.width * info.height != len(cells) or not len(cells):
-        raise Unusable(f"a map of {info.width} x {info.height} cells with {len(cells)} of them")
+        raise Unusable(f"a map of {info.width} x {info.height} cells, but with {len(cells)} values")
     if not (math.isfinite(info.resolution) and info.resolution > 0.0):
         raise Unusable(f"a map with cells of {info.resolution:g} m")
     if cells.min() < -1 or cells.max() > 100:
         raise Unusable("a map with cells below -1 or above 100")
     place = (info.origin.position.x, info.origin.position.y, heading_of(info.origin.orientation))
     if not all(map(math.isfinite, place)):
-        raise Unusable("a map at no place")
+        raise Unusable("a map whose origin is not finite")
     return cells.reshape(info.height, info.width), float(info.resolution), place
 
 
 def points_of(path: Any, frame: str) -> NDArray[np.float64]:
-    """(n, 2) points of a Path, m, each once. Raises Unusable."""
+    """Points of a nav_msgs/msg/Path, (n, 2), m, without repeated neighbours. Raises Unusable."""
     if path.header.frame_id.lstrip("/") != frame:
         raise Unusable(f"a path in the frame {path.header.frame_id!r}; expected {frame!r}")
     if not 2 <= len(path.poses) <= MOST_POINTS:
@@ -46,21 +50,21 @@ def points_of(path: Any, frame: str) -> NDArray[np.float64]:
         [(one.pose.position.x, one.pose.position.y) for one in path.poses], dtype=np.float64
     )
     if not np.isfinite(points).all():
-        raise Unusable("a path with a point that is no number")
+        raise Unusable("a path with a point that is not finite")
     is_new = np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))
     distinct: NDArray[np.float64] = points[is_new]
     return distinct
 
 
 def pose_of(x: float, y: float, heading: float, frame: str) -> dict[str, Any]:
-    """A PoseStamped's values, m and rad."""
+    """Values of a PoseStamped at x, y, m, heading, rad."""
     turned = {"z": math.sin(heading / 2.0), "w": math.cos(heading / 2.0)}
     return {"header": {"frame_id": frame}, "pose": {"position": {"x": x, "y": y}, "orientation": turned}}
 
 
 def heading_of(turned: Any) -> float:
-    """Heading of a quaternion, rad. Raises Unusable where it is none."""
+    """Heading of a quaternion, rad. Raises Unusable if its length is not 1."""
     x, y, z, w = turned.x, turned.y, turned.z, turned.w
     if not abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT:
-        raise Unusable("an orientation that is none")
+        raise Unusable("an orientation that is not a unit quaternion")
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

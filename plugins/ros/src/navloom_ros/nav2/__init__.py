@@ -1,1 +1,1 @@
-"""A robot that Nav2 drives, from Python, as `navloom.Navigator` is one that navloom drives."""
+"""Sends goals to a robot that Nav2 drives, with the interface of `navloom.Navigator`."""

@@ -1,4 +1,4 @@
-"""Goals for a Nav2 robot, with the results and the feedback of navloom."""
+"""`Nav2Navigator`: a Python client for the actions of Nav2, with the feedback and the results of navloom."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from navloom import Feedback, GoalResult, Point2D
 
 from navloom_ros.actions import CANCELED, SUCCEEDED, ActionClient, SentGoal
 from navloom_ros.message_types import Types
-from navloom_ros.node import NoAnswer, Node
+from navloom_ros.node import Node
+from navloom_ros.services import NoAnswer
 from navloom_ros.wire import ROUTER
 
 __all__ = ["Nav2Handle", "Nav2Navigator"]
 
 TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
 THERE = 5.0
-"""s that a server may take to be found."""
+"""Longest wait for the action server to be discovered, s."""
 LONGEST = 86_400.0
-"""s that a goal may take."""
+"""Longest duration of a goal, s; after it the result is an error."""
 LOOK = 0.1
-"""s between two looks whether a goal has ended."""
+"""Interval at which a waiting caller checks whether the goal has ended, s."""
 WAITING = 64
-"""Feedback that is kept until it is taken; the oldest is dropped."""
+"""Most feedback messages that are queued; the oldest is dropped."""
 
 
 class Nav2Handle:
-    """A goal on its way.
+    """A goal that was sent, as `Nav2Navigator.go` returns it.
 
     Attributes:
-        goal_id: Its number.
-        feedback: The newest, or None.
-        result: How it ended, or None.
+        goal_id: Number of the goal, from 1.
+        feedback: Newest feedback that was read; None before the first.
+        result: Result; None until `updates` or `wait` has seen the goal end.
     """
 
     def __init__(self, goal_id: int, goal: Point2D) -> None:
@@ -49,7 +50,7 @@ class Nav2Handle:
         self._ending: Future[Any] | None = None
 
     def begin(self, sent: SentGoal) -> None:
-        """The server has answered."""
+        """Store the server's answer; a rejected goal has its result at once."""
         self._sent = sent
         if sent.is_accepted:
             self._ending = sent.result(LONGEST)
@@ -57,13 +58,20 @@ class Nav2Handle:
             self.result = GoalResult(self.goal_id, "rejected", "by the robot", self._place)
 
     def hear(self, message: Any) -> None:
-        """Feedback has come, on the thread of the client."""
+        """Queue a feedback message; called on the thread of the action client."""
         if self._told.full():
             self._told.get_nowait()
         self._told.put_nowait(message)
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
-        """Feedback as it comes, until the goal has ended. Raises TimeoutError where that takes longer, s."""
+        """Yield feedback as it arrives, until the goal ends.
+
+        Args:
+            timeout: Longest time without feedback, in total, s; None for no limit.
+
+        Raises:
+            TimeoutError: It has passed, and the goal has not ended.
+        """
         left = math.inf if timeout is None else timeout
         while self.result is None:
             try:
@@ -78,7 +86,7 @@ class Nav2Handle:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
     def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
-        """Wait for the result. Raises TimeoutError where no feedback and no result come within s."""
+        """Wait for the result; the timeout is that of `updates`. Raises TimeoutError."""
         for feedback in self.updates(timeout):
             if on_feedback is not None:
                 on_feedback(feedback)
@@ -86,7 +94,7 @@ class Nav2Handle:
         return self.result
 
     def cancel(self) -> None:
-        """End it. Raises NoAnswer where the server does not answer."""
+        """Cancel the goal. Raises NoAnswer if the server does not answer."""
         if self._sent is not None and self.result is None:
             self._sent.cancel()
 
@@ -96,7 +104,7 @@ class Nav2Handle:
         try:
             ended = self._ending.result()
         except NoAnswer as error:
-            self.result = GoalResult(self.goal_id, "error", f"{error}: what became of it is unknown", self._place)
+            self.result = GoalResult(self.goal_id, "error", f"{error}: its outcome is unknown", self._place)
             return
         why = getattr(ended.result, "error_msg", "") or f"error code {getattr(ended.result, 'error_code', 'not given')}"
         if ended.status == SUCCEEDED:
@@ -120,18 +128,18 @@ class Nav2Handle:
 
 
 class Nav2Navigator:
-    """A robot with Nav2, to be used in a `with` statement; `go` and `drive_to` are those of `navloom.Navigator`.
+    """A robot that runs Nav2, with the methods of `navloom.Navigator`: `go`, `drive_to`, `cancel`. Use it with `with`.
 
     Args:
         router: Endpoint of the robot's Zenoh router.
         domain: ROS_DOMAIN_ID.
-        namespace: Of the robot, as /robot1.
-        distribution: ROS 2 of the robot.
-        folders: Folders with definitions of your own.
-        frame: Frame of goals.
+        namespace: Namespace of the robot's nodes, as /robot1.
+        distribution: ROS 2 distribution of the robot.
+        folders: Folders with your own message definitions.
+        frame: Frame of the goals.
 
     Raises:
-        NoRouter: There is no router.
+        NoRouter: No router answers at the endpoint.
     """
 
     def __init__(
@@ -161,12 +169,12 @@ class Nav2Navigator:
     def go(
         self, x: float, y: float, heading: float | None = None, via: Sequence[tuple[float, float]] = ()
     ) -> Nav2Handle:
-        """Send the robot to a place, m and rad, over some points.
+        """Send the robot to x, y, m, with a heading, rad, through some points, m.
 
-        Nav2 knows no goal without a heading: it is then that of the last leg, or 0 where no point to pass is given.
+        A goal of Nav2 always has a heading. Without one, it is the direction of the last leg, or 0 without `via`.
 
         Raises:
-            NoAnswer: There is no server of the action, or it does not answer.
+            NoAnswer: There is no action server, or it does not answer.
         """
         last = heading or 0.0
         if heading is None and via:
@@ -182,11 +190,16 @@ class Nav2Navigator:
         return handle
 
     def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
-        """Send the robot to a place and wait for the result; a rejected goal is a result too."""
+        """Send the robot to x, y, m, with a heading, rad, and wait for the result; a rejected goal has one too.
+
+        Raises:
+            NoAnswer: See `go`.
+            TimeoutError: See `Nav2Handle.updates`.
+        """
         return self.go(x, y, heading).wait(timeout)
 
     def cancel(self) -> bool:
-        """End the goal on its way; False where there is none of this object."""
+        """Cancel the current goal of this object; False if it has none."""
         if self._handle is None or self._handle.result is not None:
             return False
         self._handle.cancel()
@@ -198,11 +211,11 @@ class Nav2Navigator:
         if client is None:
             client = self._clients[kind] = ActionClient(self._node, name, kind)
         if not client.wait(THERE):
-            raise NoAnswer(f"nobody offers the action {name}: is Nav2 up, and of the distribution that was given?")
+            raise NoAnswer(f"no node offers the action {name}: is Nav2 running, and is the distribution right?")
         return client
 
     def _has_goals(self) -> bool:
-        """Kilted and later have the poses in a message of their own."""
+        """Whether the poses are a nav_msgs/msg/Goals, as in Kilted and later."""
         return self._node.types.distribution in ("kilted", "lyrical")
 
     def _pose(self, x: float, y: float, heading: float) -> dict[str, Any]:

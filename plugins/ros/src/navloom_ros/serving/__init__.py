@@ -1,1 +1,1 @@
-"""`navloom ros serve`: a live robot of navloom as ROS tools see and drive it."""
+"""`navloom ros serve`: shows a live navloom robot on a ROS network, and takes goals from there."""

@@ -1,4 +1,4 @@
-"""A live robot of navloom on a ROS network: what it publishes there, and the goals that it takes from there."""
+"""The loop of `navloom ros serve`: forwards the streams of a live robot to a ROS network, and goals to the robot."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from navloom_ros.wire import now_ns
 __all__ = ["TAKEN", "Serving", "serve"]
 
 TAKEN = ("goals", "pose")
-"""What may be taken from the network."""
+"""Inputs that --take can allow."""
 LOOK = 0.1
-"""s that are waited for messages at most."""
+"""Longest wait for messages of the robot in one iteration, s."""
 AGAIN = 1.0
-"""s between two diagnostics, two looks whether the robot is there, and two tries to join it."""
+"""Interval of diagnostics, of checks that the robot is up, and of attempts to connect to it, s."""
 GONE = 3
-"""Looks in a row that find no node of the robot after which it counts as gone."""
+"""Consecutive checks without a node of the robot after which it counts as down."""
 
 
 @dataclass(frozen=True)
 class Serving:
-    """What to serve, and where.
+    """Settings of `serve`.
 
     Attributes:
-        robot, connect, keys, insecure: The robot, as `navloom.Navigator` takes them.
-        router, domain, namespace, types: The ROS network, as `Node` takes them.
-        publish: Names of STREAMS.
-        take: Names of TAKEN.
+        robot, connect, keys, insecure: The robot; arguments of `navloom.Navigator`.
+        router, domain, namespace, types: The ROS network; arguments of `Node`.
+        publish: What to publish, keys of STREAMS.
+        take: What to take from the network, of TAKEN.
     """
 
     robot: str | None
@@ -53,7 +53,12 @@ class Serving:
 
 
 def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) -> None:
-    """Serve until `ends` says so; a robot that is down is waited for.
+    """Serve a robot until told to end; while it is down, retry.
+
+    Args:
+        given: What to serve, and where.
+        ends: Whether to end.
+        say: Shows a line to the user.
 
     Raises:
         RosError: The ROS network cannot be joined.
@@ -76,7 +81,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
                     why = str(error)
                 if not ends() and why != said:
                     said = why
-                    say(f"{why}; it is waited for")
+                    say(f"{why}; retrying until it is up")
                 outlets.put(_gone(given.types, why))
                 node.wait_for(lambda graph: ends(), AGAIN)
         finally:
@@ -85,7 +90,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
 
 
 class _Session:
-    """While one robot is there."""
+    """One connection to the robot, from its start to the robot's end."""
 
     def __init__(
         self, given: Serving, robot: Navigator, outlets: Outlets, goals: Goals | None, poses: Poses | None
@@ -98,19 +103,19 @@ class _Session:
         self._status: tuple[Any, ...] | None = None
 
     def run(self, ends: Callable[[], bool]) -> None:
-        """Until the robot is gone, or `ends` says so."""
+        """Forward messages until the robot is down or `ends` returns true."""
         missed, looked_ns = 0, now_ns()
         try:
             while not ends() and missed < GONE:
                 for told in self._listening.take(LOOK):
                     self._take(*told)
                 if self._poses is not None and (place := self._poses.take()) is not None:
-                    with suppress(NavloomError):  # a localizer that cannot be told; the next pose shows it
+                    with suppress(NavloomError):  # a localizer that takes no pose; RViz shows that it did not move
                         self._robot.place(*place)
                 if now_ns() - looked_ns > AGAIN * 1e9:
                     looked_ns = now_ns()
                     missed = 0 if self._robot.client.has_nodes() else missed + 1
-                    if self._status is not None:  # those who watch diagnostics expect them at 1 Hz
+                    if self._status is not None:  # diagnostics tools expect 1 Hz
                         self._publish(*self._status)
         finally:
             if self._goals is not None:
@@ -125,7 +130,7 @@ class _Session:
         self._publish(role, instance, port, message, stamp_ns)
 
     def _publish(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> None:
-        # ROS tools look up transforms at the stamps of what they show: all are the time of this host.
+        # ROS tools look up transforms at the stamp of each message, so all stamps are times of this host.
         self._translator.offset_ns = now_ns() - stamp_ns
         for made in self._translator.translate(role, instance, port, message, stamp_ns):
             self._outlets.put(made)

@@ -1,4 +1,4 @@
-"""Goals of ROS for a robot: NavigateToPose, NavigateThroughPoses and RViz's /goal_pose. The newest one counts."""
+"""Forwards ROS goals to the robot: NavigateToPose, NavigateThroughPoses and RViz's /goal_pose. The newest one wins."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["Goals", "Place", "Robot", "place_of"]
 
 TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
 LOOK = 0.1
-"""s between two looks whether a goal was cancelled or another one came."""
+"""Interval of checks whether the goal was cancelled or replaced, s."""
 UNKNOWN_ERROR = {TO_POSE: 9000, THROUGH_POSES: 9100}
-"""Error codes of a goal that was not reached, as Nav2 numbers them."""
+"""Nav2's error codes for an unspecified failure, by action."""
 UNIT = 0.05
-"""How far the length of a quaternion may be from 1; else the goal has no heading."""
+"""Largest deviation of a quaternion's length from 1; beyond, the goal has no heading."""
 
 
 class Place(NamedTuple):
-    """Where to go, m, map frame; a heading, rad, or None for any."""
+    """A goal: x, y, m, map frame; heading, rad, or None for any."""
 
     x: float
     y: float
@@ -31,13 +31,13 @@ class Place(NamedTuple):
 
 
 class Robot(Protocol):
-    """What drives: `navloom.Navigator`."""
+    """The method of `navloom.Navigator` that is used here."""
 
     def go(self, x: float, y: float, heading: float | None = None, via: Any = ()) -> Any: ...
 
 
 class Wanted(NamedTuple):
-    """A goal that has come: its places in order, and the action's goal, None of /goal_pose."""
+    """A received goal: its places in order, its action goal, None if from /goal_pose, and the action's type."""
 
     places: list[Place]
     goal: Goal | None
@@ -45,17 +45,17 @@ class Wanted(NamedTuple):
 
 
 class Goals:
-    """Takes goals from a ROS network and drives them one after the other.
+    """Offers the action servers, and sends one goal at a time to the robot, on a thread.
 
     Args:
-        node: Where the actions are offered.
-        frame: The only frame that goals may be given in.
-        failures: What `Robot.go` and its handle raise.
+        node: Node that offers the actions.
+        frame: Frame that goals must be given in.
+        failures: Exceptions of `Robot.go` and of its handle that abort a goal.
 
     Attributes:
-        robot: Who drives; None while it is not there: then goals are rejected.
-        pose: Where it is, for feedback.
-        reason: Why the last goal was not taken or not reached.
+        robot: The robot; None while it is down, when goals are rejected.
+        pose: Latest pose of the robot, x, y, m, heading, rad, for feedback; None before the first.
+        reason: Why the last goal was refused or failed; empty if it succeeded.
     """
 
     def __init__(self, node: Node, frame: str, failures: tuple[type[Exception], ...]) -> None:
@@ -74,7 +74,7 @@ class Goals:
         threading.Thread(target=self._take_clicks, name="ros goal_pose", daemon=True).start()
 
     def close(self) -> None:
-        """End the goal on its way."""
+        """Cancel the current goal and end the thread."""
         with self._news:
             self._is_closing = True
             self._news.notify_all()
@@ -100,7 +100,7 @@ class Goals:
             self._end(older, "pre-empted by a newer goal")
 
     def _places(self, poses: list[Any]) -> list[Place]:
-        """Places of a goal; none where one is in another frame or no number."""
+        """Places of a goal; empty if one is in another frame or not finite."""
         for pose in poses:
             if pose.header.frame_id.lstrip("/") not in ("", self._frame):
                 self.reason = f"a goal in the frame {pose.header.frame_id!r}: expected {self._frame!r}"
@@ -134,7 +134,7 @@ class Goals:
             self._end(wanted, str(error))
 
     def _follow(self, wanted: Wanted, handle: Any) -> None:
-        """Until the robot has ended the goal, it was cancelled, or another one has come."""
+        """Publish feedback until the robot ends the goal or a newer goal replaces it; pass on a cancel request."""
         began_ns, asked = now_ns(), False
         while handle.result is None:
             try:
@@ -147,7 +147,7 @@ class Goals:
             if (is_closing or (wanted.goal is not None and wanted.goal.is_canceling)) and not asked:
                 handle.cancel()
                 asked = True
-            if is_over:  # the robot itself drops the older goal for the newer one
+            if is_over:  # the robot replaces the older goal by itself
                 self._end(wanted, "pre-empted by a newer goal")
                 return
         result = handle.result
@@ -186,7 +186,7 @@ class Goals:
 
 
 def place_of(pose: Any) -> Place:
-    """The place of a ROS pose; without a heading where its orientation is none."""
+    """The place of a ROS pose; without a heading if its quaternion is invalid."""
     turned = pose.orientation
     x, y, z, w = turned.x, turned.y, turned.z, turned.w
     is_unit = abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT
@@ -195,7 +195,7 @@ def place_of(pose: Any) -> Place:
 
 
 def _poses_of(request: Any) -> list[Any]:
-    """Poses of either action; those of Kilted and later are a message of their own."""
+    """Poses of a goal of either action; Kilted and later wrap them in a nav_msgs/msg/Goals."""
     if hasattr(request, "pose"):
         return [request.pose]
     return list(getattr(request.poses, "goals", request.poses))

@@ -1,4 +1,4 @@
-"""What is published of a robot, topic by topic, and what a ROS tool need not ask for twice."""
+"""Which topics `navloom ros serve` publishes, from which streams of the robot, and which of them are latched."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Collection
 from typing import Any
 
 from navloom_ros.errors import UnfitMessage
-from navloom_ros.node import Node, Publisher
+from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT, LATCHED, Qos
+from navloom_ros.topics import Publisher
 from navloom_ros.translating import Translated
 
 __all__ = ["PUBLISHED", "STREAMS", "Outlets"]
@@ -22,9 +23,9 @@ STREAMS = {
     "diagnostics": ("gate/status",),
     "odometry": ("platform/odometry",),
 }
-"""What may be published, and the robot's streams that it is made of."""
+"""Names for --publish, each with the robot's streams (role/port) that it needs."""
 PUBLISHED = tuple(name for name in STREAMS if name != "odometry")
-"""What is published by default: a robot that is on the ROS network has its odometry there already."""
+"""The default of --publish, without odometry: a ROS robot already publishes its own."""
 _TOPICS = {
     "map": ("/map", "/map/segments"),
     "plan": ("/plan", "/plan/traversable"),
@@ -34,20 +35,22 @@ _TOPICS = {
     "diagnostics": ("/diagnostics",),
     "odometry": ("/odom",),
 }
+"""Topics of each name, except /tf."""
 _KEPT = ("/map", "/map/segments", "/plan", "/plan/traversable", "/local_plan")
-"""Topics whose last message late joiners get."""
+"""Latched topics: late joiners get the last message."""
 _TF = Qos(depth=100)
 
 
 class Outlets:
-    """Publishes the messages of a `Translator` that were asked for.
+    """Publishes those messages of a `Translator` that --publish names.
 
     Args:
-        node: Who publishes.
-        wanted: Names of STREAMS.
+        node: Node that publishes.
+        wanted: Keys of STREAMS.
 
     Attributes:
-        refused: Messages that ROS cannot hold; `reason` says why the last one was.
+        refused: Messages with a value that does not fit its ROS type.
+        reason: Why the last of them did not fit.
     """
 
     def __init__(self, node: Node, wanted: Collection[str]) -> None:
@@ -57,7 +60,7 @@ class Outlets:
         self.refused, self.reason = 0, ""
 
     def put(self, made: Translated) -> None:
-        """Publish a message, if it was asked for."""
+        """Publish a message if its topic is wanted."""
         if made.topic not in self._topics and not self._is_wanted_transform(made):
             return
         publisher = self._publishers.get(made.topic)

@@ -1,4 +1,4 @@
-"""Where an operator says that the robot is: RViz's /initialpose."""
+"""Reads RViz's /initialpose: a pose that an operator sets for the localizer."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ __all__ = ["Poses"]
 
 
 class Poses:
-    """Takes poses from a ROS network.
+    """Poses set by an operator on the ROS network.
 
     Args:
-        node: Where they are read.
-        frame: The only frame that they may be given in.
+        node: Node that subscribes.
+        frame: Frame that poses must be given in.
     """
 
     def __init__(self, node: Node, frame: str) -> None:
@@ -23,7 +23,7 @@ class Poses:
         self._poses = node.subscription("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
     def take(self) -> tuple[float, float, float] | None:
-        """The newest pose since the last call, m and rad; None where none has come that can be used."""
+        """The newest valid pose since the last call, x, y, m, heading, rad; None if there is none."""
         newest = None
         while (received := self._poses.take()) is not None:
             message = received.message

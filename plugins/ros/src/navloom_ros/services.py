@@ -1,0 +1,172 @@
+"""Services of a node, and clients that ask those of others."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeout
+from typing import Any
+
+from navloom_ros.errors import BadToken, MalformedMessage, RosError
+from navloom_ros.message_types import Types
+from navloom_ros.qos import SERVICES
+from navloom_ros.tokens import Attachment, Entity
+from navloom_ros.wire import Keep, Question, Wire, now_ns
+
+__all__ = ["Call", "Client", "NoAnswer", "Service"]
+
+
+class NoAnswer(RosError):
+    """A service that has not answered: it is not there, or it took too long."""
+
+
+class Call:
+    """A request that has arrived at a service, to be answered once, from any thread, now or later."""
+
+    def __init__(self, service: Service, question: Question, request: Any, beside: Attachment) -> None:
+        self.request = request
+        self._service = service
+        self._question = question
+        self._beside = beside
+
+    def answer(self, response: Any = None, /, **values: Any) -> None:
+        """Send the response, or one with these values. Raises UnfitMessage where it does not fit."""
+        data = self._service.encoded(response, values)
+        attachment = Attachment(self._beside.sequence, now_ns(), self._beside.gid)
+        self._question.answer(self._service.key, data, attachment.data)
+
+    def drop(self) -> None:
+        """End it without an answer."""
+        self._question.drop()
+
+
+class Service:
+    """Answers requests, one after the other, on a thread of its own.
+
+    Args:
+        wire, types, keep: Of its node.
+        entity, key: Its own.
+        handler: Gets each call.
+
+    Attributes:
+        refused: Requests that could not be read, or were too many to wait.
+        failed: Requests whose handler raised; the client gets no answer. `reason` says why the last one had none.
+    """
+
+    def __init__(
+        self, wire: Wire, types: Types, keep: Keep, entity: Entity, key: str, handler: Callable[[Call], None]
+    ) -> None:
+        self.entity = entity
+        self.key = key
+        self.refused = self.failed = 0
+        self.reason = ""
+        self._types = types
+        self._handler = handler
+        self._waiting: deque[Question | None] = deque()
+        self._news = threading.Semaphore(0)
+        self._room = (entity.qos or SERVICES).kept
+        threading.Thread(target=self._work, name=f"service {entity.name}", daemon=True).start()
+        keep(lambda: self._put(None))
+        keep(wire.serve(key, self._on_question))
+
+    def encoded(self, response: Any, values: Mapping[str, Any]) -> bytes:
+        """Bytes of a response."""
+        name = f"{self.entity.type_name}_Response"
+        return self._types.encode_as(name, self._types.new(name, **values) if response is None else response)
+
+    def _on_question(self, question: Question) -> None:
+        if len(self._waiting) >= self._room:
+            self.refused += 1
+            self.reason = f"{self._room} requests wait already"
+            question.drop()
+        else:
+            self._put(question)
+
+    def _put(self, question: Question | None) -> None:
+        self._waiting.append(question)
+        self._news.release()
+
+    def _work(self) -> None:
+        while self._news.acquire() and (question := self._waiting.popleft()) is not None:
+            try:
+                beside = Attachment.parsed(question.attachment)
+                request = self._types.decode(f"{self.entity.type_name}_Request", question.data)
+            except (BadToken, MalformedMessage) as error:
+                self.refused += 1
+                self.reason = str(error)
+                question.drop()
+                continue
+            try:
+                self._handler(Call(self, question, request, beside))
+            except Exception as error:  # of a stranger's handler; the client is not kept waiting for it
+                self.failed += 1
+                self.reason = f"{type(error).__name__}: {error}"
+                question.drop()
+
+
+class Client:
+    """Asks a service."""
+
+    def __init__(self, wire: Wire, types: Types, entity: Entity, key: str) -> None:
+        self.entity = entity
+        self._wire = wire
+        self._types = types
+        self._key = key
+        self._sequence = itertools.count(1)
+
+    def ask(self, request: Any = None, timeout: float = 10.0) -> Future[Any]:
+        """Send a request; the future gets the response, or NoAnswer.
+
+        Args:
+            request: Of the service's request type, or its values by field, or nothing for the defaults.
+            timeout: s until it is given up.
+
+        Raises:
+            UnfitMessage: The request does not fit the service's type.
+        """
+        types, kind = self._types, self.entity.type_name
+        if request is None or isinstance(request, Mapping):
+            request = types.new(f"{kind}_Request", **(request or {}))
+        data = types.encode_as(f"{kind}_Request", request)
+        future: Future[Any] = Future()
+
+        attachment = Attachment(next(self._sequence), now_ns(), self.entity.gid)
+
+        def on_answer(answer: bytes, beside: bytes) -> None:
+            if future.done() or not _answers(attachment, beside):
+                return
+            try:
+                future.set_result(types.decode(f"{kind}_Response", answer))
+            except MalformedMessage as error:
+                future.set_exception(error)
+
+        def on_end() -> None:
+            if not future.done():
+                future.set_exception(NoAnswer(f"service {self.entity.name} ({kind}) has not answered"))
+
+        self._wire.ask(self._key, data, attachment.data, timeout, on_answer, on_end)
+        return future
+
+    def call(self, request: Any = None, timeout: float = 10.0) -> Any:
+        """Send a request and wait for the response.
+
+        Raises:
+            NoAnswer: There is no such service, or it took too long.
+            MalformedMessage: The response is none.
+        """
+        try:
+            return self.ask(request, timeout).result(timeout + 1.0)
+        except FutureTimeout:
+            raise NoAnswer(f"service {self.entity.name} has not answered within {timeout:g} s") from None
+
+
+def _answers(asked: Attachment, beside: bytes) -> bool:
+    """Whether an answer is to this very request: it bears its number and its client."""
+    try:
+        answered = Attachment.parsed(beside)
+    except BadToken:
+        return False
+    return (answered.sequence, answered.gid) == (asked.sequence, asked.gid)

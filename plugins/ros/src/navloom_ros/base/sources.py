@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 
 
 class Heard(Protocol):
-    """The fields of `navloom_ros.node.Received` that are read here."""
+    """The fields of `navloom_ros.topics.Received` that are read here."""
 
     @property
     def message(self) -> Any: ...

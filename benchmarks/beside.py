@@ -1,4 +1,4 @@
-"""Measures this interpreter's navloom and another's in turn: arguments, environment and order.
+"""Shared by `engine_share` and `robot_cpu`: measures the navloom of this interpreter and of another one in turn.
 
 This file imports only the standard library.
 """
@@ -38,7 +38,7 @@ def in_turns(
         beside: The other interpreter; None for this one alone.
         rounds: Numbers of the rounds.
         measure: Takes an interpreter and the number of the round.
-        told: One line on what was measured, for standard error.
+        told: Makes a line about one measurement, for standard error.
 
     Returns:
         The measurement of each round, by "here" and "beside".
@@ -59,5 +59,5 @@ def clean_environment(**more: str) -> dict[str, str]:
 
 
 def set_options(changes: Sequence[str]) -> list[str]:
-    """Words of a command line that change a config."""
+    """Command-line arguments that change a config: --set before each change."""
     return [word for change in changes for word in ("--set", change)]

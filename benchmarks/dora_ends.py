@@ -1,7 +1,7 @@
-"""The two nodes of a dora dataflow, `python dora_ends.py PART SOCKET SIZES`: PART is `ping` or `echo`.
+"""The two nodes of a dora dataflow, for `wire`: `python dora_ends.py PART SOCKET SIZES`, PART is `ping` or `echo`.
 
-Each sends an Arrow array made of a numpy array, and looks at what it gets as a numpy array: without a copy, as dora's
-own examples do. Needs dora-rs, pyarrow and numpy, nothing of ours: it may run under another interpreter.
+Each sends an Arrow array made from a numpy array, and views the received array with numpy, without a copy, as in dora's
+examples. It imports dora-rs, pyarrow, numpy and `trips`, and may run under another interpreter.
 """
 
 from __future__ import annotations

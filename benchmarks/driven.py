@@ -1,11 +1,11 @@
-"""Robot and goals of the long measurements: the simulated robot with the paper's laser and sonars."""
+"""Robot and goals of `soak`, `fleet` and `robot_cpu`: a simulated robot with the paper's laser and sonars."""
 
 from __future__ import annotations
 
 __all__ = ["PLACES", "config"]
 
 PLACES = ((0.0, 3.2), (1.6, 2.0), (-1.2, 2.4), (0.0, 0.8))
-"""Goals in the first room of `paper_gates`, to be reached in turn, m, map frame."""
+"""Goals in the first room of `paper_gates`, visited in turn, m, map frame."""
 
 
 def config(world: str, period: float, stop_after: float, sweeps: str = "on_request") -> str:

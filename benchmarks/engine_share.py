@@ -4,9 +4,9 @@
 
 Each seed is driven three times in one process, with compiled kernels and without observers:
 
-1. recorded: every answer of a verb, of the hand-over and of the reference is kept, and the call is timed;
+1. recorded: every answer of a verb, of the hand-over and of the reference is recorded, and the call is timed;
 2. plain: nothing is replaced. This is the time of the run, from the first tick to the closed trace;
-3. fed: stand-ins return the recorded answers in order. Less the cost of the stand-ins, this is the engine's share.
+3. fed: stand-ins return the recorded answers in order. This time minus the cost of the stand-ins is the engine's share.
 
 All three must give the same trace. `--beside` runs each seed in this interpreter and in another in turn, for example in
 one with an older navloom. It works with the layout of navloom before and after `navloom.engine`.
@@ -94,7 +94,7 @@ LAYOUTS = (
 
 @dataclass(frozen=True)
 class Layout:
-    """The modules of the installed navloom: an older one has them elsewhere."""
+    """The modules of the installed navloom, which have other names in older versions."""
 
     build: Any
     making: Any
@@ -183,7 +183,7 @@ class Run:
         self._before: list[tuple[Any, str, Any]] = []
 
     def sites(self) -> list[Site]:
-        """Every call that is not the engine's, in the order of the nodes."""
+        """All calls that do not belong to the engine, in the order of the nodes."""
         verbs = {role: next(iter(abc.__abstractmethods__)) for role, abc in ROLES.items()}  # in older versions too
         found = [Site("verbs", part.plugin, verbs[part.role]) for part in self.system.parts.values()]
         for node in self.nodes:
@@ -191,7 +191,7 @@ class Run:
                 found.append(Site("handover", node.rule, "step"))
             if isinstance(node, self.layout.reference.ReferenceNode):
                 found.append(Site("reference", node, "_reference"))
-        if hasattr(self.layout.nodes, "own_way"):  # older hand-overs look along the trajectory alone
+        if hasattr(self.layout.nodes, "own_way"):  # older hand-overs look only along the trajectory
             found.append(Site("handover", self.layout.nodes, "own_way"))
         found.append(Site("reference", self.layout.reference, "trajectory_of"))
         return found
@@ -203,7 +203,7 @@ class Run:
             setattr(site.owner, site.name, make(number, site))
 
     def drive(self) -> tuple[Any, int]:
-        """The log, and the CPU time from the first tick to the closed trace, ns.
+        """Run it. Returns the log, and the CPU time from the first tick to the closed trace, ns.
 
         Raises:
             ShareError: A plugin broke.
@@ -212,7 +212,7 @@ class Run:
         ticks = math.ceil(round(self.system.time_limit / period, 6)) + 2
         gc.collect()
         if gc.get_freeze_count():
-            gc.freeze()  # a navloom that spares what is loaded must not look at the recorded answers either
+            gc.freeze()  # a navloom that freezes loaded objects must not collect the recorded answers either
         try:
             before = process_time_ns()
             log = self.executor.run(ticks)
@@ -231,12 +231,12 @@ def measured(config: str, seed: int, changes: tuple[str, ...] = ()) -> Share:
 
     Args:
         config: Path or shipped name.
-        seed: Of every random stream.
-        changes: `A.B=V` of the config.
+        seed: Seed of all random streams.
+        changes: Changes of the config, as `A.B=V`.
 
     Raises:
         ShareError: A plugin broke, or the three runs do not agree.
-        ConfigError, PluginError: The config does not fit.
+        ConfigError, PluginError: The config is invalid.
     """
     loaded = load_config(config, changes, seed)
     layout, answers = Layout.found(), Answers()
@@ -268,13 +268,13 @@ def measured(config: str, seed: int, changes: tuple[str, ...] = ()) -> Share:
 
 
 def _clock_cost_ns() -> int:
-    """Median of what two readings of the clock in a row differ by, ns."""
+    """Median difference between two consecutive readings of the clock, ns."""
     times = [process_time_ns() for _ in range(EMPTY_CALLS)]
     return round(statistics.median(after - before for before, after in pairwise(times)))
 
 
 def in_other(python: str, config: str, seed: int, changes: list[str]) -> Share:
-    """`measured` in a process of an interpreter. Raises ShareError with the last line of what it wrote."""
+    """Run `measured` in a process of another interpreter. Raises ShareError with the last line that it printed."""
     asked = [config, *set_options(changes), "--seeds", f"{seed}:{seed + 1}", "--json"]
     command = [python, str(Path(__file__).resolve()), *asked]
     done = subprocess.run(command, capture_output=True, text=True, env=clean_environment(), check=False)
@@ -285,7 +285,7 @@ def in_other(python: str, config: str, seed: int, changes: list[str]) -> Share:
 
 
 def summary(found: dict[str, list[Share]]) -> dict[str, Any]:
-    """Every seed's figures; beside another interpreter also here over beside, with median, least and most."""
+    """The figures of each seed; with another interpreter also the ratios here / beside, with median, min and max."""
     told: dict[str, Any] = {
         side: [{**asdict(share), "rest_us": share.rest_us} for share in shares] for side, shares in found.items()
     }
@@ -301,7 +301,7 @@ def summary(found: dict[str, list[Share]]) -> dict[str, Any]:
 
 
 def show(found: dict[str, list[Share]]) -> None:
-    """Print a row a seed and side, the medians, and the ratios."""
+    """Print a row for each seed and side, the medians, and the ratios."""
     heads = "".join(f" {name.removesuffix('_us'):>10}" for name in (*FIELDS, "rest_us"))
     print(f"µs of CPU a tick\n{'seed':<6} {'':<7} {'ticks':>6}{heads}  trace")
     for number in range(len(found["here"])):
@@ -318,7 +318,7 @@ def show(found: dict[str, list[Share]]) -> None:
 
 
 def seed_range(text: str) -> range:
-    """`A:B`, the seeds A to B - 1."""
+    """Parse `A:B` to the seeds A to B - 1."""
     first, _, end = text.partition(":")
     try:
         seeds = range(int(first), int(end))

@@ -2,8 +2,8 @@
 
 `python benchmarks/fleet.py [--robots N] [--period S] [--seconds S] [--router ENDPOINT] [--json]`
 
-Each robot has a realm of its own, the default split into four processes and `navloom up`, and drives to and fro in the
-world `empty`. All have one router; `--router ""` does without. What is measured stands in README.md beside this file.
+Each robot has its own realm and its own `navloom up` with the default four processes, and drives to and fro in the
+world `empty`. All share one router; `--router ""` runs without one. README.md beside this file explains the figures.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 300.0, 30.0
 """Longest start of all robots, and longest shutdown of one, s."""
 GOALS = ((0.0, 6.0), (0.0, 0.0))
-"""There and back, map frame, m."""
+"""Goals, visited in turn, map frame, m."""
 LOOK = 0.5
 """Time between two readings of a robot, s."""
 BESIDE = """
@@ -51,10 +51,11 @@ class One:
     """One robot.
 
     Attributes:
-        up: Its `navloom up`.
-        log: What that says.
-        client: To ask it by.
-        goals: How many it was given.
+        realm: Its realm.
+        up: Process of its `navloom up`.
+        log: Output of that process.
+        client: Connection to it.
+        goals: Number of goals that it has received.
     """
 
     realm: str
@@ -82,7 +83,7 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
             more = ["--host", "own"] if router else []
             robots.append(One(realm, _start(["up", str(path), *more], log), log))
             started.append(robots[-1].up)
-            _await_up(robots[-1])  # one after the other: together they would compete for the processors
+            _await_up(robots[-1])  # one at a time, because robots that start together compete for the processors
         yield robots
     finally:
         for process in reversed(started):
@@ -181,7 +182,7 @@ def segments(pids: Sequence[int]) -> float:
 
 
 def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, Any]:
-    """Drive for some seconds and count."""
+    """Drive for some seconds and measure."""
     pids = processes(folder)
     before, began, used = [told(one) for one in robots], time.monotonic(), spent(pids)
     drive(robots, seconds)
@@ -214,10 +215,12 @@ def main() -> int:
     """Exit code: 1 if a robot did not start."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, default=10)
-    parser.add_argument("--period", type=float, default=0.1, help="of each robot, s")
-    parser.add_argument("--seconds", type=float, default=60.0, help="to drive")
+    parser.add_argument("--period", type=float, default=0.1, help="control period of each robot, s")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the drive, s")
     parser.add_argument("--router", default=None, metavar="ENDPOINT", help='default: a port on loopback; "" for none')
-    parser.add_argument("--live", action="append", default=[], metavar="LINE", help="of the table live; repeats")
+    parser.add_argument(
+        "--live", action="append", default=[], metavar="LINE", help="a line of the table [live]; repeats"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     given = parser.parse_args()
     router = _free_end() if given.router is None else given.router

@@ -5,7 +5,7 @@
 
 The robot drives to and fro between points in its first room; with `--standing` it has no goal. After it has settled,
 the CPU time and the context switches of each thread are read from /proc at both ends of the window. `--beside` measures
-this interpreter's navloom and another's in turn, a new robot each time, the first one changing from round to round.
+this interpreter's navloom and another's in turn, with a new robot each time; the order alternates from round to round.
 No part of navloom is imported, so it works with every version that has `navloom up` and `navloom goal --via`. Linux.
 """
 
@@ -54,12 +54,12 @@ class Counts:
 
 @dataclass
 class Sample:
-    """What was read at one time.
+    """Counts of all processes of a robot at one time.
 
     Attributes:
         time: Monotonic clock, s.
-        names: Of each process, by its number.
-        threads: Name and counts of each thread, by the numbers of its process and its own.
+        names: Name of each process by process ID.
+        threads: Name and counts of each thread by process ID and thread ID.
     """
 
     time: float
@@ -86,7 +86,7 @@ def difference(before: Sample, after: Sample) -> dict[str, Any]:
     """Share of one processor and context switches per second, by process and thread. Threads of one name are added up.
 
     Raises:
-        CpuError: The processes are not the same ones.
+        CpuError: The processes have changed.
     """
     if before.names != after.names:
         raise CpuError(f"processes {before.names} became {after.names} in the window, expected the same")
@@ -110,7 +110,7 @@ def _total(rows: Any) -> dict[str, float]:
 
 
 def _tree(root: int) -> Iterator[int]:
-    """A process and all its descendants, by the parents that the system reports."""
+    """Process IDs of a process and all its descendants."""
     children: dict[int, list[int]] = defaultdict(list)
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -127,7 +127,7 @@ def _tree(root: int) -> Iterator[int]:
 
 
 def _process_name(pid: int) -> str:
-    """Name of a process in the robot: node processes carry theirs, others are named after the module that they run."""
+    """Name of a process: node processes set their own, others are named after the module that they run."""
     command = Path(f"/proc/{pid}/cmdline").read_bytes().decode("utf-8", "replace").split("\0")
     name = Path(f"/proc/{pid}/comm").read_text("utf-8").strip()
     if "-m" in command and name.startswith("python"):
@@ -148,10 +148,10 @@ def _thread(entry: Path) -> tuple[str, Counts]:
 
 
 def measured(python: str, config: str, changes: Sequence[str], seconds: float, standing: bool) -> dict[str, Any]:
-    """Bring a robot up with an interpreter's navloom, and read what it takes; see `difference`.
+    """Start a robot with an interpreter's navloom and measure it; returns `difference` and the last line it printed.
 
     Raises:
-        CpuError: It does not come up, does not drive, or stops within the window.
+        CpuError: It does not start, does not drive, or its goal ends within the window.
     """
     with tempfile.TemporaryDirectory(prefix="nl") as folder:
         environment = clean_environment(NAVLOOM_RUNTIME_DIR=folder)
@@ -215,7 +215,7 @@ class _Said:
 
 
 def summary(found: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
-    """Every round's figures, the medians, and beside another interpreter here over beside, round by round."""
+    """The figures of each round and their medians; with another interpreter also the ratios here / beside."""
     told: dict[str, Any] = dict(found)
     told["median"] = {
         side: {name: statistics.median(one[name] for one in rounds) for name in ("cpu", "waits")}
@@ -228,7 +228,7 @@ def summary(found: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
 
 
 def show(found: dict[str, list[dict[str, Any]]]) -> None:
-    """Print a row a process and thread of the newest round, and what all rounds come to."""
+    """Print a row for each process and thread of the last round, and the totals of all rounds."""
     for side, rounds in found.items():
         print(f"{side:<28} {'% of a core':>11} {'wake-ups/s':>11} {'preempted/s':>12}")
         for name, process in rounds[-1]["processes"].items():
@@ -251,8 +251,8 @@ def main() -> None:
     """Measure what the command line asks for."""
     parser = arguments(__doc__)
     parser.add_argument("--standing", action="store_true", help="the robot has no goal")
-    parser.add_argument("--seconds", type=float, default=60.0, help="of the window (default 60)")
-    parser.add_argument("--rounds", type=int, default=1, help="robots of each side (default 1)")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the window, s (default 60)")
+    parser.add_argument("--rounds", type=int, default=1, help="number of robots of each side (default 1)")
     given = parser.parse_args()
     changes = [*([] if given.standing else [WORLD]), *given.set]
 

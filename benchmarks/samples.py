@@ -1,4 +1,4 @@
-"""The messages that make the round trips."""
+"""The messages of the round trips in `wire` and `zenoh_ends`."""
 
 from __future__ import annotations
 

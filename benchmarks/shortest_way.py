@@ -1,9 +1,10 @@
-"""Cost of computing the shortest path among boxes, and how it grows.
+"""Cost of the shortest path among boxes (`navloom.study.optimal`), and how it grows with their number.
 
     python benchmarks/shortest_way.py [--json]
 
-Scattered boxes and walls with gaps, lazily searched; up to 250 boxes the graph of all tangents beside it, which must
-give the same length. Times are of a processor, s; memory is what the process grew by at its highest, MB.
+The worlds are scattered boxes, and walls with gaps. The lazy search is measured; up to 250 boxes also the search in the
+graph of all tangents, which must find the same length. Times are CPU times, s; memory is the growth of the peak memory
+of the process, MB.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ from navloom.study.optimal.tangents import ShortestPath, shortest_among
 __all__ = ["WORLDS", "measured"]
 
 WHOLE_UP_TO = 250
+"""Most boxes for which the graph of all tangents is also measured."""
 RADIUS = 0.3
+"""Radius of the robot, m."""
 Boxes = list[Box]
 
 
 def scattered(count: int, seed: int = 0) -> tuple[Boxes, float]:
-    """Turned boxes, 0.15 on each square metre, and the edge of their square, m."""
+    """Rotated boxes, 0.15 per square metre, and the edge of the square that they fill, m."""
     stream = np.random.default_rng(seed)
     edge = math.sqrt(count / 0.15)
     rows = stream.uniform((0.0, 0.0, 0.2, 0.2, -3.0), (edge, edge, 1.2, 1.2, 3.0), (count, 5)).tolist()
@@ -39,7 +42,7 @@ def scattered(count: int, seed: int = 0) -> tuple[Boxes, float]:
 
 
 def walls(count: int, seed: int = 0) -> tuple[Boxes, float]:
-    """Rows of touching boxes, 1 m apart, each with one gap, and the edge of their square, m."""
+    """Rows of adjacent boxes, 1 m apart, each with one gap, and the edge of the square that they fill, m."""
     stream = np.random.default_rng(seed)
     side = round(math.sqrt(count))
     gaps = stream.integers(0, side, side).tolist()
@@ -51,7 +54,7 @@ WORLDS: dict[str, Callable[[int], tuple[Boxes, float]]] = {"scattered": scattere
 
 
 def measured(kind: str, count: int) -> dict[str, Any]:
-    """Length, m, time of the lazy search and of the whole graph, s, tangents looked at, and memory, MB."""
+    """Measure a world: length, m, time of the lazy search and of the whole graph, s, tangents examined, memory, MB."""
     boxes, edge = WORLDS[kind](count)
     shapes = shortest._shapes(list(boxes), Place(0.0, 0.0), RADIUS)
     ends = shortest._points(np.array([(-1.0, -1.0), (edge + 1.5, edge + 1.5)]))
@@ -80,7 +83,7 @@ def _peak() -> float:
 
 
 def main() -> None:
-    """Measure all and print a table, or JSON."""
+    """Measure all worlds and print a table, or JSON."""
     shortest.warm_up()
     found = [measured(kind, count) for kind in WORLDS for count in (100, 250, 1000, 4000)]
     if "--json" in sys.argv[1:]:

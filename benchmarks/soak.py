@@ -3,13 +3,13 @@
     python benchmarks/soak.py --minutes 30 --rate 50 [--json]
     python benchmarks/soak.py --minutes 10 --rate 20 --continuous --record drive.mcap
 
-Every process of the robot is sampled for its resident memory. Growth is counted from the end of the first tenth, when
-every buffer has filled, to the end: median of the last tenth against median of the second. A deadline is missed where
-the platform's tick began more than half a period late or was passed over. The result also has the share of driven ticks
-that were driven by a command of their own, and how long a tick's commands took. With `--record` a recorder listens
-beside it; the result has its share of a processor, what it dropped and the size of its file. With `--continuous` the
-laser sweeps without end, so that a frame of it is always on its way. A bare timer of the same rate and priority runs
-beside it: what that misses is the host's doing.
+The resident memory of every process of the robot is sampled. Its growth is the median of the last tenth of the samples
+relative to the median of the second tenth, after all buffers have filled. A deadline is missed when a tick of the
+platform begins more than half a period late or is skipped. The result also has the share of driven ticks that had their
+own command, and the time that the commands of a tick took. With `--record`, a recorder also runs; the result has its
+CPU share, the number of dropped messages and the size of its file. With `--continuous`, the laser sweeps all the time,
+so that a frame is always in transit. A bare timer of the same rate and priority also runs: what it misses is due to the
+host.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def processor_time(pid: int) -> float:
 
 
 def recorder_of(supervisor: int) -> int:
-    """The process that `up --record` has started beside the robot."""
+    """Process ID of the recorder that `up --record` has started."""
     for child in Path(f"/proc/{supervisor}/task/{supervisor}/children").read_text("utf-8").split():
         if b"record" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
             return int(child)
@@ -74,7 +74,7 @@ def drive_about(navigator: Navigator, ends: threading.Event, outcomes: dict[str,
 
 
 def growth(samples: list[float]) -> float:
-    """Of the median of the last tenth over that of the second tenth, as a share."""
+    """Relative growth from the median of the second tenth of the samples to that of the last tenth."""
     tenth = max(1, len(samples) // 10)
     return statistics.median(samples[-tenth:]) / statistics.median(samples[tenth : 2 * tenth]) - 1.0
 
@@ -117,7 +117,7 @@ def soak(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def recorded(path: Path) -> dict[str, Any]:
-    """What a file holds."""
+    """Size of a recording, its messages, and how many were dropped, lost or malformed."""
     from navloom.recording.reader import Recording
 
     recording = Recording(path)
@@ -179,8 +179,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--rate", type=float, default=50.0, help="Hz")
-    parser.add_argument("--every", type=float, default=5.0, help="s between samples")
-    parser.add_argument("--continuous", action="store_true", help="the laser sweeps without end")
+    parser.add_argument("--every", type=float, default=5.0, help="interval of the samples, s")
+    parser.add_argument("--continuous", action="store_true", help="the laser sweeps all the time")
     parser.add_argument("--record", type=Path, help="MCAP file")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()

@@ -1,7 +1,7 @@
-"""From a sensor's stamp to the command at the platform, in the paper's robot over real processes.
+"""Time from a sensor's stamp to the command at the platform, of the paper's robot in live processes.
 
-`python benchmarks/stamp_to_command.py [--json] [--period S] [--seconds S]`. What is measured stands in README.md beside
-this file.
+`python benchmarks/stamp_to_command.py [--json] [--period S] [--seconds S]`. README.md beside this file explains the
+figures.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ STAGES = {
     "avoider": "command",
     "gate": "command",
 }
-"""Role and port, in order, of what stands between a stamp and the command that derives from it. Of the goal it is the
-report of its step, since the reference waits for that a moment."""
+"""Role and port of each stage between a stamp and the command that derives from it, in order. The goal's stage is the
+report of its step, because the reference waits for that."""
 START = 60.0
 """Longest start of the robot, s."""
 GOALS = ((0.0, 7.6), (0.0, 0.0))
-"""There and back, map frame, m."""
+"""Goals, visited in turn, map frame, m."""
 ASK = 2.0
 """Time between readings of the platform's own record, s."""
 
@@ -55,19 +55,23 @@ class Watch:
     """Records messages without decoding them.
 
     Attributes:
-        heard: (arrival on this host's monotonic clock, ns; key; bytes; schema label).
+        heard: Of each message, its arrival on this host's monotonic clock, ns, key, bytes and schema label.
     """
 
     heard: list[tuple[int, str, bytes, str]] = field(default_factory=list)
 
     def receive(self, key: str, data: bytes | None, label: str) -> None:
-        """Called on the network's thread."""
+        """Store a message; called on the network's thread."""
         if data is not None:
             self.heard.append((time.monotonic_ns(), key, data, label))
 
 
 def drive(system: System, seconds: float, say: Callable[[str], None]) -> tuple[Watch, int, list[dict[str, float]]]:
-    """Drive to and fro for s; gives what was heard, run clock 0 on the monotonic clock, and the platform's record."""
+    """Drive to and fro for some seconds.
+
+    Returns:
+        The recorded messages, the time of run clock 0 on the monotonic clock, ns, and the platform's own record.
+    """
     watch, own = Watch(), []
     platform = system.config.platform.instance
     with LiveRobot(system, network_of(system.config, None, False), None, False, say) as robot:
@@ -87,7 +91,7 @@ def drive(system: System, seconds: float, say: Callable[[str], None]) -> tuple[W
             if time.monotonic() - asked > ASK:
                 asked = time.monotonic()
                 own += _own_record(client, platform)
-            time.sleep(0.2)  # the robot drives; nothing here waits for it
+            time.sleep(0.2)  # only the pace of this loop; the measurement does not depend on it
         return watch, robot.started_ns, own
 
 
@@ -101,7 +105,7 @@ def _is_idle(client: Client) -> bool:
 
 
 def _own_record(client: Client, platform: str) -> list[dict[str, float]]:
-    """Ages, s, of the last 256 commands as the platform's process counted them."""
+    """Median and p99 of the ages of the last 256 commands, s, as measured by the platform's process; empty before."""
     for one in client.describe():
         if (one["role"], one["instance"]) == ("platform", platform):
             found = one["streams"].get("gate/main/command", {})
@@ -110,7 +114,7 @@ def _own_record(client: Client, platform: str) -> list[dict[str, float]]:
 
 
 def evaluate(watch: Watch, start_ns: int, period: float) -> dict[str, Any]:
-    """Ages of moving commands, ms, and what each stage took of them."""
+    """Ages of the commands that move the robot, ms, and the share of each stage."""
     arrived: dict[str, dict[int, int]] = defaultdict(dict)
     spent: dict[str, dict[int, int]] = defaultdict(dict)
     moving: list[tuple[int, int, int]] = []
@@ -146,7 +150,7 @@ def _moves(message: Message) -> bool:
 
 
 def _spread(values_ns: Sequence[int]) -> dict[str, float]:
-    """p50, p90, p99 and the largest, ms."""
+    """p50, p90, p99 and maximum, ms."""
     if not values_ns:
         return {}
     ordered = sorted(values_ns)
@@ -155,7 +159,7 @@ def _spread(values_ns: Sequence[int]) -> dict[str, float]:
 
 
 def run(period: float, seconds: float, overrides: Sequence[str], say: Callable[[str], None]) -> dict[str, Any]:
-    """One robot at one period."""
+    """Measure one robot at one control period."""
     name = f"robot.name=bench{os.getpid()}"
     limit = f"run.stop_after={seconds + START:g}"
     loaded = load_config("paper", [f"run.period={period:g}", limit, name, PROCESSES, *overrides])
@@ -192,9 +196,9 @@ def as_text(found: dict[str, Any]) -> str:
 def main() -> int:
     """Exit code: 1 if the robot did not drive, 2 if the request was wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object a period, one a line")
+    parser.add_argument("--json", action="store_true", help="print a line of JSON for each period")
     parser.add_argument("--period", type=float, action="append", metavar="S", help="repeats (default 0.05 and 0.02)")
-    parser.add_argument("--seconds", type=float, default=45.0, help="to drive (default 45)")
+    parser.add_argument("--seconds", type=float, default=45.0, help="length of the drive, s (default 45)")
     parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
     given = parser.parse_args()
     code = 0

@@ -1,6 +1,6 @@
-"""How a benchmark drives the ends of its peers: a socket that each end joins, and lines of JSON.
+"""How `wire` controls the processes of its peers: each joins a socket and exchanges lines of JSON.
 
-Standard library only: ends may run under another interpreter.
+It imports only the standard library, because a peer may run under another interpreter. An *end* is one such process.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SWITCH = 0.0005
 """Time between switches of Python threads in the live runtime, s."""
 
 Trip = Callable[[str], int]
-"""One round trip of the message of a name: ns it took. Raises Lost."""
+"""Makes one round trip of the message with a name; returns the time it took, ns. Raises Lost."""
 
 
 class Lost(Exception):
@@ -40,7 +40,7 @@ class Driver:
     """Connection by which the ends report and receive orders. Use it in a `with` statement.
 
     Args:
-        path: Of the socket to make.
+        path: Path of the socket to create.
     """
 
     def __init__(self, path: Path) -> None:
@@ -63,7 +63,7 @@ class Driver:
         """Wait until an end of this name has reported.
 
         Raises:
-            PeerError: It has not after s, or its process has ended.
+            PeerError: It has not within `timeout` s, or its process has ended.
         """
         limit = time.monotonic() + timeout
         while end not in self._lines:
@@ -80,10 +80,10 @@ class Driver:
             connection.close()
 
     def trips(self, end: str, name: str, count: int) -> list[int | None]:
-        """Have an end make round trips: ns of each, None for one that was lost.
+        """Have an end make round trips; returns the time of each, ns, None for a lost one.
 
         Raises:
-            PeerError: It failed, or is gone.
+            PeerError: It failed, or has ended.
         """
         line = self._lines[end]
         try:

@@ -1,7 +1,7 @@
-"""Round trips between two processes of one host: ours beside raw Zenoh and dora, interleaved in one run.
+"""Round trips between two processes of one host: navloom, raw Zenoh and dora, interleaved in one run.
 
-`python benchmarks/wire.py [--json] [--rounds N] [--trips N] [--peers A,B] [--dora PYTHON]`. What is measured stands in
-README.md beside this file.
+`python benchmarks/wire.py [--json] [--rounds N] [--trips N] [--peers A,B] [--dora PYTHON]`. README.md beside this file
+explains the figures.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ WARM = 5
 
 @contextmanager
 def started(command: Sequence[str], folder: Path, env: dict[str, str] | None = None) -> Iterator[subprocess.Popen[str]]:
-    """A process and its children; it ends by itself once the driver is closed; otherwise it is stopped."""
+    """Run a process. It ends by itself when the driver closes; otherwise it and its children are killed."""
     log = folder / f"log-{len(list(folder.iterdir()))}.txt"
     with log.open("w") as out:
         process = subprocess.Popen(
@@ -55,7 +55,7 @@ def started(command: Sequence[str], folder: Path, env: dict[str, str] | None = N
 
 
 def start_zenoh(peer: str, folder: Path, driver: Driver, socket: Path, stack: ExitStack) -> None:
-    """Both ends of a peer over Zenoh. Raises PeerError."""
+    """Start both ends of a peer over Zenoh. Raises PeerError."""
     for part in ("echo", "ping"):
         command = [sys.executable, str(HERE / "zenoh_ends.py"), peer, part, str(folder), str(socket)]
         process = stack.enter_context(started(command, folder))
@@ -63,7 +63,7 @@ def start_zenoh(peer: str, folder: Path, driver: Driver, socket: Path, stack: Ex
 
 
 def start_dora(python: str, folder: Path, driver: Driver, socket: Path, stack: ExitStack) -> None:
-    """Both nodes of the dataflow. Raises PeerError."""
+    """Start both nodes of the dora dataflow. Raises PeerError."""
     command = find_dora(python)
     sizes = json.dumps({name: wire_size(message) for name, message in samples().items()})
 
@@ -79,7 +79,7 @@ def start_dora(python: str, folder: Path, driver: Driver, socket: Path, stack: E
 
 
 def find_dora(python: str) -> str:
-    """The dora command beside an interpreter that has its bindings. Raises PeerError where there is none."""
+    """The dora command that belongs to an interpreter with its bindings. Raises PeerError if there is none."""
     try:
         done = subprocess.run([python, "-c", "import dora, pyarrow, numpy"], capture_output=True, text=True, timeout=60)
     except OSError as error:
@@ -131,7 +131,7 @@ def measure(driver: Driver, peers: Sequence[str], name: str, rounds: int, trips:
 
 
 def ratio_to(ours: Sequence[float], theirs: Sequence[float]) -> dict[str, float]:
-    """Ours over theirs, round by round: median and quartiles."""
+    """Median and quartiles of ours / theirs over the rounds."""
     low, middle, high = statistics.quantiles([a / b for a, b in zip(ours, theirs, strict=True)], n=4)
     return {"median": round(middle, 3), "low": round(low, 3), "high": round(high, 3)}
 
@@ -196,7 +196,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--rounds", type=int, default=20, help="blocks of each peer and message (default 20)")
     parser.add_argument("--trips", type=int, default=40, help="round trips of a block (default 40)")
-    parser.add_argument("--peers", default=",".join(PEERS), help=f"some of {','.join(PEERS)}; ours is always there")
+    parser.add_argument("--peers", default=",".join(PEERS), help=f"some of {','.join(PEERS)}; ours is always included")
     parser.add_argument("--dora", default=os.environ.get("DORA_PYTHON", sys.executable), metavar="PYTHON",
                         help="interpreter that has dora-rs (default: $DORA_PYTHON, else this one)")  # fmt: skip
     given = parser.parse_args()

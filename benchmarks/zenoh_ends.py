@@ -1,12 +1,12 @@
-"""The two ends of one peer over Zenoh, each a process: `python zenoh_ends.py PEER PART FOLDER SOCKET`.
+"""The two processes of one peer over Zenoh, for `wire`: `python zenoh_ends.py PEER PART FOLDER SOCKET`.
 
-PART is `ping` or `echo`. Every peer joins over the link and the settings of two processes of a robot on one host.
+PART is `ping` or `echo`. Every peer uses the link and the settings of two processes of a robot on one host.
 
 | peer | does |
 |---|---|
-| ours | `Outlet.publish`, the other's mailbox and thread, decode, `Outlet.publish` of another message, decode |
-| zenoh | a put of ready bytes, a callback that copies them out and at once puts as many others |
-| zenoh-thread | the same, but the callback leaves the bytes in a queue and a thread answers, as a node must |
+| ours | `Outlet.publish`, mailbox and thread of the other process, decode, `Outlet.publish` of the answer, decode |
+| zenoh | a put of prepared bytes; a callback copies the received ones and immediately puts as many |
+| zenoh-thread | the same, but the callback queues the bytes and a thread answers, as in a node |
 | zenoh-shared | as `zenoh`, with shared memory |
 """
 
@@ -48,7 +48,7 @@ def link_of(folder: str, part: str, is_shared: bool = False) -> Link:
 
 @contextmanager
 def our_ping(link: Link) -> Iterator[Trip]:
-    """Publish a message, wait for its answer, decoded."""
+    """A function that publishes a message and waits for its answer, decoded."""
     messages = samples()
     with Bus(link) as bus:
         end = OurEnd(bus, THERE, BACK)
@@ -110,20 +110,20 @@ class RawEnd:
         self._held = session.declare_subscriber(KEYS.port(*takes, DATA), handler)
 
     def put(self, name: str) -> None:
-        """Send the bytes of a name."""
+        """Send the bytes of the message with a name."""
         self.publishers[name].put(self.payloads[name])
 
 
 @contextmanager
 def raw_session(link: Link) -> Iterator[Any]:
-    """A session with the runtime's own settings."""
+    """A Zenoh session with the settings of the live runtime."""
     with zenoh.open(zenoh.Config.from_json5(json.dumps(settings(link)))) as session:
         yield session
 
 
 @contextmanager
 def raw_ping(link: Link) -> Iterator[Trip]:
-    """Put bytes, wait for the bytes of the answer."""
+    """A function that puts bytes and waits for the bytes of the answer."""
     back: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with raw_session(link) as session:
         end = RawEnd(session, THERE, BACK, lambda sample: back.put(sample.payload.to_bytes()))
@@ -146,7 +146,7 @@ def raw_ping(link: Link) -> Iterator[Trip]:
 
 
 def raw_echo(link: Link, has_thread: bool, report: Callable[[], None]) -> None:
-    """Answer bytes with as many others, in the callback or on a thread."""
+    """Answer bytes with as many other bytes, in the callback or on a thread."""
     names: dict[int, str] = {}
     waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
 

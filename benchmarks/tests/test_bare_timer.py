@@ -1,4 +1,4 @@
-"""The bare timer counts what begins late and what is passed over, on a clock handed in."""
+"""The bare timer counts late and skipped ticks; the tests hand in the clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a process and those below it take is read from the system, and shares are of one processor."""
+"""`robot_cpu` reads a process and its descendants, and counts CPU shares and wake-ups."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_shares_and_wake_ups_are_counted_by_process_and_thread() -> None:
         {
             (1, 1): ("main thread", Counts(1.5, 30, 4)),
             (2, 2): ("rx-0", Counts(0.2, 8, 0)),
-            (2, 3): ("rx-0", Counts(0.2, 2, 0)),  # began within the window
+            (2, 3): ("rx-0", Counts(0.2, 2, 0)),  # started within the window
         },
     )
     found = difference(before, after)

@@ -1,4 +1,4 @@
-"""The lazy search beside the graph of all tangents, in one run."""
+"""The lazy search and the graph of all tangents, measured in one run."""
 
 from __future__ import annotations
 
@@ -18,4 +18,4 @@ def test_the_lazy_search_is_faster_than_the_whole_graph_and_grows_with_the_boxes
     shortest.warm_up()
     few, many = measured(kind, 250), measured(kind, 1000)
     assert few["whole_s"] > 3.0 * few["lazy_s"]
-    assert many["looked_at"] < 12 * few["looked_at"]  # of all pairs it is 16
+    assert many["looked_at"] < 12 * few["looked_at"]  # the number of all pairs grows by 16

@@ -46,7 +46,7 @@ class IrsimRobot(Platform[IrsimParams]):
         self.reset()
 
     def reset(self) -> None:
-        import irsim  # which imports a plotting library: not for listing plugins
+        import irsim  # imported here, because it loads a plotting library that listing plugins does not need
 
         start, scene = self.context.start, scene_of(self.params)
         scene["world"] |= {"step_time": self.context.period, "sample_time": self.context.period}
@@ -115,7 +115,7 @@ def scene_of(params: IrsimParams) -> dict[str, Any]:
 
 
 def solid_of(name: str, obstacle: dict[str, Any]) -> Box | Cylinder:
-    """The solid of an obstacle of a scene: a circle, or a rectangle turned by its heading."""
+    """The solid of an obstacle in a scene: a circle, or a rectangle rotated by its heading. Raises ValueError."""
     shape, (x, y, *turn) = obstacle["shape"], obstacle["state"]
     if shape["name"] == "circle":
         return Cylinder(name, x, y, shape["radius"])

@@ -1,4 +1,7 @@
-"""People near the robot: a sensor finds their beacons, nodes track them, an avoider slows down, a panel shows them."""
+"""People near the robot: a sensor finds their beacons, nodes track them, an avoider slows down, a panel shows them.
+
+The example of docs/writing-a-plugin.md for own messages, sensors, nodes and panels; people.toml runs it.
+"""
 
 import math
 from dataclasses import replace
@@ -62,6 +65,8 @@ def turned(points: Floats, angle: float) -> Floats:
 
 
 class BeaconSettings(Params):
+    """Settings of a sensor of kind `beacons`."""
+
     people: tuple[tuple[float, float], ...] = Field(description="Where they stand, m, map frame.")
     reach: float = Field(5.0, gt=0.0, description="How far a beacon is heard, m.")
 
@@ -97,6 +102,7 @@ class PeopleTracker(NodePlugin):
     tracks = Publishes(Tracks)
 
     def step(self, tick: Tick) -> None:
+        """Publish the tracks for each new pose."""
         assert self.pose.value is not None
         heard = [one.points for news in self.beacons.values() for one in news.values]
         echoes = sum(int(np.isfinite(scan.ranges).sum()) for news in self.scans.values() for scan in news.values)
@@ -104,6 +110,7 @@ class PeopleTracker(NodePlugin):
         self.tracks.put(Tracks(tick.time_ns, points, echoes))
 
     def seen_from(self, estimate: PoseEstimate, points: Floats) -> Floats:
+        """(n, 2) points in the map frame, m, from points in the base frame of a robot at this pose."""
         pose = estimate.pose
         return turned(points, pose.heading) + np.array((pose.x, pose.y))
 
@@ -118,7 +125,7 @@ class NearestTracker(PeopleTracker):
 
 
 class Polite(ImprovedVfh):
-    """Improved VFH at half the speed near people."""
+    """The avoider `improved_vfh`, at half the speed near people."""
 
     name = "polite"
     distance = 1.5  # to a person, m
@@ -132,6 +139,7 @@ class Polite(ImprovedVfh):
 
 
 def draw(tracks: Tracks, seen: Seen) -> list[tuple[str, object]]:
+    """Draw people as spheres of radius 0.3 m, 1 m above the floor."""
     import rerun as rr
 
     return [(seen.in_map("people"), rr.Points3D([(x, y, 1.0) for x, y in tracks.points], radii=0.3))]
@@ -139,6 +147,7 @@ def draw(tracks: Tracks, seen: Seen) -> list[tuple[str, object]]:
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
+    """Register everything in this file; navloom calls this hook through the entry points."""
     registry.add(BeaconRobot)
     registry.add(Polite)
     registry.node(PeopleTracker)

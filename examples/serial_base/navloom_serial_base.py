@@ -29,7 +29,9 @@ from pydantic import Field
 from serial_protocol import BUMPER, EMERGENCY_STOP, TICKS, Frames, Status, signed, speeds, status_of
 
 BEAT = 0.02
+"""Interval at which the speeds are repeated, s."""
 FIRST_STATUS = 1.0
+"""Longest wait for the first status of the base, s."""
 
 
 class SerialBaseParams(Params):
@@ -38,7 +40,7 @@ class SerialBaseParams(Params):
     port: str = Field(description="Serial port, as /dev/serial/by-id/usb-….")
     baud: int = Field(115200, ge=300, description="Bits per second.")
     ticks_per_turn: int = Field(1024, ge=1, description="Ticks of an encoder in one turn of its wheel.")
-    silence: float = Field(0.08, ge=0.03, le=1.0, description="The robot stops when the base is silent this long, s.")
+    silence: float = Field(0.08, ge=0.03, le=1.0, description="Time without a status after which the robot stops, s.")
 
 
 class SerialBase(Platform[SerialBaseParams]):

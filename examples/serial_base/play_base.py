@@ -18,9 +18,13 @@ from pathlib import Path
 from serial_protocol import BUMPER, EMERGENCY_STOP, STOPPED_ITSELF, WATCHDOG, Frames, Status, speeds_of, status
 
 STEP = 0.005
+"""Step of the simulation, s."""
 PERIOD = 0.02
+"""Interval of the statuses, s."""
 ACCELERATION = 3.0
+"""Largest acceleration of a wheel, m/s²."""
 TICKS_PER_METRE = 1024 / (math.tau * 0.05)
+"""Encoder ticks per metre: 1024 in one turn of a wheel with a radius of 0.05 m."""
 
 
 class PlayedBase:

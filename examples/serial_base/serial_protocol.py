@@ -15,9 +15,13 @@ START = b"\xaa\x55"
 SPEEDS, STATUS = struct.Struct("<Bhh"), struct.Struct("<BIiiBH")
 TO_BASE, FROM_BASE = 0x01, 0x81
 EMERGENCY_STOP, BUMPER, STOPPED_ITSELF = 1, 2, 4
+"""Flags of a status."""
 WATCHDOG = 0.25
+"""Time without speeds after which a base stops by itself, s."""
 TICKS = 1 << 32
+"""Number at which encoder counts and the uptime wrap."""
 LONGEST = 64
+"""Longest body, bytes."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 HEAD = struct.Struct("<4sBHBBIhhIH")
 MAGIC, VERSION = b"NLDR", 1
 NO_ECHO = 65535
+"""Range of a beam without an echo."""
 MOST_BEAMS = 720
+"""Most beams of a datagram."""
 LATE_NS = 200_000_000
+"""Silence after which a lower number of a scan means a restart of the lidar, ns."""
 CLOCK_NS = 2**32 * 1000
+"""Time at which the device's clock wraps, ns."""
 
 
 class BadPacket(ValueError):

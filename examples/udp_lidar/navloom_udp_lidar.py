@@ -46,7 +46,7 @@ class LidarSettings(Params):
     yaw_deg: float = Field(0.0, ge=-360.0, le=360.0, description="Mount in the base frame, degrees.")
     range_min: float = Field(0.05, ge=0.0, le=10.0, description="Shortest measurement, m.")
     range_max: float = Field(30.0, gt=0.0, le=1000.0, description="Longest measurement, m.")
-    silence: float = Field(0.5, ge=0.05, le=10.0, description="The robot stops when no scan came for so long, s.")
+    silence: float = Field(0.5, ge=0.05, le=10.0, description="Time without a scan after which the robot stops, s.")
 
 
 class Lidar:

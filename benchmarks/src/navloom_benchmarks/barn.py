@@ -1,4 +1,7 @@
-"""A tick in a world of the BARN data set, beside ir-sim with the same laser, obstacles and robot in the same run."""
+"""The entry `barn` of `navloom bench`: a tick in a BARN world, compared with ir-sim in the same scene.
+
+Laser, obstacles and robot are the same. ir-sim runs in a child process (`irsim`), perhaps under another interpreter.
+"""
 
 from __future__ import annotations
 
@@ -29,30 +32,30 @@ from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row,
 __all__ = ["barn", "reference_of", "scene_given"]
 
 CONFIGS = ("building", "explore")
-"""Shipped, with planar lasers of their own: one on a known map, one that maps and replans while it drives."""
+"""Shipped configs that are measured; each has a planar laser. The first has a known map, the second builds its map."""
 BODY = "{ length = 0.458, width = 0.416 }"
-"""Of the challenge's Jackal with its wheels, m: what contact counts for."""
+"""Footprint of the BARN challenge's Jackal with its wheels, m, for contacts."""
 TURN_RATE = 0.3
-"""rad/s of what only simulates: it turns at the start, so that both look at the same place for ever."""
+"""Turn rate without navigation, rad/s: the robot turns at its start, so that both simulators see the same place."""
 PATIENCE = 300.0
-"""s for a block of ir-sim on a machine that is busy."""
+"""Longest wait for a block of ir-sim on a busy machine, s."""
 INSTALL = "ir-sim is not installed for {python}: pip install ir-sim, or give --irsim PYTHON of one that has it"
 
 
 def reference_of(text: str, base: Path) -> str:
-    """World reference of `F.npz#17`; without a number, the file's first world. Raises WorldError."""
+    """World reference for `F.npz#17`; without a number, for the file's first world. Raises WorldError."""
     name, sharp, _ = text.partition("#")
     return f"barn:{text}" if sharp else f"barn:{name}#{barn_numbers(name, base)[0]}"
 
 
 def barn(effort: Effort, say: Callable[[str], None], reference: str, python: str = sys.executable) -> Iterator[Row]:
-    """Ticks of our simulator alone, and of the whole closed loop, beside ticks of ir-sim, which only simulates.
+    """Compare a tick of our simulator, and of the whole closed loop, with a tick of ir-sim, which only simulates.
 
     Args:
-        effort: How much.
-        say: Progress.
-        reference: World `barn:F.npz#17`.
-        python: Interpreter that may have ir-sim.
+        effort: Number of rounds and ticks.
+        say: Receives a line of progress.
+        reference: World reference, as `barn:F.npz#17`.
+        python: Interpreter in which ir-sim is sought.
     """
     ticks = effort.size(4, 1)
     for config in CONFIGS:
@@ -74,12 +77,12 @@ def barn(effort: Effort, say: Callable[[str], None], reference: str, python: str
 
 
 def _peer(given: dict[str, Any], python: str, ticks: int, folder: Path, stack: ExitStack) -> tuple[Peer, list[float]]:
-    """ir-sim in this scene, and the ranges that it reads at the start, m."""
+    """ir-sim in this scene, and its ranges at the start, m; without ir-sim, an absent peer and no ranges."""
     scene = folder / "scene.json"
     scene.write_text(json.dumps(given), "utf-8")
     script = str(Path(bench_irsim.__file__).resolve())
-    python = str(Path(python).absolute()) if os.sep in python else python  # the child works in a folder of its own
-    try:  # isolated: beside the script lie modules of ours that would pass for the standard library's
+    python = str(Path(python).absolute()) if os.sep in python else python  # the child has another working directory
+    try:  # -I: the script, irsim.py, must not shadow the package irsim
         child = stack.enter_context(Child("ir-sim", [python, "-I", script, str(scene)], folder, PATIENCE))
     except PeerError as error:
         lacks = "No module named 'irsim'" in str(error)
@@ -88,7 +91,7 @@ def _peer(given: dict[str, Any], python: str, ticks: int, folder: Path, stack: E
 
 
 def _apart(system: System, ranges: list[float]) -> float:
-    """Median difference of a scan at the start to another's ranges, m, over beams for which both have an echo."""
+    """Median difference between our scan at the start and `ranges`, m, over beams where both have an echo."""
     platform = _platform(system)
     platform.reset()
     still = PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0)
@@ -99,7 +102,11 @@ def _apart(system: System, ranges: list[float]) -> float:
 
 
 def scene_given(system: System) -> dict[str, Any]:
-    """What ir-sim is told, as `bench_irsim.scene_of` takes it. Raises ConfigError: not all are cylinders."""
+    """The scene for ir-sim, the argument of `irsim.scene_of`.
+
+    Raises:
+        ConfigError: The world has no start, or an obstacle that is not a cylinder.
+    """
     world = system.world
     if world is None or world.start is None or not all(isinstance(solid, Cylinder) for solid in world.obstacles):
         raise ConfigError("a world of cylinders with a start is needed, as barn:F.npz#17 gives")
@@ -139,7 +146,7 @@ def _simulator(system: System, ticks: int) -> Block:
 
 
 def _drive(system: System, ticks: int) -> Block:
-    """A whole drive, or its first ticks: s of one."""
+    """A block that drives at most `ticks` ticks and returns the time of one, s."""
 
     def block() -> float:
         make_plugins(system)

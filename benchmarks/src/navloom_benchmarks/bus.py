@@ -1,6 +1,7 @@
-"""Round trips between two processes of one host: what a node does, beside bare bytes over Zenoh in the same run.
+"""The entry `bus` of `navloom bench`: round trips between two processes, compared with raw Zenoh in the same run.
 
-`python -m navloom_benchmarks.bus PART FOLDER` is one of the two, `ping` or `echo`; each holds an end of both peers.
+`python -m navloom_benchmarks.bus PART FOLDER` runs one of the processes: `ping` sends, `echo` answers. Each holds one
+end of our bus and one of each raw peer.
 """
 
 from __future__ import annotations
@@ -31,19 +32,19 @@ __all__ = ["BACK", "THERE", "OurEnd", "RawEnd", "bus"]
 
 KEYS = KeySpace("bench", "r1")
 RAW = {"callback": "zenoh, raw bytes", "thread": "zenoh, raw bytes, answered on a thread"}
-"""Name of the robot whose keys a raw peer uses, which is how it answers; and what it is called."""
+"""The raw peers: how the peer answers, which is also the robot name in its keys, and its name in the table."""
 THERE, BACK = ("platform", "there"), ("platform", "back")
-"""Role and instance of the two streams."""
+"""Role and instance of the two streams, ping to echo and back."""
 DATA = "data"
 PATIENCE = 2.0
-"""s to wait for an answer; then the trip counts as lost."""
+"""Longest wait for an answer, s; then the trip counts as lost."""
 NOTE = "wall clock; ours makes, encodes and decodes messages on a node's thread, Zenoh passes ready-made bytes"
 SWITCH = 0.0005
-"""s between switches of Python threads, as in the live runtime, for both peers."""
+"""Switch interval of Python threads, as in the live runtime, s; the same for all peers."""
 
 
 def bus(effort: Effort, say: Callable[[str], None]) -> Iterator[Row]:
-    """Round trips of 64 B and 110 KB. Raises PeerError where an end does not start."""
+    """Round trips of 64 B and 110 KB. Raises PeerError if a process does not start."""
     with tempfile.TemporaryDirectory(prefix="nlb") as top, ExitStack() as stack:
         ends = []
         for part in ("echo", "ping"):
@@ -68,11 +69,11 @@ def bus(effort: Effort, say: Callable[[str], None]) -> Iterator[Row]:
 
 
 class OurEnd:
-    """One node's streams as the live runtime makes them: an outlet, an inlet and a mailbox.
+    """The streams of one node as in the live runtime: an outlet, an inlet and a mailbox.
 
     Args:
-        bus: The session.
-        gives, takes: Role and instance of the streams it publishes and hears.
+        bus: Connection of the process.
+        gives, takes: Role and instance of the published and of the received stream.
     """
 
     def __init__(self, bus: Bus, gives: tuple[str, str], takes: tuple[str, str]) -> None:
@@ -84,17 +85,17 @@ class OurEnd:
         board.connect()
 
     def give(self, message: Message) -> None:
-        """Publish."""
+        """Publish a message."""
         self._outlet.publish(message, 1, 0, 0, 0)
 
     def take(self, timeout: float) -> list[tuple[Message, Envelope]]:
-        """What comes in within s, decoded."""
+        """Messages that arrive within `timeout` s, decoded, with their envelopes."""
         self._seen = self._mailbox.wait(self._seen, timeout)
         return list(self._inlet.take())
 
     def trip(self, message: Message) -> int | None:
-        """ns until another of its type is back; None where none came."""
-        self.take(0.0)  # an answer that came too late
+        """Time of a round trip, ns, until a message of the same type is back; None if it was lost."""
+        self.take(0.0)  # drop an answer that came too late
         began = time.perf_counter_ns()
         self.give(message)
         back = self.take(PATIENCE)
@@ -103,12 +104,12 @@ class OurEnd:
 
 
 class RawEnd:
-    """Zenoh as its own documentation has it: bytes out, with the quality ours have, and a callback that copies them in.
+    """Raw Zenoh as in its documentation: puts bytes with our quality of service, copies received ones in a callback.
 
     Args:
-        link: How to join.
-        gives, takes: Role and instance of the streams.
-        answers: Whoever sends is answered: "no", in the "callback", or on a "thread" of its own, as a node must.
+        link: Zenoh settings of the process.
+        gives, takes: Role and instance of the published and of the received stream.
+        answers: Whether received bytes are answered: "no", in the "callback", or on a separate "thread", as in a node.
     """
 
     def __init__(self, link: Link, gives: tuple[str, str], takes: tuple[str, str], answers: str) -> None:
@@ -132,7 +133,7 @@ class RawEnd:
             self._thread.start()
 
     def trip(self, data: bytes) -> int | None:
-        """ns until as many bytes are back; None where none came."""
+        """Time of a round trip, ns, until as many bytes are back; None if it was lost."""
         while not self._waiting.empty():
             self._waiting.get()
         began = time.perf_counter_ns()
@@ -145,7 +146,7 @@ class RawEnd:
         return spent if len(got) == len(data) else None
 
     def close(self) -> None:
-        """Leave the network: an open session hangs the process at its end."""
+        """Close the session; an open one hangs the process at exit."""
         if self._thread.is_alive():
             self._waiting.put(b"")
             self._thread.join()
@@ -160,7 +161,7 @@ class RawEnd:
 
 
 def serve(part: str, folder: str) -> None:
-    """One end of both peers, until standard input ends."""
+    """Run one process, `ping` or `echo`, until standard input ends."""
     sys.setswitchinterval(SWITCH)
     gives, takes = (BACK, THERE) if part == "echo" else (THERE, BACK)
     with ExitStack() as stack:
@@ -176,13 +177,13 @@ def serve(part: str, folder: str) -> None:
 
 
 def _link(folder: str, part: str, robot: str) -> Link:
-    """As `up` links two processes of one host."""
+    """The link that `navloom up` makes between two processes of one host."""
     sockets = {name: f"unixsock-stream/{folder}/{name}-{robot}" for name in ("echo", "ping")}
     return peer_link(sockets[part], sockets.values(), KEYS.realm, robot)
 
 
 def _answer_until_the_end(ours: OurEnd) -> None:
-    """Answer each message with another of its type and size, on a thread of its own, as a node does."""
+    """Answer each message with another one of its type and size, on a separate thread, as a node does."""
     answers = {type(message): message for message in samples().values()}
     ending = threading.Event()
 

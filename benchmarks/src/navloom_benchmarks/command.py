@@ -1,4 +1,4 @@
-"""`navloom bench`: this machine's figures beside the peers installed."""
+"""The command line of `navloom bench`; `measuring` does the work."""
 
 from __future__ import annotations
 
@@ -26,11 +26,13 @@ def bench(
     ] = sys.executable,
     page_file: Annotated[
         Path | None,
-        typer.Option("--page", metavar="F.md", help="Write the figures as a page of the documentation too."),
+        typer.Option("--page", metavar="F.md", help="Also write the figures as a page of the documentation."),
     ] = None,
     date: Annotated[
         str,
-        typer.Option(metavar="YYYY-MM-DD", help="Of the measurement, for --page; default: today.", show_default=False),
+        typer.Option(
+            metavar="YYYY-MM-DD", help="Date of the measurement, for --page; default: today.", show_default=False
+        ),
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -57,7 +59,11 @@ def bench(
 
 
 def _prepare(page_file: Path) -> None:
-    """Make the folder of the page: a page that cannot be written is refused before minutes of measurement."""
+    """Create the folder of the page, and check that it can be written, before the measurement, which takes minutes.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
     from navloom.config import ConfigError
     from navloom.files import make_writable
 

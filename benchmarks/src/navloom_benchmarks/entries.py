@@ -1,4 +1,7 @@
-"""What is measured within one process: the paper's loop, planning, ray casting and the codec."""
+"""The entries of `navloom bench` that need one process: the paper's loop, planning, ray casting and the codec.
+
+Each is a generator of rows; `measuring` calls it with an effort and a function that shows progress.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ ROOT = 2.0**0.5
 
 
 def loop(effort: Effort, say: Say) -> Iterator[Row]:
-    """A tick of the shipped config `paper` from its first tick to its goal, or the first 100."""
+    """Mean tick of the shipped config `paper`, from the start to the goal; quick, of the first 100 ticks."""
     say("loop: the paper's drive in lockstep")
     system = assemble(load_config("paper"))
     period, ticks = system.config.run.period, effort.size(10_000, 100)
@@ -51,7 +54,7 @@ def loop(effort: Effort, say: Say) -> Iterator[Row]:
 
 
 def rooms(side: int) -> NDArray[np.bool_]:
-    """(side, side) free cells: rooms of 31 x 31 with a door of 5 to each neighbour and 5 % clutter, all connected."""
+    """Which cells of a (side, side) map are free, bool: connected rooms of 31 x 31 with doors of 5 and 5 % clutter."""
     from scipy import ndimage
 
     rng = np.random.default_rng(0)
@@ -69,7 +72,7 @@ def rooms(side: int) -> NDArray[np.bool_]:
 
 
 def planner(effort: Effort, say: Say) -> Iterator[Row]:
-    """Queries of the planner `astar` on a map of 512 x 512 cells, or 128 x 128. Raises PeerError without it."""
+    """Queries of the planner `astar` on a map of 512 x 512 cells; quick, 128 x 128. Raises PeerError without it."""
     side = effort.size(512, 128)
     say(f"planner: {side} x {side} cells")
     free = rooms(side)
@@ -108,13 +111,13 @@ def _cell(entry: NDArray[Any]) -> Cell:
 
 
 def _each(search: Callable[[Cell, Cell], float], queries: list[tuple[Cell, Cell]]) -> Callable[[], float]:
-    """A block of all queries: s of one."""
+    """A block that makes all queries and returns the time of one, s."""
     block = timed(lambda: [search(*ends) for ends in queries], 1)
     return lambda: block() / len(queries)
 
 
 def _search(free: NDArray[np.bool_]) -> Callable[[Cell, Cell], float]:
-    """Our search alone: length of a path, cells, from cell to cell."""
+    """Our search alone: returns the length of the path between two cells, in cells."""
     module = peer_module("navloom_astar.search", "navloom-astar")
     module.warm_up()
     grid = module.GridSearch(free.shape)
@@ -122,7 +125,7 @@ def _search(free: NDArray[np.bool_]) -> Callable[[Cell, Cell], float]:
 
 
 def _planner(free: NDArray[np.bool_]) -> Callable[[Cell, Cell], float]:
-    """Our planner on a map of cells of 1 m: length of a path, m, from cell to cell."""
+    """Our planner on a map with cells of 1 m: returns the length of the path between two cells, m."""
     cls = Discovery().role("planner", "astar")
     assert issubclass(cls, Planner)
     cls.warm_up()
@@ -170,7 +173,7 @@ def _networkx(free: NDArray[np.bool_]) -> Callable[[Cell, Cell], float]:
 
 
 def rays(effort: Effort, say: Say) -> Iterator[Row]:
-    """9494 rays against 50 boxes by the simulator's kernel. Raises PeerError without the plugin sensors_sim."""
+    """9494 rays and 50 boxes, with the simulator's kernel. Raises PeerError without the plugin sensors_sim."""
     say("rays: 9494 rays, 50 boxes")
     casting = peer_module("navloom_sensors_sim.casting", "navloom-sensors-sim")
     scene = peer_module("navloom_sensors_sim.scene", "navloom-sensors-sim")
@@ -199,7 +202,7 @@ def rays(effort: Effort, say: Say) -> Iterator[Row]:
 
 
 def _boxes(rng: np.random.Generator, count: int) -> list[Box]:
-    """Boxes 3 to 12 m away, two of three turned."""
+    """Boxes 3 to 12 m from the origin; two of three are rotated."""
     made = []
     for number in range(count):
         angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(3.0, 12.0)
@@ -211,7 +214,11 @@ def _boxes(rng: np.random.Generator, count: int) -> list[Box]:
 
 
 def _mujoco(boxes: list[Box], ways: NDArray[np.float64]) -> tuple[Callable[[], None], NDArray[np.float64]]:
-    """A call that casts all rays with mj_multiRay, and where their ranges are afterwards, m; -1 is no hit."""
+    """A function that casts all rays with mj_multiRay, and the array it writes the ranges to, m; -1 for no hit.
+
+    Raises:
+        PeerError: mujoco is not installed, or has another signature of mj_multiRay.
+    """
     mujoco = peer_module("mujoco", "mujoco")
     geoms = []
     for box in boxes:
@@ -233,13 +240,13 @@ def _mujoco(boxes: list[Box], ways: NDArray[np.float64]) -> tuple[Callable[[], N
         cast()
     except TypeError:
         raise PeerError(
-            f"mujoco {mujoco.__version__}: its mj_multiRay takes other arguments than that of 3.2"
+            f"mujoco {mujoco.__version__}: the arguments of its mj_multiRay differ from those of 3.2"
         ) from None
     return cast, distances
 
 
 def codec(effort: Effort, say: Say) -> Iterator[Row]:
-    """Encoding and decoding a message of 64 B and one of 110 KB."""
+    """Encode and decode a message of 64 B and one of 110 KB, compared with pickle."""
     say("codec")
     count = effort.size(2000, 50)
     for name, message in samples().items():

@@ -1,8 +1,8 @@
-"""The peer of `navloom bench --barn`: ir-sim, under whatever interpreter has it.
+"""Runs ir-sim for the entry `barn` of `navloom bench`, as a child process under an interpreter that has ir-sim.
 
-`PYTHON -I bench_irsim.py SCENE.json`: makes the scene, gives `{"name": …, "ranges": […]}` on a line, the ranges as they
-are read at the start, m; then answers each number of ticks on standard input with the CPU seconds they took. Standard
-library, ir-sim and what it brings only.
+`PYTHON -I irsim.py SCENE.json` loads the scene and prints one line, `{"name": …, "ranges": […]}`, with the ranges at
+the start, m. Then it reads a number of ticks from each line of standard input, simulates them, and prints the CPU time
+they took, s. It imports only the standard library, ir-sim and ir-sim's dependencies.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 
 
 def scene_of(given: dict[str, Any]) -> dict[str, Any]:
-    """A scene as ir-sim's YAML has it; JSON is YAML.
+    """The scene in the format of ir-sim's YAML; JSON is also YAML.
 
     Args:
         given: `bounds` (left, low, right, high), m; `period`, s; `start` x, y, heading; `footprint` (n, 2), m; `laser`
@@ -53,7 +53,7 @@ def scene_of(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def main(path: str) -> None:
-    """Serve until standard input ends."""
+    """Load the scene, then answer requests until standard input ends."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     with contextlib.redirect_stdout(sys.stderr), tempfile.TemporaryDirectory() as folder:
         irsim, numpy = importlib.import_module("irsim"), importlib.import_module("numpy")
@@ -61,7 +61,7 @@ def main(path: str) -> None:
         scene = Path(folder) / "scene.yaml"
         scene.write_text(json.dumps(scene_of(given)), "utf-8")
         env = irsim.make(str(scene), display=False, log_level="ERROR")
-        turn = numpy.array([[0.0], [given["turn_rate"]]])  # a column, which all versions take
+        turn = numpy.array([[0.0], [given["turn_rate"]]])  # a column, which all versions accept
         env.step(0.0 * turn)
         ranges = [float(reading) for reading in env.get_lidar_scan()["ranges"]]
         _answer({"name": f"ir-sim {importlib.metadata.version('ir-sim')}", "ranges": ranges})
@@ -70,7 +70,7 @@ def main(path: str) -> None:
 
 
 def _seconds(env: Any, ticks: int, command: Any) -> float:
-    """CPU time of so many ticks with one command: drive, laser, collisions, and the scan read."""
+    """CPU time of some ticks with one command, s: motion, laser, collisions, and reading the scan."""
     began = time.thread_time()
     for _ in range(ticks):
         env.step(command)
@@ -79,7 +79,7 @@ def _seconds(env: Any, ticks: int, command: Any) -> float:
 
 
 def _answer(value: Any) -> None:
-    """One line of JSON on the standard output that the package's own chatter is kept from."""
+    """Print a line of JSON on the real standard output; what ir-sim prints goes to standard error."""
     assert sys.__stdout__ is not None
     sys.__stdout__.write(json.dumps(value) + "\n")
     sys.__stdout__.flush()

@@ -1,4 +1,4 @@
-"""`navloom bench`: this machine's figures beside the peers installed."""
+"""Runs the entries of `navloom bench` and collects their figures."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ __all__ = ["NAMES", "bench", "machine"]
 
 Entry = Callable[[Effort, Callable[[str], None]], Iterator[Row]]
 NAMES = ("loop", "planner", "rays", "codec", "bus", "barn")
-"""Of the entries, in their order."""
+"""Names of the entries, in the order in which they run."""
 ROUNDS, QUICK_ROUNDS = 9, 2
+"""Blocks of each side, and with --quick."""
 DISTRIBUTIONS = ("navloom", "numpy", "numba", "eclipse-zenoh", "mujoco", "networkx", "pyastar2d")
+"""Distributions whose versions are reported, if installed."""
 
 
 def bench(
@@ -33,20 +35,21 @@ def bench(
     irsim: str = sys.executable,
     say: Callable[[str], None] = lambda text: None,
 ) -> dict[str, Any]:
-    """Measure.
+    """Measure the entries.
 
     Args:
-        only: Names of entries; none: all.
-        quick: Small inputs and short blocks: it shows that all works, its figures are worth little.
+        only: Names of entries; empty for all.
+        quick: Use small inputs and short blocks, to see that everything works; the figures mean little.
         barn: `F.npz#17`, or `F.npz` for its first world; without it the entry `barn` is left out.
-        irsim: Interpreter that may have ir-sim.
-        say: Is told what is being measured.
+        irsim: Interpreter in which ir-sim is sought.
+        say: Receives a line of progress.
 
     Returns:
-        `machine`; `quick`; `rows`, each with the fields of `Row`; `left_out`, by name of an entry, why.
+        `machine`; `quick`; `rows`, each with the fields of `Row`; `left_out`, the reason by name of an entry.
 
     Raises:
-        ConfigError: An entry does not exist, or `barn` is asked for without a file; WorldError: that is no BARN file.
+        ConfigError: An entry does not exist, or `barn` is named in `only` without a file.
+        WorldError: The file is not one of the BARN data set.
     """
     entries = _entries(only, barn, irsim)
     effort = Effort(QUICK_ROUNDS if quick else ROUNDS, quick)
@@ -64,7 +67,7 @@ def bench(
 
 
 def _entries(only: Sequence[str], barn: str | None, irsim: str) -> dict[str, Entry]:
-    """What is to be measured, in the fixed order."""
+    """The entries to measure, in the order of NAMES."""
     for name in only:
         if name not in NAMES:
             raise ConfigError(f"--only {name}: there is no such entry; {did_you_mean(name, NAMES)}")
@@ -87,7 +90,7 @@ def _entries(only: Sequence[str], barn: str | None, irsim: str) -> dict[str, Ent
 
 
 def machine() -> dict[str, Any]:
-    """What the figures depend on."""
+    """Processor, load and versions, on which the figures depend."""
     versions = {}
     for name in DISTRIBUTIONS:
         try:

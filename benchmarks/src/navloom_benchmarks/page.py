@@ -1,4 +1,4 @@
-"""The figures of `navloom bench` as a page of the documentation."""
+"""The page of the documentation that `navloom bench --page` writes (docs/performance.md)."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ COLUMNS = ("measured", "ours", "theirs", "unit", "times as fast", "quartiles", "
 
 
 def page(found: Mapping[str, Any], date: str) -> str:
-    """A page of Markdown.
+    """The page, Markdown.
 
     Args:
-        found: What `bench` returns.
-        date: Of the measurement, as 2026-11-23.
+        found: Return value of `measuring.bench`.
+        date: Date of the measurement, as 2026-11-23.
     """
     at = found["machine"]
     versions = ", ".join(f"{name} {version}" for name, version in at["versions"].items())

@@ -1,4 +1,7 @@
-"""How two things are timed in one run: blocks in turn, medians, and the spread of their ratios; and who is a peer."""
+"""Times ours and a peer in one run: blocks in turn, medians, and the quartiles of their ratios.
+
+Shared by all entries. `Peer` is the software that ours is compared with; `Child` is a peer in another process.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +24,13 @@ from typing import Any
 __all__ = ["Block", "Child", "Effort", "Peer", "PeerError", "Row", "paired", "peer_module", "timed"]
 
 Block = Callable[[], float]
-"""Does a block of work: s of one operation."""
+"""Does a block of work; returns the time of one operation, s."""
 END = 8.0
-"""s a process may take to end by itself."""
+"""Longest wait for a process to end by itself, s."""
 
 
 class PeerError(RuntimeError):
-    """A peer that is not installed or does not work; the text names it and says what to do."""
+    """A peer that is not installed or does not work; the text names it and the fix."""
 
 
 @dataclass(frozen=True)
@@ -35,31 +38,31 @@ class Effort:
     """How much is measured.
 
     Attributes:
-        rounds: Blocks of each side.
-        is_quick: Small inputs and short blocks, to see that everything works.
+        rounds: Number of blocks of each side.
+        is_quick: Use small inputs and short blocks, to see that everything works.
     """
 
     rounds: int
     is_quick: bool
 
     def size(self, whole: int, quick: int) -> int:
-        """A count of the whole measurement, or of the quick one."""
+        """`whole` for a full measurement, `quick` for a quick one."""
         return quick if self.is_quick else whole
 
 
 @dataclass(frozen=True)
 class Row:
-    """One figure.
+    """A row of the result: one operation, ours and the peer's.
 
     Attributes:
         name: What was measured.
         ours: Median of our blocks, in `unit`.
-        unit: A duration, of one operation.
-        peer: Who was measured beside it.
-        theirs: The same of the peer; None where it could not be measured.
-        ratio: Theirs over ours, median over rounds: how many times as fast ours is.
+        unit: Unit of the durations, of one operation.
+        peer: Name of the peer.
+        theirs: Median of the peer's blocks, in `unit`; None if it could not be measured.
+        ratio: Theirs / ours, median over the rounds: how many times as fast ours is.
         low, high: Quartiles of the rounds' ratios.
-        note: What to know when reading it.
+        note: What a reader should know about the figures.
     """
 
     name: str
@@ -74,16 +77,17 @@ class Row:
 
 
 UNITS = {"s": 1.0, "ms": 1e3, "µs": 1e6, "ns": 1e9}
+"""Units of durations in one second."""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """The other side of a pair.
+    """What ours is compared with.
 
     Attributes:
-        name: Of who it is.
-        block: Its work; None where it is absent.
-        absence: Why there is none.
+        name: Its name in the table.
+        block: Its block of work; None if it cannot be measured.
+        absence: Why it cannot be measured.
     """
 
     name: str
@@ -92,7 +96,7 @@ class Peer:
 
 
 def timed(call: Callable[[], object], count: int) -> Block:
-    """A block of so many calls, by the CPU time of this thread: what else runs on the machine adds nothing to it."""
+    """A block of `count` calls, timed by the CPU time of this thread, so that other processes do not count."""
 
     def block() -> float:
         began = time.thread_time()
@@ -104,7 +108,14 @@ def timed(call: Callable[[], object], count: int) -> Block:
 
 
 def paired(name: str, unit: str, ours: Block, peer: Peer, rounds: int, note: str = "") -> Row:
-    """Blocks of both in turn, the first one changing from round to round; the first of each is not counted."""
+    """Time blocks of both sides in turn; the order alternates from round to round, and the first block is not counted.
+
+    Args:
+        name, unit, note: Of the row.
+        ours: Our block.
+        peer: The other side; if it is absent, only ours is timed.
+        rounds: Number of blocks of each side.
+    """
     scale, theirs = UNITS[unit], peer.block
     ours()
     if theirs is None:
@@ -132,7 +143,7 @@ def _quartiles(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def peer_module(module: str, distribution: str) -> Any:
-    """A peer's module: no dependency of ours, so it is taken by name.
+    """Import a peer's module by name, since peers are not dependencies.
 
     Raises:
         PeerError: It is not installed.
@@ -147,10 +158,10 @@ class Child:
     """A process that answers each line with a line of JSON. Use it in a `with` statement.
 
     Args:
-        name: What errors call it.
-        command: Its first line says that it is ready.
-        folder: Where it works and leaves its log.
-        patience: s to wait for a line.
+        name: Its name in error messages.
+        command: Command line; the first line that it prints, JSON, says that it is ready (`hello`).
+        folder: Its working directory, which also gets its log.
+        patience: Longest wait for a line, s.
 
     Raises:
         PeerError: It cannot be started, or ends before it is ready.
@@ -176,9 +187,9 @@ class Child:
             raise
 
     def ask(self, value: Any) -> Any:
-        """The answer to one value. Raises PeerError where none comes."""
+        """Send a value and return the answer. Raises PeerError if none comes."""
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # who has ended says so by ending its output
+        with contextlib.suppress(OSError):  # if it has ended, reading its output tells so
             self._process.stdin.write(json.dumps(value) + "\n")
             self._process.stdin.flush()
         return self._line()
@@ -192,7 +203,7 @@ class Child:
         self.close()
 
     def close(self) -> None:
-        """End its input, upon which it ends; else it is ended."""
+        """Close its input, so that it ends; kill it if it does not."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
@@ -217,5 +228,5 @@ class Child:
             raise PeerError(f"{self._name}: no answer within {self._patience:g} s") from None
         if not line:
             said = [text for text in self._log.read_text("utf-8").splitlines() if text.strip()]
-            raise PeerError(f"{self._name} ended: {said[-1] if said else 'without a word'}")
+            raise PeerError(f"{self._name} ended: {said[-1] if said else 'without a message'}")
         return json.loads(line)

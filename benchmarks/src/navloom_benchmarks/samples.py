@@ -1,4 +1,4 @@
-"""The messages whose cost is measured."""
+"""The messages that `codec`, `bus` and the scripts beside this package measure."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ ENVELOPE = Envelope("bench/r1/platform/there/data", 1, 1, 0, 0, 0)
 
 
 def samples(random: np.random.Generator | None = None) -> dict[str, Message]:
-    """By size on the wire: a velocity command, and a sweep of 77 frames of 181 beams.
+    """Messages by their size on the wire: a velocity command, and a sweep of 77 frames of 181 beams.
 
     Args:
-        random: Of the sweep's ranges; by default always the same ones.
+        random: Source of the sweep's ranges; by default always the same ones.
     """
     random = np.random.default_rng(7) if random is None else random
     ranges, pitches = random.uniform(0.5, 30.0, (77, 181)), np.linspace(-0.7, 0.3, 77)
@@ -32,7 +32,7 @@ def samples(random: np.random.Generator | None = None) -> dict[str, Message]:
 
 
 def wire_size(message: Message) -> int:
-    """Bytes of a message, header and all."""
+    """Size of an encoded message with its header, bytes."""
     return len(encode(message, ENVELOPE))
 
 

@@ -102,7 +102,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     [
         ("avodier", "mine", "did you mean 'avoider'"),
         ("avoider", "My-Avoider", "expected at most 30 lower case letters"),
-        ("avoider", "class", "no word of Python"),
+        ("avoider", "class", "no Python keyword"),
         ("avoider", "../mine", "expected at most"),
         ("avoider", "a" * 31, "expected at most 30"),
         ("avoider", "vff", "avoider.vff is taken"),

@@ -25,7 +25,7 @@ def free() -> NDArray[np.bool_]:
 
 
 def rooms_with(clutter: float) -> NDArray[np.bool_]:
-    """All that is connected of the rooms, where a share of single cells is occupied."""
+    """The connected part of the rooms, with a share of single cells occupied."""
     rng = np.random.default_rng(0)
     rooms = np.ones((512, 512), dtype=np.bool_)
     rooms[::32] = rooms[:, ::32] = False
@@ -47,7 +47,7 @@ def queries(free) -> list[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def seconds(*runs) -> list[float]:
-    """Shortest time of each, taken in turns so that all see the same machine."""
+    """Shortest time of each, measured in turns so that all see the same load."""
     best = [np.inf] * len(runs)
     for _ in range(9):
         best = [min(old, timeit.timeit(run, number=1)) for old, run in zip(best, runs, strict=True)]
@@ -55,7 +55,7 @@ def seconds(*runs) -> list[float]:
 
 
 def test_three_times_as_fast_as_pyastar2d(free, queries, benchmark) -> None:
-    """Each query brings its map, as a planner's request does: neither side may keep a prepared copy."""
+    """Each query has its own map, as a planner's request has: neither side may keep a prepared copy."""
     search.warm_up()
     grid = GridSearch(free.shape)
 
@@ -100,7 +100,7 @@ def test_jumps_are_faster_than_astar_among_rooms_and_astar_than_dijkstra(free, q
 
 
 def test_a_hundred_times_as_fast_as_networkx(free, queries, benchmark) -> None:
-    """networkx gets its graph ready made."""
+    """networkx gets a graph that is built already."""
     search.warm_up()
     graph = nx.Graph()
     for down, across in ((0, 1), (1, 0), (1, 1), (1, -1)):

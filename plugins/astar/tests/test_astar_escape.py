@@ -1,4 +1,4 @@
-"""The way out of the inflation against shortest ways over a graph of all cells."""
+"""The way out of the inflation, compared with shortest paths over a graph of all cells."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scipy.sparse import csgraph
 
 
 def distances_from(occupied: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.float64]:
-    """(rows, columns) of shortest ways round obstacles, none of which cuts a corner; infinite where there is none."""
+    """(rows, columns) lengths of shortest paths round obstacles, without cutting corners; infinite where none."""
     rows, columns = occupied.shape
     number, graph = np.arange(occupied.size).reshape(occupied.shape), sparse.lil_matrix((occupied.size,) * 2)
     for row, column in np.argwhere(~occupied):
@@ -38,7 +38,9 @@ def distances_from(occupied: NDArray[np.bool_], start: tuple[int, int]) -> NDArr
     st.floats(0.6, 2.5),
     st.floats(0.5, 5.0),
 )
-def test_it_is_the_shortest_to_the_side_of_the_goal_if_that_is_in_reach(seed, shape, density, radius, within) -> None:
+def test_the_way_out_is_the_shortest_to_the_side_of_the_goal_if_that_is_in_reach(
+    seed, shape, density, radius, within
+) -> None:
     rng = np.random.default_rng(seed)
     occupied = rng.random(shape) < density
     traversable = ~grow(occupied, disc_reach(radius))
@@ -61,7 +63,7 @@ def test_it_is_the_shortest_to_the_side_of_the_goal_if_that_is_in_reach(seed, sh
 
 
 def test_the_side_of_the_goal_comes_before_the_nearer_one() -> None:
-    """A wall from edge to edge but for its middle, where the start is: up is one cell away, down is two."""
+    """A wall from edge to edge with a gap, in which the start is: free space is one cell up and two down."""
     occupied = np.zeros((7, 9), dtype=np.bool_)
     occupied[3] = True
     occupied[3, 4] = False

@@ -1,4 +1,4 @@
-"""Growing obstacles against the definition, cell by cell."""
+"""Inflation of obstacles, compared with the definition cell by cell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def too_near(occupied: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.tuples(st.integers(1, 25), st.integers(1, 25)), st.floats(0.0, 9.0))
-def test_a_disc_reaches_what_is_nearer_than_its_radius(seed: int, shape: tuple[int, int], radius: float) -> None:
+def test_a_disc_reaches_cells_nearer_than_its_radius(seed: int, shape: tuple[int, int], radius: float) -> None:
     occupied = np.random.default_rng(seed).random(shape) < 0.03
     assert (grow(occupied, disc_reach(radius)) == too_near(occupied, radius)).all()
 
@@ -39,7 +39,7 @@ def test_a_square_reaches_as_many_cells_in_rows_as_in_columns(seed: int, shape: 
 
 
 def test_obstacles_at_edges_and_corners_reach_as_far_as_others() -> None:
-    """One or two obstacles anywhere on a grid that is mostly free, the box round them at its edges or not."""
+    """One or two obstacles anywhere on a mostly free grid, at its edges or not."""
     assert not grow(np.zeros((7, 9), dtype=np.bool_), disc_reach(2.6)).any()
     for n in range(63):
         for other in (n, 62 - n, 31):
@@ -60,7 +60,7 @@ def test_sizes_by_hand() -> None:
     assert grow(occupied, disc_reach(0.0)).sum() == 1
 
 
-def test_the_operand_is_left_alone() -> None:
+def test_the_argument_is_not_changed() -> None:
     occupied = np.zeros((3, 3), dtype=np.bool_)
     for reach in (square_reach(0), square_reach(1)):
         grow(occupied, reach)[:] = True

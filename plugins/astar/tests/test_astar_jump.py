@@ -59,7 +59,7 @@ def test_the_cost_is_that_of_astar(maze) -> None:
 
 @pytest.mark.parametrize("density", [0.02, 0.1, 0.25, 0.4])
 def test_jumps_are_as_short_as_scipys_dijkstra(density: float) -> None:
-    """Against a graph that knows nothing of directions."""
+    """Compared with a graph without directions."""
     rng, reached = np.random.default_rng(round(1000 * density)), 0
     for _ in range(20):
         free = rng.random((33, 27)) >= density
@@ -100,12 +100,12 @@ def test_an_obstacle_is_passed_before_the_turn() -> None:
 
 
 def test_jump_points_are_few() -> None:
-    """An empty room has none but the goal and the corner of the way; A* would touch each cell of the diagonal."""
+    """An empty room has only the goal and one corner as jump points; A* would visit each cell of the diagonal."""
     free = np.ones((50, 80), dtype=np.bool_)
     grid = JumpPointSearch(free.shape)
     way = grid.shortest(free, (0, 0), (49, 79))
     assert (way.straight, way.diagonal) == (30, 49)
-    assert np.count_nonzero(grid._cost) == 3  # start, turn and goal; what was never reached costs 0
+    assert np.count_nonzero(grid._cost) == 3  # start, turn and goal; cells never reached have cost 0
 
 
 @settings(max_examples=60, deadline=None)
@@ -123,7 +123,7 @@ def test_extra_costs_are_minimal_too(maze, seed: int) -> None:
 
 
 @pytest.mark.parametrize("other", OTHERS)
-def test_queries_do_not_disturb_each_other(other: type[GridSearch]) -> None:
+def test_queries_do_not_affect_each_other(other: type[GridSearch]) -> None:
     rng = np.random.default_rng(6)
     kept = other((40, 50))
     for _ in range(60):
@@ -148,7 +148,7 @@ def test_a_start_in_an_obstacle_is_refused(other: type[GridSearch]) -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 2.5), st.sampled_from(["free", "cost"]), st.booleans())
 def test_plans_are_as_long_and_failures_the_same(seed: int, radius: float, unknown: str, may_squeeze: bool) -> None:
-    """With inflation, ways out of it, passages narrower than it, and dear ground, where lengths may differ."""
+    """With inflation, ways out of it, passages narrower than it, and ground of extra cost, where lengths may differ."""
     rng = np.random.default_rng(seed)
     values = np.array([0, 100, -1], dtype=np.int8)
     given_map = RasterMap(rng.choice(values, (25, 30), p=[0.9, 0.04, 0.06]), 1.0, (0.0, 0.0, 0.0))

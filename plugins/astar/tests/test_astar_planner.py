@@ -49,7 +49,7 @@ def test_it_registers_its_planners() -> None:
     }
 
 
-def test_a_path_and_where_the_robot_may_be() -> None:
+def test_a_path_comes_with_the_cells_where_the_robot_may_be() -> None:
     cells = np.zeros((40, 60))
     cells[20, 30] = 100
     path = make().plan(asked(cells, (1.05, 2.05), (4.95, 2.05)))

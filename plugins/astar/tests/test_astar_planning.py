@@ -17,7 +17,7 @@ NOTHING = np.empty((0, 4))
 BLANK = RasterMap(np.full((1, 1), -1, dtype=np.int8), 0.4, (-0.2, -0.2, 0.0))
 S, D = (0.0, 0.0), (0.0, 7.6)
 
-# DECISIONS section 8: x and y intervals of what is between floor and robot height, m.
+# DECISIONS section 8: x and y intervals of obstacles between floor and robot height, m.
 BOXES = {
     "back wall": ((-4.6, 7.2), (9.2, 9.4)),
     "left wall": ((-4.4, -4.2), (-1.0, 9.4)),
@@ -32,7 +32,7 @@ DOOR_C = ((4.2, 6.8), (5.2, 5.4))
 
 
 def seen_from_s(boxes: dict) -> np.ndarray:
-    """(n, 4) the faces that a level laser at S meets, bearings 40..140 degrees at 1, as segments from hit to hit."""
+    """(n, 4) faces that a level laser at S meets, bearings 40..140 degrees by 1, as segments from hit to hit."""
     runs: list[list[tuple[tuple, tuple[float, float]]]] = [[]]
     for bearing in np.radians(np.arange(40.0, 141.0)):
         direction = (math.cos(bearing), math.sin(bearing))
@@ -94,7 +94,7 @@ def test_with_gate_b_blocked_the_paper_goes_through_corridor_c() -> None:
     path = GridPlanner(Settings(), S).plan(S, D, segments, BLANK)
     assert path.length == pytest.approx(15.66, abs=0.005)
     assert path.points[:, 0].max() > 4.2
-    # A sweep of the closed door does not see behind it: the way cuts the partition's corner.
+    # A sweep of the closed door does not see behind it, so the path cuts the partition's corner.
     assert paper_plan(BOXES | {"door B": DOOR_B}).length == pytest.approx(0.4 * (19 + 13 * ROOT), abs=1e-9)
 
 
@@ -153,8 +153,8 @@ def test_a_goal_at_the_end_of_the_world_is_outside_the_map() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
-def test_a_map_can_be_enlarged_by_the_unknown_to_hold_a_goal_nobody_has_seen(heading):
-    """A wall across the end of a map of 2 x 3 m: with a margin round it the way leads past, else there is none."""
+def test_a_map_can_be_enlarged_by_unknown_cells_to_hold_an_unseen_goal(heading):
+    """A wall across the end of a map of 2 x 3 m: with a margin round the map there is a path past it, else none."""
     cells = np.zeros((6, 4), dtype=np.int8)
     cells[5] = 100
     frame = RasterMap(cells, 0.5, (1.0, 2.0, heading))
@@ -189,7 +189,7 @@ def test_a_turned_map_is_planned_on_in_its_own_cells() -> None:
     assert path.grid.origin == (10.0, 20.0, math.pi / 2)
 
 
-def test_auto_takes_segments_where_there_are_any() -> None:
+def test_auto_uses_segments_if_there_are_any() -> None:
     given = raster("....", "....")
     assert plan(given, (0.5, 0.5), (3.5, 0.5)).grid.resolution == 1.0
     planner = GridPlanner(Settings(cell=0.25), (0.5, 0.5))
@@ -246,14 +246,14 @@ def test_the_robot_may_leave_the_inflation_but_no_obstacle() -> None:
     path = plan(given, start, goal, radius=2.2)
     assert path.length == pytest.approx(7.0)
     assert path.points[:, 1] == pytest.approx(2.5)
-    assert np.argwhere(path.traversable[:, :3]).tolist() == [[2, 1], [2, 2]]  # opened for the way out alone
+    assert np.argwhere(path.traversable[:, :3]).tolist() == [[2, 1], [2, 2]]  # opened only for the way out
     assert isinstance(plan(given, start, goal, radius=2.2, escape=0.0), StartOccupied)
     assert isinstance(plan(given, start, goal, radius=2.2, escape=1.9), StartOccupied)
     assert plan(given, start, goal, radius=2.2, escape=2.0).length == pytest.approx(7.0)
     assert plan(given, (0.5, 2.5), goal, radius=2.2).detail == "the start (0.50, 2.50) is in an obstacle"
 
 
-def test_the_robot_gets_out_of_a_corner_by_itself() -> None:
+def test_the_robot_finds_the_way_out_of_a_corner() -> None:
     """Radius 4.2 cells beside two walls: five cells along the diagonal."""
     given = raster(*["#..........."] * 11, "#" * 12)
     path = plan(given, (1.5, 1.5), (10.5, 10.5), radius=4.2)
@@ -262,7 +262,7 @@ def test_the_robot_gets_out_of_a_corner_by_itself() -> None:
 
 
 def test_the_way_out_is_to_the_side_of_the_goal() -> None:
-    """A doorway too narrow for the robot, which stands in it: either side is two cells away."""
+    """The robot is in a doorway too narrow for it: either side is two cells away."""
     side, wall = ["#.....#...#"] * 2, "###########"
     given = raster(wall, *side, "#.........#", *side, wall)
     for goal_x in (3.5, 8.5):
@@ -294,7 +294,7 @@ def test_paths_keep_to_traversable_cells_off_the_start(seed: int, radius: float,
     assert answer.traversable[rows[1:], columns[:-1]].all() and answer.traversable[rows[:-1], columns[1:]].all()
     clear = ~grow(cells >= 50, disc_reach(radius))
     outside = np.flatnonzero(clear[rows, columns])
-    assert clear[rows, columns][outside[0] :].all()  # once out of the inflation, never in again
+    assert clear[rows, columns][outside[0] :].all()  # once out of the inflation, it never enters it again
     assert not (cells[rows, columns] >= 50).any()
     assert answer.length == pytest.approx(np.hypot(*np.diff(answer.points, axis=0).T).sum())
 
@@ -307,7 +307,7 @@ def _two_free(given: RasterMap, rng: np.random.Generator) -> list[tuple[float, f
     return [tuple(point) for point in grid_of_cells(given, 50).centres(chosen).tolist()]
 
 
-def test_the_same_question_has_the_same_answer() -> None:
+def test_the_same_request_gives_the_same_answer() -> None:
     rng = np.random.default_rng(8)
     given = RasterMap(np.where(rng.random((60, 60)) < 0.2, 100, 0).astype(np.int8), 1.0, (0.0, 0.0, 0.0))
     start, goal = _two_free(given, rng)

@@ -40,14 +40,14 @@ def test_a_segment_along_an_edge_fills_both_sides() -> None:
         assert drawn((1.5, 0.7, 1.5, 2.3), method=method) == [(1, 1), (1, 2), (2, 1), (2, 2)]
 
 
-def test_what_lies_outside_is_left_out() -> None:
+def test_segments_outside_the_grid_are_left_out() -> None:
     assert drawn((-9.0, 3.0, 1.0, 3.0)) == [(3, 0), (3, 1)]
     assert drawn((-9.0, -9.0, -3.0, -3.0)) == []
 
 
 @settings(max_examples=150, deadline=None)
 @given(COORDINATE, COORDINATE, COORDINATE, COORDINATE)
-def test_distance_and_supercover_mean_what_they_say(x1: float, y1: float, x2: float, y2: float) -> None:
+def test_distance_and_supercover_agree_with_their_definitions(x1: float, y1: float, x2: float, y2: float) -> None:
     rows, columns = np.indices((20, 20))
     share = np.linspace(0.0, 1.0, 601)[:, None, None]
     x, y = abs(x1 + share * (x2 - x1) - columns), abs(y1 + share * (y2 - y1) - rows)

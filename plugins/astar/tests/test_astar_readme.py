@@ -1,4 +1,4 @@
-"""The README's example is valid, its table holds every parameter, and every function it names is there."""
+"""The README's example is valid, its table has every parameter, and every function that it names exists."""
 
 import importlib
 import re
@@ -23,7 +23,7 @@ def test_the_example_is_a_valid_table():
     AstarParams(**table)
 
 
-def test_every_function_of_the_table_is_there():
+def test_every_function_of_the_table_exists():
     names = re.findall(r"`(\w+)\.(\w+)", README.partition("## Where")[2].partition("## Choices")[0])
     assert len(names) >= 10
     for module, name in names:

@@ -1,4 +1,4 @@
-"""The search against independent oracles, and properties it must have."""
+"""The search, compared with independent oracles, and its properties."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHAPES = st.tuples(st.integers(1, 14), st.integers(1, 14))
 
 
 def edges(free: Bools, extra: NDArray | None = None) -> tuple[NDArray, NDArray, NDArray]:
-    """Every legal step of a grid, written apart from the search: flat cells from and to, and costs."""
+    """Every legal step of a grid, computed independently of the search: flat cells from and to, and costs."""
     ground = np.pad(np.zeros(free.shape) if extra is None else extra / EXTRA_UNIT, 1)
     is_free, flat = np.pad(free, 1), np.pad(np.arange(free.size).reshape(free.shape), 1)
     found = []
@@ -46,7 +46,7 @@ def oracle(free: Bools, start: tuple[int, int], extra: NDArray | None = None) ->
 
 
 def check_way(way: Way, free: Bools, start: tuple[int, int], goal: tuple[int, int]) -> None:
-    """Free cells from start to goal by legal steps, whose number is as told."""
+    """Check that a path goes over free cells from start to goal by legal steps, of the stated number."""
     cells, steps = way.cells, np.diff(way.cells, axis=0)
     assert tuple(cells[0]) == start and tuple(cells[-1]) == goal
     assert free[cells[:, 0], cells[:, 1]].all()
@@ -128,8 +128,8 @@ def test_extra_costs_are_minimal_too(maze, seed: int, most: int) -> None:
         check_way(answer, free, start, goal)
 
 
-def test_extra_ground_is_gone_round_when_that_is_cheaper() -> None:
-    """Round the dear row: 6 + 2 sqrt(2) = 8.83. Along it: 8 + 7 e, which is 8.875 at e = 1/8, and 8 at e = 0."""
+def test_ground_of_extra_cost_is_avoided_when_that_is_cheaper() -> None:
+    """Round the row of extra cost e: 6 + 2 sqrt(2) = 8.83. Along it: 8 + 7 e, 8.875 at e = 1/8 and 8 at e = 0."""
     free, extra = np.ones((5, 9), dtype=np.bool_), np.zeros((5, 9), dtype=np.uint8)
     extra[2, 1:8] = 1
     way = GridSearch(free.shape).shortest(free, (2, 0), (2, 8), extra)
@@ -142,7 +142,7 @@ def test_extra_ground_is_gone_round_when_that_is_cheaper() -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(mazes())
-def test_turning_or_mirroring_the_grid_leaves_the_length(maze) -> None:
+def test_turning_or_mirroring_the_grid_keeps_the_length(maze) -> None:
     free, start, goal = maze
     marks = np.zeros((2, *free.shape), dtype=np.bool_)
     marks[0][start] = marks[1][goal] = True
@@ -188,14 +188,14 @@ def test_start_is_goal() -> None:
     assert way.cells.tolist() == [[1, 0]] and way.length == 0.0
 
 
-def test_closed_tells_how_near_it_came() -> None:
+def test_without_a_path_the_nearest_place_is_given() -> None:
     free = np.ones((7, 7), dtype=np.bool_)
     free[:, 4] = False
     free[3, 3] = False
-    assert GridSearch((7, 7)).shortest(free, (0, 0), (3, 6)) == Closed((2, 3))  # (4, 3) is as near, but dearer
+    assert GridSearch((7, 7)).shortest(free, (0, 0), (3, 6)) == Closed((2, 3))  # (4, 3) is as near, but costs more
 
 
-def test_queries_do_not_disturb_each_other() -> None:
+def test_queries_do_not_affect_each_other() -> None:
     rng = np.random.default_rng(5)
     kept = GridSearch((40, 50))
     for _ in range(60):
@@ -218,7 +218,7 @@ def test_costs_are_renewed_when_the_room_for_them_is_used_up() -> None:
     free = np.ones((5, 5), dtype=np.bool_)
     grid = GridSearch((5, 5))
     first = grid.shortest(free, (0, 0), (4, 4))
-    grid._base = -search._LARGEST + 1  # as after very many queries
+    grid._base = -search._LARGEST + 1  # the state after very many queries
     again = grid.shortest(free, (0, 0), (4, 4))
     assert grid._base > -1e9
     assert again.cells.tolist() == first.cells.tolist()
@@ -261,7 +261,7 @@ def test_integer_costs_rank_as_real_lengths_do(straight: int, diagonal: int) -> 
     assert (whole > 0) - (whole < 0) == exact
 
 
-def test_985_and_1393_do_misjudge_985_diagonal_steps() -> None:
+def test_the_costs_985_and_1393_misjudge_985_diagonal_steps() -> None:
     """Why `step_costs` is there: 1393 straight steps are shorter than 985 diagonal ones, but cost the same."""
     assert 985 * 1393 == 1393 * 985 and 985 * ROOT > 1393
     q, p = step_costs(1393 + 985)

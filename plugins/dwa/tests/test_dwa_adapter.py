@@ -1,4 +1,4 @@
-"""The plugin against the framework's contract, and one tick of it."""
+"""The plugin: the framework's contract, and single ticks."""
 
 import math
 
@@ -42,7 +42,7 @@ LEFT_OF_AHEAD = [math.inf, math.inf, 0.6] + [math.inf] * 5
 
 
 @pytest.mark.parametrize("scan", [sonars(LEFT_OF_AHEAD), post(0.3, 1.2)], ids=["sonar", "laser"])
-def test_what_is_left_of_ahead_is_passed_on_the_right(avoider, scan):
+def test_an_obstacle_ahead_on_the_left_is_passed_on_the_right(avoider, scan):
     for k in range(5):
         answer = avoider.avoid(given(scan, twist=(0.3, 0.0), time=0.05 * k))
     assert answer.status == "steering"
@@ -63,7 +63,7 @@ def test_a_laser_point_is_taken_where_it_is_and_not_where_a_cell_is():
 
 
 def test_no_velocity_of_the_window_is_admissible_from_which_it_cannot_stop():
-    """Echoes at 0.65 m: each admissible v takes v 0.05 + v^2 / 2 to stop, at 0.5 m/s 0.15 m of 0.2 straight ahead."""
+    """Echoes at 0.65 m: an admissible v needs 0.05 v + v^2 / 2 to stop; at 0.5 m/s 0.15 m of the 0.2 m ahead."""
     avoider = make(Dwa)
     answer = avoider.avoid(given(post(0.0, 0.65), twist=(0.5, 0.0)))
     method = avoider._method
@@ -76,7 +76,7 @@ def test_no_velocity_of_the_window_is_admissible_from_which_it_cannot_stop():
 
 
 def test_where_nothing_is_free_it_brakes_on_its_arc():
-    """An echo 2 cm before the margin at full speed: nothing of the window can be stopped in time."""
+    """An echo 2 cm before the margin at full speed: no velocity of the window can be stopped in time."""
     answer = make(Dwa).avoid(given(post(0.0, 0.47), twist=(0.5, 0.2)))
     assert (answer.twist.vx, answer.twist.wz) == pytest.approx((0.0, 0.2))
     assert answer.diagnostics.why == "nothing of the window is free: braking"
@@ -84,13 +84,13 @@ def test_where_nothing_is_free_it_brakes_on_its_arc():
 
 
 def ring(distance):
-    """Something all round, as a laser of a whole turn sees it."""
+    """Obstacles all round, as seen by a laser of 360 degrees."""
     bearings = np.linspace(-math.pi, math.pi - 0.02, 315)
     return RangeScan(0, np.zeros((315, 2)), bearings, np.zeros(315), np.zeros(315), np.full(315, distance), 0.1, 8.0)
 
 
 def stand(avoider, scan, ticks=200):
-    """Answers until it is trapped, the robot standing as it is told to."""
+    """Answers until it is trapped; the robot is stopped, as commanded."""
     answers = []
     for k in range(ticks):
         answers.append(avoider.avoid(given(scan, time=0.05 * k)))
@@ -114,8 +114,8 @@ def test_walled_in_it_is_trapped_after_its_patience_and_stays_so():
 CORNERED = np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 1.2, 0.58, math.inf)
 
 
-def test_it_gives_up_at_once_where_the_gate_lets_it_not_back_up():
-    """Behind a robot that no sensor looks behind, the gate lets it go only where it has been."""
+def test_it_is_trapped_at_once_where_the_gate_does_not_let_it_back_up():
+    """Without a sensor that looks back, the gate lets the robot back up only where it has been."""
     avoider = make(Dwa)
     answers = [avoider.avoid(given(laser(CORNERED), time=0.05 * k)) for k in range(32)]
     assert answers[-1].twist.vx < 0.0
@@ -131,8 +131,8 @@ def test_blocked_ahead_it_backs_up_and_where_it_may_not_it_is_trapped():
     assert min(a.twist.vx for a in answers) == 0.0
 
 
-def test_being_stopped_by_somebody_else_is_no_trap():
-    """It is told to drive, stands, and its patience of 1 s does not run."""
+def test_a_robot_that_another_source_stops_is_not_trapped():
+    """It commands motion and is stopped; its patience of 1 s does not run."""
     held = make(Dwa, patience=1.0)
     answers = [held.avoid(given(post(0.0, 3.0), time=0.05 * k)) for k in range(100)]
     assert all(a.twist.vx > 0.1 and a.status == "steering" for a in answers)
@@ -146,7 +146,7 @@ def test_reset_forgets_obstacles_and_traps(avoider):
     assert answer.diagnostics.window.sum() == 0
 
 
-def test_a_tick_without_scans_keeps_what_was_seen(avoider):
+def test_a_tick_without_scans_keeps_the_obstacles(avoider):
     seen = avoider.avoid(given(post(0.3, 1.2)))
     after = avoider.avoid(given(time=0.05))
     np.testing.assert_array_equal(after.diagnostics.window, seen.diagnostics.window)

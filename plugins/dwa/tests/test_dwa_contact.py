@@ -1,4 +1,4 @@
-"""Contact along arcs: hand-checkable numbers, and brute force over positions of the footprint."""
+"""Contact along arcs: numbers that can be checked by hand, and brute force over positions of the footprint."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_on_an_arc_of_1_m_the_front_meets_a_point_a_quarter_turn_on():
     assert found == pytest.approx((0.5 * math.pi - math.asin(0.4)) / 0.5)
 
 
-def test_a_contact_after_the_turn_that_still_counts_is_left_out():
+def test_a_contact_beyond_the_largest_turn_is_left_out():
     """The corner meets (0, 0.5) after acos(0.8), 36.87 deg: within a turn of 37 deg, not of 36; 180 leave out none."""
     for turn, found in ((37.0, math.acos(0.8)), (36.0, math.inf), (180.0, math.acos(0.8))):
         limit = cosine_until(math.radians(turn))
@@ -136,7 +136,7 @@ def test_disc_contact_is_that_of_brute_force(place, speed, radius):
     assert agrees(disc_contact(x, y, radius, v, w), brute, v, w, span, distance_at, place)
 
 
-def test_the_annulus_holds_all_that_the_square_sweeps():
+def test_the_annulus_contains_everything_that_the_square_sweeps():
     """About (0, 1): nearest side at 0.6 m, farthest corner at hypot(0.4, 1.4) m."""
     near, far = annulus(SQUARE, EDGES, 0.0, 1.0)
     assert near == pytest.approx(0.6**2)

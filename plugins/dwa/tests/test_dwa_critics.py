@@ -1,4 +1,4 @@
-"""Each critic by numbers checkable by hand, and their sum over a window."""
+"""Each critic with numbers that can be checked by hand, and their sum over a window."""
 
 import math
 
@@ -107,7 +107,7 @@ def test_while_a_turn_to_the_right_binds_nothing_turns_left_in_place():
     assert not (v < 0.05 and w > 0.0)
 
 
-def test_what_is_ahead_on_the_left_is_passed_on_the_right():
+def test_an_obstacle_ahead_on_the_left_is_passed_on_the_right():
     _, _, (v, w) = scored((3.0, 0.0), obstacles=[(1.2, 0.2), (1.2, 0.4)])
     assert v > 0.0
     assert w < -0.1

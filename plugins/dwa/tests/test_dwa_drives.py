@@ -65,7 +65,7 @@ def test_a_target_behind_is_turned_to() -> None:
     assert np.hypot(*np.diff(ending.track, axis=0).T).sum() < 6.5
 
 
-def test_a_room_without_a_way_out_is_called_a_trap() -> None:
+def test_a_room_without_a_way_out_is_reported_as_a_trap() -> None:
     walls = (
         Box("left", (-2.2, -2.0), (-2.2, 2.2)),
         Box("right", (2.0, 2.2), (-2.2, 2.2)),
@@ -73,7 +73,7 @@ def test_a_room_without_a_way_out_is_called_a_trap() -> None:
         Box("front", (-2.2, 2.2), (2.0, 2.2)),
     )
     room = World("room", walls, bounds=BOUNDS)
-    settings = ["gate.monitor=false"]  # else it is trapped as soon as the gate lets it not back up
+    settings = ["gate.monitor=false"]  # else it is trapped as soon as the gate does not let it back up
     options = {"sensors": LASER, "params": ["patience=10.0"], "settings": settings}
     ending = drive(room, Place(0.0, 0.0, UP), Place(0.0, 6.0), 1, **options)
     assert ending.word == "trapped"
@@ -105,15 +105,15 @@ def test_a_barn_world_is_crossed_along_a_planned_path() -> None:
 
 @pytest.mark.slow
 @BOTH_KINDS
-def test_of_fifty_fields_at_least_48_are_crossed_and_none_with_contact(sensors: str) -> None:
+def test_at_least_48_of_50_fields_are_crossed_and_none_with_contact(sensors: str) -> None:
     words = told(f"fields, {sensors}", all_of(field, [(seed,) for seed in range(50)], sensors=sensors))
     assert set(words) <= {"reached", "trapped"}
     assert words["reached"] >= 48
 
 
 @pytest.mark.slow
-def test_fields_with_crosstalk_are_crossed_or_called_trapped() -> None:
-    """Each tick, each pair of neighbours has a chance of 5 % that one hears the other; sigma 3 cm."""
+def test_fields_with_crosstalk_are_crossed_or_reported_as_trapped() -> None:
+    """In each tick, each pair of neighbouring sonars has crosstalk with a probability of 5 %; sigma 3 cm."""
     words = told("fields, crosstalk", all_of(field, [(seed,) for seed in range(50)], sensors=CROSSTALK))
     assert set(words) <= {"reached", "trapped"}
 
@@ -130,7 +130,7 @@ def test_doors(sensors: str) -> None:
 
 @pytest.mark.slow
 @BOTH_KINDS
-def test_dead_ends_are_left_or_called_so_and_never_touched(sensors: str) -> None:
+def test_dead_ends_are_left_or_reported_as_trapped_and_never_touched(sensors: str) -> None:
     for width, depth in [(1.6, 2.0), (2.0, 1.5), (2.4, 2.0), (3.0, 3.0), (4.0, 3.0), (5.0, 4.0)]:
         endings = all_of(dead_end, [(width, depth, approach) for approach in range(20)], sensors=sensors)
         words = told(f"dead end {width} x {depth} m, {sensors}", endings)
@@ -139,7 +139,7 @@ def test_dead_ends_are_left_or_called_so_and_never_touched(sensors: str) -> None
 
 @pytest.mark.slow
 @BOTH_KINDS
-def test_what_appears_close_ahead_is_not_touched(sensors: str) -> None:
+def test_an_obstacle_that_appears_close_ahead_is_not_touched(sensors: str) -> None:
     words = told(f"sudden, {sensors}", all_of(sudden, [(seed,) for seed in range(30)], sensors=sensors))
     assert set(words) <= {"reached", "trapped"}
     assert words["reached"] >= 25
@@ -159,7 +159,7 @@ def test_barn_worlds(knows_map: bool) -> None:
 @pytest.mark.slow
 @BOTH_KINDS
 def test_the_objective_of_1997(sensors: str) -> None:
-    """With the true footprint and the checks, and as the paper has it."""
+    """With the true footprint and the checks, and as in the paper."""
     rows = [(seed,) for seed in range(20)]
     words = told("1997, fields", all_of(field, rows, sensors=sensors, params=['objective="1997"']))
     assert set(words) <= {"reached", "trapped"}

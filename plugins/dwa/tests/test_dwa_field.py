@@ -1,4 +1,4 @@
-"""The cost field against hand-made numbers and a shortest path of networkx."""
+"""The cost field, compared with numbers by hand and shortest paths of networkx."""
 
 import math
 
@@ -19,7 +19,7 @@ from navloom_dwa.field import (
 )
 
 
-def test_the_field_is_laid_about_the_robot_by_whole_cells():
+def test_the_field_is_centred_on_the_robot_by_whole_cells():
     origin = np.zeros(2, np.int64)
     centre_field(origin, 1.26, -0.31, 0.1, 21)
     assert origin.tolist() == [12 - 10, -4 - 10]

@@ -1,4 +1,4 @@
-"""The objective of 1997 by numbers checkable by hand."""
+"""The objective of 1997 with numbers that can be checked by hand."""
 
 import math
 
@@ -46,7 +46,7 @@ def scored(limits, contacts, target=(5.0, 0.0), weights=(1.0, 0.0, 0.0)):
     return costs
 
 
-def test_what_is_faster_than_the_limit_or_off_the_window_is_not_admissible():
+def test_velocities_over_the_limit_or_outside_the_window_are_not_admissible():
     costs = scored([9.0, 0.25, -1.0], [math.inf] * 3)
     assert np.isfinite(costs).sum(axis=1).tolist() == [6, 3, 0]
 

@@ -1,4 +1,4 @@
-"""The memory of laser points, and obstacles as the arcs want them."""
+"""The memory of laser points, and the obstacles that the arcs use."""
 
 import math
 
@@ -17,7 +17,7 @@ def axes_of(bearings):
 
 
 class Memory:
-    """Points under test with usual settings: 5 s, 4 m, squares of 3 cm."""
+    """A memory with the usual settings: 5 s, 4 m, squares of 3 cm."""
 
     def __init__(self):
         self.points, self.count = np.zeros((200, 3)), 0
@@ -46,31 +46,31 @@ def test_points_are_kept_where_they_were_seen_exactly():
     np.testing.assert_allclose(found, [[2.0, 2.234, 0.0]], atol=1e-12)
 
 
-def test_what_is_far_or_no_echo_is_not_kept():
+def test_far_points_and_beams_without_an_echo_are_not_kept():
     assert len(Memory().scan(only(10, 4.5))) == 0
     assert len(Memory().scan(only(10, math.inf))) == 0
 
 
-def test_what_a_beam_sees_past_is_forgotten():
+def test_a_point_that_a_beam_passes_is_forgotten():
     memory = Memory()
     memory.scan(only(10, 1.0))
     assert len(memory.scan(only(10, math.inf), time=0.1)) == 0
 
 
-def test_what_is_seen_again_replaces_what_was_seen():
+def test_a_new_point_replaces_the_old_one():
     memory = Memory()
     memory.scan(only(10, 1.0))
     found = memory.scan(only(10, 1.03), time=0.1)
     np.testing.assert_allclose(found, [[1.03, 0.0, 0.1]], atol=1e-12)
 
 
-def test_what_is_hidden_by_something_nearer_is_kept():
+def test_a_point_hidden_by_a_nearer_one_is_kept():
     memory = Memory()
     memory.scan(only(10, 2.0))
     assert sorted(memory.scan(only(10, 1.0), time=0.1)[:, 0]) == pytest.approx([1.0, 2.0])
 
 
-def test_what_is_out_of_sight_is_kept_until_it_is_too_old():
+def test_a_point_out_of_view_is_kept_until_it_is_too_old():
     memory = Memory()
     memory.scan(only(10, 1.0))
     behind = (0.0, 0.0, math.pi)
@@ -89,7 +89,7 @@ def test_beams_that_pass_beside_a_point_do_not_forget_it():
 
 
 def test_bearings_of_a_whole_turn_are_understood():
-    """A laser that counts from 0 to 2 pi sees what is on its right at 3 pi / 2."""
+    """A laser with bearings from 0 to 2 pi sees an obstacle on its right at 3 pi / 2."""
     bearings = np.linspace(0.0, 2.0 * math.pi - 0.1, 63)
     ranges = np.full(63, np.inf)
     assert is_superseded(0.01, -1.0, np.zeros((63, 2)), bearings, axes_of(bearings), ranges, 8.0)
@@ -126,7 +126,7 @@ def test_obstacles_come_nearest_first_with_their_margins():
     np.testing.assert_allclose(obstacles[0, :2], [-0.6, 0.0])
 
 
-def test_what_is_nearer_than_its_margin_has_its_distance_as_margin():
+def test_a_point_nearer_than_its_margin_has_its_distance_as_margin():
     obstacles, gaps = np.zeros((50, 3)), np.zeros(50)
     points = np.array([[0.43, 0.0, 0.0]])
     n = obstacles_in_base(points, np.zeros((0, 3)), 0.95, (0.0, 0.0, 0.0), EDGES, (0.05, 0.12), 4.0, obstacles, gaps)

@@ -1,4 +1,4 @@
-"""The README's example is valid, and its table holds every parameter with its default and its printed value."""
+"""The README's example is valid, and its table has every parameter with its default and printed value."""
 
 import re
 import tomllib
@@ -36,7 +36,7 @@ def test_the_example_is_a_valid_table():
     DwaParams(**table)
 
 
-def test_every_function_of_the_equation_table_is_there():
+def test_every_function_of_the_equation_table_exists():
     found = re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0])
     assert len(found) > 20
     for module, name in found:

@@ -1,4 +1,4 @@
-"""The command that is sent stays free with its ramps and its braking: the square of 0.8 m against single points."""
+"""A sent command stays free with its ramps and its braking: the square of 0.8 m among single points."""
 
 import math
 
@@ -21,7 +21,7 @@ def near(*points, margin=0.05):
 
 
 def rolled(obstacles, gaps, command, speed, down=1.0, lag=0.0, dead_time=0.0):
-    """stays_free() at a speed that the newest command asked for too."""
+    """stays_free() with a speed that is also that of the newest command."""
     twist = (speed, command[1])
     return stays_free(
         obstacles, gaps, EDGES, twist, command, 0.05, 0.5, down, 3.0, 0.05, np.array([twist]), lag, dead_time
@@ -45,7 +45,7 @@ def test_one_period_of_the_command_comes_before_the_braking():
     assert free([(0.605, 0.0)], (0.5, 0.0), speed=0.5)
 
 
-def test_a_corner_must_not_swing_into_what_is_beside_the_robot():
+def test_a_corner_must_not_swing_into_an_obstacle_beside_the_robot():
     assert not free([(0.395, 0.455)], (0.0, TURN))
     assert free([(0.395, 0.455)], (0.0, -TURN))
 
@@ -126,8 +126,8 @@ def test_where_nothing_is_admissible_nothing_is_chosen():
     st.floats(-TURN, TURN),
     st.integers(0, 1000),
 )
-def test_what_is_chosen_keeps_every_margin_while_it_is_driven_and_braked(points, speed, turn, seed):
-    """Driven here with steps of 1 ms of its own."""
+def test_a_chosen_velocity_keeps_every_margin_while_driven_and_braked(points, speed, turn, seed):
+    """Integrated here in independent steps of 1 ms."""
     outside = [p for p in points if max(abs(p[0]), abs(p[1])) > 0.41]
     rng = np.random.default_rng(seed)
     arcs = [[math.cos(a), math.sin(a) / 0.57, 0.0, 0.5] for a in np.linspace(-1.0, 1.0, 5)]
@@ -144,4 +144,4 @@ def test_what_is_chosen_keeps_every_margin_while_it_is_driven_and_braked(points,
         c, s = math.cos(heading), math.sin(heading)
         for p, kept in zip(outside, least, strict=True):
             gap = outside_distance(EDGES, (p[0] - x) * c + (p[1] - y) * s, (p[1] - y) * c - (p[0] - x) * s)
-            assert gap > kept - 0.004  # what corners swing between two steps of 25 ms
+            assert gap > kept - 0.004  # the swing of corners between two steps of 25 ms

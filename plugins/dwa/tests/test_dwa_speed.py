@@ -37,7 +37,7 @@ def scans(beams):
 
 @pytest.mark.benchmark
 def test_four_times_the_beams_cost_less_than_half_as_much_again(benchmark):
-    """In CPU time, in turns: the machine may be shared."""
+    """Measured in CPU time and in turns, as the machine may be shared."""
     Dwa.warm_up()
     robot = RobotSpec(FOOTPRINT, 0.5, 0.098, 0.19, 2.0, 2.0, 2.0, 3.0)
     context = Context("main", TICK, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))

@@ -15,13 +15,13 @@ def test_the_trail_leads_from_the_robot_over_the_targets_it_was_given():
     np.testing.assert_allclose(found, [[0.0, 0.5], [1.0, 0.0], [1.2, 0.0], [1.4, 0.0], [1.6, 0.0]])
 
 
-def test_what_was_passed_is_taken_off():
+def test_passed_targets_are_removed_from_the_trail():
     trail = [(1.0, 0.0), (1.2, 0.0), (1.4, 0.0)]
     assert trail_ahead(trail, (1.25, 0.1), (1.6, 0.0), 0.5)[1].tolist() == [1.2, 0.0]
     assert trail[0] == (1.2, 0.0)
 
 
-def test_a_target_far_from_the_last_begins_anew_and_one_near_it_adds_nothing():
+def test_a_target_far_from_the_last_starts_a_new_trail_and_one_near_it_adds_nothing():
     trail = [(1.0, 0.0), (1.2, 0.0)]
     assert len(trail_ahead(trail, (0.0, 0.0), (1.21, 0.0), 0.5)) == 3
     np.testing.assert_allclose(trail_ahead(trail, (0.0, 0.0), (5.0, 5.0), 0.5), [[0.0, 0.0], [5.0, 5.0]])

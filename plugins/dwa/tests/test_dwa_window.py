@@ -1,4 +1,4 @@
-"""The dynamic window, its arcs, and the speeds that can be stopped, by numbers checkable by hand."""
+"""The dynamic window, its arcs, and the speeds that can be stopped, with numbers that can be checked by hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""`navloom paper`: what it finds, held against other ways to compute it, and that it is the same each time."""
+"""`navloom paper`: its numbers, compared with independent computations, and its reproducible files."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ Run = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture(scope="module")
 def made() -> Reproduction:
-    """Everything that the command runs, once."""
+    """Results of everything that the command runs, computed once."""
     return study.reproduce()
 
 
 @pytest.fixture(scope="module")
 def files(made: Reproduction) -> dict[str, bytes]:
-    """Everything that it writes."""
+    """All files that the command writes."""
     return study.files_of(made)
 
 
@@ -95,7 +95,7 @@ def test_pixels_are_classed_as_the_mapper_counts_them(made: Reproduction) -> Non
     assert sum(ours.values()) == 94 * 101 and len(ours) == len(CLASSES)
 
 
-def test_what_the_rays_meet_is_what_the_study_beforehand_found(made: Reproduction) -> None:
+def test_the_rays_meet_what_the_earlier_study_found(made: Reproduction) -> None:
     hits = hits_by_box(made.errata.quiet, paper_gates())
     assert {name: hits[name] for name in ("girder A", "girder B", "floor", "no return")} == {
         "girder A": 230,
@@ -130,13 +130,13 @@ def test_distance_from_the_walls_by_hand() -> None:
 
 
 @pytest.mark.parametrize("number", range(4), ids=["as described", "A open", "B blocked", "B and C blocked"])
-def test_a_way_is_the_one_the_study_beforehand_found(made: Reproduction, number: int) -> None:
+def test_a_path_is_the_one_that_the_earlier_study_found(made: Reproduction, number: int) -> None:
     variant = made.errata.ways[number]
     assert length_of(variant.drive) == variant.stated
 
 
-def test_no_shorter_way_is_in_the_grid(made: Reproduction) -> None:
-    """Costs are lowered over all cells at once until none falls: no search, no queue (Bellman & Ford)."""
+def test_the_grid_has_no_shorter_path(made: Reproduction) -> None:
+    """Relaxes the costs of all cells at once until none falls, without search or queue (Bellman & Ford)."""
     plan = made.run.path
     assert plan is not None and plan.traversable is not None
     free = np.pad(plan.traversable.cells == 0, 1)
@@ -154,7 +154,7 @@ def test_no_shorter_way_is_in_the_grid(made: Reproduction) -> None:
     assert plan.length == pytest.approx(cost[goal])
 
 
-def test_what_fig_9_shows_as_grown_is_the_map_grown_by_two_cells(made: Reproduction) -> None:
+def test_the_inflated_map_of_fig_9_is_the_map_grown_by_two_cells(made: Reproduction) -> None:
     assert made.run.map is not None and made.run.path is not None and made.run.path.traversable is not None
     grid = made.run.path.traversable
     assert (grown(cells_of(made.run.map.grid, grid), 2) == (grid.cells > 0)).all()
@@ -222,7 +222,7 @@ def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
 
 
 @pytest.mark.parametrize("number", range(len(LAWS)), ids=[law.name for law in LAWS])
-def test_a_law_settles_when_the_study_beforehand_said(made: Reproduction, number: int) -> None:
+def test_a_law_settles_in_the_time_of_the_earlier_study(made: Reproduction, number: int) -> None:
     found = made.errata.laws[number]
     if found.law.stated is None:
         assert found.settled is None
@@ -233,12 +233,12 @@ def test_a_law_settles_when_the_study_beforehand_said(made: Reproduction, number
 def test_at_the_critical_gain_the_error_goes_as_a_double_pole_says(made: Reproduction) -> None:
     (found,) = (found for found in made.errata.laws if found.law.params.get("k3") == 0.6)
     linear = 0.3 * (1.0 + 0.3 * found.times) * np.exp(-0.3 * found.times)
-    # The law is linear for small errors only: from 0.3 m on it stays within 3 cm of what its poles say.
+    # The law is linear for small errors only: from 0.3 m on it stays within 3 cm of the response of its poles.
     assert np.abs(found.lateral - linear).max() < 0.03
     assert found.lateral[0] == pytest.approx(0.3)
 
 
-def test_who_drives_adds_up_to_the_way_driven(made: Reproduction) -> None:
+def test_the_shares_of_the_drivers_add_up_to_the_track(made: Reproduction) -> None:
     run = made.run
     parts = [*run.driven_by("controller"), *run.driven_by("avoider")]
     length = sum(float(np.hypot(*np.diff(part, axis=0).T).sum()) for part in parts)
@@ -270,7 +270,7 @@ def test_both_drives_count_as_reproduced(made: Reproduction) -> None:
 # --- files -----------------------------------------------------------------------------------------------------------
 
 
-def test_each_figure_is_there_as_png_of_one_column_and_as_svg(made: Reproduction, files: dict[str, bytes]) -> None:
+def test_each_figure_is_written_as_png_of_one_column_and_as_svg(made: Reproduction, files: dict[str, bytes]) -> None:
     stems = [plate.stem for plate in plates_of(made)]
     assert len(stems) == study.FIGURES
     pictures = [f"{stem}.{kind}" for stem in stems for kind in ("png", "svg")]
@@ -317,7 +317,7 @@ def test_numbers_json_is_what_json_prints(made: Reproduction, files: dict[str, b
     assert json.loads(files["numbers.json"]) == json.loads(json.dumps(study.facts_of(made)))
 
 
-def test_a_figure_and_the_page_are_the_same_bytes_when_made_again(made: Reproduction, files: dict[str, bytes]) -> None:
+def test_a_second_figure_and_page_have_the_same_bytes(made: Reproduction, files: dict[str, bytes]) -> None:
     plates = [plate for plate in plates_of(made) if plate.stem in ("figure-08", "errata-order")]
     for plate in plates:
         svg, png = study.drawn(plate)
@@ -342,14 +342,14 @@ def test_another_process_makes_the_same_bytes(files: dict[str, bytes], tmp_path:
 
 @pytest.fixture
 def navloom(in_process: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
-    """The command in an empty folder: gives exit code, output and errors."""
+    """Runs the command in an empty folder; gives exit code, output and errors."""
     monkeypatch.chdir(tmp_path)
     return lambda *words: in_process("paper", *words)
 
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch, made: Reproduction, files: dict[str, bytes]) -> list[int | None]:
-    """The command finds everything run and drawn; the seeds that it asked for."""
+    """Replaces runs and drawing by stored results; gives the seeds that the command requested."""
     seeds: list[int | None] = []
 
     def reproduce(seed: int | None, say: Callable[[str], None]) -> Reproduction:
@@ -449,7 +449,7 @@ def test_a_drive_that_ends_otherwise_is_exit_1_and_its_report_is_kept(
     assert code == 1 and Path("here/report.html").exists()
 
 
-def test_it_says_as_many_steps_as_it_announces(made: Reproduction, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_reports_as_many_steps_as_it_announces(made: Reproduction, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr("navloom_hoang2013.errata.drive", lambda *settings, seed=None: made.run)
     monkeypatch.setattr("navloom_hoang2013.errata.settle", lambda law, discovery: made.errata.laws[0])

@@ -36,7 +36,7 @@ class World:
 
 @njit(cache=True)
 def cast(circles, boxes, ox, oy, dx, dy, max_incidence):
-    """Distance of the first echo along a ray, inf beyond: surfaces hit too obliquely give none back."""
+    """Distance of the first echo along a ray, else inf: a surface that is hit too obliquely gives no echo."""
     best, cosine = np.inf, 1.0
     for i in range(circles.shape[0]):
         cx, cy = circles[i, 0] - ox, circles[i, 1] - oy
@@ -106,7 +106,7 @@ def clearance(circles, boxes, pose, half):
 
 @dataclass
 class Noise:
-    """Of the sonars: sigma = base + share * range, m; chance of a lost echo; greatest angle of incidence, rad."""
+    """Noise of sonars: sigma = base + share * range, m; probability of a lost echo; largest incidence, rad."""
 
     base: float = 0.01
     share: float = 0.01
@@ -116,7 +116,7 @@ class Noise:
 
 @dataclass
 class Episode:
-    """How a run ended: outcome reached, trapped, contact or timeout; least gap and time, m and s; track (n, 3)."""
+    """Outcome of a run: reached, trapped, contact or timeout; smallest gap, m; time, s; track (n, 3)."""
 
     outcome: str
     least_gap: float

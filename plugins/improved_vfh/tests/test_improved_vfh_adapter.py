@@ -1,4 +1,4 @@
-"""The plugin against the framework's contract."""
+"""The plugin and the framework's contract."""
 
 import math
 
@@ -62,7 +62,7 @@ def test_reset_forgets_the_window_and_the_trap(avoider):
     assert answer.diagnostics.window.sum() == 0
 
 
-def test_tick_without_scans_keeps_what_was_seen(avoider):
+def test_a_tick_without_scans_keeps_the_obstacles(avoider):
     seen = avoider.avoid(given(sonars([math.inf, math.inf, 0.6, 0.5, 0.5, 0.6, math.inf, math.inf])))
     after = avoider.avoid(given())
     np.testing.assert_array_equal(after.diagnostics.window, seen.diagnostics.window)

@@ -1,4 +1,4 @@
-"""Closed-loop campaigns: fields of posts, U-traps and doorways, alone, without map or plan. No contact, ever."""
+"""Closed-loop campaigns without map or plan: fields of posts, U-traps and doorways. Contact never occurs."""
 
 import math
 from collections import Counter
@@ -112,7 +112,7 @@ def test_same_seed_gives_the_same_track():
 
 @pytest.mark.slow
 def test_paper_literal_point_robot_touches_posts_where_the_default_does_not():
-    """What enlargement, memory and arc check are for: the 0.8 m robot is not a point."""
+    """Enlargement, memory and arc check account for the size of the robot, 0.8 m."""
     literal = ImprovedVfhParams(**paper_literal())
     assert Counter(cross_field(seed, params=literal).outcome for seed in range(20))["contact"] >= 2
     assert Counter(cross_field(seed).outcome for seed in range(20))["contact"] == 0

@@ -1,4 +1,4 @@
-"""The paper's experiment with false echoes: the consistency rule reaches the goal where the paper's grid is trapped."""
+"""The paper's experiment with false echoes, in which only the consistency rule reaches the goal."""
 
 from concurrent.futures import ProcessPoolExecutor
 
@@ -18,7 +18,7 @@ def drive(seed, crosstalk, consistency):
 
 
 def test_a_drive_with_crosstalk_takes_little_longer_than_one_without():
-    """Without crosstalk it takes 32 s; with it the paper's grid was trapped after 109 s."""
+    """Without crosstalk the drive takes 32 s; with it, the paper's grid was trapped after 109 s."""
     reached, contacts, seconds = drive(0, 0.05, 1)
     assert reached and contacts == 0
     assert seconds < 45.0

@@ -121,7 +121,7 @@ def test_progress_forgets_attempts_only_when_nearer_than_ever():
     assert progress.attempts == 0
 
 
-def test_trap_holds_until_somebody_moves_the_robot_or_the_target():
+def test_a_trap_holds_until_the_robot_or_the_target_is_moved():
     for pose, target, held in (
         ((0.2, 0.0, 0.5), (5.0, 0.0), True),
         ((0.4, 0.0, 0.0), (5.0, 0.0), False),

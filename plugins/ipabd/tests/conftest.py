@@ -1,4 +1,4 @@
-"""A small ray caster of the paper's world, written apart from every plugin, and sweeps made with it."""
+"""A small ray caster of the paper's world, independent of every plugin, and sweeps made with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Data that cannot be mapped is refused by type, saying where, what was given and what was expected."""
+"""Data that cannot be mapped is refused with a typed error: place, value and expectation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speed as a ratio within one run: the fused pass against the plain numpy pipeline."""
+"""Speed as a ratio within one run: the fused pass compared with the plain numpy pipeline."""
 
 from __future__ import annotations
 

@@ -39,16 +39,16 @@ def motion_of(image, deskew: bool):
 
 
 def wall_errors(image, deskew: bool) -> np.ndarray:
-    """How far the ends of the segments lie from the wall's face y = 6, m."""
+    """Distances of the ends of the segments from the wall's face y = 6, m."""
     segments = outline(image, motion_of(image, deskew), MapSettings()).segments
     return np.abs(segments[:, 1::2] - 6.0).ravel()
 
 
-def test_deskewed_the_wall_is_straight_to_a_centimetre(driving_sweep) -> None:
+def test_a_deskewed_wall_is_straight_to_a_centimetre(driving_sweep) -> None:
     assert wall_errors(driving_sweep.image, deskew=True).max() < 0.01
 
 
-def test_without_deskew_it_is_not(driving_sweep) -> None:
+def test_without_deskewing_the_wall_is_not_straight(driving_sweep) -> None:
     assert wall_errors(driving_sweep.image, deskew=False).max() > 0.5
 
 
@@ -58,7 +58,7 @@ def test_every_pixel_of_the_wall_comes_back(driving_sweep) -> None:
     _, y, heading = motion.reference
     points = points_in_reference(image, motion)[driving_sweep.hits == 0][:, :2] + MOUNT[:2]
     in_map_y = y + math.sin(heading) * points[:, 0] + math.cos(heading) * points[:, 1]
-    assert np.abs(in_map_y - 6.0).max() < 0.002  # what is left is the track's interpolation
+    assert np.abs(in_map_y - 6.0).max() < 0.002  # the rest is the interpolation of the track
 
 
 def test_the_reference_is_the_pose_at_the_last_frame(driving_sweep) -> None:

@@ -1,4 +1,4 @@
-"""Split and merge, against shapes whose lines are known."""
+"""Split and merge on shapes with known lines."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ AT_S = track((0.0, 0.0, np.pi / 2), (0.0, 0.0, np.pi / 2))
 
 
 def on_lattice_of(wanted: MapUpdate, shown: MapUpdate) -> np.ndarray:
-    """Cells of a map where another one has them; unknown beyond its own."""
+    """Cells of a map on the lattice of another one; unknown beyond its own extent."""
     size = wanted.grid.resolution
     right, up = (round((getattr(shown.grid.origin, axis) - getattr(wanted.grid.origin, axis)) / size) for axis in "xy")
     cells = np.full(wanted.grid.cells.shape, -1, np.int8)
@@ -115,7 +115,7 @@ def test_geometry_may_overrule_the_sweep(paper_sweep, sweep) -> None:
     assert named.segments.tolist() != make().update(given(sweep)).segments.tolist()
 
 
-def test_nothing_new_gives_nothing(sweep) -> None:
+def test_without_a_new_sweep_there_is_no_map(sweep) -> None:
     mapper = make()
     mapper.update(given(sweep))
     assert mapper.update(given()) is None
@@ -138,7 +138,7 @@ def test_the_map_accumulates_and_after_clear_a_sweep_is_believed_where_it_looked
     assert now.tolist() == np.where(seen == -1, before, seen).tolist()
     assert cleared.segments[-len(alone.segments) :].tolist() == alone.segments.tolist()
     again = mapper.update(given(sweep))
-    assert (on_lattice_of(both, again) == 100).sum() >= (now == 100).sum()  # it accumulates as before
+    assert (on_lattice_of(both, again) == 100).sum() >= (now == 100).sum()  # the map accumulates as before
 
 
 def test_without_accumulation_the_latest_sweep_is_the_map(make_sweep, sweep) -> None:
@@ -159,7 +159,7 @@ def test_the_same_scene_again_adds_no_segments(sweep) -> None:
     assert sum(counts_of(twice).values()) == 2 * 9494
 
 
-def test_a_phantom_is_gone_after_clear_and_what_is_out_of_sight_is_not(make_sweep, sweep) -> None:
+def test_a_clear_removes_a_phantom_and_keeps_what_is_out_of_view(make_sweep, sweep) -> None:
     mapper = make()
     clean = mapper.update(given(sweep))
     phantom = np.array([[0.0, 2.0, 0.4, 2.0], [0.0, -3.0, 1.0, -3.0]])  # before the robot and behind it

@@ -1,4 +1,4 @@
-"""The paper's experiment (DECISIONS section 8): what is hit, what is mapped, what the printed order loses."""
+"""The paper's experiment (DECISIONS section 8): what rays hit, what is mapped, and what the printed order loses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fused pass: rules by hand, and equality with the plain numpy pipeline."""
+"""The fused pass: its rules by hand, and equality with the plain numpy pipeline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Equation (1) and the rigid pitch, against numbers worked by hand."""
+"""Equation (1) and the rigid pitch, with numbers worked by hand."""
 
 from __future__ import annotations
 

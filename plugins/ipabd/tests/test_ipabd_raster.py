@@ -1,4 +1,4 @@
-"""Cells of segments and of what was looked through."""
+"""Cells of segments, and cells that rays passed."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """A real sweep of a pitched SICK LMS in a corridor (3DTK), found through NAVLOOM_DATA.
 
-The file gives ranges, pitches and beams, but neither where the floor is nor how the pitch is zeroed; both are read off
-the data itself. The histogram of heights (over the sensor, which is at 0) of what lies up to 0.8 m to the sides has its
-highest bin below -0.2 m at the floor, but rings at 0.25, 0.5, … m ahead have theirs from -0.37 to -0.52 m: the floor
-seems to fall. A line through the highest bins of the rings, each ring counting alike, gives the height under the
-sensor and the slope; a slope is a zero offset of the pitch. The ceiling, which was not used, is level after it. The
+The file gives ranges, pitches and beams, but neither the height of the floor nor the zero of the pitch; both come from
+the data. Heights are relative to the sensor. In the histogram of heights of points up to 0.8 m to the sides, the
+highest bin below -0.2 m is the floor, but rings at 0.25, 0.5, … m ahead have it from -0.37 to -0.52 m: the floor seems
+to fall. A line through the highest bins of the rings, with equal weights, gives the height under the sensor and the
+slope; the slope is the zero offset of the pitch. The ceiling, which was not used, is level after the correction. The
 floor is not quite: its heights step by 0.06 m near 1.1 m and scatter to 0.09 m beyond 2 m, as if the recorded pitch
 jumped by a degree or two. The middle of every ring stays within 0.04 m of zero; the floor's tolerance is 0.12 m here.
 """
@@ -26,7 +26,7 @@ from navloom_ipabd.track import standing
 
 FILTERS = Filters(floor_tolerance=0.12, z_limit=1.5, min_range=0.3)  # the ceiling is at 2.4 m
 HERE = (0.0, 0.0, math.pi / 2)  # forward is +y
-RANGE_MAX = 32.767  # the sensor's greatest number, mm in 15 bits
+RANGE_MAX = 32.767  # the largest number of the sensor, mm in 15 bits
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def image_of(recording: dict[str, np.ndarray], pitch_offset: float, height: floa
 
 
 def find_floor(recording: dict[str, np.ndarray]) -> tuple[float, float]:
-    """Offset of the pitch, rad, and height of the sensor, m: see the head of this file."""
+    """Offset of the pitch, rad, and height of the sensor, m, as described at the top of this file."""
     image = image_of(recording, 0.0, 0.0)
     points = project(image)[(image.ranges > 0.3) & (image.ranges < 32.0)]
     x, z = points[np.abs(points[:, 1]) < 0.8][:, [0, 2]].T

@@ -1,4 +1,4 @@
-"""What a track of poses must be: told of a few poses and of many alike."""
+"""Requirements on a track of poses, checked for short and for long tracks."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The map of Fig. 7: what it holds, and what is wrong with it."""
+"""The map of Fig. 7: its contents and its faults."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_every_return_of_the_papers_world_is_kept(paper_sweep) -> None:
     assert sum(counts.values()) == 9494
 
 
-def test_girder_b_closes_its_gate_unless_what_is_higher_than_the_robot_is_left_out(paper_sweep) -> None:
+def test_girder_b_closes_its_gate_unless_points_above_the_robot_are_left_out(paper_sweep) -> None:
     low = dataclasses.replace(ALL, filters=Filters(z_limit=1.2))
     grid, below = (
         draw(union_outline(paper_sweep.image, standing(94, AT_S), settings, keeps_floor=False), settings)
@@ -49,7 +49,7 @@ def test_girder_b_closes_its_gate_unless_what_is_higher_than_the_robot_is_left_o
     assert [cell_at(below, x, 5.2) for x in (2.0, 2.4, 2.8)] == [0, 0, 0]
 
 
-def test_the_floor_stands_in_it_like_a_wall_unless_it_is_left_out(paper_sweep) -> None:
+def test_the_floor_is_in_it_like_a_wall_unless_it_is_left_out(paper_sweep) -> None:
     """The floor is first seen 4.57 m ahead, at -5° from 0.4 m."""
     still = standing(94, AT_S)
     with_floor = draw(union_outline(paper_sweep.image, still, ALL), ALL)

@@ -1,4 +1,4 @@
-"""The plugin that publishes the map it was handed."""
+"""The plugin that publishes the given map."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def seen(x, y, heading, speed=0.3, turn_to=None):
 
 
 def drive(tracker, x, y, heading, seconds):
-    """x, y, heading, v over time, (n, 4), of a robot that does exactly as told."""
+    """x, y, heading, v over time, (n, 4), of a robot that drives exactly as commanded."""
     track = []
     for _ in range(round(seconds / PERIOD)):
         twist = tracker.control(seen(x, y, heading)).twist
@@ -108,10 +108,10 @@ def test_parameters_out_of_bounds_are_refused(wrong):
         LyapunovTrackerParams(**wrong)
 
 
-def test_at_the_goal_it_turns_to_the_heading_asked_for_and_stands():
+def test_at_the_goal_it_turns_to_the_goal_heading_and_stops():
     tracker = make()
     left = tracker.control(seen(9.0, 0.0, 0.0, turn_to=1.0)).twist
     assert (left.vx, left.wz) == (0.0, ROBOT.max_angular)
-    # 0.1 rad beyond it, back at twice the error a second.
+    # 0.1 rad beyond it: back at twice the error per second.
     back = tracker.control(seen(9.0, 0.0, 1.1, turn_to=1.0)).twist
     assert (back.vx, back.wz) == (0.0, pytest.approx(-0.2))

@@ -1,4 +1,4 @@
-"""Equations (4), (6) and (7), and the closed loop they make."""
+"""Equations (4), (6) and (7), and the closed loop that they form."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ starts = st.tuples(
 @settings(max_examples=40, deadline=None)
 @given(starts, st.floats(0.0, 0.5), st.floats(-0.43, 0.43), st.floats(0.1, 5.0), st.floats(0.1, 5.0))
 def test_the_energy_falls_by_k1_e1_squared_and_k3_e3_squared(start, v_ref, w_ref, k1, k3):
-    """Eq. (9), against five-point differences of eq. (7) along the integrated motion of robot and reference."""
+    """Eq. (9), compared with five-point differences of eq. (7) along the integrated motion of robot and reference."""
     e1, e2, e3, x, y = start
     heading_ref, h = 0.7, 1e-3
     heading = heading_ref - e3
@@ -142,7 +142,7 @@ def test_every_error_vanishes_while_the_reference_moves(start, v_ref, w_ref):
     assert np.abs(errors[:, -1]).max() < 1e-3
 
 
-def test_where_the_reference_stands_still_the_lateral_error_stays():
+def test_with_a_stopped_reference_the_lateral_error_remains():
     errors = errors_over_time([0.0, 0.0, 0.0, 0.4, 0.3, 0.0], 0.0, 0.0, 1.0, 0.6, np.array([0.0, 40.0]))
     assert errors[:, -1] == pytest.approx([0.0, 0.3, 0.0], abs=1e-12)
 
@@ -207,7 +207,7 @@ def test_wrong_radius_and_track_leave_only_a_constant_lag(radius, track):
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_unequal_wheels_leave_a_constant_offset(sign):
-    """One wheel 5 % larger turns the robot by v (Δr / r) / 2R: what v_ref e2 has to make up for."""
+    """A wheel 5 % larger turns the robot by v (Δr / r) / 2R, which v_ref e2 must compensate."""
     error = follow_line(RADIUS * (1.0 - 0.025 * sign), RADIUS * (1.0 + 0.025 * sign), HALF_TRACK)
     assert error.e2 == pytest.approx(-sign * 0.05 / 0.60, rel=0.02)
     assert error.e3 == pytest.approx(0.0, abs=1e-4)

@@ -1,4 +1,4 @@
-"""Retracing: what it drives, what it refuses, and that it always ends."""
+"""Retracing: what it drives, when it does not, and that it always ends."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ STRAIGHT = np.stack([np.linspace(-2.0, 0.0, 41), np.zeros(41), np.zeros(41)], ax
 
 
 def drive(points, attempt=1, trail=STRAIGHT, rules=RULES, limit=40.0):
-    """Poses of an ideal robot from (0, 0, 0) among points (k, 2) of the world, and the time until it ended."""
+    """Poses of an ideal robot from (0, 0, 0) among obstacle points (k, 2), and the time until the recovery ended."""
     retracing = Retracing(rules, SQUARE)
     pose, time, poses = (0.0, 0.0, 0.0), 0.0, [(0.0, 0.0, 0.0)]
     retracing.start(time, attempt, pose, trail)
@@ -73,7 +73,7 @@ def test_the_second_attempt_goes_twice_as_far_and_turns_to_the_roomier_side():
     assert poses[-1, 2] == pytest.approx(-math.pi / 2, abs=0.1)
 
 
-def test_it_stops_before_what_stands_behind_it():
+def test_it_stops_before_an_obstacle_behind_it():
     behind = np.array([[-0.4, 0.0]])
     poses, _ = drive(behind)
     assert -0.2 + 0.03 - 0.001 < poses[:, 0].min() + 0.03 < 0.0
@@ -101,8 +101,8 @@ def test_a_robot_that_begins_nearer_than_its_margin_may_leave_but_comes_no_neare
     assert poses[:, 0].min() == pytest.approx(-0.4, abs=0.02)
 
 
-def test_a_robot_that_is_jammed_leaves_what_it_is_close_to_before_it_goes_back():
-    """A post 1 cm beside its right side, near the rear: it drives on and turns away until the gap is 0.1 m."""
+def test_a_jammed_robot_moves_away_from_the_obstacle_before_it_goes_back():
+    """A post 1 cm beside its right side, near the rear: it drives forward and turns away until the gap is 0.1 m."""
     post = np.array([[-0.1, -0.21]])
     poses, _ = drive(post)
     assert poses[-1, 0] > 0.05
@@ -150,7 +150,7 @@ def test_it_never_touches_what_it_sees_and_always_ends(places, attempt):
         assert gap(seen, EDGES) > 0.0
 
 
-def test_an_arc_is_free_or_not_by_where_it_leads():
+def test_an_arc_is_free_if_no_obstacle_is_on_it():
     post = np.array([[1.0, 0.0]])
     assert not is_free(post, EDGES, 1.0, 0.0, 1.0, 0.03)
     assert is_free(post, EDGES, 1.0, 0.0, 0.7, 0.03)

@@ -1,4 +1,4 @@
-"""Worlds seen by a ray caster of its own, apart from the simulator, and maps held against the truth."""
+"""Worlds seen by a ray caster independent of the simulator, and comparison of maps with the truth."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def depth(world: World, points: Floats) -> Floats:
 
 
 def way(*corners: tuple[float, float], step: float = 0.02) -> Floats:
-    """(n, 3) poses along straight legs, m, rad, turning in place by 3° a pose; 0.02 m a pose is 0.4 m/s at 20 Hz."""
+    """(n, 3) poses on straight legs, m, rad, turning in place by 3° per pose; 0.02 m per pose is 0.4 m/s at 20 Hz."""
     poses: list[tuple[float, float, float]] = []
     heading = math.atan2(corners[1][1] - corners[0][1], corners[1][0] - corners[0][0])
     for (ax, ay), (bx, by) in pairwise(corners):
@@ -95,7 +95,7 @@ def ring(world: World, pose: Floats, stamp_ns: int, rng: np.random.Generator, si
 
 
 def mapped(world: World, poses: Floats, sensor: object = laser, seed: int = 1, **changes: object) -> ScanMap:
-    """The map after one scan a pose, poses known exactly."""
+    """The map after one scan at each pose; the poses are exact."""
     rng = np.random.default_rng(seed)
     scan_map = ScanMap(MapSettings(**changes))
     stamps = PERIOD_NS * np.arange(len(poses))
@@ -125,9 +125,9 @@ def wrong(scan_map: ScanMap, world: World, slack: float = 0.03) -> tuple[float, 
 
 
 def holes(scan_map: ScanMap, world: World, poses: Iterable[Floats]) -> float:
-    """Share of what an exact laser sees of the obstacles, within 5 m of the poses, that has no occupied cell at it.
+    """Share of the points that an exact laser sees of obstacles, within 5 m of the poses, without an occupied cell.
 
-    "At it" is its own cell or one of the eight round it.
+    An occupied cell counts if it is the point's own or one of the eight round it.
     """
     cells = np.pad(scan_map.cells() == 100, 1)
     near = np.zeros((cells.shape[0] - 2, cells.shape[1] - 2), bool)

@@ -1,4 +1,4 @@
-"""Closed loop in lockstep: a robot with a 2D laser and no map of the world drives through it."""
+"""Closed loop in lockstep: a robot with a 2D laser drives through a world without a map of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One scan in the grid: cells counted by hand, and what holds of any scan."""
+"""One scan in the grid: cells counted by hand, and properties of any scan."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def beam(x: float, y: float, angle: float, reading: float, half_angle: float = 0
 
 
 def at(grid: LogOddsGrid, x: float, y: float) -> float:
-    """Log odds of the cell that holds a place."""
+    """Log odds of the cell at a place."""
     return float(grid.odds[math.floor(y / CELL) - grid.bounds.row, math.floor(x / CELL) - grid.bounds.column])
 
 
 def told(grid: LogOddsGrid) -> dict[tuple[int, int], float]:
-    """Cells (column, row) of the map's lattice that something is known of, with their log odds."""
+    """Known cells (column, row) of the map's lattice, with their log odds."""
     rows, columns = np.nonzero(~np.isnan(grid.odds))
     b = grid.bounds
     return {(c + b.column, r + b.row): float(grid.odds[r, c]) for r, c in zip(rows, columns, strict=True)}
@@ -62,7 +62,7 @@ def test_axis_and_diagonal_beams_end_where_their_echo_is(angle_deg: int) -> None
     assert [value for value in told(grid).values() if value > 0.0] == [1.0]
 
 
-def test_in_one_scan_an_echo_counts_before_what_saw_through() -> None:
+def test_in_one_scan_an_echo_wins_over_a_beam_that_passes() -> None:
     """The second beam grazes the cell in which the first ends."""
     beams = np.array([beam(0.05, 0.05, 0.0, 0.5), beam(0.05, 0.06, 0.0, 0.9)])
     for order in (beams, beams[::-1].copy()):
@@ -80,8 +80,8 @@ def test_many_beams_through_one_cell_count_once_a_scan_but_every_scan_counts() -
     assert at(grid, 0.25, 0.05) == -1.0
 
 
-def test_log_odds_are_clamped_so_that_a_cell_can_change_its_mind() -> None:
-    """3.5 less 8 times 0.5 is below 0: a wall that is gone is free after 8 scans, however long it stood."""
+def test_log_odds_are_clamped_so_that_a_cell_can_change() -> None:
+    """3.5 less 8 times 0.5 is below 0: a removed wall is free after 8 scans, however long it was there."""
     grid = grid_of()
     for _ in range(100):
         grid.insert(np.array([beam(0.05, 0.05, 0.0, 1.0)]), LIMITS, WEIGHTS)
@@ -99,7 +99,7 @@ def test_no_echo_frees_up_to_the_reach_and_occupies_nothing() -> None:
 
 
 @pytest.mark.parametrize("half_angle", [0.0, 0.26])
-def test_no_echo_may_say_nothing(half_angle: float) -> None:
+def test_beams_without_an_echo_can_be_ignored(half_angle: float) -> None:
     grid = grid_of()
     no = WEIGHTS._replace(no_echo_clears=False)
     grid.insert(np.array([beam(0.05, 0.05, 0.0, math.inf, half_angle)]), LIMITS, no)
@@ -125,7 +125,7 @@ def test_a_cone_gives_each_cell_what_the_model_says_of_its_centre() -> None:
             assert told(grid).get((column, row), 0.0) == pytest.approx(wanted, abs=1e-6)
 
 
-def test_what_was_seen_through_is_hardly_occupied_by_an_arc() -> None:
+def test_an_arc_hardly_occupies_cells_that_beams_have_passed() -> None:
     """A cell at -2 gets e^-2 of what an unknown one gets."""
     grid, fresh = grid_of(), grid_of()
     arc = np.array([beam(0.0, 0.05, 0.0, 2.05, 0.26)])
@@ -140,7 +140,7 @@ def test_what_was_seen_through_is_hardly_occupied_by_an_arc() -> None:
 
 BEAMS = st.lists(
     st.tuples(
-        # Steps that do not meet the borders of cells: on a border, which side it is is a matter of rounding.
+        # Steps that do not meet borders of cells, where the side is a matter of rounding.
         st.integers(-30, 30).map(lambda k: 0.0371 * k + 0.0123),
         st.integers(-30, 30).map(lambda k: 0.0371 * k + 0.0123),
         st.integers(0, 500).map(lambda k: 0.0123 * k + 0.0077),
@@ -153,8 +153,8 @@ BEAMS = st.lists(
 
 @settings(max_examples=40, deadline=None)
 @given(BEAMS)
-def test_of_any_scan_echoes_get_more_occupied_what_lies_before_them_freer_and_the_rest_stays(beams: list) -> None:
-    """Every 2 mm of each beam is looked up: the cells crossed, and no others, have changed, and in the right sense."""
+def test_a_scan_occupies_cells_of_echoes_frees_cells_before_them_and_keeps_the_rest(beams: list) -> None:
+    """Checked every 2 mm along each beam: exactly the crossed cells have changed, and in the right direction."""
     grid = grid_of(8.0)
     grid.insert(np.array([beam(*one) for one in beams]), LIMITS, WEIGHTS)
     known = told(grid)
@@ -179,7 +179,7 @@ def test_of_any_scan_echoes_get_more_occupied_what_lies_before_them_freer_and_th
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(-60, 60), st.integers(-60, 60), st.integers(0, 40), st.integers(0, 40))
-def test_growing_keeps_what_is_known(column: int, row: int, columns: int, rows: int) -> None:
+def test_growing_the_grid_keeps_its_cells(column: int, row: int, columns: int, rows: int) -> None:
     grid = LogOddsGrid(CELL, 10, (0.0, 0.0, 0.0, 0.0))
     grid.insert(np.array([beam(0.05, 0.05, 0.0, 0.5)]), LIMITS, WEIGHTS)
     before = told(grid)
@@ -201,8 +201,8 @@ def test_a_grid_that_would_be_too_large_is_refused_and_left_alone() -> None:
 
 
 @pytest.mark.parametrize("hair", [-1e-13, 0.0, 1e-13], ids=["before", "on", "behind"])
-def test_a_beam_that_ends_on_the_grids_border_keeps_off_the_cells_of_other_rows(hair: float) -> None:
-    """What rounding puts into the cell beyond the border is in no cell of the grid, nor in a later scan's."""
+def test_a_beam_that_ends_on_the_grids_border_changes_no_cell_of_another_row(hair: float) -> None:
+    """A point that rounding puts beyond the border changes no cell of the grid, now or in a later scan."""
     grid = LogOddsGrid(CELL, 10, (0.0, 0.0, 0.99, 0.99))
     for _ in range(2):
         grid.insert(np.array([beam(0.55, 0.35, 0.0, 0.45 + hair)]), LIMITS, WEIGHTS)

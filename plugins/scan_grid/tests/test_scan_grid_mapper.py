@@ -1,4 +1,4 @@
-"""The adapter: range scans in, one MapUpdate out, and a drive through a world that nobody has a map of."""
+"""The adapter: range scans in, one MapUpdate out."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_scan_gives_a_map() -> None:
     assert counts(update) == {"echo": 181, "at_min": 0, "beyond": 0, "no_echo": 0}
 
 
-def test_percent_tells_how_sure_it_is() -> None:
+def test_cell_values_in_percent_show_the_certainty() -> None:
     update = make(levels="percent", p_hit=0.7, p_passed=0.4).update(given(0, scan(0)))
     assert [cell(update, x, 0.01) for x in (1.0, 2.02, 2.3)] == [40, 70, -1]
 
@@ -77,7 +77,7 @@ def test_counts_are_of_the_readings_since_the_last_map() -> None:
     assert counts(update) == {"echo": 177 + 181, "at_min": 1, "beyond": 1, "no_echo": 2}
 
 
-def test_it_is_published_no_more_often_than_asked_for() -> None:
+def test_it_is_published_at_most_at_its_rate() -> None:
     """Scans of 0.05 s whose ranges change every tick: at 0, 0.5, 1.0 and 1.5 s."""
     mapper = make(publish_rate_hz=2.0)
     said = [tick for tick in range(40) if mapper.update(given(tick, scan(tick, 2.0 + 0.1 * tick)))]
@@ -85,13 +85,13 @@ def test_it_is_published_no_more_often_than_asked_for() -> None:
 
 
 def test_it_is_published_only_when_it_changed() -> None:
-    """Standing before a wall that does not move, the map settles with the first scan."""
+    """The robot is stopped before a static wall: the map settles with the first scan."""
     mapper = make()
     assert [tick for tick in range(60) if mapper.update(given(tick, scan(tick)))] == [0]
     assert mapper.update(given(60, scan(60, 3.0))) is not None
 
 
-def test_what_is_gone_is_forgotten_and_what_comes_is_seen_at_once() -> None:
+def test_a_removed_obstacle_is_forgotten_and_a_new_one_appears_at_once() -> None:
     """From log(0.97 / 0.03) = 3.48 at -0.405 a scan, below log(0.65 / 0.35) = 0.62 after 8."""
     mapper = make(publish_rate_hz=20.0)
     for tick in range(100):
@@ -104,7 +104,7 @@ def test_what_is_gone_is_forgotten_and_what_comes_is_seen_at_once() -> None:
     assert seen and seen[0].stamp_ns <= 123 * TICK_NS
 
 
-def test_clear_forgets_first_and_is_answered_at_once() -> None:
+def test_a_clear_empties_the_map_and_is_answered_at_once() -> None:
     mapper = make()
     mapper.update(given(0, scan(0)))
     fresh = mapper.update(given(1, scan(1, 3.0), clear=True))
@@ -115,12 +115,12 @@ def test_clear_forgets_first_and_is_answered_at_once() -> None:
     assert empty.stamp_ns == 2 * TICK_NS
 
 
-def test_clear_with_a_radius_forgets_what_is_near_and_keeps_the_rest() -> None:
+def test_a_clear_with_a_radius_empties_only_cells_within_it() -> None:
     mapper = make(clear_radius=1.0)
     mapper.update(given(0, scan(0)))
     cleared = mapper.update(given(1, clear=True))
     assert [cell(cleared, x, 0.01) for x in (0.5, 0.9, 1.5, 2.02)] == [-1, -1, 0, 100]
-    assert mapper.update(given(2, clear=True)) is not None  # the goal waits for an answer, changed or not
+    assert mapper.update(given(2, clear=True)) is not None  # the goal waits for a map, changed or not
 
 
 def test_reset_forgets() -> None:
@@ -131,7 +131,7 @@ def test_reset_forgets() -> None:
     assert again.grid.cells.tolist() == make().update(given(1, scan(1, 3.0))).grid.cells.tolist()
 
 
-def test_without_scans_nothing_is_said() -> None:
+def test_without_scans_no_map_is_published() -> None:
     assert make().update(given(0)) is None
 
 

@@ -1,4 +1,4 @@
-"""The inverse sensor models, with numbers to check by hand."""
+"""The inverse sensor models, with numbers that can be checked by hand."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def test_two_echoes_of_0_7_make_49_to_9() -> None:
 @pytest.mark.parametrize(
     ("reading", "spans"),
     [
-        (2.0, (1.8, 1.9, 2.1)),  # α = 0.2: occupied 0.1 before and behind; 0.1 more before it untold
-        (0.05, (0.0, 0.0, 0.15)),  # at the sensor's minimum: of something nearer, perhaps
+        (2.0, (1.8, 1.9, 2.1)),  # α = 0.2: occupied 0.1 before and behind the echo; the 0.1 before that unchanged
+        (0.05, (0.0, 0.0, 0.15)),  # at the sensor's minimum: the obstacle may be nearer
         (0.15, (0.0, 0.05, 0.25)),  # nearer than the margins: nothing is free
         (5.0, (4.8, 4.9, 5.1)),
         (5.01, (5.0, 0.0, -1.0)),  # farther than the reach
@@ -37,7 +37,7 @@ def test_spans_of_a_beam(reading: float, spans: tuple[float, float, float]) -> N
     assert (free, near, far) == pytest.approx(spans)
 
 
-def test_a_cone_speaks_strongest_on_its_axis_at_its_echo() -> None:
+def test_a_cone_is_strongest_on_its_axis_at_its_echo() -> None:
     assert cone_log_odds(2.0, 0.0, 2.0, **CONE) == 0.4
 
 
@@ -48,7 +48,7 @@ def test_a_cones_arc_fades_to_its_flanks_and_in_depth() -> None:
     assert cone_log_odds(2.05, 0.125, 2.0, **CONE) == pytest.approx(0.4 * 0.75 * 0.75)
 
 
-def test_a_cone_frees_what_lies_before_its_echo_and_less_so_the_farther() -> None:
+def test_a_cone_frees_cells_before_its_echo_and_farther_ones_less() -> None:
     """R = 2.0, ε = 0.1, R_min = 0.3; at 1.1 half of the way from R_min to R - ε: 1 - 1/4."""
     assert cone_log_odds(0.2, 0.0, 2.0, **CONE) == -0.8
     assert cone_log_odds(1.1, 0.0, 2.0, **CONE) == pytest.approx(-0.8 * 0.75)
@@ -60,7 +60,7 @@ def test_a_cone_frees_what_lies_before_its_echo_and_less_so_the_farther() -> Non
     [(2.11, 0.0, 2.0), (1.0, 0.25, 2.0), (2.0, 0.3, 2.0), (0.1, 0.0, 0.3), (4.0, 0.0, math.inf)],
     ids=["behind", "flank", "beside", "before the nearest reading", "at the reach"],
 )
-def test_of_other_places_a_cone_says_nothing(distance: float, angle: float, reading: float) -> None:
+def test_a_cone_does_not_change_other_places(distance: float, angle: float, reading: float) -> None:
     assert cone_log_odds(distance, angle, reading, **CONE) == 0.0
 
 

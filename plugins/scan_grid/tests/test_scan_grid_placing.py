@@ -1,5 +1,5 @@
-"""The pass that places a scan, against plain numpy over random scans and tracks, and the map it gives against cells
-that are walked one by one in Python."""
+"""The pass that places a scan, compared with plain numpy on random scans and tracks, and its map, compared with a walk
+over cells in Python."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def scan_and_track(seed: int, spread: float, opening: float) -> tuple[Beams, NDA
     """60 beams, some at the minimum, some beyond the reach, some without echo; headings that cross ±π.
 
     Args:
-        spread: The beams are taken within this time, s.
+        spread: Time within which the beams are taken, s.
         opening: Half angle of every third beam, rad.
     """
     rng, n = np.random.default_rng(seed), 60
@@ -38,7 +38,7 @@ def scan_and_track(seed: int, spread: float, opening: float) -> tuple[Beams, NDA
 
 
 def numpy_place(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, use: MapSettings) -> Placed:
-    """The same by `np.interp`, `np.unwrap` and whole columns."""
+    """The same with `np.interp`, `np.unwrap` and whole columns."""
     # From the pose before the first beam on: where unwrapping begins decides the whole turns of a heading.
     low = max(0, int(np.searchsorted(stamps_ns, STAMP_NS + round(1e9 * beams.time_offsets.min()), "right")) - 1)
     offsets, poses = (stamps_ns[low:] - beams.stamp_ns) * 1e-9, poses[low:]
@@ -92,7 +92,7 @@ def line(x0: float, y0: float, x1: float, y1: float) -> list[tuple[int, int]]:
 
 
 def walked(odds: dict[tuple[int, int], np.float32], placed: Placed, w: Weights, cell: float) -> None:
-    """One scan of beams into cells, by the rules: an echo before what saw through, each cell told once."""
+    """Insert one scan of beams by the rules: an echo wins over a passing beam, and each cell changes once."""
     hit, passed = set(), set()
     for x, y, cos_a, sin_a, reading, _ in placed.beams.tolist():
         _, reach = placed.limits

@@ -1,4 +1,4 @@
-"""The README's example is valid, and its tables hold every parameter with its default and functions that exist."""
+"""The README's example is valid, and its tables have every parameter with its default, and existing functions."""
 
 import re
 import tomllib
@@ -30,7 +30,7 @@ def test_the_example_is_a_valid_table():
     ScanGridParams(**table)
 
 
-def test_every_function_of_the_table_is_there():
+def test_every_function_of_the_table_exists():
     named = re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("Poses are")[0])
     assert len(named) >= 10
     for module, name in named:

@@ -1,4 +1,4 @@
-"""Maps of known worlds against the truth: share of wrong cells, walls without holes, scans taken while turning."""
+"""Maps of known worlds compared with the truth: share of wrong cells, holes in walls, scans taken while turning."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ def test_walls_survive_being_grazed() -> None:
 
 @pytest.mark.parametrize("name", ["doorway", "corridor"])
 def test_a_ring_of_sonars_maps_free_space_that_is_free(name: str) -> None:
-    """Its arcs call occupied much that is not: that is what a cone of 30° knows. What it calls free is."""
+    """Its arcs mark free space as occupied, as a cone of 30° cannot do better; cells that it marks free are free."""
     world = WORLDS[name]
     in_free, beside = wrong(mapped(world, way(*CORNERS[name]), sensor=ring), world)
     assert in_free < 0.03
     assert 0.2 < beside < 0.85
 
 
-def test_arcs_without_regard_for_what_was_seen_through_would_be_larger() -> None:
-    """The cells are those of the cone model alone, where the map does not keep what it learnt: one scan a map."""
+def test_arcs_that_ignore_passed_cells_would_be_larger() -> None:
+    """Without memory, with one scan for each map, the cells are those of the cone model alone."""
     world, poses = WORLDS["clutter"], way(*CORNERS["clutter"], step=0.1)
     together = mapped(world, poses, sensor=ring)
     arcs = np.zeros(together.grid.odds.shape, bool)

@@ -1,4 +1,4 @@
-"""Rooms to match scans in, and a ray caster of its own that meets the squares of the cells exactly."""
+"""Rooms for scan matching, and an independent ray caster that meets the squares of cells exactly."""
 
 from __future__ import annotations
 

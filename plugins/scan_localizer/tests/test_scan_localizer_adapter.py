@@ -78,11 +78,11 @@ def test_scans_pull_odometry_to_where_the_robot_is():
     [
         scan_at((3.1, 2.5, 0.3), half_angle=math.radians(15.0)),  # a sonar
         scan_at((3.1, 2.5, 0.3), ranges=np.full(181, np.inf)),
-        scan_at((3.1, 2.5, 0.3), range_max=1.0, ranges=np.full(181, 1.0)),  # all at the limit
+        scan_at((3.1, 2.5, 0.3), range_max=1.0, ranges=np.full(181, 1.0)),  # all beams at the limit
         scan_at((3.1, 2.5, 0.3), ranges=np.full(181, 0.05)),
     ],
 )
-def test_scans_that_say_nothing_leave_the_prediction(scan):
+def test_scans_without_information_leave_the_prediction(scan):
     got = look(make(), scan)
     assert (got.pose.x, got.pose.y, got.pose.heading) == pytest.approx((3.0, 2.5, 0.3), abs=0.0)
 
@@ -93,7 +93,7 @@ def test_a_scan_that_is_too_old_leaves_the_prediction():
 
 
 def test_beams_taken_at_different_times_are_put_together():
-    # Turning at 1 rad/s, the first beam 0.2 s before the last; each sees the room from where the robot then stood.
+    # Turning at 1 rad/s, the first beam 0.2 s before the last; each sees the room from the place of the robot then.
     offsets = np.linspace(-0.2, 0.0, len(BEARINGS))
     ranges = np.array(
         [ranges_in(room(), CELL, (3.0, 2.5, 0.3 + t), np.array([b]))[0] for t, b in zip(offsets, BEARINGS, strict=True)]
@@ -135,7 +135,7 @@ def test_reset_forgets_and_configure_does_not():
     assert look(localizer).pose == START
 
 
-def test_unknown_cells_are_walls_only_if_told_so():
+def test_unknown_cells_are_walls_only_if_configured():
     grid = OccupancyGrid(np.where(room(), -1, 0).astype(np.int8), CELL, Pose2D(0.0, 0.0, 0.0))
     scan = scan_at((3.03, 2.5, 0.3))
     assert look(make(grid), scan).pose.x == 3.0

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def building():
-    """(rows, columns) what is not free, row 0 at the lowest y."""
+    """(rows, columns) cells that are not free, row 0 at the lowest y."""
     content = IMAGE.read_bytes()
     columns, rows = 584, 526
     shades = np.frombuffer(content[-rows * columns :], np.uint8).reshape(rows, columns)
@@ -33,7 +33,7 @@ def building():
 
 
 def way_through(occupied, metres, rng):
-    """(n, 3) poses in steps of 2 cm along a shortest way of at least that length, 0.4 m from walls, corners rounded."""
+    """(n, 3) poses in steps of 2 cm on a shortest path of at least that length, 0.4 m from walls, corners rounded."""
     free = distance_transform_edt(~occupied) * CELL > 0.4
     cells = np.argwhere(free)
     while True:
@@ -62,7 +62,7 @@ def way_through(occupied, metres, rng):
 
 
 def measured(step, calibration, rng):
-    """What wheels measure of a step: each with its own radius error and slip."""
+    """Odometry of a step, from wheels with radius errors and slip."""
     way, turn = math.hypot(step[0], step[1]), step[2]
     right, left = way + HALF_TRACK * turn, way - HALF_TRACK * turn
     right = right * (1.0 + calibration) + SLIP * math.sqrt(abs(right)) * rng.standard_normal()

@@ -1,4 +1,4 @@
-"""The distance field: to the squares' surfaces, not to their centres."""
+"""The distance field: distances to the surfaces of the squares, not to their centres."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""How sure the localizer is: right poses are tracked, wrong ones corrected, searched for or lost."""
+"""Confidence of the localizer: right poses are tracked; wrong ones are corrected, searched for or lost."""
 
 import math
 
@@ -27,14 +27,14 @@ FIELD = distance_field(ROOM, CELL, (0.0, 0.0, 0.0), 1.0)
 
 
 class Robot:
-    """A tracker and its judge at a standstill."""
+    """A stopped robot with a tracker and its judge."""
 
     def __init__(self, believed, field=FIELD, **settings):
         self.tracker = PoseTracker(Settings(**settings), field, np.array(believed, dtype=float))
         self.judge, self.time, self.rng = Judge(self.tracker), 0.0, np.random.default_rng(1)
 
     def see(self, scene, seconds, true=TRUE, sigma=0.03):
-        """Look at a scene from the true pose; gives the states one after another."""
+        """Observe a scene from the true pose; gives the states in order."""
         states = []
         for _ in range(round(seconds / PERIOD)):
             ranges = ranges_in(scene, CELL, true, BEARINGS, 10.0)
@@ -52,7 +52,7 @@ class Robot:
 
 
 def cluttered():
-    """The room with three things of 0.3 m that the map does not know: a fifth of the echoes are theirs."""
+    """The room with three objects of 0.3 m that are not in the map and give a fifth of the echoes."""
     occupied = furnished()
     for row, column in ((18, 40), (35, 40), (42, 30)):
         occupied[row : row + 3, column : column + 3] = True
@@ -85,7 +85,7 @@ def test_a_start_off_by_half_a_metre_and_15_degrees_is_corrected(scene, degrees,
     assert place < 0.05 and heading < math.radians(1.0)
 
 
-def test_while_it_searches_it_says_how_far_odometry_leads_astray():
+def test_while_it_searches_it_reports_the_error_of_the_odometry():
     robot = Robot(TRUE + (0.4, 0.3, math.radians(15.0)))
     robot.see(ROOM, PERIOD)
     # 0.50 m and 15 deg, less the 0.03 m and 2 deg that the first scan may correct.
@@ -94,7 +94,7 @@ def test_while_it_searches_it_says_how_far_odometry_leads_astray():
     assert robot.judge.reason == ""
 
 
-def test_what_does_not_fit_is_searched_for_and_then_lost():
+def test_scans_that_do_not_fit_start_a_search_and_then_it_is_lost():
     robot = Robot(TRUE)
     states = robot.see(crate(), 5.0)
     # 0.5 s of patience, then 3 s of searching.
@@ -111,12 +111,12 @@ def test_it_tracks_again_once_it_sees_the_room_again():
     assert robot.error()[0] < 0.05
 
 
-def test_what_passes_by_for_a_moment_changes_nothing():
+def test_an_obstacle_that_passes_by_changes_nothing():
     robot = Robot(TRUE)
     assert set(robot.see(ROOM, 1.0) + robot.see(crate(), 0.4) + robot.see(ROOM, 1.0)) == {"tracking"}
 
 
-def test_a_place_that_is_uncertain_for_long_is_not_trusted():
+def test_a_pose_that_is_uncertain_for_long_is_not_trusted():
     robot = Robot(TRUE, lost_sigma=0.3)
     robot.tracker.covariance = np.diag([0.16, 0.01, 0.01])
     for tick in range(12):
@@ -125,14 +125,14 @@ def test_a_place_that_is_uncertain_for_long_is_not_trusted():
     assert robot.judge.reason == "the position has a standard deviation of 0.40 m, more than 0.3 m"
 
 
-def test_along_a_bare_corridor_the_place_of_the_odometry_is_kept():
+def test_in_a_bare_corridor_the_place_along_it_is_that_of_the_odometry():
     occupied = np.zeros((26, 600), dtype=np.bool_)
     occupied[[2, 23]] = True
     true = np.array([30.0, 1.3, 0.0])
     robot = Robot(true + (0.3, 0.4, math.radians(15.0)), distance_field(occupied, CELL, (0.0, 0.0, 0.0), 1.0))
     assert robot.see(occupied, 1.5, true)[-1] == "tracking"
     assert abs(robot.tracker.pose[1] - true[1]) < 0.03 and abs(robot.tracker.pose[0] - true[0] - 0.3) < 0.15
-    assert math.sqrt(robot.tracker.covariance[0, 0]) > 0.3  # and it says so
+    assert math.sqrt(robot.tracker.covariance[0, 0]) > 0.3  # and it reports that
 
 
 def test_candidates_lie_apart_with_the_true_place_among_them():

@@ -1,4 +1,4 @@
-"""One fit of beams to a field."""
+"""A single fit of beams to a distance field."""
 
 import math
 
@@ -71,7 +71,7 @@ def test_noise_of_one_centimetre_leaves_a_few_millimetres():
     assert np.std(poses, axis=0)[:2].max() < 0.003  # 1 cm / sqrt(a quarter of the beams a wall) = 1.5 mm
 
 
-def test_a_box_that_the_map_does_not_have_moves_nothing():
+def test_a_box_that_is_not_in_the_map_does_not_move_the_pose():
     crowded = furnished()
     crowded[34:42, 30:38] = True  # 0.8 m wide, 0.7 m from the robot: a third of the field of view
     beams = seen(occupied=crowded)
@@ -96,7 +96,7 @@ def test_a_turned_map_turns_the_answer(x, y, heading):
     assert math.remainder(pose[2] - expected[2], math.tau) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_without_beams_the_prediction_stands():
+def test_without_beams_the_prediction_is_the_answer():
     pose, fused, inliers = fit(np.empty((0, 4)), PLACE)
     assert inliers == 0
     assert pose == pytest.approx(PLACE, abs=0.0)
@@ -104,8 +104,8 @@ def test_without_beams_the_prediction_stands():
 
 
 def test_one_beam_and_the_prediction_are_weighed_by_their_variances():
-    # The beam says that the robot stands 0.06 m further on, with the variance of OPTIONS, 0.004 m². The prediction has
-    # 0.002 m²: a third of the way. The scale is so wide that the beam counts in full. Variance 1 / (250 + 500).
+    # The beam puts the robot 0.06 m further on, with the variance of OPTIONS, 0.004 m². The prediction has 0.002 m²: a
+    # third of the way. The scale is so wide that the beam counts in full. Variance 1 / (250 + 500).
     beam = np.array([[5.9 - 3.0 - 0.06, 0.0, 1.0, 0.0]])
     options, pose, fused = OPTIONS.copy(), np.empty(3), np.empty((3, 3))
     options[1:3] = 1e4
@@ -116,7 +116,7 @@ def test_one_beam_and_the_prediction_are_weighed_by_their_variances():
     assert np.linalg.inv(fused)[0, 0] == pytest.approx(1.0 / 750.0, rel=1e-5)
 
 
-def test_in_a_corridor_the_beams_say_nothing_of_the_place_along_it():
+def test_in_a_corridor_the_beams_do_not_determine_the_place_along_it():
     corridor = np.zeros((20, 400), dtype=np.bool_)
     corridor[[0, -1]] = True
     field = distance_field(corridor, CELL, (0.0, 0.0, 0.0), 1.0)
@@ -127,7 +127,7 @@ def test_in_a_corridor_the_beams_say_nothing_of_the_place_along_it():
     assert pose[0] == pytest.approx(predicted[0], abs=1e-3)  # as predicted, wrong or not
     assert pose[1:] == pytest.approx(place[1:], abs=5e-3)
     covariance = np.linalg.inv(fused)
-    assert math.sqrt(covariance[0, 0]) == pytest.approx(0.5, rel=1e-3)  # not a bit surer than before
+    assert math.sqrt(covariance[0, 0]) == pytest.approx(0.5, rel=1e-3)  # with the same variance as before
     assert math.sqrt(covariance[1, 1]) < 0.02
 
 

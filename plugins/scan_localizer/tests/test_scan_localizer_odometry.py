@@ -1,4 +1,4 @@
-"""Odometry by scans: the surfaces it averages, and where it says the robot is."""
+"""Odometry from scans: the averaged surfaces, and the estimated pose."""
 
 import math
 
@@ -25,7 +25,7 @@ def wall_beams(rng, distance, sigma):
 
 
 def zero_along_x(surface, y):
-    """Where the distance along a row of the lattice changes its sign, m."""
+    """Place along a row of the lattice where the distance changes its sign, m."""
     x0, y0, _, _, spacing = surface.field.frame
     row = surface.field.values[round((y - y0) / spacing)]
     known = np.flatnonzero(np.isfinite(row))
@@ -40,7 +40,7 @@ def test_the_mean_of_many_noisy_scans_has_its_zero_where_the_wall_is():
     assert [zero_along_x(surface, y) for y in (-0.5, 0.0, 0.5)] == pytest.approx([2.0] * 3, abs=0.01)
 
 
-def test_what_beams_pass_through_disappears():
+def test_a_surface_that_beams_pass_disappears():
     surface = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0)
     for distance in (1.0, 3.0):
         for _ in range(40):
@@ -48,7 +48,7 @@ def test_what_beams_pass_through_disappears():
     assert zero_along_x(surface, 0.0) == pytest.approx(3.0, abs=0.01)
 
 
-def test_the_lattice_follows_the_robot_and_keeps_what_it_saw_in_its_place():
+def test_the_lattice_follows_the_robot_and_its_contents_stay_in_place():
     surface = LocalSurface(0.05, 2.0, 0.2, 0.1, 60.0)
     surface.add(wall_beams(np.random.default_rng(3), 2.0, 0.0), np.zeros(3))
     surface.follow(1.51, -0.3)
@@ -59,11 +59,11 @@ def test_the_lattice_follows_the_robot_and_keeps_what_it_saw_in_its_place():
 
 
 def driven(seed, drift_deg=0.0, half_angle=0.0):
-    """Poses said and true at the end of a loop of 8.8 m in a room of 6 m, with odometry that turns too far.
+    """Estimated and true pose at the end of a loop of 8.8 m in a room of 6 m, with odometry that turns too far.
 
     Args:
-        seed: Of the noise of the ranges, sigma 0.03 m. drift_deg: Error of odometry's heading after 1 m, degrees.
-        half_angle: Of the beams, rad.
+        seed: Seed of the noise of the ranges, sigma 0.03 m. drift_deg: Error of odometry's heading after 1 m, degrees.
+        half_angle: Half angle of the beams, rad.
     """
     rng, walls = np.random.default_rng(seed), room()
     true, odometry = np.array([3.0, 1.6, 0.0]), np.zeros(3)
@@ -84,8 +84,8 @@ def driven(seed, drift_deg=0.0, half_angle=0.0):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_it_takes_the_drift_out_of_the_wheels(seed):
-    """A degree a metre: by odometry alone the loop ends 0.2 m off and 9 degrees turned."""
+def test_it_corrects_the_drift_of_the_wheels(seed):
+    """A drift of 1 degree per metre: by odometry alone the loop ends 0.2 m and 9 degrees off."""
     said, true, by_wheels = driven(seed, drift_deg=1.0)
     assert math.hypot(*relative(true, by_wheels)[:2]) > 0.15
     off = relative(true, np.array([said.pose.x, said.pose.y, said.pose.heading]))
@@ -94,7 +94,7 @@ def test_it_takes_the_drift_out_of_the_wheels(seed):
     assert math.hypot(off[0], off[1]) < 4.0 * math.sqrt(said.covariance[0, 0] + said.covariance[1, 1])
 
 
-def test_cones_say_nothing_and_odometry_is_followed():
+def test_with_cones_alone_the_odometry_is_followed():
     said, _, by_wheels = driven(1, drift_deg=1.0, half_angle=0.2)
     assert (said.pose.x, said.pose.y) == pytest.approx(by_wheels[:2].tolist())
 

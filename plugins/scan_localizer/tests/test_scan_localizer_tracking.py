@@ -1,4 +1,4 @@
-"""The filter: prediction, correction, and what it does where the scans say little."""
+"""The filter: prediction, correction, and scans with little information."""
 
 import math
 
@@ -32,7 +32,7 @@ def beams_at(occupied, place, rng=None):
 
 
 def drive(tracker, occupied, metres, scale=1.0):
-    """Along x in steps of 2.5 cm a tick of 0.05 s; odometry measures `scale` of the way. Gives the true pose."""
+    """Drive along x, 2.5 cm in each tick of 0.05 s; odometry measures `scale` of that. Gives the true pose."""
     true, measured, rng = tracker.pose.copy(), 0.0, np.random.default_rng(1)
     jumps = []
     for k in range(round(metres / 0.025)):
@@ -93,7 +93,7 @@ def test_too_few_beams_that_fit_leave_the_prediction():
     covariance = tracker.covariance.copy()
     strange = beams_at(room(40, 40), [1.0, 2.0, 1.0])  # another room: its walls are a metre off
     assert not tracker.correct(strange[:60])
-    assert not tracker.correct(beams_at(occupied, [3.0, 3.0, 0.0])[:19])  # they fit, but 20 is the least
+    assert not tracker.correct(beams_at(occupied, [3.0, 3.0, 0.0])[:19])  # they fit, but 20 is the minimum
     assert tracker.pose.tolist() == [3.0, 3.0, 0.0]
     assert np.array_equal(tracker.covariance, covariance)
 
@@ -142,7 +142,7 @@ def test_a_fit_of_361_beams_is_no_slower_than_twenty_transforms_of_them_in_numpy
     assert benchmark.stats.stats.min < rivals / 20
 
 
-def test_a_place_that_is_told_holds_with_the_odometry_there_was():
+def test_a_pose_that_is_set_applies_to_the_odometry_of_its_time():
     tracker = tracker_in(corridor(), [5.0, 1.3, 0.0])
     tracker.predict(np.array([2.0, 0.0, 0.0]), 1.0)
     tracker.place(np.array([30.0, 1.0, math.pi / 2]))

@@ -50,7 +50,7 @@ class Bench:
         self, params: dict[str, Any], sensors: tuple[SensorSpec, ...], world: World | None, start: Place, seed: int
     ):
         footprint = FOOTPRINT.copy()
-        footprint.flags.writeable = False  # as the framework hands it out
+        footprint.flags.writeable = False  # as the framework provides it
         spec = RobotSpec(footprint, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
         self.streams: dict[str, np.random.Generator] = {}
         pose = Pose2D(start.x, start.y, start.heading)
@@ -60,7 +60,7 @@ class Bench:
         self.first = self.platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
 
     def _stream(self, seed: int, name: str) -> np.random.Generator:
-        """The stream of a name; asked again, the same one goes on, as the framework has it."""
+        """The random stream of a name; the same name continues the same stream, as in the framework."""
         return self.streams.setdefault(name, np.random.default_rng([seed, *name.encode()]))
 
     def step(self, vx: float = 0.0, wz: float = 0.0, request: int = 0, count: int = 1) -> PlatformOutput:

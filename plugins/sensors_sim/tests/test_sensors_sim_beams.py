@@ -97,7 +97,7 @@ def test_further_than_range_max_is_no_echo(bench):
     assert np.isinf(ranges).all()
 
 
-def test_what_is_below_the_axis_needs_vertical_spread(bench):
+def test_an_obstacle_below_the_axis_needs_vertical_spread(bench):
     """A 0.1 m high box 1.6 m before the front; a ray 15° down from 0.25 m meets its top, one level passes over it."""
     low = (Box("low", (1.0, 1.2), (-0.5, 0.5), (0.0, 0.1)),)
     assert np.isinf(bench(sensors=ring(layout="pairs"), obstacles=low).first.scans["sonars"].ranges[0])
@@ -105,7 +105,7 @@ def test_what_is_below_the_axis_needs_vertical_spread(bench):
     assert ranges[0] == pytest.approx(0.6 / math.cos(math.radians(15.0)), abs=1e-9)
 
 
-def test_floor_echoes_only_where_asked_for(bench):
+def test_the_floor_echoes_only_if_configured(bench):
     """15° down from 0.25 m the floor is 0.25 / sin 15° = 0.966 m away."""
     assert np.isinf(bench(sensors=ring(rows=13)).first.scans["sonars"].ranges).all()
     ranges = bench(sensors=ring(rows=13, floor_echoes=True)).first.scans["sonars"].ranges
@@ -127,14 +127,14 @@ def test_crosstalk_shortens_one_of_two_neighbours(which, victim, footprint):
     assert ranges == pytest.approx(np.array(expected), abs=1e-9)
 
 
-def test_crosstalk_happens_as_often_as_asked_for(bench):
-    """Seven pairs of a p3dx ring without echoes, each at 0.1: 700 false readings in 1000 rings, less doubles."""
+def test_crosstalk_has_the_configured_probability(bench):
+    """Seven pairs of a p3dx ring without echoes, 0.1 each: 700 false readings in 1000 rings, less coincidences."""
     robot = bench(sensors=(("sonars", "sonar_ring", {"crosstalk": 0.1}),))
     false = sum(np.isfinite(robot.step().scans["sonars"].ranges).sum() for _ in range(1000))
     assert 600 < false < 760
 
 
-def test_range_noise_has_the_asked_for_spread(bench):
+def test_range_noise_has_the_configured_spread(bench):
     robot = bench(
         sensors=(("laser", "laser_2d", {"sigma": 0.02, "beams": 100, "field_of_view_deg": 1.0}),), obstacles=(WALL,)
     )
@@ -154,7 +154,7 @@ def test_laser_mount(bench):
     assert scan.origins[1] == pytest.approx([0.3, 0.1])
 
 
-def test_laser_looks_over_what_is_lower_than_its_plane(bench):
+def test_a_laser_does_not_see_obstacles_below_its_plane(bench):
     low = Box("low", (1.0, 1.2), (-5.0, 5.0), (0.0, 0.29))
     assert np.isinf(bench(sensors=laser(), obstacles=(low,)).first.scans["laser"].ranges).all()
 

@@ -1,4 +1,4 @@
-"""Speed as ratios within one run: MuJoCo's rays on the same obstacles are the yardstick."""
+"""Speed as ratios within one run, relative to MuJoCo's rays on the same obstacles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.benchmark
 
 
 def best(call, number):
-    """Least duration of a call, s, of seven batches."""
+    """Shortest duration of a call in seven batches, s."""
     call()
     return min(timeit.repeat(call, number=number, repeat=7)) / number
 

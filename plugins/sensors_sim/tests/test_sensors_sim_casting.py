@@ -1,4 +1,4 @@
-"""Rays against boxes, cylinders, floor and rasters: numbers by hand, and MuJoCo as a second opinion."""
+"""Rays on boxes, cylinders, floor and rasters: numbers by hand, and comparison with MuJoCo."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_floor_can_be_switched_off():
     assert cast(scene(), [0, 0, 0.4], DOWN, floor=False) == (math.inf, NOTHING)
 
 
-def test_what_is_out_of_reach_is_not_hit():
+def test_an_obstacle_out_of_reach_is_not_hit():
     world, origins, ways = (
         scene(Box("b", (2.0, 3.0), (-1.0, 1.0))),
         np.array([[0.0, 0.0, 1.0]] * 2),
@@ -136,7 +136,7 @@ def test_raster_is_entered_from_outside():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_raster_agrees_with_one_box_a_cell(seed):
-    """A sparse turned raster, with leaps over free space, against its cells as boxes."""
+    """A sparse turned raster, with leaps over free space, compared with its cells as boxes."""
     rng = np.random.default_rng(seed)
     occupied = rng.random((40, 60)) < 0.02
     heading, cell = rng.uniform(-3, 3), 0.25

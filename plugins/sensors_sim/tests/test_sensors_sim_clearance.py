@@ -72,7 +72,7 @@ def test_one_centimetre_is_no_contact(obstacle):
     assert gap(obstacle)[0] == pytest.approx(0.01, abs=1e-12)
 
 
-def test_what_is_above_the_robot_or_below_the_floor_does_not_count():
+def test_obstacles_above_the_robot_or_below_the_floor_do_not_count():
     over, under = Box("over", (-1.0, 1.0), (-1.0, 1.0), (1.4, 1.6)), Cylinder("under", 0.0, 0.0, 1.0, (-1.0, 0.0))
     assert gap(over, under) == (math.inf, NOTHING)
     assert gap(Box("low girder", (-1.0, 1.0), (-1.0, 1.0), (0.9, 1.1))) == (0.0, 0)

@@ -66,7 +66,7 @@ def test_wheel_acceleration_is_limited(bench):
     assert (out.truth.pose.x, out.truth.twist.vx) == pytest.approx((0.05, 0.1), abs=1e-12)
 
 
-def test_larger_wheels_go_further_than_odometry_thinks(bench):
+def test_larger_wheels_go_further_than_odometry_measures(bench):
     out = bench(QUIET | {"wheel_radius_error": 0.05}).step(0.4, count=20)
     assert (out.truth.pose.x, out.odometry.pose.x) == pytest.approx((0.42, 0.40), abs=1e-12)
 
@@ -77,7 +77,7 @@ def test_true_twist_is_that_of_the_true_wheels_and_track(bench):
     assert (twist.vx, twist.wz) == pytest.approx((0.42, 0.175), abs=1e-12)
 
 
-def test_wider_track_turns_less_than_odometry_thinks(bench):
+def test_a_wider_track_turns_less_than_odometry_measures(bench):
     out = bench(QUIET | {"half_track_error": 0.05}).step(0.0, 0.2, count=20)
     assert (out.truth.pose.heading, out.odometry.pose.heading) == pytest.approx((0.2 / 1.05, 0.2), abs=1e-12)
 
@@ -100,7 +100,7 @@ def test_track_believed_wider_makes_odometry_turn_less(bench):
 
 
 def test_calibrated_odometry_of_a_wrong_robot_is_right(bench):
-    """Where odometry knows of the true radius and track, it follows the truth."""
+    """With the true radius and track, odometry follows the truth."""
     wrong = {"wheel_radius_error": 0.05, "half_track_error": 0.05}
     known = {"odometry_" + k: 0.05 for k in ("right_radius_error", "left_radius_error", "half_track_error")}
     out = bench(QUIET | wrong | known).step(0.4, 0.2, count=60)
@@ -115,7 +115,7 @@ def test_odometry_starts_at_zero_in_its_own_frame(bench):
 
 
 def test_encoders_lose_less_than_a_count(bench):
-    """100 counts a turn are 2π 0.05 / 100 = 3.14 mm of way; nothing is lost for good."""
+    """100 counts per turn are 2π 0.05 / 100 = 3.14 mm; fractions are not lost."""
     robot = bench(QUIET | {"encoder_counts": 100})
     behind = []
     for _ in range(60):
@@ -176,4 +176,4 @@ def test_moving_obstacle_runs_into_the_robot(bench):
     robot = bench(QUIET, obstacles=(walker,))
     touched = [robot.step().contact.touching for _ in range(20)]
     assert touched.index(True) == 17  # x = 5 - 0.25 k <= 0.5 first for k = 18
-    assert not touched[-1]  # at t = 1 s it starts anew at x = 5
+    assert not touched[-1]  # at t = 1 s it starts again at x = 5

@@ -1,4 +1,4 @@
-"""Commands between ticks: each holds from its own time on."""
+"""Commands between ticks: each applies from its own time on."""
 
 from __future__ import annotations
 

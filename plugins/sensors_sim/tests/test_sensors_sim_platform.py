@@ -1,4 +1,4 @@
-"""The platform as a whole: noise switches, draws, invariance, settings, errors."""
+"""The whole platform: noise switches, random draws, invariance, settings, errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CLUTTER = (
 
 
 def drive(robot, ticks=30):
-    """Everything measured on a curve: odometry and ranges of all sensors, in one row."""
+    """All measurements on a curve: odometry and ranges of all sensors, in one row."""
     parts = []
     for _ in range(ticks):
         out = robot.step(0.3, 0.2)
@@ -76,7 +76,7 @@ def test_without_noise_two_seeds_agree(bench):
     np.testing.assert_array_equal(one, two)
 
 
-def test_reset_begins_the_run_anew(bench):
+def test_reset_restarts_the_run(bench):
     robot = bench({"noise": False, "motor_time_constant": 0.1}, QUIET, CLUTTER)
     one = drive(robot)
     robot.platform.reset()
@@ -106,7 +106,7 @@ def test_sweep_requests_do_not_shift_later_noise(bench):
     np.testing.assert_array_equal(one, two)
 
 
-def test_a_repeated_request_lets_the_sweep_under_way_go_on_and_another_one_gives_it_up(bench):
+def test_a_repeated_request_lets_the_running_sweep_continue_and_a_new_one_restarts_it(bench):
     sensors = (("sweeper", "pitched_laser", {}),)  # 1.25 s, so 25 ticks
 
     def after_10_ticks(request):
@@ -125,7 +125,7 @@ def test_a_repeated_request_for_a_sweep_that_has_ended_makes_another(bench):
 
 
 def turned(obstacle, angle, dx, dy):
-    """The obstacle after the whole world was turned about the origin and moved."""
+    """The obstacle after the world was turned about the origin and moved."""
     cx, cy = obstacle.centre
     x, y = dx + math.cos(angle) * cx - math.sin(angle) * cy, dy + math.sin(angle) * cx + math.cos(angle) * cy
     if isinstance(obstacle, Cylinder):
@@ -160,7 +160,7 @@ def test_new_parameters_leave_the_robot_where_it_is(bench):
         ("sonar_ring", {}, False),
     ],
 )
-def test_what_measures_on_request_only(kind, settings, asked):
+def test_which_sensors_measure_on_request_only(kind, settings, asked):
     assert SensorsSim.scans_on_request(SensorSpec("eye", kind, settings)) is asked
 
 
@@ -207,7 +207,7 @@ def test_bad_settings_are_refused_with_the_sensors_name(bench, kind, settings, p
 
 
 def test_dropped_and_stuck_beams(bench):
-    """A room without echoes would show nothing: a wall all round, of which 30 % of the beams say nothing."""
+    """In a room with a wall all round, 30 % of the beams are dropped."""
     walls = (Box("ahead", (2.0, 2.2), (-3.0, 3.0)), Box("left", (-3.0, 3.0), (2.0, 2.2)))
     laser = ("laser", "laser_2d", {"dropout": 0.3, "stuck_beam": 90, "stuck_range": 0.7})
     rows = [bench(sensors=(laser,), obstacles=walls, seed=seed).step().scans["laser"].ranges for seed in range(40)]
@@ -218,6 +218,6 @@ def test_dropped_and_stuck_beams(bench):
     assert all(row[90] == 0.7 for row in rows)
 
 
-def test_a_stuck_beam_is_one_there_is():
+def test_a_stuck_beam_must_exist():
     with pytest.raises(ValidationError, match="expected one of 0 to 180"):
         LaserSettings(stuck_beam=181)

@@ -1,4 +1,4 @@
-"""The README's example is valid, and its tables hold every parameter with its default."""
+"""The README's example is valid, and its tables have every parameter with its default."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Beams that a fan leaves out: spans by hand, and scans bit for bit as of every ray cut by every obstacle."""
+"""Beams that a fan can skip: spans by hand, and scans bit for bit equal to those of every ray with every obstacle."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_sector_that_the_first_beam_cuts_is_met_at_both_ends():
     ],
     ids=lambda obstacle: f"{type(obstacle).__name__} {obstacle.name}",
 )
-def test_what_no_beam_can_meet(obstacle):
+def test_obstacles_that_no_beam_can_meet_have_no_span(obstacle):
     scene = Scene((obstacle,), None, position_at, sweeps=False)
     scene.update(0.0, swept=False)
     out = np.full((1, 4), -7)
@@ -84,9 +84,9 @@ def test_every_beam_meets_what_the_sensor_is_in(obstacle):
 
 
 def random_obstacles(rng, place, bearings, reach):
-    """Rows of boxes and cylinders: round about, around, touching and tangent, at the reach, level with the plane.
+    """Rows of boxes and cylinders: near, around the sensor, touching and tangent, at the reach, level with the plane.
 
-    Some have their heights or their sides exchanged, which the cuts take like any other.
+    Some have their heights or sides exchanged, which the intersection handles like any other.
     """
     boxes, cylinders = np.zeros((16, 9)), np.zeros((48, 6))
     for rows, size in ((boxes, 2), (cylinders, 1)):
@@ -122,7 +122,7 @@ def random_raster(rng, chance):
 
 @pytest.mark.parametrize("count, field_of_view", FANS)
 def test_fan_agrees_with_every_ray_against_every_obstacle(count, field_of_view):
-    """Same ranges and same indices to the last bit, in 60 worlds made to be awkward."""
+    """Same ranges and indices to the last bit, in 60 difficult worlds."""
     rng = np.random.default_rng(count)
     met, inside = 0, 0
     for _ in range(60):

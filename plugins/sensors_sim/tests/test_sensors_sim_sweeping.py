@@ -73,7 +73,7 @@ def test_sweep_message_of_the_papers_world(bench, paper_gates):
     )
 
 
-def test_rigid_pitch_is_told_in_the_message_and_sees_another_picture(bench, paper_gates):
+def test_a_rigid_pitch_is_named_in_the_message_and_gives_another_image(bench, paper_gates):
     robot = bench(sensors=laser(geometry="rigid_pitch"), obstacles=paper_gates, start=NORTH)
     sweep = robot.step(request=1, count=25).scans["laser"]
     assert sweep.geometry == "rigid_pitch"
@@ -100,7 +100,7 @@ def test_request_with_the_first_call_is_answered(bench):
     assert robot.step(count=25).scans["laser"].stamp_ns == 0
 
 
-def test_newer_request_starts_the_sweep_anew(bench):
+def test_a_newer_request_restarts_the_sweep(bench):
     robot = bench(sensors=laser())
     robot.step(request=1, count=10)
     assert not robot.step(request=2, count=24).scans
@@ -151,7 +151,7 @@ def test_continuous_sweep_that_begins_after_a_request_answers_it(bench):
     assert [s.request_id for s in sweeps] == [0, 3, 0]
 
 
-def test_systematic_error_is_one_number_a_run(bench):
+def test_the_systematic_error_is_one_number_for_each_run(bench):
     settings = (("laser", "pitched_laser", {"sigma": 0.0, "systematic": 0.035}),)
     biases = []
     for seed in range(20):
@@ -187,6 +187,6 @@ def test_obstacle_appears_after_the_first_sweep_has_ended(bench):
     assert robot.step().truth.nearest == "O"
 
 
-def test_without_a_pitched_laser_what_appears_after_its_sweep_is_there_from_the_start(bench):
+def test_without_a_pitched_laser_obstacles_that_appear_after_its_sweep_exist_from_the_start(bench):
     late = Box("O", (1.0, 1.3), (-0.15, 0.15), appears_after_sweep=True)
     assert bench(obstacles=(late,)).first.truth.nearest == "O"

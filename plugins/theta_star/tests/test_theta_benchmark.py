@@ -16,7 +16,7 @@ pytestmark = pytest.mark.benchmark
 def test_the_price_of_any_angle(benchmark) -> None:
     """Round 120 discs on 400 x 400 cells, from side to side.
 
-    A* walks straight through open ground, so the ratio to it says little; Dijkstra's algorithm sees every cell once.
+    A* goes straight through open ground, so the ratio to it means little; Dijkstra's algorithm visits every cell once.
     """
     rng = np.random.default_rng(0)
     free = ~grow(rng.random((400, 400)) < 120 / 400**2, disc_reach(10.0))

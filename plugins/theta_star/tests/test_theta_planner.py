@@ -83,7 +83,7 @@ def test_no_obstacle_is_a_straight_line(planner) -> None:
 def test_failures_are_those_of_astar_and_paths_keep_to_traversable_cells(
     planner, seed: int, unknown: str, squeeze: float | None, radius: float
 ) -> None:
-    """Every segment beyond the way out of the inflation is one the framework's own sight calls free."""
+    """Every segment after the way out of the inflation is free by the framework's own line of sight."""
     rng = np.random.default_rng(seed)
     cells = rng.choice(np.array([0, 100, -1], dtype=np.int8), (40, 50), p=[0.96, 0.01, 0.03])
     start, goal = ((rng.integers((50, 40)) + 0.5) * 0.1 for _ in range(2))
@@ -103,8 +103,8 @@ def test_failures_are_those_of_astar_and_paths_keep_to_traversable_cells(
 
 
 @both
-def test_dear_passages_are_squeezed_through(planner) -> None:
-    """A doorway of 1.1 m for a robot whose disc needs 1.13 m: no other way, so 0.45 m from the centre must do."""
+def test_a_passage_of_extra_cost_is_used_if_there_is_no_other(planner) -> None:
+    """A doorway of 1.1 m for a robot whose disc needs 1.13 m, without another way: 0.45 m from the centre must do."""
     cells = np.zeros((40, 60))
     cells[:, 30] = 100
     cells[15:26, 30] = 0
@@ -115,7 +115,7 @@ def test_dear_passages_are_squeezed_through(planner) -> None:
 
 @both
 def test_the_inflation_is_left_first(planner) -> None:
-    """Beside a wall, at a third of the radius: straight away from it, and on from there in one line."""
+    """The robot is beside a wall, at a third of the radius: straight away from it, and from there in one line."""
     cells = np.zeros((60, 60))
     cells[:, 0] = 100
     path = make(planner).plan(asked(cells, (0.35, 3.05), (4.05, 0.95)))

@@ -1,4 +1,4 @@
-"""The README's example is valid and every function of its table is there."""
+"""The README's example is valid and every function of its table exists."""
 
 import importlib
 import re
@@ -17,7 +17,7 @@ def test_the_example_is_a_valid_table():
     AstarParams(**table)
 
 
-def test_every_function_of_the_table_is_there():
+def test_every_function_of_the_table_exists():
     names = re.findall(r"`(navloom_\w+\.)?(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0])
     assert len(names) >= 5
     for package, module, name in names:

@@ -1,4 +1,4 @@
-"""Theta* and Lazy Theta* between the true shortest way and A*'s."""
+"""Theta* and Lazy Theta*: lengths between the true shortest path and that of A*."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def maze(seed: int, most: int, density: float) -> tuple[Bools, list[tuple[int, i
 
 
 def smoothed(cells: NDArray[np.int64], free: Bools) -> float:
-    """Length of A*'s way after the usual smoothing: as far as the last turn sees (Botea, Müller & Schaeffer 2004)."""
+    """Length of A*'s path after the usual smoothing by line of sight (Botea, Müller & Schaeffer 2004)."""
     walls = np.argwhere(~free)
     turns = [cells[0]]
     for here, ahead in pairwise(cells[1:]):
@@ -40,8 +40,8 @@ def smoothed(cells: NDArray[np.int64], free: Bools) -> float:
 
 
 @pytest.mark.parametrize("density", [0.1, 0.25, 0.4])
-def test_no_way_is_shorter_than_the_shortest_and_most_are_as_short(density: float) -> None:
-    """Against the visibility graph of all cells' centres, which turns where any-angle ways may."""
+def test_no_path_is_shorter_than_the_shortest_and_most_are_as_short(density: float) -> None:
+    """Compared with the visibility graph of all cell centres, where any-angle paths may turn."""
     ratios: dict[type, list[float]] = {search: [] for search in SEARCHES}
     for seed in range(8):
         free, (start, *goals) = maze(seed, 9, density)
@@ -61,8 +61,8 @@ def test_no_way_is_shorter_than_the_shortest_and_most_are_as_short(density: floa
         assert np.mean(found) < 1.03
 
 
-def test_no_way_is_shorter_than_round_the_obstacles_corners() -> None:
-    """Against the visibility graph of the corners: what a point needs at least that may touch but not enter."""
+def test_no_path_is_shorter_than_round_the_obstacles_corners() -> None:
+    """Compared with the visibility graph of the corners: the minimum for a point that may touch but not enter."""
     for seed in range(4):
         free, (start, *goals) = maze(100 + seed, 8, 0.25)
         lengths = shortest_at_all(free, start, goals)
@@ -86,7 +86,9 @@ def test_the_oracle_of_corners_by_hand() -> None:
 @both
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.15, 0.3]))
-def test_no_way_is_longer_than_astars_and_each_is_free(search: type[ThetaSearch], seed: int, density: float) -> None:
+def test_no_path_is_longer_than_that_of_astar_and_each_is_free(
+    search: type[ThetaSearch], seed: int, density: float
+) -> None:
     free, (start, goal, *_) = maze(seed, 30, density)
     ends = tuple((x + 0.5, y + 0.5) for y, x in (start, goal))
     if seed % 2:
@@ -108,7 +110,7 @@ def test_no_way_is_longer_than_astars_and_each_is_free(search: type[ThetaSearch]
 
 
 def _length(cells: NDArray[np.int64], ends: tuple) -> float:
-    """Of a way of at least two cells over their centres, between the ends, cells."""
+    """Length of a path of at least two cells over their centres, between the ends, cells."""
     corners = cells[:, ::-1] + 0.5
     corners[0], corners[-1] = ends
     return float(np.hypot(*np.diff(corners, axis=0).T).sum())
@@ -118,8 +120,8 @@ def _length(cells: NDArray[np.int64], ends: tuple) -> float:
 @pytest.mark.parametrize(
     ("clutter", "radius", "shorter"), [(0.05, 0.0, 0.6), (0.2, 0.0, 0.6), (0.01, 2.2, 0.4), (0.004, 4.0, 0.25)]
 )
-def test_ways_are_shorter_than_astars_smoothed_ones(search, clutter: float, radius: float, shorter: float) -> None:
-    """In sum, and query by query but for a few: that the method does not promise."""
+def test_paths_are_shorter_than_smoothed_ones_of_astar(search, clutter: float, radius: float, shorter: float) -> None:
+    """In sum, and for all but a few single queries, for which the method does not guarantee it."""
     lengths = []
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -150,7 +152,7 @@ def test_lengths_by_hand(search: type[ThetaSearch]) -> None:
 
 
 @both
-def test_ends_are_where_they_were_asked_for(search: type[ThetaSearch]) -> None:
+def test_a_path_ends_at_the_requested_places(search: type[ThetaSearch]) -> None:
     free = np.ones((3, 6), dtype=np.bool_)
     way = search(free.shape).shortest(free, (0, 0), (2, 5), None, ((0.1, 0.2), (5.9, 2.6)))
     assert way.cells.tolist() == [[0, 0], [2, 5]] and way.length == pytest.approx(math.hypot(5.8, 2.4))
@@ -160,7 +162,7 @@ def test_ends_are_where_they_were_asked_for(search: type[ThetaSearch]) -> None:
 
 @both
 def test_an_end_on_the_edge_beside_an_obstacle_is_reached(search: type[ThetaSearch]) -> None:
-    """Nothing is in sight from there, so the first step is to a neighbour."""
+    """No cell is visible from there, so the first step is to a neighbour."""
     free = np.ones((3, 6), dtype=np.bool_)
     free[0] = False
     way = search(free.shape).shortest(free, (1, 0), (1, 5), None, ((0.5, 1.0), (5.5, 1.5)))
@@ -168,8 +170,8 @@ def test_an_end_on_the_edge_beside_an_obstacle_is_reached(search: type[ThetaSear
 
 
 @both
-def test_dear_ground_is_gone_round_when_that_is_cheaper(search: type[ThetaSearch]) -> None:
-    """A dear row between start and goal, with a gap: straight through costs 4 + e, over the gap the two diagonals."""
+def test_ground_of_extra_cost_is_avoided_when_that_is_cheaper(search: type[ThetaSearch]) -> None:
+    """A row of extra cost e between start and goal, with a gap: straight costs 4 + e, by the gap two diagonals."""
     free, extra = np.ones((5, 9), dtype=np.bool_), np.zeros((5, 9), dtype=np.uint8)
     extra[2, :7] = 4
     way = search(free.shape).shortest(free, (0, 4), (4, 4), extra)
@@ -183,7 +185,9 @@ def test_dear_ground_is_gone_round_when_that_is_cheaper(search: type[ThetaSearch
 @both
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 16, 255]))
-def test_on_dear_ground_no_way_costs_more_than_astars(search: type[ThetaSearch], seed: int, most: int) -> None:
+def test_on_ground_of_extra_cost_no_path_costs_more_than_that_of_astar(
+    search: type[ThetaSearch], seed: int, most: int
+) -> None:
     free, (start, goal, *_) = maze(seed, 16, 0.2)
     extra = np.random.default_rng(seed).integers(0, most + 1, size=free.shape, dtype=np.uint8)
     on_cells, way = (kind(free.shape).shortest(free, start, goal, extra) for kind in (GridSearch, search))
@@ -193,8 +197,8 @@ def test_on_dear_ground_no_way_costs_more_than_astars(search: type[ThetaSearch],
         assert way.length - 1e-9 <= way.cost <= on_cells.cost + 1e-6
 
 
-def test_poor_offers_are_told_by_a_bound_below_the_cost() -> None:
-    """On any ground, and so near to the cost that the offer of a cell's own parent is still seen to be no better."""
+def test_poor_parents_are_rejected_by_a_lower_bound_of_the_cost() -> None:
+    """On any ground, and tight enough that a cell's own parent is still rejected as no better."""
     places, ground = np.random.default_rng(4).random((2000, 4)) * 300.0 + 1.0, np.zeros((302, 302), dtype=np.uint8)
     ground[::3] = 8
     for place in places.tolist():
@@ -203,7 +207,7 @@ def test_poor_offers_are_told_by_a_bound_below_the_cost() -> None:
 
 
 @both
-def test_queries_do_not_disturb_each_other(search: type[ThetaSearch]) -> None:
+def test_queries_do_not_affect_each_other(search: type[ThetaSearch]) -> None:
     rng = np.random.default_rng(5)
     kept = search((30, 20))
     for _ in range(40):

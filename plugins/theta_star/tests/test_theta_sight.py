@@ -1,4 +1,4 @@
-"""Line of sight and the cost of ground, by hand and against other ways to find them."""
+"""Line of sight and the cost of ground, by hand and compared with other computations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from theta_oracles import is_touched
 
 
 def sees(wall: np.ndarray, a: tuple[float, float], b: tuple[float, float]) -> bool:
-    """Of a picture without border; places are x, y."""
+    """Line of sight in a picture without border; places are x, y."""
     return bool(is_in_sight(np.pad(wall, 1, constant_values=True), *(value + 1.0 for value in (*a, *b))))
 
 
@@ -32,7 +32,7 @@ def test_a_line_through_a_corner_touches_all_four_cells() -> None:
         assert not sees(wall, (0.5, 0.5), (3.5, 1.5))
 
 
-def test_outside_of_the_grid_nothing_is_seen() -> None:
+def test_outside_the_grid_there_is_no_line_of_sight() -> None:
     wall = np.zeros((2, 2), dtype=np.bool_)
     assert sees(wall, (0.5, 0.5), (1.5, 0.5)) and not sees(wall, (0.5, 0.0), (1.5, 0.5))
 
@@ -52,7 +52,7 @@ def test_it_agrees_with_exact_arithmetic_and_with_the_pruning_of_the_framework()
 
 
 def test_rows_and_columns_are_alike() -> None:
-    """Mirrored on the diagonal, a steep segment is a level one: both are looked at along the other lanes."""
+    """A steep segment mirrored on the diagonal is a level one; the two are checked along different lanes."""
     rng, seen = np.random.default_rng(3), 0
     for _ in range(40):
         wall = rng.random((14, 11)) < rng.choice([0.02, 0.1])
@@ -64,7 +64,7 @@ def test_rows_and_columns_are_alike() -> None:
     assert 600 < seen < 1800
 
 
-def test_between_neighbours_the_ground_costs_what_astar_says() -> None:
+def test_between_neighbours_the_ground_costs_the_same_as_in_astar() -> None:
     """Half of the step in each cell: s (1 + (e + f) / 2)."""
     extra = np.array([[0, 8, 0], [0, 0, 24]], dtype=np.uint8)
     assert ground_cost(extra, 8, 0.5, 0.5, 1.5, 0.5) == pytest.approx(1.5)

@@ -1,4 +1,4 @@
-"""The shortest any-angle ways on small grids, by visibility graphs that are written apart from the searches."""
+"""Shortest any-angle paths on small grids, by visibility graphs that are independent of the searches."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def is_touched(cells: NDArray[np.int64], a: NDArray[np.int64], b: NDArray[np.int
 
 
 def shortest_over_centres(free: Bools, start: Cell) -> NDArray[np.float64]:
-    """(rows, columns) lengths, cells, of the shortest ways from a cell that turn at the centres of free cells."""
+    """(rows, columns) lengths, cells, of the shortest paths from a cell that turn at centres of free cells."""
     cells, walls = np.argwhere(free), np.argwhere(~np.pad(free, 1)) - 1
     links = [
         (i, j, math.dist(cells[i], cells[j]))
@@ -44,9 +44,9 @@ def shortest_over_centres(free: Bools, start: Cell) -> NDArray[np.float64]:
 
 
 def shortest_at_all(free: Bools, start: Cell, goals: list[Cell]) -> NDArray[np.float64]:
-    """(n,) lengths, cells, that no way of a point within the free cells can be shorter than.
+    """(n,) lower bounds, cells, of the length of any path of a point within the free cells.
 
-    They turn at obstacles' corners and may run along walls, but not through a corner where two obstacles meet.
+    The paths turn at obstacles' corners and may run along walls, but not through a corner where two obstacles meet.
     """
     wall = ~np.pad(free, 1)
     corners = [
@@ -69,7 +69,7 @@ def shortest_at_all(free: Bools, start: Cell, goals: list[Cell]) -> NDArray[np.f
 
 
 def _is_passable(wall: Bools, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Whether a segment keeps out of the open insides of walls, of the edges between two, and of corners of two."""
+    """Whether a segment avoids the interiors of walls, the edges between two walls, and corners where two meet."""
     step = b - a
     shares = [0.0, 1.0]
     for axis in range(2):

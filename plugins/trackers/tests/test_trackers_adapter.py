@@ -70,7 +70,7 @@ def test_the_command_of_ramsete():
 
 
 def test_fierro_and_lewis_lead_the_measured_velocity_to_the_law():
-    # Behind the law by 0.1 m/s and 0.1 rad/s; of that, exp(-1) is left after a tick of 0.05 s at 20 1/s. The foot moves
+    # Behind the law by 0.1 m/s and 0.1 rad/s; exp(-1) of that is left after a tick of 0.05 s at 20 1/s. The foot moves
     # at 0.2 m/s: e1' = -0.1 e2 ... with e = 0, e' = (0, 0, -0.1): the turn rate is to fall by v_r k3 0.1 = 0.12 rad/s².
     command = make("fierro_lewis", k4=20.0).control(seen(1.0, 0.0, 0.0, moving=(0.2, 0.1)))
     left = math.exp(-1.0)
@@ -99,7 +99,7 @@ def test_far_beside_it_does_not_turn_beyond_the_limits_of_the_robot(name):
 
 @EACH
 def test_far_beside_the_heading_back_is_the_angle_of_approach(name):
-    """It stays on 45 degrees, and turns towards them from either side."""
+    """It keeps an angle of 45 degrees, and turns towards it from either side."""
     turns = []
     for degrees in (40.0, 45.0, 50.0):
         command = make(name).control(seen(1.0, -3.0, math.radians(degrees))).twist
@@ -115,7 +115,7 @@ def test_the_printed_rule_of_kanayama_heads_back_more_squarely_from_farther():
     assert tracker.control(seen(1.0, -1.0, 0.25 * math.pi)).twist.wz > 0.0
 
 
-def test_what_a_law_asks_for_backwards_is_not_driven_unless_it_may():
+def test_a_law_drives_backwards_only_if_allowed():
     """Turned away beside the line, the reference lies behind: 0.3 cos 50° - 10 sin 50° m/s."""
     away = seen(1.0, 1.0, math.radians(50.0))
     assert make("kanayama", k_x=10.0, approach_deg=90.0).control(away).twist.vx == 0.0
@@ -140,7 +140,7 @@ def test_a_slow_wheel_slows_the_turn_in_place():
 
 
 @EACH
-def test_at_the_goal_it_turns_to_the_heading_asked_for_and_stands(name):
+def test_at_the_goal_it_turns_to_the_goal_heading_and_stops(name):
     tracker = make(name)
     left = tracker.control(seen(9.0, 0.0, 0.0, turn_to=1.0)).twist
     assert (left.vx, left.wz) == pytest.approx((0.0, ROBOT.max_angular))

@@ -1,4 +1,4 @@
-"""Closed loop in lockstep on the simulated robot, with wheels and track that are not what they are taken for."""
+"""Closed loop in lockstep on the simulated robot, with errors of wheel radius and track."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ LAWS = ["fierro_lewis", "kanayama", "ramsete"]
 TRACKERS = [*LAWS, "pure_pursuit"]
 EACH = pytest.mark.parametrize("tracker", TRACKERS)
 BOUNDS = {"fierro_lewis": 0.015, "kanayama": 0.005, "ramsete": 0.008, "pure_pursuit": 0.06}
-"""Largest cross-track error, m, after the first 3 m, with radius and track wrong by 5 % either way."""
+"""Largest cross-track error after the first 3 m, with radius and track wrong by 5 % either way, m."""
 
 
 @EACH
 @pytest.mark.parametrize("path", ["circle", pytest.param("figure_eight", marks=pytest.mark.slow)])
-def test_the_goal_is_reached_along_the_path_with_wheels_too_large_and_too_near(tracker: str, path: str) -> None:
-    """Both errors of 5 % make the robot turn 10.5 % more than it was told. It starts 0.3 m beside the path."""
+def test_the_goal_is_reached_along_the_path_with_large_wheels_and_a_narrow_track(tracker: str, path: str) -> None:
+    """Both errors of 5 % make the robot turn 10.5 % more than commanded. It starts 0.3 m beside the path."""
     found = drive(tracker, path, radius_error=0.05, track_error=-0.05, beside=0.3)
     print(f"{tracker} {path}: cross-track {1e3 * found.rms:.1f} mm rms, {1e3 * found.most:.1f} mm at most")
     assert found.outcome == "succeeded"
@@ -29,7 +29,7 @@ def test_the_goal_is_reached_along_the_path_with_wheels_too_large_and_too_near(t
 
 
 @EACH
-def test_from_beside_the_line_it_comes_back_with_wheels_too_small_and_too_far(tracker: str) -> None:
+def test_from_beside_the_line_it_comes_back_with_small_wheels_and_a_wide_track(tracker: str) -> None:
     """1 m beside and facing away from the line by 30 degrees."""
     found = drive(tracker, "line", radius_error=-0.05, track_error=0.05, beside=1.0, turned_deg=30.0)
     print(
@@ -75,7 +75,7 @@ def test_the_goal_is_reached_whatever_the_sign_of_the_errors(tracker: str, path:
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", LAWS)
 @pytest.mark.parametrize("late", ["platform.motor_time_constant=0.1", "controller.latency=0.05"])
-def test_motors_that_lag_and_commands_that_come_late_are_borne(tracker: str, late: str) -> None:
+def test_lagging_motors_and_late_commands_are_tolerated(tracker: str, late: str) -> None:
     found = drive(tracker, "figure_eight", settings=[late])
     print(f"{tracker} {late}: {1e3 * found.rms:.1f} mm rms, {1e3 * found.most:.1f} mm at most, {found.seconds:.1f} s")
     assert found.outcome == "succeeded"

@@ -1,4 +1,4 @@
-"""Kanayama, Fierro-Lewis and RAMSETE: their equations by hand, and the closed loops they make."""
+"""Kanayama, Fierro-Lewis and RAMSETE: their equations by hand, and the closed loops that they form."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_a_robot_on_its_reference_gets_the_feedforward(name):
 
 
 def motion(command, start, v_ref, w_ref, times):
-    """(n, 3) errors of a robot that does as told behind a reference that moves with time, both integrated exactly."""
+    """(n, 3) errors of a robot that obeys exactly, behind a moving reference, both integrated exactly."""
 
     def rates(_, s):
         v, w = command(tracking_error(*s), v_ref, w_ref)
@@ -191,7 +191,7 @@ def lagging_motion(start, lags, v_ref, w_ref, gains, times):
 
 
 def apart(e1, e2, e3):
-    """Robot at the origin, facing x, and its reference: x, y, heading each."""
+    """Robot at the origin, facing x, and its reference: x, y and heading of each."""
     return [0.0, 0.0, 0.0, e1, e2, e3]
 
 
@@ -209,7 +209,7 @@ def slopes(levels):
 
 @settings(max_examples=20)
 @given(starts, speeds, turns, st.floats(0.5, 10.0), st.floats(1.0, 64.0), st.floats(0.5, 16.0))
-def test_the_energy_of_kanayama_falls_as_proposition_1_has_it(start, v_ref, w_ref, k_x, k_y, k_theta):
+def test_the_energy_of_kanayama_falls_as_in_proposition_1(start, v_ref, w_ref, k_x, k_y, k_theta):
     def command(error, v, w):
         return kanayama.control_rule(error, v, w, k_x, k_y, k_theta)
 

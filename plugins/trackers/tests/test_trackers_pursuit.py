@@ -132,7 +132,7 @@ def test_a_velocity_beyond_a_limit_is_scaled(wanted, given):
     assert within_limits(*wanted, LIMITS) == pytest.approx(given)
 
 
-def test_a_drive_that_may_reverse_does():
+def test_a_drive_that_may_reverse_drives_backwards():
     assert within_limits(-1.0, 0.2, LIMITS._replace(may_reverse=True)) == pytest.approx((-0.5, 0.1))
 
 

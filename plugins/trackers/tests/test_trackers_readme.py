@@ -1,4 +1,4 @@
-"""The README's examples are valid, and its tables hold every parameter with its default, and functions that exist."""
+"""The README's examples are valid, and its tables have every parameter with its default, and existing functions."""
 
 import re
 import tomllib
@@ -11,14 +11,14 @@ TRACKERS = {cls.name: cls for cls in (FierroLewis, Kanayama, PurePursuit, Ramset
 
 
 def value(text):
-    """What a cell of the table says; None for a default that depends on others."""
+    """Value of a cell of the table; None for a default that depends on others."""
     if text in ("true", "false"):
         return text == "true"
     return None if text == "–" else float(text)
 
 
 def listed(tracker):
-    """Default by parameter, of the rows for all trackers and for one."""
+    """Default by parameter, from the rows for all trackers and for one."""
     table = README.partition("## Parameters")[2].partition("## Measured")[0]
     rows = re.findall(r"^\| (\w+) \| `(\w+)` \| (\S+) \|", table, re.MULTILINE)
     return {name: value(default) for owner, name, default in rows if owner in ("all", tracker)}
@@ -37,7 +37,7 @@ def test_the_examples_are_valid_tables():
         TRACKERS[table.pop("plugin")].Params(**table)
 
 
-def test_every_function_of_the_equation_table_is_there():
+def test_every_function_of_the_equation_table_exists():
     named = re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0])
     assert len(named) > 15
     for module, name in named:

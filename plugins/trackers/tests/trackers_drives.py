@@ -1,4 +1,4 @@
-"""Drives in lockstep on the simulated robot along given paths, on an empty floor, without an avoider taking over."""
+"""Drives in lockstep on the simulated robot along given paths, on an empty floor; no avoider takes over."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ class GivenPath(Planner):
 
 @dataclass(frozen=True)
 class Drive:
-    """How a drive went.
+    """Results of a drive.
 
     Attributes:
-        outcome: Of the goal.
+        outcome: Outcome of the goal.
         seconds: Duration, s.
-        rms, most: Cross-track error of the real robot after the first 3 m, m.
+        rms, most: RMS and largest cross-track error of the real robot after the first 3 m, m.
         track: (n, 5) time, s, true x, y, m, heading, rad, and speed, m/s.
     """
 
@@ -81,16 +81,16 @@ def drive(
 ) -> Drive:
     """Drive the paper's robot: 0.5 m/s, 25 deg/s, reference at 0.2 to 0.4 m/s.
 
-    Its wheels and track differ from what is known of them by the errors. It knows where it is: odometry is calibrated
-    and without slip.
+    Its wheels and track differ from their nominal values by the errors. Its pose is exact: odometry is calibrated and
+    without slip.
 
     Args:
         tracker: Name of the plugin.
         path: Key of PATHS.
         params: TOML assignments to the controller's table.
-        radius_error, track_error: True over nominal, less 1.
+        radius_error, track_error: True value over nominal value, minus 1.
         beside: Start this far to the left of the path, m.
-        turned_deg: Start turned from it, degrees.
+        turned_deg: Start turned from the path by this angle, degrees.
         settings: Further settings of the config.
     """
     points = PATHS[path]()

@@ -1,4 +1,4 @@
-"""The plugin against the framework's contract, and one tick of it."""
+"""The plugin: the framework's contract, and single ticks."""
 
 import math
 
@@ -36,7 +36,7 @@ def test_free_way_is_clear_and_driven_at_full_speed(avoider):
 
 
 @pytest.mark.parametrize("sensor", ["sonar", "laser"])
-def test_what_is_left_of_ahead_is_passed_on_the_right(avoider, sensor):
+def test_an_obstacle_ahead_on_the_left_is_passed_on_the_right(avoider, sensor):
     scan = sonars(LEFT_OF_AHEAD)
     if sensor == "laser":
         scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101) - 0.5) < 0.1, 1.0, math.inf))
@@ -63,7 +63,7 @@ def test_the_histogram_is_the_push_by_direction_in_units_of_the_targets_pull(avo
 
 
 def test_the_robots_size_counts(avoider):
-    """A wall of cells beside a point is far; beside the square of 0.8 m it is near."""
+    """A wall of cells is far from a point, but near the square of 0.8 m."""
     assert disc_radius(SQUARE, "enclosing") == pytest.approx(0.5657, abs=1e-4)
     assert disc_radius(SQUARE, "inscribed") == pytest.approx(0.4)
     assert disc_radius(SQUARE, "point") == 0.0
@@ -72,7 +72,7 @@ def test_the_robots_size_counts(avoider):
     assert pushes[0] < 0.5 * pushes[1] < 0.5 * pushes[2]
 
 
-def test_standing_where_it_is_told_to_move_is_called_trapped_after_the_patience():
+def test_a_robot_that_does_not_move_as_commanded_is_trapped_after_its_patience():
     """Echoes all round at 0.35 m: it turns in place on the spot for 3 s and then gives up."""
     avoider, heading, twist = make(Vff, patience=3.0), 0.0, (0.0, 0.0)
     ticks = 0
@@ -89,14 +89,14 @@ def test_standing_where_it_is_told_to_move_is_called_trapped_after_the_patience(
     assert avoider.avoid(given(sonars(FREE), heading=heading, target=(3.0, 0.0))).status != "trapped"
 
 
-def test_being_stopped_by_somebody_else_is_no_trap():
+def test_a_robot_that_another_source_stops_is_not_trapped():
     avoider = make(Vff, patience=3.0)
     scan = sonars(LEFT_OF_AHEAD)
-    answers = {avoider.avoid(given(scan)).status for _ in range(200)}  # commanded to move, but stands
+    answers = {avoider.avoid(given(scan)).status for _ in range(200)}  # commanded to move, but stopped
     assert answers == {"steering"}
 
 
-def test_what_appears_within_the_braking_way_stops_it():
+def test_an_obstacle_within_the_braking_distance_stops_it():
     """One tick and braking at 1 m/s^2 take 0.15 m, the margin is 0.12 m: an echo 0.2 m before the front is too near."""
     scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 0.3, 0.6, math.inf))
     answer = make(Vff).avoid(given(scan, twist=(0.5, 0.0)))
@@ -116,7 +116,7 @@ def test_reset_forgets_window_trap_and_turn_rate(avoider):
     assert answer.diagnostics.window.sum() == 0
 
 
-def test_tick_without_scans_keeps_what_was_seen(avoider):
+def test_a_tick_without_scans_keeps_the_obstacles(avoider):
     seen = avoider.avoid(given(sonars(LEFT_OF_AHEAD)))
     after = avoider.avoid(given())
     assert seen.diagnostics.window.sum() == 3

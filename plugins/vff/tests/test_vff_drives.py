@@ -36,7 +36,7 @@ def test_a_dead_end_is_left_by_following_its_wall() -> None:
 
 
 def test_a_door_twice_as_wide_as_the_robot_is_not_entered_but_one_three_times_as_wide_is() -> None:
-    """What potential fields are known for: both posts push the robot out of a door it fits through."""
+    """A known fault of potential fields: both posts push the robot out of a door that it fits through."""
     assert way_past(door(1.6, 0)) == "around"
     assert way_past(door(2.4, 0)) == "through"
 
@@ -56,7 +56,7 @@ def test_a_target_behind_is_turned_to_although_a_wall_pushes() -> None:
     assert np.hypot(*np.diff(ending.track, axis=0).T).sum() < 6.5
 
 
-def test_a_room_without_a_way_out_is_called_a_trap() -> None:
+def test_a_room_without_a_way_out_is_reported_as_a_trap() -> None:
     walls = (
         Box("left", (-2.2, -2.0), (-2.2, 2.2)),
         Box("right", (2.0, 2.2), (-2.2, 2.2)),
@@ -74,7 +74,7 @@ def test_the_same_seed_gives_the_same_drive() -> None:
 
 @pytest.mark.slow
 def test_the_printed_text_touches_posts_where_the_default_does_not() -> None:
-    """It takes the robot for a point, does not slow for turns, and does not look where it drives."""
+    """The printed text treats the robot as a point, does not slow for turns, and does not check its way."""
     assert [field(seed, params=literal()).word for seed in (0, 3)] == ["contact"] * 2
     assert [field(seed).word for seed in (0, 3)] == ["reached"] * 2
 
@@ -109,8 +109,8 @@ def test_at_least_45_of_50_fields_are_crossed_and_none_with_contact(sensors: str
 
 
 @pytest.mark.slow
-def test_fields_with_crosstalk_are_crossed_or_called_trapped() -> None:
-    """Each tick, each pair of neighbours has a chance of 5 % that one hears the other; sigma 3 cm."""
+def test_fields_with_crosstalk_are_crossed_or_reported_as_trapped() -> None:
+    """In each tick, each pair of neighbouring sonars has crosstalk with a probability of 5 %; sigma 3 cm."""
     words = told("fields, crosstalk", all_of(field, [(seed,) for seed in range(50)], sensors=CROSSTALK))
     assert set(words) <= {"reached", "trapped"}
     assert words["reached"] >= 40
@@ -119,7 +119,7 @@ def test_fields_with_crosstalk_are_crossed_or_called_trapped() -> None:
 @pytest.mark.slow
 @BOTH_KINDS
 def test_doors(sensors: str) -> None:
-    """The curve of the README. What is not passed is left by the end of the wall; nothing is touched."""
+    """The curve of the README. Doors that are not passed are left round the end of the wall; nothing is touched."""
     widths = [round(1.0 + 0.2 * k, 1) for k in range(10)]
     endings = all_of(door, [(width, approach) for width in widths for approach in range(20)], sensors=sensors)
     for k, width in enumerate(widths):
@@ -133,7 +133,7 @@ def test_doors(sensors: str) -> None:
 
 @pytest.mark.slow
 @BOTH_KINDS
-def test_dead_ends_are_left_or_called_so_and_never_touched(sensors: str) -> None:
+def test_dead_ends_are_left_or_reported_as_trapped_and_never_touched(sensors: str) -> None:
     for width, depth in [(1.6, 2.0), (2.0, 1.5), (2.4, 2.0), (3.0, 3.0), (4.0, 3.0), (5.0, 4.0)]:
         endings = all_of(dead_end, [(width, depth, approach) for approach in range(20)], sensors=sensors)
         words = told(f"dead end {width} x {depth} m", endings)
@@ -143,7 +143,7 @@ def test_dead_ends_are_left_or_called_so_and_never_touched(sensors: str) -> None
 
 @pytest.mark.slow
 @BOTH_KINDS
-def test_what_appears_close_ahead_is_not_touched(sensors: str) -> None:
+def test_an_obstacle_that_appears_close_ahead_is_not_touched(sensors: str) -> None:
     words = told(f"sudden, {sensors}", all_of(sudden, [(seed,) for seed in range(30)], sensors=sensors))
     assert set(words) <= {"reached", "trapped"}
     assert words["reached"] >= 15
@@ -174,8 +174,8 @@ def test_a_weaker_push_opens_doors_and_leaves_less_room() -> None:
 
 
 @pytest.mark.slow
-def test_where_the_sensors_see_too_little_posts_and_frames_are_touched() -> None:
-    """The limits of the README: figures, and that they are no worse than told there."""
+def test_with_poor_sensors_it_is_no_worse_than_the_readme_states() -> None:
+    """The limits in the README: the figures are no worse than stated there."""
     pairs = told("fields, pairs", all_of(field, [(seed,) for seed in range(50)], sensors=PAIRS))
     assert pairs["contact"] <= 8
     mirrors = told("fields, mirrors", all_of(field, [(seed,) for seed in range(50)], sensors=MIRRORS))

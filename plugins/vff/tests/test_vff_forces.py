@@ -1,4 +1,4 @@
-"""The forces of the paper with numbers that can be checked by hand, and what must hold for any cells."""
+"""The forces of the paper with numbers that can be checked by hand, and properties for any cells."""
 
 import math
 
@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from navloom_vff.forces import cell_force, damping_factor, force_constant, repulsive_force, resultant, travel_cosine
 
-Place = st.floats(-1.7, 1.7, allow_subnormal=False)  # such have no direction: their quotients round to 1
+Place = st.floats(-1.7, 1.7, allow_subnormal=False)  # such cells have no direction: their quotients round to 1
 Cells = st.lists(st.tuples(Place, Place, st.integers(1, 15)), max_size=12)
 Angle = st.floats(-math.pi, math.pi)
 
@@ -59,7 +59,7 @@ def test_cells_beyond_the_horizon_do_not_push():
 
 
 def test_the_histogram_holds_the_magnitudes_by_direction_in_the_pose_frame():
-    """Heading 90 deg: what is ahead is at 90 deg, in sector 18 of 72; what is to the right at 0 deg, in sector 0."""
+    """Heading 90 deg: ahead is at 90 deg, in sector 18 of 72; to the right is at 0 deg, in sector 0."""
     _, histogram = push([(1.0, 0.01, 15.0), (0.001, -2.0, 6.0)], heading=0.5 * math.pi)
     assert histogram[18] == pytest.approx(15.0, rel=1e-3)
     assert histogram[0] == pytest.approx(1.5, rel=1e-3)

@@ -1,4 +1,4 @@
-"""The README's example is valid, and its table holds every parameter with its default and its printed value."""
+"""The README's example is valid, and its table has every parameter with its default and printed value."""
 
 import re
 import tomllib
@@ -11,7 +11,7 @@ README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
 def value(text):
-    """What a cell of the table says."""
+    """Value of a cell of the table."""
     if text in ("true", "false"):
         return text == "true"
     return text if text.isalpha() else float(text)
@@ -36,7 +36,7 @@ def test_the_example_is_a_valid_table():
     VffParams(**table)
 
 
-def test_every_function_of_the_equation_table_is_there():
+def test_every_function_of_the_equation_table_exists():
     for module, name in re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0]):
         package = "navloom.avoidance" if module == "himm" else "navloom_vff"
         assert hasattr(__import__(f"{package}.{module}", fromlist=[name]), name), f"{module}.{name}"

@@ -26,7 +26,7 @@ def test_the_low_pass_takes_an_eighth_of_the_way_a_tick():
     assert low_pass(0.1, 0.8, 0.05, 0.4) == pytest.approx(0.1875)
 
 
-def test_a_step_has_come_to_63_percent_after_about_tau():
+def test_a_step_reaches_63_percent_after_about_tau():
     """1 - (7 / 8)^8 = 0.656."""
     value = 0.0
     for _ in range(8):

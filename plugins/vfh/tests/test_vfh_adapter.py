@@ -1,4 +1,4 @@
-"""The three plugins against the framework's contract, and one tick of each."""
+"""The three plugins: the framework's contract, and single ticks."""
 
 import math
 
@@ -41,7 +41,7 @@ def test_free_way_is_clear_and_driven_at_full_speed(method):
 
 @EACH
 @pytest.mark.parametrize("sensor", ["sonar", "laser"])
-def test_what_is_left_of_ahead_is_passed_on_the_right(method, sensor):
+def test_an_obstacle_ahead_on_the_left_is_passed_on_the_right(method, sensor):
     scan = sonars([math.inf, math.inf, 0.7, 0.6, math.inf, math.inf, math.inf, math.inf])
     if sensor == "laser":
         scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101) - 0.2) < 0.2, 1.0, math.inf))
@@ -92,14 +92,14 @@ def test_all_sides_blocked_is_typed_trapped_after_the_attempts(method):
 
 
 @EACH
-def test_being_stopped_by_somebody_else_is_no_trap(method):
+def test_a_robot_that_another_source_stops_is_not_trapped(method):
     avoider, scan = make(method, patience=3.0), sonars(POST_AHEAD)
-    answers = {avoider.avoid(given(scan)).status for _ in range(200)}  # commanded to move, but stands
+    answers = {avoider.avoid(given(scan)).status for _ in range(200)}  # commanded to move, but stopped
     assert answers == {"steering"}
 
 
 @EACH
-def test_what_appears_within_the_braking_way_stops_it(method):
+def test_an_obstacle_within_the_braking_distance_stops_it(method):
     """One tick and braking at 1 m/s^2 take 0.15 m, the margin is 0.12 m: an echo 0.2 m before the front is too near."""
     scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 0.3, 0.6, math.inf))
     assert make(method).avoid(given(scan, twist=(0.5, 0.0))).twist.vx == 0.0
@@ -109,7 +109,7 @@ def test_what_appears_within_the_braking_way_stops_it(method):
     assert unchecked.avoid(given(scan, twist=(0.5, 0.0))).twist.vx > 0.2
 
 
-def test_a_turn_too_tight_for_the_speed_is_masked_and_a_robot_that_stands_may_make_it():
+def test_a_turn_too_tight_for_the_speed_is_masked_but_not_for_a_stopped_robot():
     """Cells 0.7 m to the right, ahead and beside: at 0.5 m/s and 25 deg/s the circle has 1.15 m."""
     ranges = np.where(np.linspace(-1.5, 1.5, 101) < -0.6, 0.8, math.inf)
     chosen = []
@@ -147,7 +147,7 @@ def test_reset_forgets_window_and_trap(method):
 
 
 @EACH
-def test_tick_without_scans_keeps_what_was_seen(method):
+def test_a_tick_without_scans_keeps_the_obstacles(method):
     avoider = make(method)
     seen = avoider.avoid(given(sonars(POST_AHEAD)))
     after = avoider.avoid(given())

@@ -43,7 +43,7 @@ def test_a_field_is_crossed(avoider: str) -> None:
 @EACH
 @BOTH_KINDS
 def test_a_door_twice_as_wide_as_the_robot_is_passed(avoider: str, sensors: str) -> None:
-    """The VFF needs three times the robot."""
+    """The VFF needs a door three times as wide."""
     assert way_past(door(1.6, 0, sensors=sensors, avoider=avoider)) == "through"
 
 
@@ -58,7 +58,7 @@ def test_looking_one_step_ahead_drives_as_vfh_plus() -> None:
 
 
 @EACH
-def test_a_room_without_a_way_out_is_called_a_trap(avoider: str) -> None:
+def test_a_room_without_a_way_out_is_reported_as_a_trap(avoider: str) -> None:
     walls = (
         Box("left", (-1.2, -1.0), (-1.2, 1.2)),
         Box("right", (1.0, 1.2), (-1.2, 1.2)),
@@ -78,7 +78,7 @@ def test_driving_from_the_start_it_passes_obstacle_o(avoider: str) -> None:
 @pytest.mark.slow
 @EACH
 @BOTH_KINDS
-def test_of_fifty_fields_at_least_47_are_crossed_and_none_with_contact(avoider: str, sensors: str) -> None:
+def test_at_least_47_of_50_fields_are_crossed_and_none_with_contact(avoider: str, sensors: str) -> None:
     endings = all_of(field, [(seed,) for seed in range(50)], sensors=sensors, avoider=avoider)
     words = told(f"fields, {avoider}, {sensors}", endings)
     assert set(words) <= {"reached", "trapped"}
@@ -87,8 +87,8 @@ def test_of_fifty_fields_at_least_47_are_crossed_and_none_with_contact(avoider: 
 
 @pytest.mark.slow
 @EACH
-def test_fields_with_crosstalk_are_crossed_or_called_trapped(avoider: str) -> None:
-    """Each tick, each pair of neighbours has a chance of 5 % that one hears the other; sigma 3 cm."""
+def test_fields_with_crosstalk_are_crossed_or_reported_as_trapped(avoider: str) -> None:
+    """In each tick, each pair of neighbouring sonars has crosstalk with a probability of 5 %; sigma 3 cm."""
     endings = all_of(field, [(seed,) for seed in range(50)], sensors=CROSSTALK, avoider=avoider)
     words = told(f"fields, crosstalk, {avoider}", endings)
     assert set(words) <= {"reached", "trapped"}
@@ -99,7 +99,7 @@ def test_fields_with_crosstalk_are_crossed_or_called_trapped(avoider: str) -> No
 @EACH
 @BOTH_KINDS
 def test_doors(avoider: str, sensors: str) -> None:
-    """The curve of the README: from twice the robot on every door is passed; nothing is touched."""
+    """The curve of the README: every door at least twice as wide as the robot is passed; nothing is touched."""
     widths = [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0, 2.4]
     rows = [(width, approach) for width in widths for approach in range(20)]
     endings = all_of(door, rows, sensors=sensors, avoider=avoider)
@@ -113,7 +113,7 @@ def test_doors(avoider: str, sensors: str) -> None:
 @pytest.mark.slow
 @EACH
 @BOTH_KINDS
-def test_dead_ends_are_left_or_called_so_and_never_touched(avoider: str, sensors: str) -> None:
+def test_dead_ends_are_left_or_reported_as_trapped_and_never_touched(avoider: str, sensors: str) -> None:
     for width, depth in [(1.6, 2.0), (2.0, 1.5), (2.4, 2.0), (3.0, 3.0), (4.0, 3.0), (5.0, 4.0)]:
         rows = [(width, depth, approach) for approach in range(20)]
         endings = all_of(dead_end, rows, sensors=sensors, avoider=avoider)
@@ -124,14 +124,14 @@ def test_dead_ends_are_left_or_called_so_and_never_touched(avoider: str, sensors
 @pytest.mark.slow
 @EACH
 @BOTH_KINDS
-def test_what_appears_close_ahead_is_not_touched(avoider: str, sensors: str) -> None:
+def test_an_obstacle_that_appears_close_ahead_is_not_touched(avoider: str, sensors: str) -> None:
     endings = all_of(sudden, [(seed,) for seed in range(30)], sensors=sensors, avoider=avoider)
     assert set(told(f"sudden, {avoider}, {sensors}", endings)) <= {"reached", "trapped"}
 
 
 @pytest.mark.slow
 @EACH
-def test_looking_where_it_drives_is_what_keeps_the_printed_text_from_touching(avoider: str) -> None:
+def test_the_check_of_its_way_keeps_the_printed_text_from_touching(avoider: str) -> None:
     rows = [(seed,) for seed in range(24)]
     told(f"printed text, {avoider}", all_of(field, rows, avoider=avoider, params=literal(avoider)))
     checked = all_of(field, rows, avoider=avoider, params=literal(avoider, arc_check=True))
@@ -140,8 +140,8 @@ def test_looking_where_it_drives_is_what_keeps_the_printed_text_from_touching(av
 
 @pytest.mark.slow
 @EACH
-def test_where_the_sensors_see_too_little(avoider: str) -> None:
-    """The limits of the README: figures, and that they are no worse than told there."""
+def test_with_poor_sensors_it_is_no_worse_than_the_readme_states(avoider: str) -> None:
+    """The limits in the README: the figures are no worse than stated there."""
     rows = [(seed,) for seed in range(24)]
     pairs = told(f"fields, pairs, {avoider}", all_of(field, rows, sensors=PAIRS, avoider=avoider))
     assert pairs["contact"] <= 8

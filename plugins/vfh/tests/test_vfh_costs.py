@@ -38,7 +38,7 @@ def test_projected_cost_takes_the_worse_of_candidate_and_effective_direction():
     assert cost == pytest.approx(math.radians(211.2))
 
 
-def test_remaining_cost_supposes_the_target_direction_to_be_free():
+def test_the_remaining_cost_assumes_that_the_target_direction_is_free():
     """0.8 (1 * 50 + 1 * 60) = 88."""
     assert remaining_cost(*deg(50.0, 0.0, -10.0), LATER, 0.8, 1) == pytest.approx(math.radians(88.0))
 
@@ -48,14 +48,14 @@ def test_remaining_cost_supposes_the_target_direction_to_be_free():
     Angle, Angle, Angle, Angle, Angle,
     st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0), st.floats(0.0, 5.0)), st.floats(0.1, 1.0), st.integers(0, 6),
 )  # fmt: skip
-def test_no_step_costs_less_than_the_heuristic_says(c, effective, target, heading, previous, extra, discount, depth):
+def test_no_step_costs_less_than_the_heuristic(c, effective, target, heading, previous, extra, discount, depth):
     """With mu_1' = mu_2' + mu_3' + something, whatever the candidate."""
     weights = (extra[0] + extra[1] + extra[2], extra[1], extra[2])
     least = remaining_cost(target, heading, previous, weights, discount, depth)
     assert projected_cost(c, effective, target, heading, previous, weights, discount, depth) >= least - 1e-9
 
 
-def test_a_heuristic_of_heavier_weights_would_say_too_much():
+def test_a_heuristic_of_larger_weights_would_overestimate():
     """mu_1' = 1 < mu_2' + mu_3' = 4: straight on costs 90, the heuristic says 180 + 180."""
     weights = (1.0, 2.0, 2.0)
     straight = projected_cost(0.0, 0.0, math.radians(90.0), 0.0, 0.0, weights, 1.0, 1)

@@ -15,7 +15,7 @@ HERE = (0.0, 0.0, 0.0)
 
 
 def openings(cells, place, target, circle=0.0):
-    """Candidates at a place, as an array of their own."""
+    """Candidates at a place, as a new array."""
     directions = np.empty(3 * (SECTORS // 2 + 1))
     count = candidates(
         cells, place, target, circle, RADIUS, REACH, RADIUS, THRESHOLD, 3.0, WIDEST, np.empty(SECTORS),
@@ -39,12 +39,12 @@ def cells_of(*points):
 
 
 def u_of_cells(depth):
-    """A dead end 2 m wide, 1 m ahead of the robot and as deep as said, open towards it; a cell each 0.1 m."""
+    """A dead end 2 m wide, 1 m ahead of the robot, of a given depth and open towards it; one cell every 0.1 m."""
     rows = [(x, side) for x in np.arange(1.0, 1.0 + depth, 0.1) for side in (-1.0, 1.0)]
     return cells_of(*rows, *((1.0 + depth, y) for y in np.arange(-1.0, 1.05, 0.1)))
 
 
-def test_a_robot_that_stands_turns_on_the_spot_and_goes_straight():
+def test_a_stopped_robot_turns_in_place_and_goes_straight():
     assert projected_place(HERE, math.radians(90.0), 0.5, 0.0) == pytest.approx((0.0, 0.5, math.radians(90.0)))
 
 
@@ -84,7 +84,7 @@ def test_one_step_ahead_is_vfh_plus(roots, bearing, previous, circle):
 
 
 def cheapest_way(cells, target, depth, circle, previous):
-    """Least cost over every way of the tree, without A*; and how many ways there are."""
+    """Lowest cost over every path of the tree, without A*, and the number of paths."""
     best, ways = math.inf, 0
 
     def go_on(place, before, spent, i):
@@ -134,7 +134,7 @@ def test_a_dead_end_is_not_entered_when_its_end_is_seen():
     assert chosen == [0.0, -1.2]
 
 
-def test_the_way_that_leads_farthest_is_taken_where_none_leads_on():
+def test_the_deepest_path_is_taken_where_none_is_complete():
     """Of two nodes of depth 1 the cheaper one; a cell all round each 0.8 m from the end of the first step closes it."""
     nodes = np.zeros((4, 10))
     nodes[:, DEPTH], nodes[:, COST] = (0, 1, 1, 0), (1.0, 5.0, 4.0, 0.5)
@@ -145,7 +145,7 @@ def test_the_way_that_leads_farthest_is_taken_where_none_leads_on():
     assert (end, expanded, len(nodes)) == (0, 1, 1)
 
 
-def test_at_the_target_there_is_nothing_more_to_look_ahead_to():
+def test_the_search_does_not_look_beyond_the_target():
     """The target is 0.8 m off: the second step begins within a step of it, and is the last."""
     nodes, end, _ = search(cells_of((2.5, 0.0)), (0.8, 0.0), 6)
     assert int(nodes[end, DEPTH]) == 1

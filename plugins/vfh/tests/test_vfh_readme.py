@@ -1,4 +1,4 @@
-"""The README's examples are valid, and its table holds every parameter with its defaults and printed values."""
+"""The README's examples are valid, and its table has every parameter with its defaults and printed values."""
 
 import re
 import tomllib
@@ -14,7 +14,7 @@ EACH = pytest.mark.parametrize("method", ALL, ids=[method.name for method in ALL
 
 
 def value(text):
-    """What a cell of the table says."""
+    """Value of a cell of the table."""
     if text in ("true", "false"):
         return text == "true"
     return text if text.isalpha() else float(text)
@@ -48,7 +48,7 @@ def test_each_example_is_a_valid_table():
     assert len(blocks) >= 1
 
 
-def test_every_function_of_the_equation_table_is_there():
+def test_every_function_of_the_equation_table_exists():
     named = re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0])
     for module, name in named:
         package = "navloom.avoidance" if module in ("search", "himm") else "navloom_vfh"

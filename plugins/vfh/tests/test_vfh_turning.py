@@ -44,7 +44,7 @@ def test_a_cell_outside_the_circle_and_the_robots_radius_does_not_block():
     assert limits([1.6, 1.0, 15.0], radius=0.7)[1] == pytest.approx(math.atan2(1.0, 1.6))
 
 
-def test_a_robot_that_stands_can_turn_past_what_a_moving_one_cannot():
+def test_a_stopped_robot_can_turn_past_obstacles_that_a_moving_one_cannot():
     assert limits([1.0, 1.0, 15.0], circle=0.0) == (-math.pi, math.pi)
 
 

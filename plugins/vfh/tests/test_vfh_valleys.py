@@ -1,4 +1,4 @@
-"""VFH: which valley, which direction in it, how fast."""
+"""VFH: choice of the valley, of the direction in it, and of the speed."""
 
 import math
 
@@ -16,7 +16,7 @@ def direction(valley, target_deg):
     return math.degrees(valley_direction(valley, N, WIDEST, math.radians(target_deg)))
 
 
-def test_the_nearer_border_says_how_far_a_valley_is():
+def test_the_nearer_border_is_the_distance_of_a_valley():
     """Sectors 6..15 are 30 to 80 deg."""
     assert target_offset((6, 10), N, math.radians(50.0)) == 0.0
     assert target_offset((6, 10), N, math.radians(10.0)) == pytest.approx(math.radians(20.0))

@@ -44,7 +44,7 @@ class PluginKind:
 
 _DRIVE = "navloom run paper --set $kind.plugin=$name"
 _STUDY = " --seeds 0:2 --out study"
-_BESIDE = "`navloom compare` puts it beside another $kind and writes `study/report.html`."
+_BESIDE = "`navloom compare` compares it with another $kind and writes `study/report.html`."
 
 
 def _of_role(about: str, pure: str, other: str) -> PluginKind:
@@ -61,13 +61,13 @@ KINDS = {
     "mapper": _of_role(
         "it counts where the beams of lasers and sweeps end, and where they pass", "counting", "ipabd"
     ),
-    "localizer": _of_role("dead reckoning with a variance that grows", "frames", "odometry"),
-    "recovery": _of_role("it backs up where it came from, and asks for a fresh map", "backing", "wait_and_replan"),
+    "localizer": _of_role("dead reckoning with a growing variance", "frames", "odometry"),
+    "recovery": _of_role("it backs up along its own track, and requests a new map", "backing", "wait_and_replan"),
     "platform": PluginKind(
         "The platform `$name` for navloom: a simulated unicycle with motor lag, a laser, sonars and a pitched laser.",
         "rays",
         (_DRIVE, f"navloom compare paper --set platform.plugin=$name --vary avoider=improved_vfh,vff{_STUDY}"),
-        "To make a driver of it, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
+        "To make it a driver, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
         "no truth.",
     ),
     "node": PluginKind(
@@ -81,29 +81,29 @@ KINDS = {
         "The metric `$name` for navloom: the share of the ticks in which the robot turns.",
         "turning",
         (f"navloom compare paper --vary avoider=improved_vfh,vff{_STUDY}",),
-        "Every study has its column from now on.",
+        "Every study now has a column for it.",
     ),
     "panel": PluginKind(
         "The viewer panel `$name` for navloom: the nearest echo of each range sensor, as a dot.",
         "nearest",
         ("navloom run paper --view",),
-        "Every viewer draws it from now on.",
+        "Every viewer now draws it.",
     ),
     "world": PluginKind(
         "The world `$name` for navloom: a room with two rows of posts.",
         "layout",
         ("navloom run building --set world.ref=$name", f"navloom compare building --worlds $name{_STUDY}"),
-        "It has a start and a goal of its own.",
+        "It has its own start and goal.",
     ),
     "scheme": PluginKind(
-        "The world scheme `$name` for navloom: worlds from files with a post a line.",
+        "The world scheme `$name` for navloom: worlds from files with one post per line.",
         "reading",
         ("navloom run building --set world.ref=$name:posts.txt",
          f"navloom compare building --worlds $name:posts.txt{_STUDY}"),
-        "`posts.txt` is such a file.",
+        "`posts.txt` is an example.",
     ),
     "message": PluginKind(
-        "The message `$Name` for navloom: things that were seen, and how sure that is.",
+        "The message `$Name` for navloom: detected objects with weights.",
         "messages",
         ("navloom messages $package.$Name",),
         "Sensors and nodes of other distributions can import and publish it.",
@@ -174,7 +174,7 @@ def _checked(kind: str, name: str) -> str:
     if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or len(name) > LONGEST or keyword.iskeyword(name):
         raise PluginError(
             f"name {name!r}: expected at most {LONGEST} lower case letters, digits and single underscores, a letter "
-            "first, and no word of Python, as my_avoider"
+            "first, and no Python keyword, as my_avoider"
         )
     return name
 
@@ -210,7 +210,7 @@ def _values(kind: str, name: str) -> dict[str, str]:
 
 
 def _layout(values: dict[str, str]) -> str:
-    """Paragraph of the README that says which module holds what."""
+    """Paragraph of the README that describes the modules."""
     package, pure, kind = values["package"], values["pure"], values["kind"]
     if kind == "message":
         return f"The class is in `src/{package}/messages.py`."

@@ -20,7 +20,7 @@ _MODULES = (
 
 
 def __getattr__(name: str) -> Any:
-    """Fetch a public name from its module: late, since pytest imports this package in every session."""
+    """Import a public name on first use, since pytest imports this package in every session."""
     if not name.startswith("_"):
         for module in map(import_module, _MODULES):
             if name in module.__all__:

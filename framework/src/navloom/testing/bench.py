@@ -24,25 +24,25 @@ __all__ = ["CLOCK", "OTHER_CLOCK", "OTHER_SEEDS", "USUAL", "Bench", "alike"]
 
 USUAL = "usual"
 CLOCK = (1_700_000_000.0, 0.001)
-"""Where the clock that plugins see begins, s, and how it moves with each look at it: alike in every play."""
+"""Start of the clock that plugins see, s, and its advance with each reading, s; the same in every play."""
 OTHER_CLOCK = (1_900_000_000.0, 7.3)
 OTHER_SEEDS = 4711
 PLAY_TIME = 2.0
-"""How long one play of all scenes may take, s: scenes of slower plugins are cut to fewer steps."""
+"""Longest play of all scenes, s: scenes of slower plugins are cut to fewer steps."""
 STEPS_OF_SLOW = 10
-"""Steps of the scenes that are left when one play of the others took that long."""
+"""Steps of each remaining scene once the plays of the others have taken that long."""
 FEWEST_STEPS = 4
 
 
 class Bench:
-    """One plugin on the bench.
+    """One plugin with its scenes.
 
     Attributes:
         subject: The plugin.
-        request: How it was asked for.
-        seed: Of everything random.
-        out: Folder for pictures; None where none are wanted.
-        first_step: Time that the first step of the process took to compute, s.
+        request: The request for its checks.
+        seed: Seed of everything random.
+        out: Folder for pictures; None if none are wanted.
+        first_step: Processor time of the first step in this process, s.
     """
 
     def __init__(self, subject: Subject, request: CheckRequest, out: Path | None = None) -> None:
@@ -53,7 +53,7 @@ class Bench:
 
     @property
     def scenes(self) -> tuple[PlayedScene, ...]:
-        """Every scene of the plugin's kind, each of which was played once; those of slow plugins are cut short."""
+        """Every scene of the plugin's kind, each already played once. Scenes of slow plugins are cut short."""
         if not self._plays:
             begun = perf_counter()
             kept = []
@@ -73,16 +73,16 @@ class Bench:
     def play(
         self, scene: PlayedScene, params: object = None, *, seeds: int = 1, clock: tuple[float, float] = CLOCK
     ) -> list[bytes]:
-        """The answers of a new object to a scene, under the conditions of every play or others. Raises Fault."""
+        """Hashes of the answers of a new object to a scene, under the usual conditions or others. Raises Fault."""
         with alike(seeds, clock):
             return self.player(scene, params).play(scene.inputs)
 
     def base(self, scene: PlayedScene) -> list[bytes] | tuple[Fault, int]:
-        """The answers of the first object that played a scene; or the fault, and the step at which it showed."""
+        """Hashes of the answers in the first play of a scene; or its fault, and the step at which it occurred."""
         return self._plays[scene.name]
 
     def answers(self, scene: PlayedScene) -> list[bytes]:
-        """The answers of the first play of a scene that went well."""
+        """Hashes of the answers in the first play of a sound scene."""
         base = self.base(scene)
         assert isinstance(base, list)
         return base
@@ -92,7 +92,7 @@ class Bench:
         return [scene for scene in self.scenes if scene.topic in topics]
 
     def sound(self, *topics: str) -> list[PlayedScene]:
-        """Scenes of some topics, default the usual, that the plugin plays to their end.
+        """Scenes of some topics, by default the usual ones, that the plugin plays to their end.
 
         Raises:
             NotRun: There is none.
@@ -106,7 +106,7 @@ class Bench:
         """Sound scenes, for checks that compare plays.
 
         Raises:
-            NotRun: There is none, or plays differ already where nothing but the checked cause may differ.
+            NotRun: There is none, or answers differ between plays even without the cause that the check varies.
         """
         scenes = self.sound()
         for name, found in (
@@ -123,13 +123,13 @@ class Bench:
 
     @cached_property
     def led_by_seeds(self) -> Finding | None:
-        """The first scene that is played differently under other global random seeds."""
+        """The first scene whose answers change with the global random seeds."""
         when = "when random and numpy.random are seeded differently"
         return self._difference(when, OTHER_SEEDS, CLOCK)
 
     @cached_property
     def led_by_clock(self) -> Finding | None:
-        """The first scene that is played differently under another clock, which moves in leaps."""
+        """The first scene whose answers change with the clock, which then moves in jumps."""
         GUARD.deeds.clear()
         found = self._difference("when the wall clock shows another time", 1, OTHER_CLOCK)
         reading = next((deed for deed in GUARD.deeds if deed.kind == "clock"), None)
@@ -137,7 +137,7 @@ class Bench:
 
     @cached_property
     def deeds(self) -> dict[str, tuple[Deed, PlayedScene]]:
-        """What the plugin does beside answering: the first deed of each kind in a play of all scenes, and its scene."""
+        """Side effects of the plugin: the first of each kind in a play of all scenes, and its scene."""
         found: dict[str, tuple[Deed, PlayedScene]] = {}
         for scene in self.scenes:
             GUARD.deeds.clear()
@@ -150,7 +150,7 @@ class Bench:
     def differs(
         self, scene: PlayedScene, given: Sequence[bytes], when: str, expected: str, place: str = ""
     ) -> Finding | None:
-        """What to say where a play differs from the first one; None where it does not."""
+        """A finding if a play of a scene differs from its first play."""
         step = first_difference(self.answers(scene), list(given))
         if step is None:
             return None
@@ -164,7 +164,7 @@ class Bench:
         when: str,
         expected: str,
     ) -> Finding | None:
-        """What to say of the first scene that is played differently, or with a fault; None where there is none.
+        """A finding for the first scene whose play differs from its first play or has a fault; None if there is none.
 
         Args:
             scenes: Sound scenes.
@@ -183,11 +183,11 @@ class Bench:
         return None
 
     def at(self, scene: PlayedScene, step: int) -> str:
-        """A place in a scene, in words."""
+        """A step of a scene, in words."""
         return f"scene {scene.name!r}, step {step} of {len(scene.inputs)}"
 
     def finding(self, fault: Fault, given: str, scene: str = "") -> Finding:
-        """What to say of a fault."""
+        """The finding for a fault."""
         return Finding(fault.problem, fault.expected, fault.place, given, scene)
 
     def _difference(self, when: str, seeds: int, clock: tuple[float, float]) -> Finding | None:
@@ -210,7 +210,7 @@ class Bench:
         return answers
 
     def _cut_to(self, share: float) -> None:
-        """Cut the scenes that went well to a share of their steps, where it is below 1."""
+        """Cut the sound scenes to a share of their steps, if it is below 1."""
         if share >= 1.0:
             return
         cut = []
@@ -227,6 +227,6 @@ class Bench:
 def alike(seeds: int = 1, clock: tuple[float, float] = CLOCK) -> Iterator[None]:
     """Conditions that are the same in every play: the global random seeds, and the clock that a plugin sees."""
     random.seed(seeds)
-    np.random.seed(seeds)  # noqa: NPY002  (what a plugin must not use is put where it shows)
+    np.random.seed(seeds)  # noqa: NPY002  (a plugin must not use it; the seed makes its use show)
     with GUARD.clock(*clock):
         yield

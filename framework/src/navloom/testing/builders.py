@@ -1,4 +1,4 @@
-"""Builders with defaults: a plugin, and what its verb is given, in a line each. `messages` has those of messages.
+"""Builders with defaults for unit tests: a plugin, and the input of its verb, in one line. `messages` builds messages.
 
 A unit test of an avoider:
 
@@ -63,11 +63,11 @@ __all__ = ["avoider_input", "context", "controller_input", "extras", "localizer_
 
 R = TypeVar("R", bound=Role)
 AHEAD = (3.0, 0.0)
-"""Where targets and goals are unless a test says otherwise, m."""
+"""Default place of targets and goals, m."""
 
 
 def robot(length: float = 0.5, width: float = 0.4, **changes: Any) -> RobotSpec:
-    """A robot of 0.5 x 0.4 m that drives 0.5 m/s and turns 1 rad/s; other attributes of RobotSpec by name."""
+    """A robot that drives at most 0.5 m/s and turns at most 1 rad/s; `changes` are other attributes of RobotSpec."""
     spec = {
         "footprint": rectangle(length, width), "height": 0.6, "wheel_radius": 0.05, "half_track": 0.2,
         "max_linear": 0.5, "max_angular": 1.0, "max_acceleration": 0.5, "max_deceleration": 1.0,
@@ -88,7 +88,7 @@ def context(
     map: OccupancyGrid | None = None,
     diagnostics_rate_hz: float = math.inf,
 ) -> Context:
-    """What the framework hands to a plugin; its random streams come from the seed."""
+    """The context that the framework gives to a plugin; its random streams come from the seed."""
     spec = _robot() if robot is None else robot
     stream = stream_source(seed, role, instance)
     return Context(instance, period, spec, stream, pose(start), tuple(sensors), world, map, diagnostics_rate_hz)
@@ -98,7 +98,7 @@ _robot = robot
 
 
 def make(plugin: type[R], within: Context | None = None, /, **params: Any) -> R:
-    """A plugin of checked parameters. The context is that of `context()`, of the plugin's role, unless it is given."""
+    """An instance of a plugin with checked parameters. Its context is `context()` of its role unless one is given."""
     return plugin(plugin.Params(**params), context(role=plugin.role) if within is None else within)
 
 
@@ -110,7 +110,7 @@ def extras(**given: tuple[Extra[Any], Message | None]) -> Extras:
 def platform_input(
     command: tuple[float, float] = (0.0, 0.0), time: float = 0.0, sweep_request: int | None = None
 ) -> PlatformInput:
-    """A velocity (m/s, rad/s) to drive with until a time, s; and the number of a sweep to make."""
+    """A command (m/s, rad/s) to drive with until a time, s, and the number of a requested sweep."""
     request = None if sweep_request is None else SweepRequest(sweep_request)
     return PlatformInput(Twist2D(command[0], 0.0, command[1]), request, ns(time))
 
@@ -139,7 +139,7 @@ def mapper_input(
     readings: Readings = NO_READINGS,
     extra: Extras = NO_EXTRAS,
 ) -> MapperInput:
-    """Scans and sweeps, taken where the track says; default: at the origin. The stamp is that of the newest data."""
+    """Scans and sweeps of a robot on a track, by default at the origin. The stamp is by default that of the newest."""
     scans = tuple(one for one in data if isinstance(one, RangeScan))
     sweeps = tuple(one for one in data if isinstance(one, Sweep))
     newest = max((one.stamp_ns for one in data), default=0)
@@ -178,10 +178,10 @@ def controller_input(
     """A robot at a pose with a velocity (m/s, rad/s), and its reference on a trajectory; default: 5 m along x.
 
     Args:
-        at, moving: The robot.
-        trajectory: What is followed.
-        progress: Of the tick before, m of arc length: the reference is looked for near it.
-        look_ahead: From the reference point to the target, m.
+        at, moving: Pose and velocity of the robot.
+        trajectory: The trajectory to follow.
+        progress: Arc length reached in the previous tick, m; the reference is searched near it.
+        look_ahead: Distance from the reference point to the target, m.
         corridor: Half width of the strip to the target that must be free, m.
         turn_to: Heading to turn to at the end, rad.
         stamp: Run clock, s.
@@ -211,7 +211,7 @@ def avoider_input(
     readings: Readings = NO_READINGS,
     extra: Extras = NO_EXTRAS,
 ) -> AvoiderInput:
-    """Scans of a robot at a pose with a velocity (m/s, rad/s), a target in the map, and what the controller wants."""
+    """Scans of a robot at a pose with a velocity (m/s, rad/s), a target in the map, and the controller's command."""
     return AvoiderInput(
         ns(stamp), scans, estimate(at, moving, stamp), Point2D(target[0], target[1]), corridor,
         Twist2D(desired[0], 0.0, desired[1]), remaining, share, _names(scans), readings, extra,
@@ -230,7 +230,7 @@ def recovery_input(
     readings: Readings = NO_READINGS,
     extra: Extras = NO_EXTRAS,
 ) -> RecoveryInput:
-    """Scans of a robot that is stuck, and the poses it came by, oldest first."""
+    """Scans of a stuck robot, and the poses of its track, oldest first."""
     rows = np.array([(one.x, one.y, one.heading) for one in map(pose, trail)], dtype=np.float64).reshape(-1, 3)
     rows.flags.writeable = False
     return RecoveryInput(
@@ -239,7 +239,7 @@ def recovery_input(
 
 
 def _names(data: Sequence[Message]) -> tuple[str, ...]:
-    """A sensor's name for each message: `sensor0`, `sensor1`, …"""
+    """A sensor name for each message: `sensor0`, `sensor1`, …"""
     return tuple(f"sensor{k}" for k in range(len(data)))
 
 

@@ -4,11 +4,11 @@ To add a check to a tier:
 
 1. Write a function `def mirrored(bench: Bench) -> Iterator[Finding]` in a module of the tier's package. It plays scenes
    with `bench`, and yields a `Finding` for each fault. A behaviour check yields a `Remark` for what it reports
-   without judgement. Where it has nothing to say of a plugin, it raises `NotRun` with the reason.
+   without judgement. If it does not apply to a plugin, it raises `NotRun` with the reason.
 2. Put `@check(TIER, KINDS, "What it demands, in one sentence.")` before it. The function's name is the check's name.
-3. Name it in the tuple `CHECKS` of the tier's package. `navloom.testing.tiers` lists the tiers.
+3. List it in the tuple `CHECKS` of the tier's package. `navloom.testing.tiers` lists the tiers.
 
-A check runs in the process of the plugin, which may hang or die: `navloom.testing.worker` says how that is told.
+A check runs in the process of the plugin, which may hang or die. `navloom.testing.worker` explains the reports of that.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ class Check:
     """One named demand on plugins.
 
     Attributes:
-        name: As `--only` takes it.
+        name: Name, as given to `--only`.
         tier: One of `navloom.testing.tiers.TIERS`.
         kinds: Roles and other kinds of plugin that it concerns.
         demands: What it demands, in one sentence.
-        run: Plays a plugin and gives what it finds.
-        is_static: It looks at the class alone and makes no object: a driver of a real robot stays untouched.
+        run: Plays a plugin and gives findings and remarks.
+        is_static: It inspects the class alone and makes no object, so it also runs on the driver of a real robot.
     """
 
     name: str

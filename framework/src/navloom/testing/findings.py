@@ -22,7 +22,7 @@ class Finding:
         problem: What the plugin did, as one sentence without its subject: "gave a pose stamped 3.0 s".
         expected: What it should have done, and the nearest fix.
         place: File and line of the plugin, as `adapter.py:31`; empty for that of the verb.
-        given: What it was given when it did so; empty where nothing was.
+        given: Its input, or the situation, when it did so; empty for none.
         scene: Name of the smallest scene that shows it; empty for none.
         picture: Path of a picture of it; empty for none.
     """
@@ -41,7 +41,7 @@ class Remark:
 
     Attributes:
         text: One sentence.
-        values: Numbers of it by name.
+        values: Its numbers, by name.
         picture: Path of a picture; empty for none.
     """
 
@@ -52,13 +52,13 @@ class Remark:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one check.
+    """Outcome of one check.
 
     Attributes:
         check, tier: Its name and tier.
-        outcome: "shown" for what was reported without judgement.
-        findings: Its faults; empty where it passed.
-        shown: What it reports.
+        outcome: "shown" if it reported remarks and no fault.
+        findings: The faults that it found.
+        shown: Its remarks.
         reason: Why it was not run; else empty.
         seconds: How long it took.
     """
@@ -85,7 +85,7 @@ class Result:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What all checks say of one plugin.
+    """Results of all checks of one plugin.
 
     Attributes:
         plugin: As `avoider.vff`.
@@ -93,7 +93,7 @@ class CheckReport:
         place: File and line of its verb or class; empty where it could not be loaded.
         seed: Of everything random in the checks.
         results: In the order they were run.
-        options: What else the command line gave, to repeat a check with: `--set gain=2`, …
+        options: Other options of the command line that repeats a check: `--set gain=2`, …
     """
 
     plugin: str
@@ -105,7 +105,7 @@ class CheckReport:
 
     @property
     def failed(self) -> tuple[Result, ...]:
-        """Those that found a fault."""
+        """Results of the checks that found a fault."""
         return tuple(result for result in self.results if result.outcome == "failed")
 
     def command(self, result: Result) -> str:
@@ -113,7 +113,7 @@ class CheckReport:
         return " ".join(["navloom check", self.plugin, *self.options, "--only", result.check, "--seed", str(self.seed)])
 
     def sentences(self, result: Result) -> list[str]:
-        """The findings of a check, one a line: who, what, where, what it was given, and what was expected."""
+        """The findings of a check, one a line: plugin, place, problem, situation and expectation."""
         return [
             f"{self.plugin}{_in_brackets(finding.place or self.place or self.owner)}: {finding.problem}"
             + (f" [{finding.given}]" if finding.given else "")

@@ -1,4 +1,4 @@
-"""What a plugin does beside answering, seen from within its process: clocks, files, processes, threads.
+"""Observes the side effects of a plugin from within its process: clocks, files, processes, threads.
 
 Only the process of `navloom.testing.worker` installs this, before it imports the plugin.
 """
@@ -29,17 +29,17 @@ KINDS = {
     "socket.gethostname": "socket", "open": "file",
     "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
 }  # fmt: skip
-"""Events of the interpreter's audit hooks that no verb has a use for, and what they are about."""
+"""Audit events of the interpreter that no verb needs, and the kind of side effect that each shows."""
 LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
-"""Code below which files are read and written for code, not by the plugin."""
+"""Importers and compilers: files that they open are not opened by the plugin."""
 
 DOORS = ("os", "pathlib", "posixpath", "genericpath", "collections.abc")
-"""Modules that only hand on a look at the environment or at a path."""
+"""Modules that only pass on a lookup in the environment or of a path."""
 MOST_DEEDS = 100
 
 
 class Deed(NamedTuple):
-    """Something a plugin did in a call: what kind, in words, and its file and line."""
+    """A side effect of a call into a plugin: its kind, a description, and the plugin's file and line."""
 
     kind: str
     text: str
@@ -50,7 +50,7 @@ class Guard:
     """Watches the calls into a plugin.
 
     Attributes:
-        deeds: What was seen; a check empties it before it looks.
+        deeds: Side effects so far; a check clears the list before it observes.
     """
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class Guard:
 
     @contextmanager
     def within(self, what: str, limit: float = 0.0) -> Iterator[None]:
-        """A call into the plugin. After `limit`, s, the process ends with the place where it hangs; 0 for the usual."""
+        """A call into the plugin. After `limit`, s (0: the usual limit), the process writes where it hangs and ends."""
         limit = limit or self.limit
         self.mark(what)
         self._depth += 1
@@ -92,7 +92,7 @@ class Guard:
 
     @contextmanager
     def clock(self, start: float, pace: float) -> Iterator[None]:
-        """Have the plugin see a clock that begins elsewhere, s, and moves by `pace`, s, with each look at it."""
+        """Show the plugin a clock that begins at `start`, s, and advances by `pace`, s, with each reading."""
         self._shift, self._readings = (start, pace), 0
         try:
             yield
@@ -112,12 +112,12 @@ class Guard:
             self._keep(Deed(kind, f"{event} {_short(given)}".strip(), place))
 
     def _keep(self, deed: Deed) -> None:
-        """Keep the first deeds, each once: a check of memory is on its way."""
+        """Keep the first side effects, each once: a growing list would disturb the memory check."""
         if len(self.deeds) < MOST_DEEDS and deed not in self.deeds:
             self.deeds.append(deed)
 
     def _own_place(self, frame: FrameType | None) -> str:
-        """The plugin's line that a call comes from; empty where it comes from an import or a compiler."""
+        """The plugin's line that a call comes from; empty if it comes from an import or a compiler."""
         while frame is not None:
             module = str(frame.f_globals.get("__name__", ""))
             if module.partition(".")[0] in LOADERS:
@@ -144,7 +144,7 @@ class Guard:
     def _wrap_clocks(self) -> None:
         for name in CLOCKS:
             setattr(time, name, _wrapped(self, name, getattr(time, name)))
-        setattr(datetime, "datetime", _shifted_datetime(self))  # noqa: B010  (of a class that is not to change)
+        setattr(datetime, "datetime", _shifted_datetime(self))  # noqa: B010  (a plain assignment is a type error)
 
     def _wrap_threads(self) -> None:
         start = threading.Thread.start
@@ -154,7 +154,7 @@ class Guard:
                 self._keep(Deed("thread", f"Thread {thread.name!r}", place))
             start(thread)
 
-        setattr(threading.Thread, "start", started)  # noqa: B010  (of a class that is not to change)
+        setattr(threading.Thread, "start", started)  # noqa: B010  (a plain assignment is a type error)
         start_new = _thread.start_new_thread
 
         def started_new(*given: Any, **named: Any) -> int:
@@ -165,7 +165,7 @@ class Guard:
         _thread.start_new_thread = started_new
 
     def _wrap_environment(self) -> None:
-        """See what a plugin asks of the environment and of the working folder; what libraries ask is their own."""
+        """Observe a plugin's use of the environment and the working folder; that of libraries does not count."""
         variables: Any = type(os.environ)
         read, look, where = variables.__getitem__, os.stat, os.getcwd
 
@@ -188,7 +188,7 @@ class Guard:
         variables.__getitem__, os.stat, os.getcwd = read_variable, look_at, ask_where
 
     def _ask(self, what: str) -> None:
-        """Keep it if the plugin's own line asks."""
+        """Keep a lookup if the plugin's own code makes it."""
         if not self._depth:
             return
         frame: FrameType | None = sys._getframe(2)
@@ -217,7 +217,7 @@ def _wrapped(guard: Guard, name: str, real: Callable[[], Any]) -> Callable[[], A
 
 
 def _shifted_datetime(guard: Guard) -> type:
-    """A datetime class whose `now` and kin read the guard's clock."""
+    """A datetime class whose `now`, `utcnow` and `today` read the guard's clock."""
     real: Any = datetime.datetime
 
     class _Kind(type(real)):  # type: ignore[misc]
@@ -251,7 +251,7 @@ def _writes(given: tuple[Any, ...]) -> bool:
 
 
 def _is_relative(path: Any) -> bool:
-    """Whether a path is found from the working folder."""
+    """Whether a path is relative to the working folder."""
     if not isinstance(path, (str, bytes, os.PathLike)):
         return False
     return not os.fsdecode(path).startswith("/")

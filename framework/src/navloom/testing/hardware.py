@@ -1,4 +1,4 @@
-"""The platform of a config with its real hardware: what it reports, how soon, and, only where asked, how it drives."""
+"""Checks the platform of a config with its real hardware: its reports, their timing and, on request, its driving."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ __all__ = ["HARDWARE", "check_hardware"]
 HARDWARE = "hardware"
 """Tier of these checks."""
 LISTENING, DRIVING = 3.0, 1.5
-"""How long it is listened to at rest, and driven each way, s."""
+"""Time for which the platform is observed at rest, and for which it drives each way, s."""
 GENTLE, TURNING = 0.1, 0.3
-"""Speed of the drive, m/s and rad/s, or a quarter of the robot's limit where that is less."""
+"""Speed and turn rate of the drive, m/s and rad/s, unless a quarter of the robot's limit is less."""
 STILL = Twist2D(0.0, 0.0, 0.0)
 REST, REST_TURN = 0.01, 0.02
-"""What odometry may move while the robot is to stand, m and rad."""
+"""Greatest motion by odometry while zero is commanded, m and rad."""
 CLOSING = 2.0
 """Longest `close`, s."""
 Found = Finding | Remark
@@ -40,12 +40,12 @@ Found = Finding | Remark
 
 @dataclass
 class _Heard:
-    """What a platform said while it was asked each tick.
+    """Reports of a platform that was called each tick.
 
     Attributes:
-        outputs: With the run clock at which each came, ns.
-        faults: What `advance` and `drive` raised.
-        calls: Duration of each call of them, s.
+        outputs: Outputs, each with the run clock at which it came, ns.
+        faults: Errors of `advance` and `drive`.
+        calls: Duration of each of their calls, s.
     """
 
     outputs: list[tuple[int, PlatformOutput]] = field(default_factory=list)
@@ -54,21 +54,21 @@ class _Heard:
 
     @property
     def poses(self) -> list[Pose2D]:
-        """By odometry."""
+        """Poses by odometry."""
         return [output.odometry.pose for _, output in self.outputs]
 
 
 def check_hardware(
     config: str, name: str, changes: Sequence[str] = (), drives: bool = False, say: Callable[[str], None] = print
 ) -> CheckReport:
-    """Try the platform of a config. It is commanded zero all the time, unless `drives`.
+    """Check the platform of a config. Only zero is commanded unless `drives`.
 
     Args:
         config: Path or shipped name.
-        name: As `platform.serial_base`: what the config must name.
+        name: The platform that the config must name, as `platform.serial_base`.
         changes: Parameters of the platform, as `port="/dev/ttyUSB0"`.
-        drives: Let it drive a short way forward and turn, and see it stop.
-        say: Told what is under way.
+        drives: Drive a short way forward, turn, and check that the robot stops.
+        say: Called with one line before each part.
 
     Raises:
         ConfigError: The config names another platform, or a simulated one.
@@ -92,7 +92,7 @@ def check_hardware(
 
 
 class _Trial:
-    """One platform on trial."""
+    """The checks of one platform."""
 
     def __init__(self, system: System, loaded: Loaded, platform: Platform, say: Callable[[str], None]) -> None:
         self.robot, self.platform, self.say = system.robot, platform, say
@@ -101,7 +101,7 @@ class _Trial:
         self._door, self._began, self._tick = PlatformDoor(platform, system.sensors), time.monotonic(), 0
 
     def run(self, drives: bool) -> Iterator[Result]:
-        """The checks, one after the other; the port is given up at the end, whatever happens."""
+        """Run the checks in turn; the platform is always closed at the end."""
         try:
             self.say(f"listening for {LISTENING:g} s; nothing moves")
             heard = self._play(STILL, LISTENING)
@@ -208,7 +208,7 @@ class _Trial:
         return self._moves(Twist2D(0.0, 0.0, speed), speed, 1, "rad/s to the left")
 
     def _moves(self, command: Twist2D, speed: float, axis: int, unit: str) -> list[Found]:
-        """Drive, stop, and compare with odometry; `axis` is 0 for the way and 1 for the turn."""
+        """Drive, stop, and compare with odometry; `axis` is 0 for the distance and 1 for the turn."""
         driven, stopped = self._play(command, DRIVING), self._play(STILL, 1.0)
         found: list[Found] = []
         if len(driven.poses) < 2 or len(stopped.poses) < 2:
@@ -226,7 +226,7 @@ class _Trial:
         return found
 
     def _stops_alone(self) -> list[Found]:
-        """The platform's loop hangs while the robot drives: it must stop by itself."""
+        """Stop calling the platform while the robot drives, as if its loop hung: it must stop by itself."""
         speed = min(GENTLE, self.robot.max_linear / 4.0)
         self.say(f"driving {speed:g} m/s for 0.5 s, and then falling silent")
         self._play(Twist2D(speed, 0.0, 0.0), 0.5)
@@ -245,11 +245,11 @@ class _Trial:
                         "a watchdog in the driver or the base that stops it within 0.5 s")]  # fmt: skip
 
     def _closes(self) -> list[Found]:
-        """`drive` with zero and `close`, as at the end of a live robot; in a thread, as it may hang."""
+        """Command zero and call `close`, as at the end of a live robot; in a thread, since `close` may hang."""
         errors: list[str] = []
 
         def close() -> None:
-            with suppress(Exception):  # where its port is gone it cannot be told
+            with suppress(Exception):  # the port may be gone already
                 self.platform.drive(STILL, round((self._tick + 1) * self.period * 1e9))
             try:
                 self.platform.close()
@@ -265,6 +265,6 @@ class _Trial:
 
 
 def _moved(before: Pose2D, after: Pose2D) -> tuple[float, float]:
-    """Way along the first heading, m, and turn, rad."""
+    """Distance along the first heading, m, and turn, rad."""
     way = (after.x - before.x) * math.cos(before.heading) + (after.y - before.y) * math.sin(before.heading)
     return way, math.remainder(after.heading - before.heading, math.tau)

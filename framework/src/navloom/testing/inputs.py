@@ -1,4 +1,4 @@
-"""Scenes for checks: what a plugin of each role is given, step by step. They depend on the role and a seed alone."""
+"""Scenes for checks: the inputs of each role, step by step. They depend only on the plugin's class and a seed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SIGMA = 0.01
 """Standard deviation of the ranges in scenes, m."""
 IMPOSSIBLE = "impossible"
 SLOW = builders.robot(max_linear=0.15, max_angular=0.4)
-"""A robot with other limits than most scenes have."""
+"""A robot with lower limits than that of most scenes."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class PlayedScene:
     """A short episode that a plugin is played through.
 
     Attributes:
-        name: As findings name it.
-        topic: "usual" for what every drive brings; else what is odd: "empty", "infinite", "single_beam", "impossible".
-        context: What the plugin is made with.
-        inputs: One for each call of its verb.
-        world: What stands round the robot; None where there is nothing to draw.
-        is_gentle: The robot is on its way and slow: no sound method asks for much more than the robot can do.
+        name: Name, as in findings.
+        topic: "usual" for inputs of every drive; else what is unusual, as "empty", "infinite" or "impossible".
+        context: Context that the plugin is made with.
+        inputs: One input for each call of its verb.
+        world: Obstacles around the robot; None if there is nothing to draw.
+        is_gentle: The scene is easy: a sound method commands hardly more than the robot can do.
     """
 
     name: str
@@ -55,7 +55,7 @@ class PlayedScene:
 
 
 def made_scenes(subject: Subject, seed: int) -> tuple[PlayedScene, ...]:
-    """The made scenes of a plugin's role."""
+    """The scenes of a plugin's role."""
     makers: Mapping[str, Callable[[_Maker], Iterator[PlayedScene]]] = {
         "avoider": _avoider, "controller": _controller, "planner": _planner, "mapper": _mapper,
         "localizer": _localizer, "recovery": _recovery, "platform": _platform, NODE: _node,
@@ -64,7 +64,7 @@ def made_scenes(subject: Subject, seed: int) -> tuple[PlayedScene, ...]:
 
 
 def walk(start: Place, speed: float, turn_rate: float, steps: int = STEPS) -> list[tuple[float, float, float]]:
-    """Poses of a robot that drives with one velocity (m/s, rad/s), one a tick."""
+    """Poses of a robot that drives with a constant velocity (m/s, rad/s), one a tick."""
     x, y, heading = (*start, 0.0)[:3]
     poses = []
     for _ in range(steps):
@@ -87,10 +87,11 @@ class _Maker:
         self.takes_sweeps = any(issubclass(Sweep, kind) for kind in self.cls.accepts)
 
     def context(self, start: Place = (0.0, 0.0), world: World | None = None, **given: Any) -> Context:
-        """Of the plugin's role; with a map where the plugin needs one."""
+        """A context of the plugin's role, with a map if the plugin needs one, and with the world for a platform."""
         if self.cls.needs_map and self.subject.kind in ("mapper", "localizer"):
             given.setdefault("map", scenes.grid(world or scenes.room()))
-        return builders.context(role=self.subject.kind, start=start, period=PERIOD, **given)
+        simulated = world if self.subject.kind == "platform" else None
+        return builders.context(role=self.subject.kind, start=start, period=PERIOD, world=simulated, **given)
 
     def scan(self, world: World, at: Place, stamp: float, **given: Any) -> RangeScan:
         """A scan with noise."""
@@ -102,7 +103,7 @@ class _Maker:
         )  # fmt: skip
 
     def scans(self, world: World, at: Place, stamp: float) -> tuple[RangeScan, ...]:
-        """What the plugin's range sensors give: a laser, if it takes scans."""
+        """The scan of a laser, if the plugin takes scans; else none."""
         return (self.scan(world, at, stamp),) if self.takes_scans else ()
 
     def readings(self, stamp: float) -> Readings:
@@ -113,7 +114,7 @@ class _Maker:
         return {kind.__name__.lower(): (sample(kind, self.rng, messages.ns(stamp)),) for kind in others}
 
     def extra(self, stamp: float) -> Extras:
-        """What its extra inputs hold; optional ones hold nothing at times."""
+        """Messages of its extra inputs; optional ones are missing at times."""
         declared, stamp_ns = extras_of(self.cls).values(), messages.ns(stamp)
         if not declared:
             return NO_EXTRAS
@@ -123,12 +124,12 @@ class _Maker:
         })  # fmt: skip
 
     def more(self, stamp: float) -> dict[str, Any]:
-        """Readings and extra inputs, as the builders take them."""
+        """Readings and extra inputs, as arguments of the builders."""
         return {"readings": self.readings(stamp), "extra": self.extra(stamp)}
 
 
 def _odd_scans() -> Iterator[tuple[str, str, tuple[RangeScan, ...]]]:
-    """Name, topic and scans of readings that a robot meets now and then."""
+    """Name, topic and scans of unusual readings, which real sensors give now and then."""
     yield "no scan in this tick", "empty", ()
     yield "a scan without beams", "empty", (messages.scan(np.empty(0)),)
     yield "no beam has an echo", "infinite", (messages.scan(math.inf),)
@@ -140,7 +141,7 @@ def _odd_scans() -> Iterator[tuple[str, str, tuple[RangeScan, ...]]]:
 
 
 def _again(scans: Sequence[RangeScan], stamp: float) -> tuple[RangeScan, ...]:
-    """The same scans, stamped anew."""
+    """The same scans with a new stamp."""
     return tuple(
         RangeScan(messages.ns(stamp), one.origins, one.bearings, one.half_angles, one.time_offsets, one.ranges,
                   one.range_min, one.range_max)
@@ -279,7 +280,7 @@ def _mapper(maker: _Maker) -> Iterator[PlayedScene]:
     world = scenes.room()
     poses = walk((0.0, 0.0, 0.3), 0.3, 0.2, 80)
     inputs = []
-    for k, at in enumerate(poses[:STEPS]):  # the track goes on: a sweep ends 1.25 s after its stamp
+    for k, at in enumerate(poses[:STEPS]):  # the track is longer, since a sweep ends 1.25 s after its stamp
         stamp = k * PERIOD
         data: list[Any] = list(maker.scans(world, at, stamp)) if k % 2 == 0 else []
         if maker.takes_sweeps and k % 10 == 0:

@@ -1,4 +1,4 @@
-"""Builders of messages with defaults: what a plugin is given, and a mapper's map, in a line each.
+"""Builders of messages with defaults, for unit tests: inputs of plugins and a mapper's map, in one line.
 
 Everything is in SI units. A pose is given as (x, y) or (x, y, heading).
 """
@@ -60,14 +60,14 @@ def scan(
     """A planar scan.
 
     Args:
-        seen: A world, seen from `at`; or ranges, m, of which a single number holds for each beam.
+        seen: A world, seen from `at`; or ranges, m: a list, or one number for every beam.
         at: Pose of base in the map.
-        beams: How many; of ranges in a list, as many as there are.
-        field_of_view: From the first beam to the last, rad, the middle straight ahead.
+        beams: Number of beams; not used with a list of ranges.
+        field_of_view: Angle from the first beam to the last, rad, with the middle straight ahead.
         half_angle: Half the opening of a beam, rad; 0 for a laser.
         mount: Pose of the sensor in the base frame.
-        height: Of the scan plane, m.
-        range_min, range_max: m. What is farther away gives no echo.
+        height: Height of the scan plane, m.
+        range_min, range_max: Range limits, m. Anything farther away gives no echo.
         stamp: Run clock, s.
     """
     given = None if isinstance(seen, World) else np.asarray(seen, dtype=np.float64)
@@ -106,18 +106,18 @@ def sweep(
     range_max: float = 30.0,
     stamp: float = 0.0,
 ) -> Sweep:
-    """One movement of a planar laser that is pitched as a whole; of a robot that does not move.
+    """One sweep of a planar laser that is pitched as a whole, on a stopped robot.
 
     Args:
         seen: A world, seen from `at`; or ranges, m, (frames, beams) or one number for all.
         at: Pose of base in the map.
-        frames, beams: How many.
-        field_of_view: From the first beam to the last, rad.
-        pitches: Of the first and the last frame, rad, up positive.
-        height: Of the sensor above the floor, m.
-        duration: Of the sweep, s.
-        request_id: The request it answers; 0 for a continuous sweep.
-        range_min, range_max: m.
+        frames, beams: Number of frames, and of beams in each.
+        field_of_view: Angle from the first beam to the last, rad.
+        pitches: Pitch of the first and of the last frame, rad, up positive.
+        height: Height of the sensor above the floor, m.
+        duration: Duration of the sweep, s.
+        request_id: The request that it answers; 0 for a continuous sweep.
+        range_min, range_max: Range limits, m.
         stamp: Run clock at which it begins, s.
     """
     if not isinstance(seen, World):
@@ -148,7 +148,7 @@ def estimate(at: Place = (0.0, 0.0), moving: tuple[float, float] = (0.0, 0.0), s
 
 
 def track(poses: Sequence[Place] = ((0.0, 0.0, 0.0),), stamps: Sequence[float] | None = None) -> PoseTrack:
-    """Poses over time; default: all at one place, from 1 s before 0 to 10 s after it."""
+    """Poses over time; by default one pose at the origin, from -1 s to 10 s."""
     if stamps is None:
         stamps = (-1.0, 10.0) if len(poses) == 1 else [0.05 * k for k in range(len(poses))]
     if len(poses) == 1:
@@ -158,13 +158,13 @@ def track(poses: Sequence[Place] = ((0.0, 0.0, 0.0),), stamps: Sequence[float] |
 
 
 def map_update(world: World | OccupancyGrid, resolution: float = 0.05, stamp: float = 0.0) -> MapUpdate:
-    """A mapper's map of a world, or of a raster as it is; without segments."""
+    """A mapper's map of a world, or of a given raster, without segments."""
     cells = world if isinstance(world, OccupancyGrid) else grid(world, resolution)
     return MapUpdate(ns(stamp), cells, np.empty((0, 4)), ())
 
 
 def trajectory(length: float = 5.0, curvature: float = 0.0, speed: float = 0.3, path_id: int = 1) -> Trajectory:
-    """What is followed, from the origin along the x axis: a line, or an arc of a curvature, 1/m, to the left."""
+    """A trajectory from the origin along the x axis: a line, or an arc to the left with a curvature, 1/m."""
     s = np.linspace(0.0, length, max(2, round(length / 0.02) + 1))
     heading = np.remainder(curvature * s + math.pi, math.tau) - math.pi
     if curvature == 0.0:
@@ -175,5 +175,5 @@ def trajectory(length: float = 5.0, curvature: float = 0.0, speed: float = 0.3, 
 
 
 def empty_diagnostics(why: str = "") -> AvoiderDiagnostics:
-    """Diagnostics of an avoider that has nothing to show, with one phrase for people."""
+    """Empty diagnostics of an avoider; `why` is a phrase for people."""
     return AvoiderDiagnostics(np.zeros((0, 0), np.uint8), 0.0, 0.0, 0.0, np.zeros(0), 0.0, np.zeros((0, 2)), None, why)

@@ -1,4 +1,4 @@
-"""Whole nodes on the bench: their scenes, and an object of one that is played."""
+"""Plays whole nodes: their inputs, and one object of a node."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class NodeInput:
     """What a node reads in one step.
 
     Attributes:
-        tick: When.
-        read: By input: a message, or messages where it reads a row; None for nothing yet.
+        tick: The tick of the step.
+        read: By input name: a message, or several where the input reads all that came; None before the first one.
     """
 
     tick: Tick
@@ -46,7 +46,7 @@ class NodePlayer(Player):
         self._fed = FedNode(spec_of(subject.thing), self.plugin)
 
     def _step(self, given: NodeInput) -> Any:
-        """Step the node on what it is given; what it raises goes through."""
+        """Step the node with an input; errors of the node are raised unchanged."""
         raised: list[BaseException] = []
 
         def act(tick: Tick) -> None:
@@ -66,7 +66,7 @@ class NodePlayer(Player):
 
 
 def spec_of(cls: type[NodePlugin]) -> Any:
-    """The wiring of a node whose inputs all come from one other node, and whose sensors are one of each class."""
+    """The wiring of a node: one other node publishes all inputs, and there is one sensor of each class."""
     name = cls.name
     sensors = [sensor_port(kind.__name__.lower(), kind) for kind in _sensor_kinds(cls)]
     streams = {one.name: _port(one) for one in cls.declared_inputs if isinstance(one, Declared) and one.port is None}
@@ -88,13 +88,13 @@ def _sensor_kinds(cls: type[NodePlugin]) -> list[type[Message]]:
 
 
 def node_inputs(cls: type[NodePlugin], seed: int, *, is_early: bool, steps: int = 40) -> Iterator[NodeInput]:
-    """What a node reads, step by step.
+    """Inputs of a node, step by step.
 
     Args:
-        cls: Its class.
-        seed: Of the values.
-        is_early: Nothing but what makes it step has come yet.
-        steps: How many.
+        cls: Class of the node.
+        seed: Seed of the values.
+        is_early: Only the inputs that trigger the node have received messages.
+        steps: Number of steps.
     """
     rng = np.random.default_rng([seed, 1997])
     spec = spec_of(cls)
@@ -112,7 +112,7 @@ def node_inputs(cls: type[NodePlugin], seed: int, *, is_early: bool, steps: int 
 
 
 def _message(kind: type[Message], rng: np.random.Generator, number: int) -> Message:
-    """A message as a drive brings it, where it is of a class that the framework knows well; else a sample."""
+    """A message as in a drive, for the common classes of the framework; else a sample."""
     stamp, at = number * PERIOD_NS * 1e-9, (0.01 * number, 0.0, 0.0)
     made: dict[type[Message], Callable[[], Message]] = {
         RangeScan: lambda: messages.scan(scenes.room(), at, stamp=stamp),

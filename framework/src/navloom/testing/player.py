@@ -1,4 +1,4 @@
-"""A plugin of a role that is played: made, given inputs one after the other, its answers compared byte by byte."""
+"""Plays a plugin of a role: makes an object, gives it inputs in turn, and compares its answers byte by byte."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ __all__ = ["Fault", "NOWHERE", "Player", "bytes_of", "digest", "first_difference
            "size_of", "through_codec"]  # fmt: skip
 
 NOWHERE = ("", 0, 0, 0, 0, 0)
-"""An envelope that says nothing."""
+"""An empty envelope."""
 TOLERANCE = 0.2
-"""How near to its goal a robot must come, m, where a path is checked."""
+"""Goal tolerance with which paths are checked, m."""
 
 
 class Fault(Exception):
-    """A call that raised, or whose answer does not fit.
+    """A call that raised, or that gave a wrong answer.
 
     Attributes:
         problem: What the plugin did, as a sentence without its subject.
         expected: What it should have done.
         place: File and line of its code.
-        is_refusal: It raised InputError, its word for data that it cannot use.
+        is_refusal: It raised InputError, which means that it cannot use its input.
         call: The method that was called.
     """
 
@@ -55,7 +55,7 @@ class Fault(Exception):
 
 
 class RewindableStreams:
-    """The random streams of a context, which can be wound back to their beginning."""
+    """The random streams of a context, which can be restarted."""
 
     def __init__(self, source: Callable[[str], np.random.Generator]) -> None:
         self._source = source
@@ -68,22 +68,22 @@ class RewindableStreams:
         return self._made[name][0]
 
     def rewind(self) -> None:
-        """Have each stream give again what it gave from the start."""
+        """Restart each stream, so that it repeats its numbers."""
         for stream, state in self._made.values():
             stream.bit_generator.state = state
 
 
 class Player:
-    """One object of a plugin with a context of its own.
+    """One object of a plugin, with a separate context.
 
     Args:
         subject: The plugin.
-        context: What it is made with; its streams are made anew from the seed.
-        seed: Of its streams.
-        params: Its parameters; default those of the subject.
+        context: Its context, in which new random streams from the seed replace the old ones.
+        seed: Seed of its streams.
+        params: Its parameters; by default those of the subject.
 
     Raises:
-        Fault: It cannot be made.
+        Fault: The constructor failed.
     """
 
     def __init__(self, subject: Subject, context: Context, seed: int, params: Any = None) -> None:
@@ -95,7 +95,7 @@ class Player:
         self._door = self._new_door()
 
     def step(self, given: Any) -> Any:
-        """Call the verb once, and hold the answer against what the framework demands. Raises Fault."""
+        """Call the verb once, and check the answer as the framework does. Raises Fault."""
         answer = self._call(self.subject.verb, lambda: self._step(given))
         try:
             return self._door(answer, given)
@@ -114,17 +114,17 @@ class Player:
         return [digest(self.step(given)) for given in inputs]
 
     def reset(self) -> None:
-        """Reset the plugin; its streams begin again too. Raises Fault."""
+        """Reset the plugin, and restart its streams. Raises Fault."""
         self.streams.rewind()
         self._call("reset", self.plugin.reset)
         self._door = self._new_door()
 
     def configure(self, params: Any) -> None:
-        """Hand it new parameters. Raises Fault."""
+        """Give it new parameters. Raises Fault."""
         self._call("configure", lambda: self.plugin.configure(params))
 
     def _new_door(self) -> Callable[[Any, Any], Any]:
-        """What holds an answer against the input: of a fresh door, since doors remember stamps."""
+        """The check of an answer against its input; from a new door, since doors remember stamps."""
         plugin, kind = self.plugin, self.subject.kind
         if kind == "platform":
             return PlatformDoor(plugin, self.context.sensors).check
@@ -147,7 +147,7 @@ class Player:
             raise Fault(problem, "an answer", self._line_of(error), isinstance(error, InputError), what) from error
 
     def _line_of(self, error: BaseException) -> str:
-        """The innermost line of the plugin's own code that an error came through."""
+        """The innermost line of the plugin's own code in the traceback of an error."""
         place = ""
         for frame, line in traceback.walk_tb(error.__traceback__):
             if self.subject.is_own(str(frame.f_globals.get("__name__", ""))):
@@ -197,12 +197,12 @@ def rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any
 
 
 def through_codec(given: Any) -> Any:
-    """An input whose messages were encoded and decoded, as they are where a plugin runs in another process."""
+    """An input whose messages were encoded and decoded, as for a plugin in another process."""
     return rebuilt(given, lambda one: decode(encode(one, NOWHERE), schema_label(type(one)))[0], lambda array: array)
 
 
 def loosened(given: Any) -> Any:
-    """An input whose arrays can be written to, so that a plugin that writes to them is seen to."""
+    """An input with writable arrays, which show whether a plugin writes to them."""
     return rebuilt(given, _loose_message, np.array)
 
 

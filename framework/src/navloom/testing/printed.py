@@ -1,4 +1,4 @@
-"""What a plugin prints, kept apart from the lines that its process tells."""
+"""Keeps the output of a plugin apart from the reports of its process."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Printed:
         self._seen = 0
 
     def capture(self) -> None:
-        """Lead standard output, that of C code too, into a file that vanishes with the process."""
+        """Redirect standard output, also that of C code, to a file that is deleted with the process."""
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as the process)
         sys.stdout.flush()
         os.dup2(self._file.fileno(), 1)
 
     def news(self) -> str:
-        """What was printed since the last call."""
+        """The first 4096 bytes that were printed since the last call."""
         if self._file is None:
             return ""
         sys.stdout.flush()
@@ -35,7 +35,7 @@ class Printed:
         return text
 
     def errors(self) -> int:
-        """Lines on standard error so far, where it is a file, as in the process of `navloom check`."""
+        """Lines on standard error so far; 0 if it is not a file, as it is in the process of `navloom check`."""
         sys.stderr.flush()
         if not stat.S_ISREG(os.fstat(2).st_mode):
             return 0
@@ -44,4 +44,4 @@ class Printed:
 
 
 PRINTED = Printed()
-"""Of this process."""
+"""Standard output of this process."""

@@ -1,4 +1,4 @@
-"""A process that a plugin runs in: what it tells, and what its end says."""
+"""The process that a plugin runs in: its reports, and the finding if it ends early."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from navloom.testing.subject import CheckRequest
 __all__ = ["MARK_SIZE", "Process", "digests_of"]
 
 MARK_SIZE = 256
-"""Bytes of the file that says which call is under way."""
+"""Size of the file that names the current call, bytes."""
 SILENCE = 240.0
-"""How long a process may tell nothing, s: beyond, it is ended. Calls have a shorter limit of their own."""
+"""Longest time without a report, s, after which the process is killed. Calls have a shorter limit."""
 FRAME = re.compile(r'File "([^"]+)", line (\d+)')
 
 
 class Process:
-    """A worker process, as a context.
+    """A worker process, as a context manager.
 
     Args:
-        job: What `navloom.testing.worker` is to do.
-        hash_seed: Of Python's hashes of texts.
+        job: The job of `navloom.testing.worker`.
+        hash_seed: PYTHONHASHSEED of the process.
     """
 
     def __init__(self, job: dict[str, Any], hash_seed: int = 0) -> None:
@@ -64,7 +64,7 @@ class Process:
         self._folder.cleanup()
 
     def lines(self) -> Iterator[dict[str, Any]]:
-        """What it tells, until it ends or falls silent."""
+        """Its reports, until it ends or is killed for its silence."""
         queue: Queue[str | None] = Queue()
         Thread(target=self._read, args=(queue,), daemon=True).start()
         while True:
@@ -86,11 +86,11 @@ class Process:
         queue.put(None)
 
     def autopsy(self, folder: str, usual_place: str) -> tuple[str, Finding]:
-        """The check that says how the process ended, and what to say.
+        """Name of the check that reports how the process ended, and its finding.
 
         Args:
-            folder: Of the plugin's code.
-            usual_place: File and line to blame where none is known.
+            folder: Folder of the plugin's code.
+            usual_place: File and line to blame if the crash names none.
         """
         crash = self.crash.read_text(errors="replace")
         call = self.mark.read_bytes().rstrip(b"\0 ").decode(errors="replace")
@@ -110,7 +110,7 @@ class Process:
 
 
 def _place_in(crash: str, folder: str) -> str:
-    """The innermost line of the plugin in what faulthandler wrote."""
+    """The innermost line of the plugin in the output of faulthandler."""
     for file, line in FRAME.findall(crash):
         if folder and (file == folder or file.startswith(folder + os.sep)):
             return f"{PurePath(file).name}:{line}"
@@ -124,9 +124,9 @@ def digests_of(
 
     Args:
         request: The plugin.
-        hash_seed: Of Python's hashes of texts.
-        steps: How many of each scene.
-        alike: Clock and global random seeds are those of every play; else others.
+        hash_seed: PYTHONHASHSEED of the process.
+        steps: Number of steps of each scene.
+        alike: Use the clock and global random seeds of every play; else others.
     """
     job = {
         "name": request.name,

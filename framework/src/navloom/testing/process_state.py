@@ -1,4 +1,4 @@
-"""What a process has but one of: settings that all its plugins and the framework share."""
+"""Global state of a process: settings that all its plugins and the framework share."""
 
 from __future__ import annotations
 
@@ -57,27 +57,27 @@ LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     "signal handlers": _signal_handlers,
     "timers of signals": lambda: signal.getitimer(signal.ITIMER_REAL)[1],
 })  # fmt: skip
-"""How each is looked at. Random seeds are looked at in a play: every play sets them."""
+"""How each setting is read. Random seeds are missing, since every play sets them: the check reads them itself."""
 
 
 class ProcessState:
-    """What was there before the plugin was imported, and what was changed since."""
+    """The state before the plugin was imported, and what changed since."""
 
     def __init__(self) -> None:
         self._before: dict[str, Any] = {}
         self._imported: dict[str, Any] = {}
 
     def note_before_import(self) -> None:
-        """The plugin is imported next."""
+        """Note the state before the plugin's import."""
         self._before = self._imported = _look()
 
     def note_import(self) -> None:
-        """The plugin was imported, and no object of it was made. Libraries that it imports may set the environment."""
+        """Note the state after the import, before the first object. Libraries may set the environment on import."""
         self._imported = _look()
         self._before[ENVIRONMENT] = self._imported[ENVIRONMENT]
 
     def changed(self) -> tuple[list[str], list[str]]:
-        """What the import changed, and what calls changed."""
+        """Settings that the import changed, and settings that calls changed."""
         now = _look()
         by_import = [name for name, value in self._imported.items() if value != self._before[name]]
         by_calls = [name for name, value in self._imported.items() if value != now[name]]
@@ -89,4 +89,4 @@ def _look() -> dict[str, Any]:
 
 
 PROCESS_STATE = ProcessState()
-"""Of this process."""
+"""State of this process."""

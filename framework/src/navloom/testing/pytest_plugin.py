@@ -27,7 +27,7 @@ FIXTURE = "plugin_check"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the mark known."""
+    """Register the mark."""
     config.addinivalue_line(
         "markers",
         f"{MARK}(name, params=(), seed=0, tiers=…): the plugin that `{FIXTURE}` checks, as in `navloom check`",
@@ -35,7 +35,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Make a test of each check."""
+    """Make one test for each check."""
     if FIXTURE not in metafunc.fixturenames:
         return
     mark = metafunc.definition.get_closest_marker(MARK)
@@ -52,7 +52,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def plugin_check(request: pytest.FixtureRequest) -> Callable[[], None]:
-    """A function that fails where the check found a fault, and skips where the check does not apply."""
+    """A function that fails if the check found a fault, and skips if the check does not apply."""
     asked, name = request.param
 
     def run() -> None:

@@ -1,4 +1,4 @@
-"""Inputs as they would come later in a run: with later stamps and higher numbers of requests, as new objects."""
+"""Moves inputs to a later time: new objects with later stamps and higher request numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REQUESTS = ("request_id",)
 
 
 def restamped(given: T, later: float, higher: int = 0) -> T:
-    """A copy of an input that comes `later`, s, with requests of numbers that are `higher`; it shares no array."""
+    """A copy of an input with stamps `later` by some time, s, and request numbers `higher`; it shares no array."""
     shift = ns(later)
     moved = rebuilt(given, lambda one: _message(one, shift, higher), np.array)
     if is_dataclass(moved) and not isinstance(moved, type):

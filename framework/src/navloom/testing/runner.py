@@ -1,4 +1,4 @@
-"""Runs checks in a process of the plugin, and turns the death of that process into a finding."""
+"""Runs checks in a separate process, and turns an early end of that process into a finding."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from navloom.testing.tiers import TIERS, checks_of
 __all__ = ["check_plugin"]
 
 MOST_DEATHS = 3
-"""After so many processes that ended, the rest of the checks is not run."""
+"""Number of processes that end early after which the remaining checks are not run."""
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass
 class _Told:
-    """What processes told so far."""
+    """Reports of the processes so far."""
 
     owner: str = ""
     place: str = ""
@@ -46,11 +46,11 @@ def check_plugin(
     Args:
         name: As `avoider.vff`.
         params: TOML assignments of its parameters.
-        seed: Of everything random.
-        tiers: Which to run.
+        seed: Seed of everything random.
+        tiers: Tiers to run.
         only: Names of the checks to run; empty for all of the tiers.
         out: Folder for pictures; None for none.
-        progress: Is told the name of each check as it starts, its number, and how many there are.
+        progress: Called with the name of each check as it starts, its number, and the number of checks.
     """
     checks = [one for one in checks_of(name.partition(".")[0], tiers) if not only or one.name in only]
     job = {"name": name, "params": list(params), "seed": seed, "out": str(out or "")}
@@ -71,7 +71,7 @@ def check_plugin(
 def _one_process(
     job: dict[str, Any], checks: Sequence[Check], told: _Told, progress: Callable[[str], None]
 ) -> tuple[str, str, Finding] | None:
-    """Run checks in one process; where it ends early, the check, the name of the one that says so, and the finding."""
+    """Run checks in one process. If it ends early: the current check, the check that reports it, and the finding."""
     under_way = ""
     with Process({**job, "checks": [one.name for one in checks]}) as process:
         for line in process.lines():
@@ -90,7 +90,7 @@ def _one_process(
 
 
 def _blame(told: _Told, checks: Sequence[Check], under_way: str, name: str, finding: Finding, is_last: bool) -> None:
-    """Keep what the end of a process says, and what of the other checks is not run for it."""
+    """Store the finding for the end of a process, and which other checks are not run because of it."""
     of_tier = {one.name: one.tier for one in checks}
     first = not under_way or under_way in ("registers", "survives", "returns")
     name = name if name in of_tier else under_way or checks[0].name

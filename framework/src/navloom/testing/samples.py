@@ -1,4 +1,4 @@
-"""Messages of any class, made from their declaration: for inputs that a plugin declares itself."""
+"""Messages of any class, generated from its declaration, for inputs that a plugin declares itself."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def sample(cls: type[M], rng: np.random.Generator, stamp_ns: int = 0) -> M:
     """A message whose fields hold ordinary values within their declared bounds.
 
     Args:
-        cls: Its class.
-        rng: Where the values come from.
-        stamp_ns: What its fields of the kind `Stamp` hold, ns.
+        cls: Class of the message.
+        rng: Source of the values.
+        stamp_ns: Value of its fields of the kind `Stamp`, ns.
     """
     sizes: dict[str, int] = {}
     return cls(*(_value(kind, rng, stamp_ns, sizes) for kind in cls.kinds.values()))

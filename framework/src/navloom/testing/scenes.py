@@ -21,7 +21,7 @@ HEIGHT = (0.0, 2.4)
 
 
 def open_floor() -> World:
-    """Nothing but floor."""
+    """A floor without obstacles."""
     return World("open floor", bounds=(-5.0, -5.0, 15.0, 5.0))
 
 
@@ -32,7 +32,7 @@ def wall_ahead(distance: float = 1.0, width: float = 10.0) -> World:
 
 
 def corridor(width: float = 2.0, length: float = 14.0) -> World:
-    """Two walls along the x axis, from 2 m behind the origin on; widths and lengths in m."""
+    """Two walls along the x axis that begin 2 m behind the origin; width and length in m."""
     half = 0.5 * width
     walls = (
         Box("left wall", (-2.0, length - 2.0), (half, half + THICK), HEIGHT),
@@ -54,7 +54,7 @@ def closed(distance: float = 0.8) -> World:
 
 
 def door(width: float = 1.2, distance: float = 2.0, y: float = 0.0) -> World:
-    """A wall across the x axis at a distance, with a door in it whose middle is at y; all in m."""
+    """A wall across the x axis at a distance, with a door whose middle is at y; all in m."""
     half = 0.5 * width
     walls = (
         Box("wall left of the door", (distance, distance + THICK), (y + half, 5.0), HEIGHT),
@@ -72,7 +72,7 @@ def box(x: float = 2.0, y: float = 0.0, size: float = 0.4) -> World:
 
 
 def room(length: float = 10.0, width: float = 6.0) -> World:
-    """Four walls from 2 m behind the origin on, a pillar and a cupboard in it: no two views are alike. In m."""
+    """A room that begins 2 m behind the origin, with a pillar and a cupboard, so that no two views are alike; in m."""
     left, right, half = -2.0, length - 2.0, 0.5 * width
     solids: tuple[Obstacle, ...] = (
         Box("front wall", (right, right + THICK), (-half, half), HEIGHT),
@@ -93,7 +93,7 @@ def grid(world: World, resolution: float = 0.05, height: float = 0.6) -> Occupan
 
 
 def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False) -> Floats:
-    """Distance along rays to what a world has from its beginning.
+    """Distance along rays to the obstacles that a world has from the start.
 
     Args:
         world: Its boxes and cylinders count; a raster does not.

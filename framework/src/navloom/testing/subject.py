@@ -21,11 +21,11 @@ from navloom.roles import ROLES, Role, verb_of
 __all__ = ["CHECKED", "CheckRequest", "Subject", "discovery_of", "find", "schema_of"]
 
 CHECKED = (*ROLES, NODE, "metric", "panel", "world", "scheme", "message")
-"""Kinds of plugin that there are checks for."""
+"""Kinds of plugin that have checks."""
 
 
 class CheckRequest(NamedTuple):
-    """Which plugin is to be checked, as plain values: it is found again in each process.
+    """The plugin to check, as plain values, since each process loads it again.
 
     Attributes:
         name: As `avoider.vff`.
@@ -44,10 +44,10 @@ class Subject:
 
     Attributes:
         kind: Its role, or one of the other kinds.
-        name: Of its entry point, without the kind.
-        thing: The class; of metrics and panels the object, of worlds and schemes the function.
+        name: Name of its entry point, without the kind.
+        thing: The class; for metrics and panels the object, for worlds and schemes the function.
         owner: Distribution and version.
-        params: Its parameters as checked; None for what has none.
+        params: Its checked parameters; None if it has none.
     """
 
     kind: str
@@ -63,13 +63,13 @@ class Subject:
 
     @property
     def home(self) -> str:
-        """Top-level package of its code; the module itself for what is part of the framework."""
+        """Top-level package of its code; for a plugin of the framework, its module."""
         module = str(getattr(self.source, "__module__", "") or "")
         return module if module.partition(".")[0] == "navloom" else module.partition(".")[0]
 
     @property
     def source(self) -> Any:
-        """What its code is read from: a class or a function."""
+        """The class or function that holds its code."""
         if self.kind == "metric":
             return self.thing.compute
         return self.thing.to_rerun if self.kind == "panel" else self.thing
@@ -89,7 +89,7 @@ class Subject:
 
     @property
     def folder(self) -> str:
-        """Folder of its package, or file of its code, to recognise its lines in a crash; empty where there is none."""
+        """Folder of its package, or file of its code, to recognise its lines in a crash; empty if there is none."""
         try:
             file = Path(inspect.getsourcefile(inspect.unwrap(self.source)) or "")
         except TypeError:
@@ -114,7 +114,7 @@ def place_of(thing: Any) -> str:
 
 
 def discovery_of(request: CheckRequest) -> Discovery:
-    """Where plugins are looked for. The one place to add sources beside the installed entry points."""
+    """Where plugins are found. Sources besides the installed entry points are added here."""
     return Discovery()
 
 
@@ -161,7 +161,7 @@ def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
 
 
 def schema_of(discovery: Discovery, name: str) -> str:
-    """A message's schema name, of `Tracks` or `navloom_people.Tracks`. Raises PluginError if several have that name."""
+    """Schema name of a message, given as `Tracks` or `navloom_people.Tracks`. Raises PluginError if several fit."""
     known = discovery.names("message")
     fitting = [one for one in known if one.rpartition(".")[2] == name]
     if len(fitting) > 1:
@@ -171,7 +171,7 @@ def schema_of(discovery: Discovery, name: str) -> str:
 
 
 def _params(cls: type, request: CheckRequest) -> Any:
-    """A plugin's parameters: its defaults, with what the request changes."""
+    """A plugin's parameters: its defaults, with the changes of the request."""
     if not issubclass(cls, Role):
         if request.params:
             raise ConfigError(f"--set {request.params[0]}: {request.name} has no parameters")

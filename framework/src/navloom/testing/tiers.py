@@ -14,7 +14,7 @@ __all__ = ["BEHAVIOUR", "CONTRACT", "TIERS", "checks_of", "find_check"]
 CONTRACT = "contract"
 """What every plugin must pass."""
 BEHAVIOUR = behaviour.BEHAVIOUR
-"""What a plugin claims is demanded, the rest is shown."""
+"""What a plugin claims is required; the rest is only shown."""
 
 TIERS: Mapping[str, Sequence[Check]] = MappingProxyType({CONTRACT: contract.CHECKS, BEHAVIOUR: behaviour.CHECKS})
 """Checks by tier. A further tier is one more entry here: its package's `CHECKS`."""
@@ -26,5 +26,5 @@ def checks_of(kind: str, tiers: Sequence[str] = tuple(TIERS)) -> list[Check]:
 
 
 def find_check(name: str) -> Check | None:
-    """The check of a name."""
+    """The check with this name; None if there is none."""
     return next((check for checks in TIERS.values() for check in checks if check.name == name), None)

@@ -1,13 +1,13 @@
-"""The process of the plugin: it loads it, runs the checks, and tells of each as a line of JSON.
+"""The process of a plugin: loads it, runs the checks, and reports each as a line of JSON.
 
 `python -m navloom.testing.worker`, started by `navloom.testing.runner`. Standard input has the job. What the plugin
-prints goes to a file, for the check `silent`. Lines that are told:
+prints goes to a file, for the check `silent`. The lines are:
 
-- `{"loaded": {owner, place, folder}}` once the plugin is there;
+- `{"loaded": {owner, place, folder}}` once the plugin is loaded;
 - `{"start": NAME}` before a check, `{"result": {…}}` after it; `{"done": true}` at the end.
 
-Where the process ends without the last line, the runner blames the plugin: the file `mark` says which call was under
-way, and the file `crash` where, if faulthandler could still tell.
+If the process ends without the last line, the runner blames the plugin: the file `mark` names the call under way, and
+the file `crash` its line, if faulthandler could still write it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from navloom.testing.tiers import find_check
 __all__ = ["main"]
 
 CALL_LIMIT = 20.0
-"""Longest call of a plugin, s, of which the first may compile."""
+"""Longest call of a plugin, s; the first one may compile."""
 WARM_UP_LIMIT = 180.0
 """Longest warm-up, s."""
 
@@ -48,7 +48,7 @@ Tell = Callable[[dict[str, Any]], None]
 
 
 def main() -> None:
-    """Do the job that standard input names."""
+    """Do the job that standard input describes."""
     job = json.loads(sys.stdin.read())
     out = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     PRINTED.capture()
@@ -71,11 +71,11 @@ def main() -> None:
         else:
             tell({"digests": _digests(bench, job["steps"], bool(job["alike"]))})
     tell({"done": True})
-    os._exit(0)  # threads that a plugin left may not keep this process
+    os._exit(0)  # threads that a plugin left must not keep this process alive
 
 
 def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject | None:
-    """The plugin; where it cannot be loaded, that is the finding of the check `registers`."""
+    """Load the plugin; if that fails, report it as a finding of the check `registers`."""
     started = perf_counter()
     try:
         PROCESS_STATE.note_before_import()
@@ -110,7 +110,7 @@ def _run_checks(bench: Bench, checks: Iterable[Check], tell: Tell) -> None:
 
 
 def _run(bench: Bench, check: Check) -> Result:
-    """One check. An error of its own is told as such, never as the plugin's."""
+    """Run one check. An error of the check itself is reported as such, never as the plugin's."""
     started = perf_counter()
     findings: list[Finding] = []
     shown: list[Remark] = []
@@ -137,7 +137,7 @@ def _run(bench: Bench, check: Check) -> Result:
 
 
 def _untouchable(subject: Subject) -> str:
-    """Why no object of it may be made: it would take ports of hardware, or speak to systems outside; else empty."""
+    """Why no object of a plugin may be made: it opens ports of hardware or talks to outside systems; else empty."""
     if subject.kind == "platform" and not subject.thing.is_simulated:
         return "it is a real platform, which a check would move"
     if getattr(subject.thing, "is_bridge", False):
@@ -146,9 +146,9 @@ def _untouchable(subject: Subject) -> str:
 
 
 def _digests(bench: Bench, steps: dict[str, int], is_alike: bool) -> dict[str, list[str]]:
-    """Hashes of the first answers to some scenes, the first of all plays in this process.
+    """Hashes of the first answers to some scenes, from the first plays of this process.
 
-    The last scene is played first: what one leaves behind in the process then meets other scenes than it did there.
+    Scenes are played in reverse order, so that state which one leaves in the process affects other scenes than before.
     """
     found = {}
     seeds, clock = (1, CLOCK) if is_alike else (OTHER_SEEDS, OTHER_CLOCK)

@@ -75,10 +75,11 @@ def _trail(ticks: int, **changes: Any) -> Trail:
     """An episode of a robot that drives a bend past an obstacle; a tick is 0.05 s."""
     time = 0.05 * np.arange(ticks, dtype=np.float64)
     turn: NDArray[np.float64] = 0.3 * time
+    v, w = 0.3 + 0.02 * np.sin(3.0 * time), 0.3 + 0.02 * np.cos(2.0 * time)
     none = np.zeros(ticks, dtype=np.bool_)
     made = Trail(
-        time, np.sin(turn), 1.0 - np.cos(turn), turn, np.full(ticks, 0.3), np.full(ticks, 0.3),
-        1.0 + 0.2 * np.sin(time), 0.05 * np.cos(time), np.full(ticks, 0.3), np.full(ticks, 0.3), none, none,
+        time, np.sin(turn), 1.0 - np.cos(turn), turn, v, w, 1.0 + 0.2 * np.sin(time), 0.05 * np.cos(time), v.copy(),
+        w.copy(), none, none,
         "succeeded", "", 0, 0, 0, 0.05, 1.2, 0.1, 120.0, 0.5, 1.0, 0.1, np.full(ticks, 1_000_000),
         np.full(ticks, 0.02), 0, 1.3,
     )  # fmt: skip
@@ -177,6 +178,9 @@ def world_usable(bench: Bench) -> Iterator[Finding]:
     for name, place in (("start", world.start), ("goal", world.goal)):
         if place is None:
             continue
+        if abs(place.heading) > math.tau:
+            yield Finding(f"has its {name} at a heading of {place.heading:g} rad", "rad, not degrees")
+            return
         if not (left <= place.x <= right and low <= place.y <= high):
             yield Finding(f"has its {name} at ({place.x:g}, {place.y:g})", f"a place within its bounds {world.bounds}")
             return

@@ -97,7 +97,7 @@ def test_the_rooms_are_connected_and_cluttered() -> None:
     ],
     ids=["unknown", "barn-without-file", "no-such-file", "page-is-a-folder", "page-below-a-file"],
 )
-def test_what_cannot_be_measured_is_refused(
+def test_an_entry_that_cannot_be_measured_is_refused(
     in_process: Run, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

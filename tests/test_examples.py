@@ -220,7 +220,7 @@ def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
 
 
 @runs("people/navloom_people.py", "people/pyproject.toml", "people/people.toml")
-def test_an_avoider_minds_people_that_another_node_tracks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_people_example_reaches_its_goal_with_its_tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put_on_path(EXAMPLES / "people", tmp_path / "site", monkeypatch)
     episode = run_episode(load_config(str(EXAMPLES / "people" / "people.toml")))
     assert episode.result.outcome == "succeeded" and len(episode.log.spent_ns["people", "people_tracker"]) > 100

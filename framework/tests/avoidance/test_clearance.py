@@ -54,7 +54,7 @@ def test_d30_is_from_the_front_and_the_free_run_is_of_the_strip():
     assert nearest_ahead(ahead[1:2], math.radians(30.0), 0.4, 0.4, 0.12) == (math.inf, math.inf)
 
 
-def test_corner_must_not_swing_into_what_is_beside_the_robot():
+def test_a_corner_must_not_swing_into_an_obstacle_beside_the_robot():
     """0.25 s at 25 deg/s are 6.25 deg: y' = 0.48 cos - 0.35 sin = 0.439, 0.039 m off the side, margin 0.05 m."""
     assert not free([(0.35, 0.48)], (0.0, TURN))
     assert free([(0.35, 0.50)], (0.0, TURN))  # y' = 0.459

@@ -280,7 +280,7 @@ def test_a_closed_pipe_ends_echo_silently(robot: Up) -> None:
         child.stderr.close()
 
 
-# --- nobody there ---------------------------------------------------------------------------------------------------
+# --- without a robot ------------------------------------------------------------------------------------------------
 
 LOOKS = [["list"], ["status"], ["echo", "gate/status"], ["hz", "gate/status"], ["graph"]]
 

@@ -77,7 +77,7 @@ def test_a_distributions_command_keeps_its_own_option_of_the_same_name() -> None
 
 
 @pytest.mark.parametrize("text", ["100 %d of it", "two\nlines"])
-def test_what_is_logged_is_not_taken_as_a_format(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_logged_text_is_not_read_as_a_format(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     from navloom.cli.output import say_so
     from navloom.logs import Level, set_up_logging
 

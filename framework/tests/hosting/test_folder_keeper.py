@@ -1,4 +1,4 @@
-"""A runtime folder that somebody deletes is there again, with a way to every socket that is listened at."""
+"""A deleted runtime folder is restored, with a link to every socket in use."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def called(path: Path) -> bool:
         return end.connect_ex(str(path)) == 0
 
 
-def test_a_deleted_folder_comes_back_with_the_claim_the_word_and_the_sockets(folder: RobotFolder) -> None:
+def test_a_deleted_folder_is_restored_with_its_claim_its_robot_and_its_sockets(folder: RobotFolder) -> None:
     said: list[str] = []
     keeper, path = FolderKeeper(folder, ["drive"], said.append), folder.path / "drive.sock"
     with listening(path):

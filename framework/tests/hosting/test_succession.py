@@ -114,7 +114,7 @@ class Stream:
             self.put()
 
     def end(self) -> list[int]:
-        """What should have been heard, once the last has been, or there is no hope of it."""
+        """Stop sending, and wait in bounded time for the last number; gives the numbers that should have arrived."""
         self._ending.set()
         self._thread.join()
         with contextlib.suppress(AssertionError):

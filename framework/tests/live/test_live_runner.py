@@ -89,7 +89,7 @@ def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:
     key = KEYS.port(source, NAMES[source], port)
     inlets = [feed.inlet for feed in at.cell.feeds] + list(at.cell.reports.values())
     heard = [inlet for inlet in inlets if inlet.key == key]
-    assert len(heard) == 1 or port == "step"  # a report that says no more than the message it follows is not heard
+    assert len(heard) == 1 or port == "step"  # a report that adds nothing to its message has no reader
     for inlet in heard:
         inlet.give((message, Envelope(key, tick, tick, round(tick * PERIOD * 1e9), round(tick * PERIOD * 1e9), 0)))
 

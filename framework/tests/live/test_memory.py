@@ -65,7 +65,7 @@ def test_a_stop_that_only_the_last_status_reports_is_kept() -> None:
 
 
 @pytest.mark.parametrize("reason", ["silent: platform", "silent: sensor sonars"])
-def test_what_is_told_in_place_of_an_operator_who_is_not_heard_does_not_let_others_drive(reason: str) -> None:
+def test_a_stop_for_a_silent_source_does_not_replace_that_for_a_stale_operator(reason: str) -> None:
     memory = Memory()
     memory.note(GATE, stop("stale: operator main", False), at(8))
     memory.note(GATE, stop(reason, False), at(9))

@@ -1,4 +1,4 @@
-"""How a restart of a publisher is told from a late message."""
+"""A restart of a publisher is distinguished from a late message."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def at(sequence: int, tick: int) -> Envelope:
         (510, 910, False),  # some were lost
         (1, 940, True),  # its process restarted, and the run clock continues
         (1, 0, True),  # the run clock restarted too
-        (480, 880, False),  # held up by a cut cable, and overtaken
-        (500 - BACKWARDS, 900 - BACKWARDS, True),  # no message is held up for as long
+        (480, 880, False),  # delayed by a cut cable, and overtaken
+        (500 - BACKWARDS, 900 - BACKWARDS, True),  # no message is delayed for so long
     ],
 )
-def test_a_publisher_that_restarted_is_told_from_a_message_that_was_held_up(
+def test_a_restarted_publisher_is_distinguished_from_a_delayed_message(
     sequence: int, tick: int, has_restarted: bool
 ) -> None:
     watch = RestartWatch()

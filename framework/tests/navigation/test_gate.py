@@ -130,7 +130,7 @@ def test_a_restarted_gate_without_a_kept_stop_drives() -> None:
     assert decide(gate, BOTH)[1] == "controller"
 
 
-def test_an_operator_may_enter_unseen_space_until_the_end_of_teleop_and_it_is_said() -> None:
+def test_only_an_operator_may_enter_unseen_space_and_only_until_release() -> None:
     """The space behind the robot was never seen: only the operator may enter it, until `release`."""
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
     monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))

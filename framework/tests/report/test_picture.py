@@ -67,7 +67,7 @@ def test_the_legend_names_cells_outlines_and_obstacles_above_the_robot(
     assert legend <= set(texts)
 
 
-def test_the_legend_leaves_out_what_is_not_drawn(toy: Episode, texts: dict[str, Rectangle]) -> None:
+def test_the_legend_names_only_drawn_objects(toy: Episode, texts: dict[str, Rectangle]) -> None:
     draw_run(changed(toy, WALL, FAR_GIRDER))
     assert "occupied cells of the map" in texts
     assert texts.keys().isdisjoint({"outlines in the map", "above the robot"})

@@ -98,7 +98,7 @@ DOES = ("raise", "break", "quit", "leave", "die", "hang")
 
 @dataclass(frozen=True)
 class Bench:
-    """A config with a controller that does whatever it is told."""
+    """A config with controllers that misbehave in chosen ways."""
 
     config: str
     marker: Path
@@ -214,7 +214,7 @@ def test_an_interrupted_study_that_continues_gives_the_same_table(
 
 
 def _unless_first(progress: Progress) -> Progress:
-    """Progress that is told of everything but the beginning, when no process runs yet."""
+    """Progress that skips the first call, before which no process runs."""
     calls = iter(range(1_000_000))
 
     def told(done: int, total: int, left: float | None) -> None:

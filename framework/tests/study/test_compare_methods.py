@@ -227,7 +227,7 @@ def test_a_start_inside_an_obstacle_is_refused_before_anything_runs(config: str)
         plan_study(config, (), ["empty", "u_trap"], changes=["navigation.start={ x = 1.6, y = 3.0 }"])
 
 
-def test_what_is_held_equal_is_computed_from_the_full_configs(config: str) -> None:
+def test_equal_and_differing_settings_are_computed_from_the_full_configs(config: str) -> None:
     study = plan_study(config, ["avoider=improved_vfh,vff", "controller.k3=0.3,0.6"])
     assert study.held_equal["robot.max_linear"] == 0.6
     assert study.held_equal["controller.k1"] == load_config("paper").config.controller.params["k1"]

@@ -93,7 +93,7 @@ def test_a_key_of_another_certificate_and_a_broken_one_are_refused_by_name(folde
         settings(link, NOW)
 
 
-def test_up_warns_once_a_day(folder: Path) -> None:
+def test_up_does_not_repeat_a_warning_of_the_same_day(folder: Path) -> None:
     said: list[str] = []
     network = Network("lab", "r1", END, True, folder)
     robot = LiveRobot(assemble(load_config("paper")), network, None, False, said.append)

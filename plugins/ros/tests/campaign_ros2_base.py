@@ -1,7 +1,8 @@
-"""Drives a ROS robot of dora-rs to five goals, then breaks what it is made of while it moves, and tells how it stopped.
+"""Fault campaign of `ros2_base`: drives a robot of dora-rs to five goals, then injects faults while it moves.
 
 `python campaign_ros2_base.py PEERS [--each N] [--only FAULT …] [--out FILE]`; PEERS is a venv with the group ros-peers.
-For each fault: the time until the base had zero, by a command or by its own timeout of 0.5 s, in the robot's own log.
+It reports for each fault the time until the base's speed was zero, by a command or by its own timeout of 0.5 s, from
+the robot's own log. docs/ros2.md has the results.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ restart_limit = 1000
 
 
 class Proxy:
-    """A TCP link that can be cut, as if packets were lost, and garbled."""
+    """A TCP proxy that can hold all bytes back, as if packets were lost, or corrupt them."""
 
     def __init__(self, port: int) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -80,7 +81,7 @@ class Proxy:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def reset(self) -> None:
-        """Break the links that there are."""
+        """Close all connections."""
         for end in self._ends:
             end.close()
         self._ends.clear()
@@ -116,7 +117,7 @@ class Proxy:
 
 
 class Rig:
-    """Router, robot and stack, each in processes of their own."""
+    """The router, the robot and navloom, in separate processes."""
 
     def __init__(self, peers: Path, folder: Path) -> None:
         self.peers, self.folder = peers, folder
@@ -160,7 +161,7 @@ class Rig:
                 process.wait()
 
     def told(self, since: float) -> list[list]:
-        """What the robot's log says since a time."""
+        """Entries of the robot's log since a time, s, monotonic."""
         lines = self.log.read_text().splitlines()[-4000:]
         return [one for one in map(json.loads, lines) if one[1] >= since]
 
@@ -169,14 +170,14 @@ class Rig:
         return truths[-1][5] if truths else 0.0
 
     def pids(self, name: str) -> list[int]:
-        """Process IDs of a process of the stack, or of the guardian."""
+        """IDs of a navloom process by its name, or of the guardian."""
         if name == "guardian":
             return [pid for pid, line in commands() if "navloom_ros.base.guardian" in line]
         with Navigator() as robot:
             return sorted({node["pid"] for node in robot.client.describe() if node["process"] == name})
 
     def move(self, patience: float = 60.0) -> None:
-        """Have it on its way to a goal, and moving."""
+        """Send the robot to a goal and wait until it moves. Raises TimeoutError."""
         limit, number = time.monotonic() + patience, 0
         while time.monotonic() < limit:
             try:
@@ -188,13 +189,13 @@ class Rig:
                     robot.go(*far[number % 2])
                     if until(lambda: self.speed() > 0.15, 8.0):
                         return
-            except Exception as error:  # it is just starting
+            except Exception as error:  # navloom is still starting
                 self.last = error
                 time.sleep(0.3)
         raise TimeoutError(f"the robot does not move: {self.last}")
 
     def begin_again(self) -> None:
-        """Put the robot back to where it began, and start everything anew."""
+        """Put the robot back to its start, and restart everything."""
         self.rescues += 1
         self.stop()
         self.ours.mode = self.its.mode = "pass"
@@ -233,7 +234,7 @@ def drive_to_goals(rig: Rig) -> list[dict]:
 
 
 def signalled(name: str, number: signal.Signals):
-    """Signal a process of the stack; a stopped one goes on after a while."""
+    """Signal a navloom process; a frozen one is resumed afterwards."""
 
     def act(rig: Rig):
         pids = [rig.up.pid] if name == "up" else rig.pids(name)
@@ -291,7 +292,7 @@ def linked(name: str, mode: str):
 
 
 def garbled(topic: str, kind: str):
-    """Somebody publishes nonsense on a topic of the robot, faster than the robot itself."""
+    """Publish corrupt messages on a topic of the robot, faster than the robot itself."""
 
     def act(rig: Rig):
         ending = threading.Event()
@@ -334,9 +335,9 @@ FAULTS = {
     "garble odometry": (garbled("/odom", "nav_msgs/msg/Odometry"), None),
     "garble scans": (garbled("/scan", "sensor_msgs/msg/LaserScan"), None),
 }  # fmt: skip
-"""By name: what is done, and s within which the base must have zero; None where it need not stop by itself."""
+"""By name, the fault, and the longest time until the base must have zero speed, s; None for no limit."""
 TICK = 0.01
-"""s of the robot's own step: it looks at its commands, and writes down what it did, so often."""
+"""Step of the simulated robot, s: how often it reads commands and writes its log."""
 
 
 def one_case(rig: Rig, name: str) -> dict:
@@ -360,7 +361,7 @@ def one_case(rig: Rig, name: str) -> dict:
     mend()
     time.sleep(1.0)
     after = [one for one in rig.told(mend_at) if one[0] == "command" and (one[2] or one[3])]
-    # A base counts from the last command that it got, which may have been on its way when the link failed.
+    # The base times out from the last command that it received, which may have been in transit when the link failed.
     counted = silent if bound == BASE_TIMEOUT else first
     missed = bound is not None and (counted is None or counted > bound + TICK)
     return {

@@ -1,4 +1,4 @@
-"""Makes the modules beside the tests importable: under importlib mode a test folder is not on the path."""
+"""Makes the modules beside the tests importable: in importlib mode, pytest does not put their folder on the path."""
 
 import sys
 from pathlib import Path

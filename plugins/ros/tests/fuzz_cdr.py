@@ -1,6 +1,7 @@
-"""Decodes mutated bytes: nothing but MalformedMessage may come of them, soon and in little memory.
+"""Decodes mutated messages: the only error may be MalformedMessage, in bounded time and memory.
 
-A million, with the worst time and memory printed: `python plugins/ros/tests/fuzz_cdr.py 1000000`.
+`python plugins/ros/tests/fuzz_cdr.py 1000000` decodes a million and prints the longest time and the peak memory.
+test_ros_messages.py runs a few.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from ros_golden import CDR, KILTED, WHEELS
 SEEDS = [*CDR.items(), *((one["type"], bytes.fromhex(one["cdr"])) for one in WHEELS["messages"])]
 HUGE = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0x10000000, 0x00FFFFFF, 0)
 ROOM = 256 << 20
-"""Bytes that all decoding together may take beyond what the process has."""
+"""Memory that decoding may allocate beyond that of the process before, bytes."""
 
 
 @dataclass
 class Report:
-    """What became of the mutated messages."""
+    """Outcome of the mutated messages."""
 
     tried: int = 0
     decoded: int = 0
@@ -44,7 +45,7 @@ class Report:
 
 
 def mutated(data: bytes, rng: random.Random) -> bytes:
-    """One to four changes: bits, bytes, 32-bit lengths, and what is cut out, doubled or appended."""
+    """Apply one to four changes: bits, bytes, 32-bit lengths, and parts that are cut, doubled or appended."""
     changed = bytearray(data)
     for _ in range(rng.randint(1, 4)):
         place = rng.randrange(max(1, len(changed)))
@@ -68,7 +69,7 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
 
 
 def fuzz(count: int, seed: int = 0) -> Report:
-    """Decode this many mutated messages; of their own type mostly, sometimes of another."""
+    """Decode `count` mutated messages, mostly as their own type, sometimes as another one."""
     rng = random.Random(seed)
     report = Report()
     for _ in range(count):
@@ -92,13 +93,13 @@ def fuzz(count: int, seed: int = 0) -> Report:
 
 
 def warm_up() -> None:
-    """Make every type's reader, which takes longer than any message."""
+    """Generate the decoder of every type, which takes longer than decoding any message."""
     for name, data in SEEDS:
         KILTED.decode(name, data)
 
 
 def limit_memory() -> None:
-    """Let the system refuse what is more than ROOM beyond now."""
+    """Limit the memory of the process to ROOM more than it has now."""
     used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + ROOM, resource.RLIM_INFINITY))
 

@@ -1,4 +1,4 @@
-"""ROS bags made for tests: a robot that drives straight through a room of 6 m by 4 m with a planar laser."""
+"""Writes ROS bags for tests: a robot with a planar laser drives straight through a room of 6 m by 4 m."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 ROOM = (-1.0, -2.0, 5.0, 2.0)
-"""Walls at these x and y, m; the robot starts at (0, 0) and drives along x."""
+"""Lowest x and y, then highest x and y of the walls, m. The robot starts at (0, 0) and drives along x."""
 START_NS = 1_600_000_000_000_000_000
 SPEED, RATE_HZ, SECONDS = 0.5, 10.0, 4.0
 MOUNT_X, MOUNT_YAW = 0.2, math.pi / 2.0
-"""The laser is ahead of base and turned to the left."""
+"""Mount of the laser: ahead of base, m, and turned to the left, rad."""
 BEAMS = 181
 
 
@@ -108,7 +108,7 @@ class Bag:
 
 
 def ranges_at(x: float) -> Any:
-    """What the laser sees of the room when the robot is at (x, 0), m."""
+    """Ranges of the laser in the room when the robot is at (x, 0), m."""
     angles = np.linspace(-math.pi / 2, math.pi / 2, BEAMS) + MOUNT_YAW
     cos, sin = np.cos(angles), np.sin(angles)
     at = x + MOUNT_X
@@ -119,14 +119,14 @@ def ranges_at(x: float) -> Any:
 
 
 def times() -> Iterator[tuple[float, int]]:
-    """Position, m, and stamp, ns, of each moment of the drive."""
+    """Position, m, and stamp, ns, of each step of the drive."""
     for step in range(round(SECONDS * RATE_HZ)):
         time = step / RATE_HZ
         yield SPEED * time, START_NS + round(time * 1e9)
 
 
 def room_bag(path: Path, ros: int) -> Path:
-    """The drive through the room: scans, odometry, the laser's mount, and a topic that nobody reads."""
+    """The drive through the room: scans, odometry, the laser's mount, and a topic that the import skips."""
     with Bag(path, ros) as bag:
         bag.put("/tf_static", bag.transform("base_link", "laser", MOUNT_X, MOUNT_YAW, START_NS), START_NS)
         bag.put("/chatter", bag.type("std_msgs/msg/String")("hello"), START_NS)

@@ -1,4 +1,4 @@
-"""Bytes and hashes that ROS 2 itself made: of Kilted, by its own serializer and generators."""
+"""Bytes and hashes made by ROS 2 itself: those of Kilted by its own serializer and generators."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ from navloom_ros.message_types import Types
 DATA = Path(__file__).parent / "data"
 KILTED = Types("kilted")
 WHEELS = json.loads((DATA / "kilted_wheels.json").read_text("utf-8"))
-"""`hashes` by type; `messages` with `type`, `value` and `cdr`: made by `peers/make_golden.py`."""
+"""`hashes` by type, and `messages` with `type`, `value` and `cdr`; written by `peers/make_golden.py`."""
 HASHES = json.loads((DATA / "golden_type_hashes.json").read_text("utf-8"))
 """Hashes of 148 messages and services."""
 CDR = {name: bytes.fromhex(text) for name, text in json.loads((DATA / "golden_cdr.json").read_text("utf-8")).items()}
@@ -35,7 +35,7 @@ OF_NAV2 = {
         "lyrical": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     },
 }
-"""Hashes of types that the wheels lack, from their packages of each distribution."""
+"""Hashes of types that are not in the wheels, from their packages in each distribution."""
 DIFFERENT = {
     "jazzy": {"nav_msgs/msg/Goals"},
     "lyrical": {"lifecycle_msgs/msg/TransitionEvent", "geometry_msgs/msg/Pose2D"},
@@ -44,7 +44,7 @@ DIFFERENT = {
 
 
 def masked(name: str, data: bytes) -> bytes:
-    """Bytes with zeros where a change changes no value: Fast CDR leaves padding uninitialised."""
+    """The bytes with zero padding, because Fast CDR leaves it uninitialised. A change of padding changes no value."""
     meant = KILTED.encode(KILTED.decode(name, data))
     kept = bytearray(data)
     for place in range(4, len(data)):
@@ -54,7 +54,7 @@ def masked(name: str, data: bytes) -> bytes:
 
 
 def _means(name: str, data: bytes, place: int, value: int) -> bytes:
-    """What the bytes would mean with another one at a place; nothing where they would be no message."""
+    """The message re-encoded after a change of one byte; empty if it cannot be decoded."""
     try:
         return KILTED.encode(KILTED.decode(name, data[:place] + bytes([value]) + data[place + 1 :]))
     except ValueError:

@@ -1,4 +1,4 @@
-"""A robot's ROS network on loopback: a Zenoh router at a free port, as `rmw_zenohd` is one."""
+"""A robot's ROS network on loopback, for tests: a Zenoh router at a free port in place of `rmw_zenohd`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def free_port() -> int:
 
 
 class Router:
-    """A router that can be stopped and started again at the same place."""
+    """A router that can be stopped and restarted at the same endpoint."""
 
     def __init__(self) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -44,7 +44,7 @@ class Router:
 
 
 def until(condition, timeout=5.0):
-    """What the condition gives, once it gives something; asked again every 5 ms."""
+    """Poll a condition every 5 ms until it is true or `timeout` s have passed; returns its last value."""
     end = time.monotonic() + timeout
     while not (found := condition()) and time.monotonic() < end:
         time.sleep(0.005)

@@ -1,4 +1,4 @@
-"""The peer process of dora-rs, told by the tests what to do."""
+"""Controls the peer process of dora-rs (peers/dora_peer.py), for test_ros_peers.py."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ BASE, NAME = 1, 2
 
 
 def environment() -> Path | None:
-    """Where the peers are installed; None where they are not."""
+    """Folder in which the peers are installed; None if they are not."""
     folder = os.environ.get(ENVIRONMENT, "")
     return Path(folder) if folder else None
 
 
 class DoraError(Exception):
-    """What the peer said went wrong."""
+    """An error that the peer reported."""
 
 
 class Dora:
-    """One process; every operation of `dora_peer.Peer` is a method here."""
+    """The process. Every operation of `dora_peer.Peer` is a method here."""
 
     def __init__(self, folder: Path, router: str, described: Path) -> None:
         command = [str(folder / "bin" / "python"), str(SCRIPT), router, str(folder), str(described)]
@@ -44,7 +44,7 @@ class Dora:
             self.kill()
 
     def kill(self) -> None:
-        """End it without letting it say goodbye."""
+        """Kill it, so that it cannot leave the network."""
         self.process.kill()
         self.process.wait(5.0)
 
@@ -64,7 +64,7 @@ class Dora:
 
 
 def shape(types: Any, name: str) -> dict[str, Any]:
-    """What Arrow has to know of a type, by field."""
+    """The shape of a type, by field: from it the peer makes the Arrow type."""
     return {field: _shape(types, descriptor) for field, descriptor in types.fields(name)}
 
 

@@ -1,4 +1,4 @@
-"""A ROS robot within the test's process: its own physics and laser, on a real network over loopback."""
+"""A simulated ROS robot in the test's process, on a real network over loopback."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from navloom_ros.node import Node
 from navloom_ros.qos import SENSOR, Qos
 
 ROOM = 4.0
-"""Half the side of the square room it stands in, m."""
+"""Half the side of the square room that it is in, m."""
 MOUNT = 0.1
-"""m that its laser is ahead of its base."""
+"""Distance from the base to the laser, forward, m."""
 FIRST = Qos(transient_local=True, depth=1)
 
 
 class Robot:
-    """Turns and drives at once as it is told, until it has heard nothing for 0.5 s.
+    """Follows each command without inertia, and stops 0.5 s after the last one.
 
     Attributes:
         pose: True pose in the room, m and rad.
-        heard: Commands as (time, forward speed, turn), newest last.
-        is_silent: It measures nothing.
+        heard: Commands as (time, s, monotonic; forward speed, m/s; turn rate, rad/s), newest last.
+        is_silent: It publishes nothing.
+        touches: Its bumper is pressed.
     """
 
     def __init__(self, types, router, stamped=False, clock_ahead=123.0):
@@ -104,7 +105,7 @@ class Robot:
 
 
 def _wall(place, bearing):
-    """Distance to the wall of the room."""
+    """Distance to the wall of the room along a bearing, m."""
     along = (math.cos(bearing), math.sin(bearing))
     ways = [(math.copysign(ROOM, a) - p) / a for p, a in zip(place, along, strict=True) if abs(a) > 1e-9]
     return min(ways)

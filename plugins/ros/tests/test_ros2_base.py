@@ -1,4 +1,4 @@
-"""The platform `ros2_base` and a robot of its own physics on a network over loopback."""
+"""The platform `ros2_base`: with a simulated robot on a network over loopback, and its parts without a network."""
 
 import math
 import time
@@ -29,7 +29,7 @@ SENSORS = (
 
 
 class Driven:
-    """A platform that is stepped as the live runner does it: ticks by the wall clock."""
+    """Steps a platform in ticks of the wall clock, as the live runner does."""
 
     def __init__(self, router, **params):
         given = {"router": router, "distribution": "kilted", "base_timeout_s": 0.5, "contact_topic": "/bumper"} | params
@@ -40,7 +40,7 @@ class Driven:
         self.why = ""
 
     def tick(self, vx=0.0, wz=0.0):
-        """One tick: what the platform says, or None where it cannot."""
+        """One tick: the output of the platform, or None if it raises; `why` has the reason."""
         time.sleep(PERIOD)
         time_ns = time.monotonic_ns() - self._start_ns
         try:
@@ -50,7 +50,7 @@ class Driven:
             return None
 
     def begin(self, longest=20.0):
-        """Until it drives."""
+        """Step until the platform can drive."""
         return until(self.tick, longest)
 
 
@@ -102,8 +102,8 @@ def test_the_guardian_stops_the_base_of_a_platform_that_freezes(driven, robot):
         driven.tick(0.1)
     frozen = time.monotonic()
     stopped = until(lambda: [at for at, speed, _ in list(robot.heard) if at > frozen and speed == 0.0], 2.0)
-    assert stopped[0] - frozen < 0.15 + 0.05  # the robot looks every 20 ms, and this host may be busy
-    assert driven.begin()  # and it drives again
+    assert stopped[0] - frozen < 0.15 + 0.05  # the robot reads commands every 20 ms, and this host may be busy
+    assert driven.begin()  # it can drive again
     assert until(lambda: driven.tick(0.1) and speeds(robot, time.monotonic() - 0.1)[-1:] == [0.1], 2.0)
     driven.tick()
 
@@ -168,7 +168,7 @@ def test_a_platform_that_is_only_made_touches_no_robot():
     assert made.platform._link._guard is None and made.platform._link._joining.node is None
 
 
-# --- what needs no network ------------------------------------------------------------------------------------------
+# --- parts without a network ------------------------------------------------------------------------------------------
 
 
 def quaternion(roll=0.0, yaw=0.0):
@@ -199,7 +199,7 @@ def test_frames_are_found_up_and_down_the_tree():
     found = frames.find("base", "laser")
     assert found[:2, 3].tolist() == pytest.approx([1.0, 0.5]) and heading_of(found) == pytest.approx(math.pi / 2)
     assert frames.find("laser", "odom") is not None and frames.find("base", "elsewhere") is None
-    frames.add(transforms(("laser", "odom", 0.0, 0.0, quaternion())))  # a circle ends
+    frames.add(transforms(("laser", "odom", 0.0, 0.0, quaternion())))  # a cycle is not followed forever
     assert frames.find("base", "elsewhere") is None
 
 
@@ -274,11 +274,11 @@ def test_odometry_that_begins_again_goes_on_where_it_was():
     assert first.place((2.0, 1.0, 1.0), b"one", 0) == pytest.approx((0.0, 0.0, 0.0))
 
 
-# --- what a robot says, without a network ---------------------------------------------------------------------------
+# --- state of the robot, without a network ---------------------------------------------------------------------------
 
 
 class Said:
-    """Messages by topic, each given once."""
+    """Messages by topic; each is taken once."""
 
     def __init__(self):
         self.waiting = {}

@@ -1,4 +1,4 @@
-"""An action of ours and a client of ours: accepted, rejected, fed back, succeeded, cancelled, aborted, pre-empted."""
+"""An action server and a client of navloom_ros: goals are accepted, rejected, ended, cancelled and replaced."""
 
 import threading
 
@@ -21,7 +21,7 @@ def network():
 
 
 class Robot:
-    """Takes goals with x >= 0; each goal waits in `goals` for the test to drive it."""
+    """Accepts goals with x >= 0; each goal waits in `goals` until the test ends it."""
 
     def __init__(self, node):
         self.goals = []
@@ -70,7 +70,7 @@ def test_a_goal_is_accepted_fed_back_and_succeeds(pair):
     assert not result.done()
     goal.succeed()
     assert result.result(5.0).status == SUCCEEDED
-    assert sent.result(5.0).result(5.0).status == SUCCEEDED  # it is kept
+    assert sent.result(5.0).result(5.0).status == SUCCEEDED  # the server keeps the result
 
 
 def test_a_goal_is_rejected(pair):
@@ -114,7 +114,7 @@ def test_a_new_goal_pre_empts_the_old_one(pair):
     ended = first.result(5.0)
     old.abort()
     new.succeed()
-    new.abort()  # which changes nothing any more
+    new.abort()  # no effect: it has already ended
     assert (ended.result(5.0).status, second.result(5.0).result(5.0).status) == (ABORTED, SUCCEEDED)
 
 

@@ -1,4 +1,4 @@
-"""What `navloom ros graph` and `echo` print of a network of ours."""
+"""Output of `navloom ros graph` and `navloom ros echo`."""
 
 import json
 import threading

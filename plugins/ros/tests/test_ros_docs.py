@@ -1,4 +1,4 @@
-"""What docs/ros2.md has its readers write: configs that fit, and a script that runs."""
+"""The configs and the script in docs/ros2.md are valid."""
 
 import re
 import sys

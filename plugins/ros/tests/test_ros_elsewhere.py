@@ -1,4 +1,4 @@
-"""A map and paths of somebody else's ROS nodes, as mapper and planner."""
+"""The mapper `ros_map` and the planner `ros_path`."""
 
 import threading
 import time
@@ -92,7 +92,7 @@ def test_a_path_follows_the_goal_on_a_topic(network):
         goal = goals.take(5.0).message.pose.position
         paths.publish(path((0.0, 0.0), (0.0, 0.0), (2.0, 0.0), (goal.x, goal.y)))
 
-    until(lambda: isinstance(ours.plan(request()), PlanFailure) and goals.take(0.0))  # both ends hear each other
+    until(lambda: isinstance(ours.plan(request()), PlanFailure) and goals.take(0.0))  # until both are discovered
     thread = threading.Thread(target=answer)
     thread.start()
     found = ours.plan(request(3))

@@ -1,4 +1,4 @@
-"""A recording of navloom as a file of ROS: frames, numbers that can be checked by hand, and readers of others."""
+"""Export of a recording as a ROS file: frames, numbers that can be checked by hand, and third-party readers."""
 
 import math
 from pathlib import Path
@@ -68,7 +68,7 @@ def test_odometry_is_a_pose_in_odom_and_a_transform():
 
 
 def test_map_to_odom_closes_the_chain():
-    """Base is at (5, 5) facing up in the map, and at (1, 2) facing up in odom: odom stands at (4, 3), not turned."""
+    """Base is at (5, 5) facing up in the map, and at (1, 2) facing up in odom: odom is at (4, 3), not rotated."""
     translator = Translator(KILTED)
     one("platform", "odometry", odometry(1.0, 2.0, HALF), translator)
     made = one("localizer", "pose", estimate(5.0, 5.0, HALF), translator)

@@ -1,4 +1,4 @@
-"""ROS bags as recordings: conventions of ranges, mounts, clouds, what is taken, what is left out, and maps of them."""
+"""Import of ROS bags: conventions of ranges, mounts, clouds, which topics are imported or skipped, and maps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def bag_path(folder: Path, ros: int) -> Path:
 
 
 def one_bag(folder: Path, fill: Any) -> Path:
-    """A ROS 2 bag with odometry and what `fill` puts into it."""
+    """A ROS 2 bag with odometry, and what `fill` writes into it."""
     path = bag_path(folder, 2)
     with bags.Bag(path, 2) as bag:
         bag.put("/odom", bag.odometry(0.0, bags.START_NS), bags.START_NS)
@@ -49,7 +49,7 @@ def test_a_drive_is_imported_with_its_stamps_and_mounts(tmp_path: Path, ros: int
     assert [pose.stamp_ns for pose in poses] == [stamp for _, stamp in bags.times()]
     assert poses[-1].pose.x == pytest.approx(0.5 * 3.9) and poses[-1].twist.vx == 0.5
     scan = next(one.message for one in messages if isinstance(one.message, RangeScan))
-    # The laser looks to the left: its first beam goes ahead, to the wall 4.8 m away; its last one back, 1.2 m.
+    # The laser points to the left: its first beam points ahead, to the wall at 4.8 m; its last one back, to 1.2 m.
     assert scan.origins[0].tolist() == pytest.approx([0.2, 0.0])
     assert scan.bearings[[0, 90]].tolist() == pytest.approx([0.0, math.pi / 2], abs=1e-6)
     assert scan.ranges[[0, 90, 180]].tolist() == pytest.approx([4.8, 2.0, 1.2], abs=1e-3)
@@ -108,7 +108,7 @@ def test_an_organised_cloud_keeps_its_rows_and_columns(tmp_path: Path) -> None:
     assert sweep.pitches.tolist() == pytest.approx(sorted(rows), abs=1e-6)
     assert sweep.bearings.tolist() == pytest.approx(sorted(columns), abs=1e-6)
     assert sweep.geometry == "paper" and (sweep.x, sweep.z) == (0.1, 0.5)
-    # Point 5 was row 1, column 1 (0°, 20°): rows and columns rise now, so it is at (1, 2).
+    # Point 5 was row 1, column 1 (0°, 20°): rows and columns now ascend, so it is at (1, 2).
     assert np.isinf(sweep.ranges[1, 2]) and np.isinf(sweep.ranges).sum() == 1
     assert sweep.ranges[0].tolist() == pytest.approx([3.0] * 4, abs=1e-5)
 
@@ -189,7 +189,7 @@ def test_a_bag_without_ranges_is_refused_with_the_types_that_are_read(tmp_path: 
 
 
 def test_a_localizer_runs_on_an_imported_log_in_a_map_that_is_given(tmp_path: Path) -> None:
-    """Odometry runs 5 % too far, 0.1 m in all; the scans say where the robot is in the map of the room."""
+    """Odometry is 5 % too long, 0.1 m in total; the localizer corrects it with the scans and the map of the room."""
     path, out, world = bag_path(tmp_path, 2), tmp_path / "a.mcap", tmp_path / "room.toml"
     with bags.Bag(path, 2) as bag:
         bag.put("/tf_static", bag.transform("base_link", "laser", bags.MOUNT_X, bags.MOUNT_YAW, bags.START_NS),
@@ -277,7 +277,7 @@ def test_an_imported_log_gives_a_map_and_an_avoider_is_compared_with_the_driver(
     )
     assert found.exit_code == 0, found.output
     summary = json.loads(found.stdout)
-    # Walls of 4 + 2 + 2 m and more are seen, in cells of 0.05 m, one or two cells thick.
+    # The scans cover walls of at least 4 + 2 + 2 m, one or two cells of 0.05 m thick.
     assert 160 < summary["map"]["occupied"] < 500 and summary["driven_m"] == pytest.approx(1.95)
     assert summary["avoider"]["ticks"] > 30 and summary["avoider"]["against"] == ["the driver"]
     kept = {path.name for path in (tmp_path / "o").iterdir()}

@@ -1,4 +1,4 @@
-"""Bytes of messages, against those that ROS 2 itself wrote, and against bytes that are none."""
+"""Encoding and decoding: compared with bytes that ROS 2 itself wrote, and with malformed bytes."""
 
 import time
 
@@ -16,7 +16,7 @@ BASE, NAME, ARRAY = 1, 2, 3
 RANGES = {f"{sign}int{bits}": (bits, sign) for bits in (8, 16, 32, 64) for sign in ("", "u")}
 TESTED = sorted({one["type"] for one in WHEELS["messages"]} | set(CDR) | {"nav2_msgs/action/NavigateToPose_Goal"})
 SPARE = 12
-"""Most bytes behind the end of a message in the golden ones."""
+"""Most bytes after the end of a golden message."""
 
 
 @pytest.mark.parametrize("name", CDR)
@@ -37,7 +37,7 @@ def test_bytes_that_kilted_wrote_hold_the_values_that_it_was_given(index):
 
 
 def messages(name, depth=0):
-    """Any message of a type, as hypothesis makes them."""
+    """A hypothesis strategy for messages of a type."""
     return st.fixed_dictionaries({field: values(descriptor, depth) for field, descriptor in fields_of(name)}).map(
         lambda drawn: KILTED.new(name, **drawn)
     )

@@ -1,4 +1,4 @@
-"""Nodes of ours on a network of ours: topics, services, discovery, and what happens when the router restarts."""
+"""Nodes of navloom_ros on one network: topics, services, discovery, and a restart of the router."""
 
 import os
 import threading
@@ -41,7 +41,7 @@ def node(network, request):
 
 
 def linked(reader, topic, kind="MP", count=1):
-    """Whether a node sees so many of a kind under a name."""
+    """Whether a node has discovered `count` endpoints of a kind with a name."""
     return reader.wait_for(lambda graph: len(graph.find(topic, kind)) >= count, 5.0)
 
 
@@ -227,7 +227,7 @@ def test_everything_is_there_again_after_the_router_restarts():
 
 
 def listening():
-    """Local addresses of this host's sockets that listen, TCP and UDP."""
+    """Local addresses of this host's listening sockets, TCP and UDP."""
     found = set()
     for table in ("tcp", "tcp6", "udp", "udp6"):
         lines = Path(f"/proc/net/{table}").read_text("ascii").splitlines()[1:]
@@ -236,7 +236,7 @@ def listening():
 
 
 def own(sockets):
-    """Those of this process, by their inodes."""
+    """Those of this process, found by their inodes."""
     inodes = set()
     for link in Path("/proc/self/fd").iterdir():
         with suppress(OSError):

@@ -1,4 +1,4 @@
-"""The README's examples run as they stand, but for the router's address."""
+"""The README's examples run unchanged, except for the router's address."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Goals of ROS tools, driven by a robot that the test plays, and what is published of a robot."""
+"""`navloom ros serve`: goals from ROS tools, with a simulated robot, and the topics that it publishes."""
 
 import threading
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from ros_network import Router, until
 
 
 class Handle:
-    """A goal on its way: the test ends it."""
+    """A goal that the robot executes; the test ends it."""
 
     def __init__(self):
         self.result = None
@@ -169,14 +169,14 @@ def test_a_nav2_robot_is_driven_like_one_of_ours(network, robot):
         handle = navigator.go(2.0, 1.0, 0.5)
         assert until(lambda: robot.handles)
         ours = threading.Thread(target=lambda: until(lambda: robot.handles[0].tell() or handle.feedback))
-        ours.start()  # a first feedback may be sent before this end is known to the other
+        ours.start()  # the first feedback may be sent before the client is discovered
         feedback = next(handle.updates(5.0))
         ours.join()
         assert (feedback.distance, feedback.time_left, feedback.recoveries) == (1.25, 2.5, 1)
         robot.handles[0].end("no_path", "a wall")
         result = handle.wait(5.0)
         assert (result.outcome, result.reason) == ("error", "aborted: no_path: a wall")
-        assert (result.place.x, result.place.y) == (0.5, 0.0)  # where it was last
+        assert (result.place.x, result.place.y) == (0.5, 0.0)  # its last place
         handle = navigator.go(3.0, 1.0, via=[(3.0, 0.0)])
         assert until(lambda: robot.asked[1:]) == [(3.0, 1.0, pytest.approx(np.pi / 2), [(3.0, 0.0)])]
         assert navigator.cancel() and handle.wait(5.0).outcome == "cancelled" and not navigator.cancel()

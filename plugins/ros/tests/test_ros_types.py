@@ -1,4 +1,4 @@
-"""Type hashes against those of ROS 2's own generators, and definitions that a user brings."""
+"""Type hashes compared with those of ROS 2's own generators, and definitions from a user's folder."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Names, keys, tokens, attachments and QoS as rmw_zenoh writes them, and as nobody should."""
+"""Names, keys, tokens, attachments and QoS texts: those of rmw_zenoh, and invalid ones."""
 
 import pytest
 from hypothesis import given
@@ -17,7 +17,7 @@ CAPTURED_TOKEN = (
     "@ros2_lv/0/9ca0f8facf84ffb1e6bfa4f2500889f0/0/3/MP/%/%/_ros2cli_712/%chatter/std_msgs::msg::dds_::String_/"
     "TypeHashNotSupported/:1:,1:,:,:,,"
 )
-"""What a live publisher of ROS 2 Humble sent beside a message, and its token: captured by the authors of dora-rs."""
+"""Attachment and token of a live publisher of ROS 2 Humble, captured by the authors of dora-rs."""
 LISTENER = f"@ros2_lv/2/{SESSION}/0/0/NN/%/%/listener"
 CHATTER = f"@ros2_lv/0/{SESSION}/0/10/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,7:,:,:,,"
 """Tokens as rmw_zenoh's own documentation shows them."""

@@ -76,7 +76,7 @@ def test_without_noise_two_seeds_agree(bench):
     np.testing.assert_array_equal(one, two)
 
 
-def test_reset_begins_the_run_anew(bench):
+def test_reset_restarts_the_run(bench):
     robot = bench({"noise": False, "motor_time_constant": 0.1}, QUIET, CLUTTER)
     one = drive(robot)
     robot.platform.reset()

@@ -174,7 +174,7 @@ def test_a_weaker_push_opens_doors_and_leaves_less_room() -> None:
 
 
 @pytest.mark.slow
-def test_where_the_sensors_see_too_little_posts_and_frames_are_touched() -> None:
+def test_with_poor_sensors_it_is_no_worse_than_the_readme_states() -> None:
     """The limits in the README: the figures are no worse than stated there."""
     pairs = told("fields, pairs", all_of(field, [(seed,) for seed in range(50)], sensors=PAIRS))
     assert pairs["contact"] <= 8

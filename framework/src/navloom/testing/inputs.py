@@ -87,10 +87,11 @@ class _Maker:
         self.takes_sweeps = any(issubclass(Sweep, kind) for kind in self.cls.accepts)
 
     def context(self, start: Place = (0.0, 0.0), world: World | None = None, **given: Any) -> Context:
-        """A context of the plugin's role, with a map if the plugin needs one."""
+        """A context of the plugin's role, with a map if the plugin needs one, and with the world for a platform."""
         if self.cls.needs_map and self.subject.kind in ("mapper", "localizer"):
             given.setdefault("map", scenes.grid(world or scenes.room()))
-        return builders.context(role=self.subject.kind, start=start, period=PERIOD, **given)
+        simulated = world if self.subject.kind == "platform" else None
+        return builders.context(role=self.subject.kind, start=start, period=PERIOD, world=simulated, **given)
 
     def scan(self, world: World, at: Place, stamp: float, **given: Any) -> RangeScan:
         """A scan with noise."""

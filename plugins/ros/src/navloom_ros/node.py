@@ -1,4 +1,7 @@
-"""A ROS node in plain Python: publishers, subscriptions, services and clients, over the wire of rmw_zenoh."""
+"""`Node`: a ROS node in plain Python, which declares publishers, subscriptions, services and clients.
+
+`topics` and `services` have what it declares, `wire` its Zenoh session, `graph` the other nodes of the network.
+"""
 
 from __future__ import annotations
 
@@ -29,18 +32,19 @@ class Node:
     """A node on a robot's ROS network. Use it in a `with` statement.
 
     Args:
-        name, namespace: As ROS knows it.
+        name, namespace: ROS name and namespace of the node.
         router: Endpoint of the robot's Zenoh router.
         domain: ROS_DOMAIN_ID.
-        types: Of the robot's distribution.
-        remap: Names given instead of others, as `names.remapping` reads them.
+        types: Types of the robot's distribution; by default those of Jazzy.
+        remap: New names by old name, as from `names.remapping`.
 
     Attributes:
-        graph: Who is there.
+        graph: The nodes and endpoints of the domain, this node included.
 
     Raises:
-        NoRouter: There is no router.
+        NoRouter: No router answers at the endpoint.
         BadName: A name that ROS does not allow.
+        RosError: The domain is out of range.
     """
 
     def __init__(
@@ -81,57 +85,57 @@ class Node:
         self.close()
 
     def close(self) -> None:
-        """End everything that it offers, and leave the network."""
+        """Withdraw everything that the node has declared, and leave the network."""
         for end in reversed(self._ends):
             end()
         self._ends.clear()
         self.wire.close()
 
     def keep(self, end: Callable[[], None]) -> None:
-        """Call this when the node closes."""
+        """Register a function to call when the node closes."""
         self._ends.append(end)
 
     def publisher(self, topic: str, type_name: str, qos: Qos = DEFAULT) -> Publisher:
-        """Offer a topic."""
+        """Declare a publisher."""
         entity, key = self._endpoint("MP", topic, type_name, qos)
         made = Publisher(self.wire, self.types, self.keep, entity, key)
         self._declare(entity)
         return made
 
     def subscription(self, topic: str, type_name: str, qos: Qos = DEFAULT) -> Subscription:
-        """Read a topic; nothing else of the network is received."""
+        """Declare a subscription; nothing else of the network is received."""
         entity, key = self._endpoint("MS", topic, type_name, qos)
         made = Subscription(self.wire, self.types, self.keep, entity, key)
         self._declare(entity)
         return made
 
     def service(self, name: str, type_name: str, handler: Callable[[Call], None]) -> Service:
-        """Offer a service; `handler` gets each call on a thread of the service, and answers it then or later."""
+        """Offer a service. `handler` receives each call on a thread of the service, and may answer it later."""
         entity, key = self._endpoint("SS", name, type_name, SERVICES)
         made = Service(self.wire, self.types, self.keep, entity, key, handler)
         self._declare(entity)
         return made
 
     def client(self, name: str, type_name: str) -> Client:
-        """Use a service."""
+        """Declare a client of a service."""
         entity, key = self._endpoint("SC", name, type_name, SERVICES)
         self._declare(entity)
         return Client(self.wire, self.types, entity, key)
 
     def wait_for(self, condition: Callable[[Graph], Any], timeout: float) -> Any:
-        """Wait until something is true of the graph; what it gives, or gave last."""
+        """Wait until `condition` of the graph is true, at most `timeout` s; returns its last value."""
         with self._changed:
             return self._changed.wait_for(lambda: condition(self.graph), timeout)
 
     def settle(self, quiet: float = 0.3, longest: float = 3.0) -> None:
-        """Wait until nobody has come or gone for `quiet` s, at most `longest` s: then it is known who is there."""
+        """Wait until the graph has not changed for `quiet` s, at most `longest` s, to discover existing nodes."""
         end = time.monotonic() + longest
         with self._changed:
             while time.monotonic() < end and self._changed.wait(quiet):
                 pass
 
     def mismatches(self, topic: str) -> list[Entity]:
-        """Publishers of a topic that this node's subscriptions cannot hear: of another type, or another hash."""
+        """Publishers of a topic that this node's subscriptions cannot receive: their type or its hash differs."""
         name = full_name(topic, self.namespace, self.name, self._remap)
         ours = {(one.type_name, one.type_hash) for one in self.graph.find(name, ("MS",)) if self._is_own(one)}
         return [one for one in self.graph.find(name, ("MP",)) if ours and (one.type_name, one.type_hash) not in ours]

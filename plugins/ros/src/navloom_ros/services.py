@@ -1,4 +1,4 @@
-"""Services of a node, and clients that ask those of others."""
+"""Services and their clients; `Node.service` and `Node.client` create them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,15 @@ __all__ = ["Call", "Client", "NoAnswer", "Service"]
 
 
 class NoAnswer(RosError):
-    """A service that has not answered: it is not there, or it took too long."""
+    """A service has not answered: it does not exist, or the request has timed out."""
 
 
 class Call:
-    """A request that has arrived at a service, to be answered once, from any thread, now or later."""
+    """A request that a service has received. It may be answered later, once, from any thread.
+
+    Attributes:
+        request: The decoded request, a message of the type `…_Request`.
+    """
 
     def __init__(self, service: Service, question: Question, request: Any, beside: Attachment) -> None:
         self.request = request
@@ -33,27 +37,28 @@ class Call:
         self._beside = beside
 
     def answer(self, response: Any = None, /, **values: Any) -> None:
-        """Send the response, or one with these values. Raises UnfitMessage where it does not fit."""
+        """Send the response, or one with these values. Raises UnfitMessage if it does not fit its type."""
         data = self._service.encoded(response, values)
         attachment = Attachment(self._beside.sequence, now_ns(), self._beside.gid)
         self._question.answer(self._service.key, data, attachment.data)
 
     def drop(self) -> None:
-        """End it without an answer."""
+        """Finish the request without an answer."""
         self._question.drop()
 
 
 class Service:
-    """Answers requests, one after the other, on a thread of its own.
+    """Passes requests to a handler, one at a time, on a separate thread.
 
     Args:
-        wire, types, keep: Of its node.
-        entity, key: Its own.
-        handler: Gets each call.
+        wire, types, keep: Those of its node.
+        entity, key: Its entry in the graph, and its Zenoh key.
+        handler: Receives each call.
 
     Attributes:
-        refused: Requests that could not be read, or were too many to wait.
-        failed: Requests whose handler raised; the client gets no answer. `reason` says why the last one had none.
+        refused: Number of requests that could not be decoded, or for which the queue was full.
+        failed: Number of requests whose handler raised an exception; their clients get no answer.
+        reason: Why the last request of either kind got no answer.
     """
 
     def __init__(
@@ -73,7 +78,7 @@ class Service:
         keep(wire.serve(key, self._on_question))
 
     def encoded(self, response: Any, values: Mapping[str, Any]) -> bytes:
-        """Bytes of a response."""
+        """Bytes of a response. Raises UnfitMessage."""
         name = f"{self.entity.type_name}_Response"
         return self._types.encode_as(name, self._types.new(name, **values) if response is None else response)
 
@@ -101,14 +106,18 @@ class Service:
                 continue
             try:
                 self._handler(Call(self, question, request, beside))
-            except Exception as error:  # of a stranger's handler; the client is not kept waiting for it
+            except Exception as error:  # of foreign code; dropping the request ends the wait of its client
                 self.failed += 1
                 self.reason = f"{type(error).__name__}: {error}"
                 question.drop()
 
 
 class Client:
-    """Asks a service."""
+    """Sends requests to a service.
+
+    Args:
+        wire, types, entity, key: See `Service`.
+    """
 
     def __init__(self, wire: Wire, types: Types, entity: Entity, key: str) -> None:
         self.entity = entity
@@ -118,11 +127,11 @@ class Client:
         self._sequence = itertools.count(1)
 
     def ask(self, request: Any = None, timeout: float = 10.0) -> Future[Any]:
-        """Send a request; the future gets the response, or NoAnswer.
+        """Send a request; returns a future of the response, or of NoAnswer.
 
         Args:
-            request: Of the service's request type, or its values by field, or nothing for the defaults.
-            timeout: s until it is given up.
+            request: A message of the type `…_Request`, its values by field, or None for the defaults.
+            timeout: Longest wait for the response, s.
 
         Raises:
             UnfitMessage: The request does not fit the service's type.
@@ -154,8 +163,9 @@ class Client:
         """Send a request and wait for the response.
 
         Raises:
-            NoAnswer: There is no such service, or it took too long.
-            MalformedMessage: The response is none.
+            NoAnswer: The service does not exist, or does not answer in time.
+            MalformedMessage: The response cannot be decoded.
+            UnfitMessage: The request does not fit the service's type.
         """
         try:
             return self.ask(request, timeout).result(timeout + 1.0)
@@ -164,7 +174,7 @@ class Client:
 
 
 def _answers(asked: Attachment, beside: bytes) -> bool:
-    """Whether an answer is to this very request: it bears its number and its client."""
+    """Whether the attachment of an answer has the sequence number and the client of the request."""
     try:
         answered = Attachment.parsed(beside)
     except BadToken:

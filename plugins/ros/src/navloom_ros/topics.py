@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of a node's topics."""
+"""Publishers and subscriptions; `Node.publisher` and `Node.subscription` create them."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from navloom_ros.wire import Keep, Wire, now_ns
 __all__ = ["Publisher", "Received", "Subscription"]
 
 WITH_BUFFERS = ("lyrical",)
-"""Distributions whose publishers may send types with `uint8[]` to another key, see `plain_buffer_key`."""
+"""Distributions whose publishers may send types with `uint8[]` on a second key, see `plain_buffer_key`."""
 
 
 @dataclass(frozen=True)
 class Received:
-    """A message and what came beside it.
+    """A received message and its metadata.
 
     Attributes:
-        message: Decoded.
-        sequence: Its number among those of its publisher, from 1.
+        message: The decoded message.
+        sequence: Number of the message, from 1 for each publisher.
         source_ns: When it was sent, ns since the epoch on the sender's clock.
         received_ns: When it arrived here, ns since the epoch on the clock of this host.
-        gid: Of the publisher.
+        gid: Identifier of the publisher, see `tokens.Entity.gid`.
         arrived_ns: When it arrived here, on the monotonic clock of this host, ns.
     """
 
@@ -47,8 +47,8 @@ class Publisher:
     """Sends messages of one type on one topic.
 
     Args:
-        wire, types, keep: Of its node.
-        entity, key: Its own.
+        wire, types, keep: Those of its node.
+        entity, key: Its entry in the graph, and its Zenoh key.
     """
 
     def __init__(self, wire: Wire, types: Types, keep: Keep, entity: Entity, key: str) -> None:
@@ -68,18 +68,19 @@ class Publisher:
         if message is None:
             message = self._types.new(self.entity.type_name, **values)
         data = self._types.encode_as(self.entity.type_name, message)
-        with self._lock:  # numbers arrive in their order
+        with self._lock:  # so that sequence numbers arrive in order
             self._put(data, Attachment(next(self._sequence), now_ns(), self.entity.gid).data)
 
 
 class Subscription:
-    """Keeps the last messages of a topic, as many as its quality of service says, until they are taken.
+    """Queues the messages of a topic until they are taken; the depth of the quality of service limits the queue.
 
     Args:
         wire, types, keep, entity, key: See `Publisher`.
 
     Attributes:
-        refused: Messages that could not be read, since the beginning; `reason` says why the last one was.
+        refused: Number of messages that could not be decoded.
+        reason: Why the last of them could not be decoded.
     """
 
     def __init__(self, wire: Wire, types: Types, keep: Keep, entity: Entity, key: str) -> None:
@@ -97,10 +98,10 @@ class Subscription:
             keep(wire.subscribe(plain_buffer_key(key), qos, self._on_sample))
 
     def take(self, timeout: float | None = 0.0) -> Received | None:
-        """The oldest message that has not been taken; None where none comes in time, or the node is closed.
+        """Take the oldest message from the queue; None if none arrives in time, or the node closes.
 
         Args:
-            timeout: s to wait; None waits as long as the node is open.
+            timeout: Longest wait, s; None to wait until the node closes.
         """
         while True:
             with self._news:
@@ -118,7 +119,7 @@ class Subscription:
             return Received(message, beside.sequence, beside.source_ns, received_ns, beside.gid, arrived_ns)
 
     def close(self) -> None:
-        """Let whoever waits go on."""
+        """Wake all threads that wait in `take`."""
         with self._news:
             self._closed = True
             self._news.notify_all()

@@ -1,6 +1,7 @@
-"""Messages of a navloom robot as those of ROS, REP 105 frames: map, odom, base_link, and one a sensor.
+"""Translates the messages of a navloom robot to ROS messages, for `navloom ros export` and `navloom ros serve`.
 
-It reads attributes only and knows no class of navloom, so that it can be tested, and used, without a recording.
+Frames follow REP 105: map, odom, base_link, and one for each sensor. It reads attributes of messages only and imports
+no class of navloom, so that it can be tested and used without a recording.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ TOPICS = {
     "/cmd_vel": "the gate's command as TwistStamped; `/controller/cmd_vel` and `/avoider/cmd_vel` what they asked for",
     "/diagnostics": "the gate: who drives, and why it stopped",
 }
-"""What becomes of a robot's streams."""
+"""Topics of the translated messages, and what each has; the table in README.md."""
 EVEN = 1e-6
-"""rad; beams whose steps differ by less are those of a LaserScan."""
+"""Largest difference between the steps of the beams of a LaserScan, rad."""
 _ARC = 1e-3
-"""rad; beams with a larger half angle are sonars."""
+"""Half angle above which a beam is a sonar, rad."""
 _OK, _WARN = 0, 1
 _POINT_FIELDS = [("x", 0), ("y", 4), ("z", 8)]
 _FLOAT32 = 7
@@ -49,7 +50,7 @@ _ULTRASOUND = 0
 
 @dataclass(frozen=True)
 class Translated:
-    """A message of ROS and where it goes."""
+    """A ROS message and its topic."""
 
     topic: str
     message: Any
@@ -57,12 +58,12 @@ class Translated:
 
 @dataclass
 class Translator:
-    """Turns one message after the other; it remembers what frames and selections need.
+    """Translates the messages of one robot in order. It stores the latest poses, mounts and active instances.
 
     Attributes:
-        types: Of the distribution that reads the result.
-        offset_ns: Added to the run clock to give stamps.
-        left_out: Messages that have no counterpart, by role and port.
+        types: Types of the distribution that reads the result.
+        offset_ns: Offset from the run clock to the stamps, ns.
+        left_out: Number of messages that were not translated, by role and port: without a counterpart, or not active.
     """
 
     types: Types
@@ -74,7 +75,13 @@ class Translator:
     _mounted: dict[str, Any] = field(default_factory=dict)
 
     def translate(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> list[Translated]:
-        """What a message is to ROS; nothing where it has no counterpart or its instance is not the active one."""
+        """The ROS messages for a message; empty if it has no counterpart or its instance is not active.
+
+        Args:
+            role, instance, port: Of the message's stream.
+            message: The message.
+            stamp_ns: Its stamp on the run clock, ns.
+        """
         kind = type(message).__name__
         if kind == "Selection":
             self._active.update(entry.split(" ", 1) for entry in message.instances)
@@ -87,7 +94,7 @@ class Translator:
         return list(maker(self, message, port, stamp))
 
     def header(self, stamp_ns: int, frame: str) -> dict[str, Any]:
-        """A header's values."""
+        """Values of a header."""
         seconds, nanoseconds = divmod(stamp_ns + self.offset_ns, 1_000_000_000)
         return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
 
@@ -98,7 +105,7 @@ class Translator:
         return self._made("/tf", "tf2_msgs/msg/TFMessage", transforms=[_transform(stamp, parent, child, pose)])
 
     def _mount(self, stamp: Any, frame: str, pose: Pose) -> Iterator[Translated]:
-        """All mounts so far, where this one is new: who comes late gets only the last message."""
+        """All mounts so far if this one is new, because a late joiner of a latched topic gets only the last message."""
         if frame not in self._mounted:
             self._mounted[frame] = _transform(stamp, "base_link", frame, pose)
             yield self._made("/tf_static", "tf2_msgs/msg/TFMessage", transforms=list(self._mounted.values()))
@@ -218,7 +225,7 @@ class Translator:
             yield self._made("/avoider/markers", "visualization_msgs/msg/MarkerArray", markers=markers)
 
     def _plan(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
-        if not hasattr(message, "points"):  # a failure
+        if not hasattr(message, "points"):  # a plan failure
             return
         steps = np.diff(message.points, axis=0)
         headings = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.zeros(1)
@@ -273,13 +280,13 @@ _MAKERS: dict[tuple[str, str], Maker] = {
     ("gate", "status"): Translator._gate,
     ("avoider", "status"): Translator._avoider,
 }
-"""By role and port."""
+"""Methods that translate the streams, by role and port."""
 _BY_KIND: dict[str, Maker] = {"RangeScan": Translator._scan, "Sweep": Translator._sweep}
-"""Of sensors, whose ports have names of their own."""
+"""Methods that translate sensor messages, by class: the ports of sensors have any name."""
 
 
 def _sweep_points(sweep: Any) -> Floats:
-    """Echoes of a pitched planar laser in the base frame, m, (n, 3).
+    """Echoes of a sweep of a pitched planar laser, (n, 3), m, base frame.
 
     "paper": r cosα about the vertical (Hoang et al. 2013, eq. (1)). "rigid_pitch": the scan plane tilted as a whole.
     """
@@ -295,7 +302,7 @@ def _sweep_points(sweep: Any) -> Floats:
 
 
 def _map_to_odom(base_in_map: Pose, base_in_odom: Pose) -> Pose:
-    """Where the odometry frame stands in the map: map_T_base · (odom_T_base)⁻¹."""
+    """Pose of the odometry frame in the map: map_T_base · (odom_T_base)⁻¹."""
     heading = math.remainder(base_in_map[2] - base_in_odom[2], math.tau)
     cos, sin = math.cos(heading), math.sin(heading)
     x = base_in_map[0] - cos * base_in_odom[0] + sin * base_in_odom[1]

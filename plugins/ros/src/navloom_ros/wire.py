@@ -28,7 +28,7 @@ CONNECT = 2.0
 """Longest wait for the router when a session opens, s."""
 
 Keep = Callable[[Callable[[], None]], None]
-"""Takes what is called when a node closes."""
+"""Registers a function to call when the node closes."""
 OnSample = Callable[[bytes, bytes], None]
 """Callback for a message and its attachment, as bytes. It runs on Zenoh's thread and must not block."""
 

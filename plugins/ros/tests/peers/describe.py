@@ -1,6 +1,6 @@
-"""Writes definitions and type descriptions that ROS 2's wheels lack, as an installed ROS has them, for the peers.
+"""Writes definitions and type descriptions that ROS 2's wheels lack, for the peers, in the layout of an installed ROS.
 
-The hashes in them are ours, held against the real ones by test_ros_types.py.
+Their hashes are computed by navloom_ros; test_ros_types.py compares those with ROS's own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NEEDED = (
     "std_msgs",
     "unique_identifier_msgs",
 )
-"""Packages that those with definitions here refer to."""
+"""Packages on which the written packages depend."""
 
 
 def describe(types: Types, folders: list[Path], prefix: Path) -> None:

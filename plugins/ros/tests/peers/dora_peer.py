@@ -1,7 +1,7 @@
-"""A ROS node of dora-rs, an implementation of the wire that shares nothing with ours, told by lines of JSON what to do.
+"""A ROS node of dora-rs, an independent implementation of the wire protocol, controlled by lines of JSON.
 
-Run by test_ros_peers.py with the Python of the peers: `python dora_peer.py ROUTER PREFIX…`. Each line is a list of an
-operation and its arguments; each answer is a line with `ok` or `error`.
+test_ros_peers.py runs it with the Python of the peers: `python dora_peer.py ROUTER PREFIX…`. Each line of input is a
+list of an operation and its arguments; each answer is a line with `ok` or `error`.
 """
 
 import json
@@ -35,7 +35,7 @@ NUMBERS = {"bool": pyarrow.bool_(), "byte": pyarrow.uint8(), "char": pyarrow.uin
 
 
 def arrow(shape):
-    """Arrow's type of a field: a primitive's name, a list of one shape, or shapes of fields by name."""
+    """The Arrow type of a shape: the name of a primitive, a list of one shape, or a dict of shapes by field."""
     if isinstance(shape, dict):
         return pyarrow.struct([(name, arrow(inner)) for name, inner in shape.items()])
     if isinstance(shape, list):
@@ -49,7 +49,7 @@ def struct(value_and_shape):
 
 
 class Peer:
-    """Every operation by its name; what it makes is kept by the name of its topic, service or action."""
+    """One method per operation. Endpoints are stored by the name of their topic, service or action."""
 
     def __init__(self, config):
         context = dora.Ros2Context(PREFIXES, dora.Ros2Transport.zenoh("rep2016", config))

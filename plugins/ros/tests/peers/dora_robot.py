@@ -1,8 +1,8 @@
-"""A ROS robot of dora-rs with physics of its own: a differential base of 0.4 m in a room with two boxes.
+"""A simulated ROS robot on dora-rs, for campaign_ros2_base.py: a differential base of 0.4 m in a room with two boxes.
 
-`python dora_robot.py ROUTER SHAPES LOG PREFIX…`: SHAPES has Arrow's types of the messages, LOG gets a line for each
-command (monotonic time, speed, turn), each time-out and each 50 ms of truth. Its own command timeout is 0.5 s. One that
-starts again stands where it stood, and its odometry begins again.
+`python dora_robot.py ROUTER SHAPES LOG PREFIX…`: SHAPES is a file with the Arrow types of the messages. LOG gets a line
+for each command (monotonic time, speed, turn rate), for each timeout, and for the true pose every 50 ms. The base stops
+0.5 s after the last command. After a restart it is at its last true pose, and its odometry starts from zero.
 """
 
 import json
@@ -23,7 +23,7 @@ import pyarrow  # noqa: E402
 TIMEOUT, STEP, BEAMS, REACH = 0.5, 0.01, 360, 8.0
 ACCELERATION, TURN_ACCELERATION = 1.5, 6.0
 AHEAD = 0.12
-"""m from the base to the laser."""
+"""Distance from the base to the laser, forward, m."""
 ROOM = (-1.0, -2.5, 6.0, 2.5)
 BOXES = [(2.0, -0.6, 2.6, 0.4), (4.0, 0.2, 4.5, 1.2)]
 SETTINGS = {
@@ -53,7 +53,7 @@ EDGES = np.array(list(edges()))
 
 
 def ranges(x, y, bearings):
-    """Distance to the nearest edge along each bearing, m; infinite beyond the laser's reach."""
+    """Distance to the nearest edge along each bearing, m; infinite beyond the laser's range."""
     along = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)[:, None, :]
     start, way = EDGES[None, :, 0, :], (EDGES[:, 1, :] - EDGES[:, 0, :])[None]
     gap = start - np.array([x, y])
@@ -129,7 +129,7 @@ class Robot:
             pose[2] = math.remainder(pose[2] + self.turn * STEP, math.tau)
 
     def gap(self):
-        """m from the centre to the nearest edge."""
+        """Distance from the centre to the nearest edge, m."""
         return float(np.min(ranges(self.pose[0], self.pose[1], np.linspace(0.0, math.tau, 120, endpoint=False))))
 
     def publish_mounts(self):
@@ -166,13 +166,13 @@ class Robot:
 
 
 def last_pose():
-    """Where the log says that the robot stands."""
+    """The last true pose in the log; the origin if there is none."""
     told = [json.loads(line) for line in Path(LOG).read_text().splitlines()] if Path(LOG).exists() else []
     return next((one[2:5] for one in reversed(told) if one[0] == "truth"), [0.0, 0.0, 0.0])
 
 
 def stamp():
-    now = time.time_ns() + 77_000_000_000  # its clock is not ours
+    now = time.time_ns() + 77_000_000_000  # the robot's clock differs from this host's
     return {"sec": now // 1_000_000_000, "nanosec": now % 1_000_000_000}
 
 

@@ -1,4 +1,4 @@
-"""Makes `data/kilted_wheels.json` with ROS 2 Kilted's own wheels: bytes of random messages, and hashes of all types.
+"""Writes `data/kilted_wheels.json` with ROS 2 Kilted's own wheels: bytes of random messages, and hashes of all types.
 
 Run it by hand with a Python that has the wheels of the dependency group `ros-peers`:
 
@@ -136,7 +136,7 @@ def classes(name):
 
 
 def hashes():
-    """Hash of every type that the wheels describe, with the parts of services."""
+    """Hash of every type in the wheels, parts of services included."""
     found = {}
     for path in sorted((Path(sys.prefix) / "share").glob("*/*/*.json")):
         if path.parent.name in ("msg", "srv", "action") and path.parent.parent.name in PACKAGES:

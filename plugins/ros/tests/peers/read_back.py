@@ -1,4 +1,7 @@
-"""Reads bytes of ours with ROS 2 Kilted's own deserializer: lines of JSON with a type and bytes in, values out."""
+"""Decodes bytes that navloom_ros encoded, with ROS 2 Kilted's own deserializer, for test_ros_peers.py.
+
+Each line of input is a JSON list of a type and its bytes, hexadecimal; each line of output has the values.
+"""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""A Zenoh router in a process of its own, as `rmw_zenohd` is one: `python zenoh_router.py ENDPOINT`."""
+"""A Zenoh router in place of `rmw_zenohd`, for campaign_ros2_base.py: `python zenoh_router.py ENDPOINT`."""
 
 import json
 import sys

@@ -13,7 +13,7 @@ from navloom.geometry.footprints import rectangle
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Place
 
-__all__ = ["ALL_ROUND", "TWO_LASERS", "Mount", "Post", "Scene", "Wall"]
+__all__ = ["ALL_ROUND", "MAST", "TWO_LASERS", "Mount", "Post", "Scene", "Wall"]
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +54,8 @@ class Mount:
 ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
 TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0.0, 2.0))
 """Two lasers, neither in the middle of the robot nor with a view all round."""
+MAST = (Mount("mast", -0.25, 0.15, 0.0, math.pi),)
+"""One laser with a view all round, behind the middle of the robot and beside it."""
 
 
 @dataclass(frozen=True)

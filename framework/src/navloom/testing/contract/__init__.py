@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from navloom.testing.contract import (
     answers,
+    centred,
     conduct,
     declared,
     lasting,
@@ -23,6 +24,7 @@ CHECKS = (
     *declared.CHECKS,
     *answers.CHECKS,
     *sense.CHECKS,
+    *centred.CHECKS,
     *surroundings.CHECKS,
     *platforms.CHECKS,
     *steering.CHECKS,

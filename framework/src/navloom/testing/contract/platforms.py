@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from navloom.geometry.echoes import poses_at
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Box, World
-from navloom.messages import Pose2D, RangeScan
+from navloom.messages import Pose2D, PoseTrack, RangeScan, Sweep
 from navloom.roles import Context, Platform, PlatformOutput, SensorSpec
 from navloom.testing import builders, scenes
 from navloom.testing.bench import Bench, alike
@@ -19,7 +19,7 @@ from navloom.testing.checks import check
 from navloom.testing.contract.parameters import values_of
 from navloom.testing.findings import Finding, NotRun
 from navloom.testing.inputs import PERIOD
-from navloom.testing.player import Fault
+from navloom.testing.player import Fault, Player
 
 __all__ = ["CHECKS"]
 
@@ -27,8 +27,11 @@ Floats = NDArray[np.float64]
 
 START = (0.3, -0.2, 0.4)
 """Pose of the robot, m, m, rad: neither at the origin nor along an axis."""
-LOOKS, PUSHES = 25, 80
-"""Steps for which the robot is stopped, and for which it drives against a wall."""
+LOOKS, TURNS, PUSHES = 25, 50, 80
+"""Steps for which the robot is stopped, turns in place, and drives against a wall."""
+STILL = (0.0, 0.0)
+TURN = 0.7
+"""Turn rate of the robot that turns, rad/s."""
 AT = 0.3
 """Height of the rays that echoes are compared with, m; everything in the world is taller."""
 NEAR, SHARE = 0.15, 0.05
@@ -37,6 +40,14 @@ RIGHT = 0.8
 """Share of the echoes that must be right."""
 RAYS = 9
 """Rays that are cast across the width of a beam."""
+AWAY = (0.3, -0.2, -2.4)
+"""Pose of a robot that turns its back to the walls, m, m, rad."""
+CLEAR = 1.2
+"""A beam meets nothing if the next object is farther than this many times its range plus 0.5 m."""
+FEWEST = 5
+"""Fewest beams of a sensor that are judged."""
+HEARD = 0.2
+"""Greatest share of the beams that meet nothing and have an echo: sensors have false ones."""
 APART = 3
 """Steps for which contact and truth may differ: a bumper has a delay."""
 
@@ -58,13 +69,14 @@ def _context(bench: Bench, sensors: tuple[SensorSpec, ...], start: tuple[float, 
     return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=_world())
 
 
-def _outputs(bench: Bench, context: Context, speed: float, steps: int) -> list[PlatformOutput]:
-    """Outputs of the platform while it is commanded to drive straight ahead at `speed`, m/s."""
-    usual = bench.sound()[0]
+def _outputs(
+    bench: Bench, context: Context, twist: tuple[float, float], steps: int, seed: int = 0
+) -> list[PlatformOutput]:
+    """Outputs of the platform while it is commanded a speed, m/s, and a turn rate, rad/s, in the run of a seed."""
     with alike():
-        player = bench.player(replace(usual, context=context))
+        player = Player(bench.subject, context, bench.seed + seed)
         return [
-            player.step(builders.platform_input((speed if k else 0.0, 0.0), k * PERIOD, 1 if k == 3 else None))
+            player.step(builders.platform_input(twist if k else (0.0, 0.0), k * PERIOD, 1 if k == 3 else None))
             for k in range(steps)
         ]
 
@@ -78,19 +90,32 @@ def echoes(bench: Bench) -> Iterator[Finding]:
     if not specs:
         raise NotRun("it has no range sensor that works without settings")
     context = _context(bench, specs)
-    right: dict[str, list[bool]] = {}
-    for out in _outputs(bench, context, 0.0, LOOKS):
-        pose = context.start if out.truth is None else out.truth.pose
-        for name, scan in out.scans.items():
-            right.setdefault(name, []).extend(_right(scan, pose, _world()) if isinstance(scan, RangeScan) else ())
-    for name, found in right.items():
-        if found and sum(found) < RIGHT * len(found):
-            yield Finding(
-                f"gives echoes of the sensor {name!r} of which {1.0 - np.mean(found):.0%} lie where there is nothing",
-                "origins and bearings in the base frame, rad, counter-clockwise, ranges in m, and +inf for no echo",
-                given=f"a robot at {START[:2]} m heading {START[2]} rad, walls to the left and ahead, and a box",
-            )  # fmt: skip
-            return
+    for twist, steps, does in ((STILL, LOOKS, "stands"), ((0.0, TURN), TURNS, "turns")):
+        right: dict[str, list[bool]] = {}
+        outputs = _outputs(bench, context, twist, steps)
+        track = _track(context, outputs)
+        for out in outputs:
+            for name, scan in out.scans.items():
+                right.setdefault(name, []).extend(_right(scan, track, _world()) if isinstance(scan, RangeScan) else ())
+        for name, found in right.items():
+            if found and sum(found) < RIGHT * len(found):
+                yield Finding(
+                    f"gives echoes of the sensor {name!r} of which {1.0 - np.mean(found):.0%} lie where nothing is",
+                    "origins and bearings in the base frame, rad, counter-clockwise, ranges in m, +inf for no echo, "
+                    "and as stamp the time at which they were taken",
+                    given=f"a robot that {does} at {START[:2]} m heading {START[2]} rad, walls to the left and ahead, "
+                    "and a box",
+                )  # fmt: skip
+                return
+        if any(out.truth is None for out in outputs):
+            return  # nothing tells where a robot that turns is
+
+
+def _track(context: Context, outputs: list[PlatformOutput]) -> PoseTrack:
+    """Where the robot was, by its truth; where there is none, at its start."""
+    poses = [context.start if out.truth is None else out.truth.pose for out in outputs]
+    stamps = np.array([out.odometry.stamp_ns for out in outputs])
+    return PoseTrack(stamps, np.array([(one.x, one.y, one.heading) for one in poses]))
 
 
 def _has_defaults(cls: type[Platform], kind: str) -> bool:
@@ -98,14 +123,14 @@ def _has_defaults(cls: type[Platform], kind: str) -> bool:
     return model is None or not any(field.is_required() for field in model.model_fields.values())
 
 
-def _right(scan: RangeScan, pose: Pose2D, world: World) -> list[bool]:
-    """Whether an object of the world is where each echo of a scan lies."""
+def _right(scan: RangeScan, track: PoseTrack, world: World) -> list[bool]:
+    """Whether an object of the world is where each echo lies, seen from where the robot was at the beam's time."""
     heard = np.isfinite(scan.ranges)
-    base = np.array([pose.x, pose.y, pose.heading])
+    poses = poses_at(track, scan.stamp_ns + 1e9 * scan.time_offsets[heard])
     count = int(heard.sum())
     spread = np.linspace(-1.0, 1.0, RAYS)[None, :] * scan.half_angles[heard][:, None]
-    ways = (scan.bearings[heard][:, None] + spread).ravel() + pose.heading
-    places = np.repeat(transform(base, scan.origins[heard]), RAYS, axis=0)
+    ways = (scan.bearings[heard][:, None] + spread + poses[:, 2:]).ravel()
+    places = np.repeat(transform(poses, scan.origins[heard][:, None])[:, 0], RAYS, axis=0)
     level = np.zeros(count * RAYS)
     rays = scenes.cast(
         world, np.column_stack([places, level + AT]), np.column_stack([np.cos(ways), np.sin(ways), level])
@@ -118,11 +143,90 @@ def _right(scan: RangeScan, pose: Pose2D, world: World) -> list[bool]:
     return found
 
 
+@check("contract", {"platform"}, "A beam that meets nothing within its range gives +inf.")
+def no_echo(bench: Bench) -> Iterator[Finding]:
+    """Of a simulated robot that turns its back to the walls."""
+    cls: type[Platform] = bench.subject.thing
+    specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if _has_defaults(cls, kind))
+    context = _context(bench, specs, AWAY)
+    free: dict[str, list[Floats]] = {}
+    for out in _outputs(bench, context, STILL, LOOKS):
+        pose = context.start if out.truth is None else out.truth.pose
+        for name, seen in out.scans.items():
+            if isinstance(seen, RangeScan | Sweep):
+                free.setdefault(name, []).append(_of_free_beams(seen, pose, _world()) / seen.range_max)
+    for name, found in free.items():
+        shares = np.concatenate(found)
+        heard = shares[np.isfinite(shares)]
+        if len(shares) >= FEWEST and len(heard) > HEARD * len(shares):
+            yield Finding(
+                f"gives echoes for {len(heard) / len(shares):.0%} of the beams of the sensor {name!r} that meet "
+                f"nothing, at {np.median(heard):.2f} times its range_max", "+inf, which says no echo; range_max would "
+                "be an obstacle there", given=f"a robot at {AWAY[:2]} m heading {AWAY[2]} rad, with walls behind it",
+            )  # fmt: skip
+            return
+
+
+def _of_free_beams(seen: RangeScan | Sweep, pose: Pose2D, world: World) -> Floats:
+    """(n,) ranges of the beams that meet nothing in their range and well beyond it, m."""
+    places, ways, ranges = _beams(seen)
+    count = len(ranges)
+    cos, sin = np.cos(pose.heading), np.sin(pose.heading)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    away = scenes.cast(world, (places @ turn + (pose.x, pose.y, 0.0)).reshape(-1, 3), (ways @ turn).reshape(-1, 3),
+                       floor=True).reshape(count, -1).min(axis=1)  # fmt: skip
+    free: Floats = ranges[away > CLEAR * seen.range_max + 0.5]
+    return free
+
+
+def _beams(seen: RangeScan | Sweep) -> tuple[Floats, Floats, Floats]:
+    """Starts (n, k, 3), m, and directions (n, k, 3) of the rays of each beam, base frame, and its range (n,), m."""
+    if isinstance(seen, RangeScan):
+        turns = seen.bearings[:, None] + np.linspace(-1.0, 1.0, RAYS) * seen.half_angles[:, None]
+        places = np.column_stack([seen.origins, np.full(len(seen.origins), AT)])
+        ways = np.stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)], axis=-1)
+        return np.broadcast_to(places[:, None, :], ways.shape), ways, seen.ranges
+    up, left = np.meshgrid(seen.pitches, seen.bearings, indexing="ij")
+    if seen.geometry == "paper":
+        axes = (np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up))
+    else:
+        axes = (np.cos(left) * np.cos(up), np.sin(left), np.cos(left) * np.sin(up))
+    ways = np.stack(axes, axis=-1).reshape(-1, 1, 3)
+    return np.broadcast_to((seen.x, seen.y, seen.z), ways.shape), ways, seen.ranges.ravel()
+
+
+@check("contract", {"platform"}, "The noise of its sensors is another in a run of another seed.")
+def own_noise(bench: Bench) -> Iterator[Finding]:
+    """Of a simulated robot that stands. The same noise in each run would make a study's episodes alike."""
+    cls: type[Platform] = bench.subject.thing
+    specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if _has_defaults(cls, kind))
+    context = _context(bench, specs)
+    one, other = (_ranges_of(_outputs(bench, context, STILL, LOOKS, seed)) for seed in (0, 1))
+    for name, ranges in one.items():
+        is_noisy = any(not np.array_equal(ranges[0], later) for later in ranges[1:])
+        if is_noisy and all(np.array_equal(*both) for both in zip(ranges, other.get(name, []), strict=False)):
+            yield Finding(
+                f"gives the same noise of the sensor {name!r} in runs of two seeds", "random numbers from "
+                "context.stream(name)", given=f"a robot that stands at {START[:2]} m",
+            )  # fmt: skip
+            return
+
+
+def _ranges_of(outputs: list[PlatformOutput]) -> dict[str, list[Floats]]:
+    """Ranges of all readings of each range sensor, m."""
+    found: dict[str, list[Floats]] = {}
+    for out in outputs:
+        for name, seen in out.scans.items():
+            if isinstance(seen, RangeScan | Sweep):
+                found.setdefault(name, []).append(seen.ranges)
+    return found
+
+
 @check("contract", {"platform"}, "Contact and truth agree on whether the robot touches something.")
 def contact(bench: Bench) -> Iterator[Finding]:
     """For a simulated robot that drives against a wall."""
     apart = 0
-    for step, out in enumerate(_outputs(bench, _context(bench, (), (3.0, 0.0, 0.0)), 0.3, PUSHES)):
+    for step, out in enumerate(_outputs(bench, _context(bench, (), (3.0, 0.0, 0.0)), (0.3, 0.0), PUSHES)):
         if out.truth is None:
             raise NotRun("it gives no truth")
         is_apart = out.contact.touching != out.truth.touching
@@ -157,7 +261,7 @@ def sensor_extremes(bench: Bench) -> Iterator[Finding]:
                     continue
                 try:
                     spec = SensorSpec("sensor", kind, {name: value})
-                    _outputs(bench, _context(bench, (spec,)), 0.0, 5)
+                    _outputs(bench, _context(bench, (spec,)), STILL, 5)
                 except Fault as fault:
                     if not fault.is_refusal:
                         yield Finding(fault.problem, f"an answer, or bounds of {name} that exclude {value!r}",
@@ -165,4 +269,4 @@ def sensor_extremes(bench: Bench) -> Iterator[Finding]:
                         return
 
 
-CHECKS = (echoes, contact, sensor_extremes)
+CHECKS = (echoes, no_echo, own_noise, contact, sensor_extremes)

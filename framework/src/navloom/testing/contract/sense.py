@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.cells import cells_at, has_cells
+from navloom.geometry.cells import cells_at, has_cells, places_of
 from navloom.geometry.polylines import Polyline
-from navloom.messages import Message, OccupancyGrid, Path, RangeScan
+from navloom.messages import MapUpdate, Message, OccupancyGrid, Path, RangeScan
 from navloom.plugins.registry import NODE
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
@@ -21,17 +21,23 @@ __all__ = ["CHECKS"]
 
 Floats = NDArray[np.float64]
 
-SHORTER = 0.98
-"""Least ratio of a path's length to that of its points: pruning makes points shorter, never longer."""
+SHORTER, LONGER = 0.98, 3.0
+"""Least and greatest ratio of a path's length to that of its points: pruning makes points shorter, never longer."""
 OCCUPIED = 50
 """Occupancy, percent, from which a cell is blocked."""
 BLOCKED = 0.05
 """Share of a path that may touch blocked cells: a diagonal step touches their corners."""
+FREE = 0.05
+"""Greatest share of the map's occupied cells that are free in a traversable grid: the robot may stand in some."""
 ENDS = 0.5
 """Length at each end of a path that is not judged, m."""
 SECOND_NS = 1_000_000_000
+TICK_NS = 50_000_000
+"""Greatest lead of the stamp of a reading over the run clock, ns."""
 UNITS = 500
 """A stamp that is this many times smaller than the run clock is not in ns."""
+FURTHEST = 1.1
+"""Greatest ratio of a range to range_max: ranges have noise."""
 FULL_TURN = math.tau + 1e-6
 
 
@@ -52,7 +58,7 @@ def path_length(bench: Bench) -> Iterator[Finding]:
             continue
         along = float(np.hypot(*np.diff(answer.points, axis=0).T).sum())
         slack = 3.0 * given.map.grid.resolution if answer.traversable is None else 3.0 * answer.traversable.resolution
-        if answer.length < SHORTER * along - slack:
+        if not SHORTER * along - slack <= answer.length <= LONGER * along + slack:
             yield Finding(
                 f"gives a path of length {answer.length:.2f} m whose points are {along:.2f} m long",
                 "the length of the path as planned, m", given=bench.at(scene, step), scene=scene.name,
@@ -63,9 +69,17 @@ def path_length(bench: Bench) -> Iterator[Finding]:
 @check("contract", {"planner"}, "A path leads through free cells of its own traversable grid.")
 def traversable(bench: Bench) -> Iterator[Finding]:
     """Paths are pruned and smoothed within that grid. Near the ends of a path, obstacles may be close."""
-    for scene, _, step, answer in _answers(bench):
+    for scene, given, step, answer in _answers(bench):
         if not isinstance(answer, Path) or answer.traversable is None:
             continue
+        free = _free_share(given.map.grid, answer.traversable)
+        if free > FREE:
+            yield Finding(
+                f"gives a traversable grid that has {free:.0%} of the map's occupied cells as free",
+                "100 where the robot's centre may not be, which is in and near each cell of the map at 100",
+                given=bench.at(scene, step), scene=scene.name,
+            )  # fmt: skip
+            return
         share = _blocked_share(answer.points, answer.traversable)
         if share > BLOCKED:
             yield Finding(
@@ -82,10 +96,22 @@ def _blocked_share(points: Floats, grid: OccupancyGrid) -> float:
     distances = np.arange(ENDS, line.length - ENDS, 0.25 * grid.resolution)
     if not len(distances):
         return 0.0
-    cells = cells_at(grid, line.at(distances))
-    known = cells[has_cells(grid, cells)]
-    is_free = grid.cells[known[:, 0], known[:, 1]] < OCCUPIED
-    return 1.0 - float(is_free.sum()) / len(cells)
+    return 1.0 - float(_is_free(grid, line.at(distances)).mean())
+
+
+def _free_share(map_grid: OccupancyGrid, grid: OccupancyGrid) -> float:
+    """Share of the centres of a map's cells at 100 that lie in free cells of another grid."""
+    occupied = np.argwhere(map_grid.cells == 100)
+    return float(_is_free(grid, places_of(map_grid, occupied)).mean()) if len(occupied) else 0.0
+
+
+def _is_free(grid: OccupancyGrid, points: Floats) -> NDArray[np.bool_]:
+    """(n,) which points, (n, 2) m, map frame, lie in free cells of a grid; none outside the grid does."""
+    cells = cells_at(grid, points)
+    is_free = has_cells(grid, cells)
+    known = cells[is_free]
+    is_free[is_free] = grid.cells[known[:, 0], known[:, 1]] < OCCUPIED
+    return is_free
 
 
 @check("contract", {"localizer"}, "The covariance is symmetric, and no direction has a negative variance.")
@@ -105,7 +131,8 @@ def covariance(bench: Bench) -> Iterator[Finding]:
         return
 
 
-@check("contract", {"platform"}, "Bearings and half angles of scans are in rad, and beams begin within 10 m of base.")
+@check("contract", {"platform"}, "Bearings and half angles of scans are in rad, ranges at most range_max, and "
+       "beams begin within 10 m of base.")  # fmt: skip
 def scan_geometry(bench: Bench) -> Iterator[Finding]:
     """Larger values mean wrong units: no sensor has them."""
     for scene, _, step, answer in _answers(bench):
@@ -114,28 +141,56 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
                 continue
             widest = max(float(np.abs(scan.bearings).max()), float(scan.half_angles.max()))
             farthest = float(np.abs(scan.origins).max())
+            longest = float(scan.ranges[np.isfinite(scan.ranges)].max(initial=0.0))
             if widest > FULL_TURN:
                 said, expected = f"gives a scan of {name!r} with an angle of {widest:.3g} rad", "rad, not degrees"
             elif farthest > 10.0:
                 said, expected = f"gives a scan of {name!r} whose beams begin {farthest:.3g} m from base", "m, not mm"
+            elif longest > FURTHEST * scan.range_max + 0.3:
+                said = (
+                    f"gives a scan of {name!r} with a range of {longest:.3g} m, and range_max = {scan.range_max:.3g} m"
+                )
+                expected = "ranges up to range_max, in m, and +inf for no echo"
             else:
                 continue
             yield Finding(said, expected, given=bench.at(scene, step), scene=scene.name)
             return
 
 
-@check("contract", {"mapper", NODE}, "Stamps are on the run clock, in ns.")
+@check("contract", {"mapper", "platform", NODE}, "Stamps are on the run clock, in ns.")
 def stamps(bench: Bench) -> Iterator[Finding]:
     """Once the run clock is past 1 s, a stamp in s or ms is far too small for one in ns."""
+    before: MapUpdate | None = None
     for scene, given, step, answer in _answers(bench):
-        now_ns = given.tick.time_ns if bench.subject.kind == NODE else given.stamp_ns
-        for name, stamp_ns in _stamps_of(answer):
-            if stamp_ns > now_ns + SECOND_NS or (now_ns >= SECOND_NS and 0 < stamp_ns < now_ns / UNITS):
+        if isinstance(answer, MapUpdate):
+            if before is not None and step and _is_restless(before, answer):
+                yield Finding(
+                    f"gives another map with the same stamp {answer.stamp_ns}", "the stamp of the newest data in it",
+                    given=bench.at(scene, step), scene=scene.name,
+                )  # fmt: skip
+                return
+            before = answer
+        now_ns = _now_ns(bench.subject.kind, given)
+        ahead_ns = TICK_NS if bench.subject.kind == "platform" else SECOND_NS
+        for name, stamp_ns in _stamps_of(answer.scans if bench.subject.kind == "platform" else answer):
+            if stamp_ns > now_ns + ahead_ns or (now_ns >= SECOND_NS and 0 < stamp_ns < now_ns / UNITS):
                 yield Finding(
                     f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as in the "
                     "stamps of its inputs", given=bench.at(scene, step), scene=scene.name,
                 )  # fmt: skip
                 return
+
+
+def _is_restless(before: MapUpdate, after: MapUpdate) -> bool:
+    """Whether the cells of a map changed and its stamp did not."""
+    return before.stamp_ns == after.stamp_ns and not np.array_equal(before.grid.cells, after.grid.cells)
+
+
+def _now_ns(kind: str, given: Any) -> int:
+    """Run clock of an input, ns."""
+    if kind == "platform":
+        return int(given.time_ns)
+    return int(given.tick.time_ns if kind == NODE else given.stamp_ns)
 
 
 def _stamps_of(answer: Any) -> Iterator[tuple[str, int]]:

@@ -147,7 +147,7 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
 
 
 def _scan(scene: Scene, pose: list[float], stamp_ns: int) -> RangeScan:
-    """Of a laser that is not in the middle of the robot."""
+    """Scan of a laser that is not in the middle of the robot."""
     return scan_from(scene, MAST[0], (pose[0], pose[1], pose[2]), stamp_ns, BEAMS)
 
 

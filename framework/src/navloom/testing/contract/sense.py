@@ -75,7 +75,7 @@ def traversable(bench: Bench) -> Iterator[Finding]:
         free = _free_share(given.map.grid, answer.traversable)
         if free > FREE:
             yield Finding(
-                f"gives a traversable grid that has {free:.0%} of the map's occupied cells as free",
+                f"gives a traversable grid in which {free:.0%} of the map's occupied cells are free",
                 "100 where the robot's centre may not be, which is in and near each cell of the map at 100",
                 given=bench.at(scene, step), scene=scene.name,
             )  # fmt: skip

@@ -44,11 +44,11 @@ class MujocoParams(Params):
 
 
 class RayLaser(Params):
-    """A planar laser: `kind = "ray_laser"`."""
+    """Settings of a planar laser, a sensor of kind `ray_laser`."""
 
-    beams: int = Field(181, ge=1, le=2000, description="Beams of a scan, 1.")
-    field_of_view_deg: float = Field(270.0, gt=0.0, le=360.0, description="From the first beam to the last, degrees.")
-    range_max: float = Field(8.0, gt=0.1, le=100.0, description="Further returns are none, m.")
+    beams: int = Field(181, ge=1, le=2000, description="Number of beams of a scan.")
+    field_of_view_deg: float = Field(270.0, gt=0.0, le=360.0, description="Angle from first to last beam, degrees.")
+    range_max: float = Field(8.0, gt=0.1, le=100.0, description="Longest range, m; beyond it there is no echo.")
 
 
 class MujocoRobot(Platform[MujocoParams]):
@@ -169,7 +169,7 @@ def obstacles_of(model: Any) -> list[int]:
 
 
 def solid_of(model: Any, geom: int) -> Box | Cylinder:
-    """An upright cylinder or box of a scene."""
+    """The solid of a geom: an upright cylinder or box. Raises ValueError for any other geom."""
     name, (x, y, z), size = model.geom(geom).name, model.geom_pos[geom], model.geom_size[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return Cylinder(name, float(x), float(y), float(size[0]), (float(z - size[1]), float(z + size[1])))

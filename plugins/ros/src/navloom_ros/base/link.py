@@ -104,7 +104,7 @@ class Link:
             return f"the link to the router {self._settings.network.router} is down"
         if not guard.is_ready:
             return "the guardian's process is starting"
-        return self._nobody_listens(node)
+        return self._base_problem(node)
 
     def take(self, name: str) -> Iterator[Received]:
         """Messages of a topic since the last call, oldest first."""
@@ -156,7 +156,8 @@ class Link:
             self._subscriptions[name] = node.subscription(topic.name, topic.kind, topic.qos)
         self._publisher = node.publisher(self._settings.command, self._settings.kind, DEFAULT)
 
-    def _nobody_listens(self, node: Node) -> str:
+    def _base_problem(self, node: Node) -> str:
+        """Why no base receives the commands; empty if one does."""
         assert self._publisher is not None
         ours = self._publisher.entity
         listeners = node.graph.find(ours.name, ("MS",))

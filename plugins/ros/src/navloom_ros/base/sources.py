@@ -31,7 +31,7 @@ __all__ = ["CLOCK", "CONTACT", "ODOMETRY", "STATIC", "TF", "Heard", "Laser", "Ra
 
 ODOMETRY, TF, STATIC, CONTACT, CLOCK = "odometry", "tf", "tf static", "contact", "clock"
 """Names in `Link` of the topics that belong to no sensor."""
-STANDING_NS = 500_000_000
+PAUSED_NS = 500_000_000
 """Time without a change of /clock after which the simulator counts as paused, ns."""
 
 Floats = NDArray[np.float64]
@@ -120,8 +120,8 @@ class Robot:
             return ""
         if self._clock is None:
             return "/clock has no message yet, and simulated = true"
-        stands = now_ns - self._clock[1] > STANDING_NS
-        return "/clock has stopped: the simulator is paused or has ended" if stands else ""
+        is_paused = now_ns - self._clock[1] > PAUSED_NS
+        return "/clock has stopped: the simulator is paused or has ended" if is_paused else ""
 
     def clock_ns(self, now_ns: int) -> int | None:
         """Time on the robot's clock, ns, for the stamps of commands; None if it is not known."""
@@ -161,7 +161,7 @@ class Robot:
             twist = self.twist if self._moved is None else _twist_between(*self._moved, pose, stamp_ns)
             self._moved = pose, stamp_ns
             self._move(Motion(pose, twist), heard, stamp_ns)
-        elif stamp_ns < self._moved[1] - STANDING_NS:  # the clock was set back or restarted
+        elif stamp_ns < self._moved[1] - PAUSED_NS:  # the clock was set back or restarted
             self._moved = pose, stamp_ns
 
 

@@ -33,8 +33,8 @@ TOPICS = {
     "/plan": "planner's path; `/plan/traversable` its traversable grid, if there is one",
     "/avoider/markers": "costs, free slots, the chosen direction and the reason",
     "/local_plan": "the trajectory that is followed",
-    "/cmd_vel": "the gate's command as TwistStamped; `/controller/cmd_vel` and `/avoider/cmd_vel` are the commands of these "
-    "nodes",
+    "/cmd_vel": "the gate's command as TwistStamped; `/controller/cmd_vel` and `/avoider/cmd_vel` are the commands of "
+    "these nodes",
     "/diagnostics": "the gate: which node drives, and why the robot stopped",
 }
 """Topics of the translated messages, and what each has; the table in README.md."""

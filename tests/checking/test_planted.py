@@ -21,7 +21,7 @@ DEADLY = {"survives", "returns"}
 """Checks in which a fault ends the process, so each plugin needs its own process."""
 SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", "reaches", "threads", "episodes",
         "repeats", "typed_failures", "optimal", "optimal_any_angle", "footprint", "ends", "settles",
-        "accurate", "goes_on", "map_lasts", "long_way", "no_contact", "beam_order", "reads"}  # fmt: skip
+        "accurate", "goes_on", "no_contact"}  # fmt: skip
 """Checks that take seconds, run only with `-m slow`."""
 KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
          "scheme", "message", "node"}  # fmt: skip

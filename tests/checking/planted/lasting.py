@@ -57,10 +57,10 @@ class OwnBearings(Rescanned):
 
 @ENTRIES.plant("drops_near_echoes", caught_by="no_contact")
 class DropsNearEchoes(Rescanned):
-    """Takes what is nearer than 0.3 m for the robot itself."""
+    """Takes what is nearer than 0.7 m for the robot itself."""
 
     def faulty(self, scan: RangeScan) -> RangeScan:
-        return replace(scan, ranges=np.where(scan.ranges < 0.3, np.inf, scan.ranges))
+        return replace(scan, ranges=np.where(scan.ranges < 0.7, np.inf, scan.ranges))
 
 
 class Swerve(Gap):

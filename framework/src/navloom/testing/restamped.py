@@ -18,8 +18,8 @@ __all__ = ["nudged", "restamped"]
 T = TypeVar("T")
 STAMPS = ("stamp_ns", "time_ns")
 REQUESTS = ("request_id",)
-NUDGE = 1e-7
-"""Change of poses and ranges in one lap, m and rad: too small for another answer, and enough for another key."""
+NUDGE = 1e-8
+"""Change of poses and ranges in one step, m and rad: too small for another answer, and enough for another key."""
 
 
 def restamped(given: T, later: float, higher: int = 0) -> T:
@@ -37,16 +37,16 @@ def restamped(given: T, later: float, higher: int = 0) -> T:
     return result
 
 
-def nudged(given: T, lap: int) -> T:
-    """A copy of an input whose measured poses and ranges differ a little from those of other laps."""
+def nudged(given: T, step: int) -> T:
+    """A copy of an input whose measured poses and ranges differ a little from those of other steps."""
 
     def leaf(message: Message) -> Message:
         if isinstance(message, (PoseEstimate, Odometry)):
             at = message.pose
-            heading = at.heading - math.copysign(lap * NUDGE, at.heading)
-            return replace(message, pose=replace(at, x=at.x + lap * NUDGE, y=at.y + lap * NUDGE, heading=heading))
+            heading = at.heading - math.copysign(step * NUDGE, at.heading)
+            return replace(message, pose=replace(at, x=at.x + step * NUDGE, y=at.y + step * NUDGE, heading=heading))
         if isinstance(message, RangeScan):
-            return replace(message, ranges=message.ranges * (1.0 - lap * NUDGE))
+            return replace(message, ranges=message.ranges * (1.0 - step * NUDGE))
         return message
 
     moved: T = rebuilt(given, leaf, lambda array: array)

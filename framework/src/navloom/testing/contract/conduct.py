@@ -277,7 +277,7 @@ def memory(bench: Bench) -> Iterator[Finding]:
             for step in range(count):
                 lap, place = divmod(step, len(scene.inputs))
                 given = restamped(scene.inputs[place], lap * len(scene.inputs) * PERIOD, lap * 1000)
-                player.step(nudged(given, lap))
+                player.step(nudged(given, step))
                 if (step + 1) % (count // 4) == 0:
                     gc.collect()
                     held.append(tracemalloc.get_traced_memory()[0])

@@ -232,8 +232,8 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             with TemporaryDirectory() as folder, GUARD.within("the scheme"):
                 world = bench.subject.thing(text, Path(folder))
         except ValueError:
-            if GUARD.deeds:
-                yield _scheme_deed(text)
+            if deed := _scheme_deed(text):
+                yield deed
                 return
             continue
         except (Exception, SystemExit) as error:
@@ -241,8 +241,8 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             yield Finding(said, "ValueError, with what was given and what was expected", _line(bench, error),
                           f"argument {text[:40]!r}")  # fmt: skip
             return
-        if GUARD.deeds:
-            yield _scheme_deed(text)
+        if deed := _scheme_deed(text):
+            yield deed
             return
         if not isinstance(world, World):
             yield Finding(f"gives {type(world).__name__}", "a World or ValueError", given=f"argument {text[:40]!r}")
@@ -252,9 +252,11 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             return
 
 
-def _scheme_deed(text: str) -> Finding:
+def _scheme_deed(text: str) -> Finding | None:
     """Finding for the first side effect of a scheme; it may only read files below its base folder."""
-    deed = GUARD.deeds[0]
+    deed = next((one for one in GUARD.deeds if one.kind != "read"), None)
+    if deed is None:
+        return None
     expected = (
         "paths relative to the folder that it is given: base / argument"
         if deed.kind == "environment"

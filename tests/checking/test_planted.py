@@ -26,6 +26,8 @@ SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", 
 KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
          "scheme", "message", "node"}  # fmt: skip
 
+SHIPPED = [f"{info.role}.{info.name}" for info in Discovery().infos() if info.role in CHECKED]
+
 
 @pytest.fixture(autouse=True)
 def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,6 +86,11 @@ def test_a_fault_of_each_quick_check_is_caught_and_blamed_on_the_plugin() -> Non
     assert missed(pairs, results_of(pairs)) == []
 
 
+def test_parameters_of_every_shipped_plugin_name_their_units() -> None:
+    pairs = [(name, "units") for name in SHIPPED]
+    assert {name: one["result"]["findings"] for name, one in results_of(pairs).items() if one["result"]["findings"]} == {}
+
+
 @pytest.mark.slow
 def test_every_planted_fault_is_caught_by_the_named_check() -> None:
     pairs = [(name, entry.caught_by) for name, (entry, _) in FAULTS.items() if entry.caught_by not in DEADLY]
@@ -108,7 +115,7 @@ def test_a_sound_plugin_passes_every_check(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [f"{info.role}.{info.name}" for info in Discovery().infos() if info.role in CHECKED])
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_plugin_passes_every_check(name: str) -> None:
     report = check_plugin(name)
     assert [line for result in report.failed for line in report.sentences(result)] == []

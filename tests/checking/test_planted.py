@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from checking_rig import FAULTS, HERE, ODD, SOUND, install
 from navloom.plugins import Discovery
+from navloom.testing.process import FLAGS
 from navloom.testing.runner import check_plugin
 from navloom.testing.subject import CHECKED
 from navloom.testing.tiers import TIERS
@@ -20,7 +21,7 @@ DEADLY = {"survives", "returns"}
 """Checks in which a fault ends the process, so each plugin needs its own process."""
 SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", "reaches", "threads", "episodes",
         "repeats", "typed_failures", "optimal", "optimal_any_angle", "footprint", "ends", "settles",
-        "accurate", "goes_on"}  # fmt: skip
+        "accurate", "goes_on", "no_contact"}  # fmt: skip
 """Checks that take seconds, run only with `-m slow`."""
 KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
          "scheme", "message", "node"}  # fmt: skip
@@ -36,8 +37,8 @@ def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def results_of(pairs: Sequence[tuple[str, str]]) -> dict[str, dict[str, Any]]:
     """Results of one check on each of several plugins, all in one process, by plugin."""
     done = subprocess.run(
-        [sys.executable, str(HERE / "one_process.py")], input=json.dumps(pairs), capture_output=True, text=True,
-        timeout=600.0,
+        [sys.executable, *FLAGS, str(HERE / "one_process.py")], input=json.dumps(pairs), capture_output=True,
+        text=True, timeout=600.0,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return {line["plugin"]: line for line in map(json.loads, done.stdout.splitlines())}

@@ -75,6 +75,6 @@ def test_a_mute_base_is_named_with_the_drivers_reason(base: Watched, in_process:
 
 def test_another_platform_than_the_configs_and_a_simulated_one_are_refused(in_process: Command) -> None:
     code, _, errors = in_process("check", "platform.sensors_sim", "--hardware", "paper")
-    assert code == 2 and "is simulated, so it has no hardware" in errors
+    assert code == 2 and "is simulated and has no hardware" in errors
     code, _, errors = in_process("check", "platform.sensors_sim", "--drive")
     assert code == 2 and "--drive: moves real hardware, so it needs --hardware CONFIG" in errors

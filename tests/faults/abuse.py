@@ -77,6 +77,7 @@ class Trial:
         again: Time from the end of the attack until the robot drove at full speed, s.
         joined: Time until the attacker had joined, which the previous attack may prolong, s.
         took: Time from the start of the attacker's process until the robot drove at full speed again, s.
+        said: What `navloom up` printed from the start of the attack, if the robot stopped.
         growth: Increase in MB and open files of each process, where it is large.
         spent: Share of a processor that each process used during the attack.
         load: Load of the machine, 1 min average.
@@ -92,6 +93,7 @@ class Trial:
     again: float = 0.0
     joined: float = 0.0
     took: float = 0.0
+    said: str = ""
     growth: dict[str, Any] = field(default_factory=dict)
     spent: dict[str, float] = field(default_factory=dict)
     load: float = 0.0
@@ -166,7 +168,7 @@ def _watch(aim: Target, found: Trial, seconds: float) -> None:
     with _joined(aim, found.kind, seconds):
         found.joined = time.monotonic() - started
         robot.wait_full_speed(AGAIN)
-        before, restarts, spent = _sizes(robot), _restarts(), _spent(robot)
+        before, restarts, spent, printed = _sizes(robot), _restarts(), _spent(robot), robot.log.stat().st_size
         began = time.monotonic_ns()
         aim.order("go")
         time.sleep(seconds)
@@ -180,6 +182,8 @@ def _watch(aim: Target, found: Trial, seconds: float) -> None:
     time.sleep(AFTER)
     looked = time.monotonic_ns()
     found.stops, found.stood = _stops(robot.motors.between(began, looked), looked)
+    if found.stops:
+        found.said = robot.log.read_bytes()[printed:].decode("utf-8", "replace")[:2000]
     try:
         robot.wait_full_speed(AGAIN)
     finally:

@@ -57,13 +57,14 @@ def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = Fals
     limit = time.monotonic() + LIMIT
     while any(below(rig.folder)) and time.monotonic() < limit:
         time.sleep(0.02)
-    outcome.note["ended_s"] = (time.monotonic_ns() - began) * 1e-9
+    ended = time.monotonic_ns()
+    outcome.note["ended_s"] = (ended - began) * 1e-9
     outcome.note["left"] = [share for share, pid in pids.items() if is_running(pid)]
     outcome.note["census"] = rig.census.left()
     zero = rig.motors.zero_after(began)
     outcome.zero = None if zero is None else (zero.time_ns - began) * 1e-9
-    words = rig.motors.between(began - 200_000_000, time.monotonic_ns())
-    outcome.ran_on = None if stopped == "robot" else ran_on(words)
+    words = rig.motors.between(began - 200_000_000, ended)
+    outcome.ran_on = None if stopped == "robot" else ran_on(words, ended)
     outcome.touched = rig.motors.touched
     until(lambda: not outcome.note["left"] or _cleared(rig), LIMIT, "what was left behind is gone")
     return outcome

@@ -72,7 +72,8 @@ class Outcome:
 
     Attributes:
         fault: Name of the fault.
-        ran_on: Longest time that the motors repeated one command, until another or a stop; None for the platform's own.
+        ran_on: Longest time that the motors repeated one command, until another, a stop or the end of the look; None
+            for the platform's own.
         zero: Time until the first stop command to the motors; None if there was none.
         stood: Time from then until the robot was stopped; None for a platform that died.
         way: Distance driven until it was stopped, m; None if unknown.
@@ -161,7 +162,7 @@ def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) 
         outcome.fresh = first is not None and not first.turns and is_new
     else:
         # After a stop, commands come from a healthy node again; an avoider may repeat one for a second.
-        outcome.ran_on = ran_on([word for word in words if zero is None or word.time_ns <= zero.time_ns])
+        outcome.ran_on = ran_on([word for word in words if zero is None or word.time_ns <= zero.time_ns], end)
         outcome.old = old_words(motors.words, began)
         standing = motors.standing_after(zero.time_ns) if zero is not None else None
         if standing is not None and zero is not None:

@@ -13,6 +13,7 @@ from typing import Any
 from fault_kinds import AGAIN, STOP, Fault
 from fault_rig import SHARES, Rig, until
 from leftovers import below
+from navloom.hosting import nursery
 
 __all__ = ["DELETIONS", "FORKS", "WAYS", "fork_first", "forks", "zombies"]
 
@@ -32,7 +33,7 @@ STRAY = 0.5
 
 def forks(rig: Rig) -> list[int]:
     """Descendants of a robot that are not its own processes."""
-    own = {rig.up.pid, *rig.pids().values()}
+    own = {rig.up.pid, *rig.pids().values(), *rig.outsiders()}
     return [pid for pid in below(rig.folder) if pid not in own and not _is_nursery(pid)]
 
 
@@ -40,7 +41,7 @@ def _is_nursery(pid: int) -> bool:
     """Whether a process is the nursery itself; a process forked from it takes another name."""
     try:
         name = Path(f"/proc/{pid}/comm").read_text("utf-8")
-        return name.startswith("python") and b"runtime.nursery" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        return name.startswith("python") and nursery.__name__.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return True
 

@@ -280,6 +280,10 @@ class Rig:
             self.hear(process)
         return process
 
+    def outsiders(self) -> list[int]:
+        """Process IDs of the outsiders."""
+        return [process.pid for process in self._outsiders.values()]
+
     @staticmethod
     def hear(process: subprocess.Popen[str]) -> dict[str, Any]:
         """The next line that an outsider prints, as JSON."""

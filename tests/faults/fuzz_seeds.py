@@ -22,11 +22,14 @@ from PIL import Image
 
 __all__ = [
     "CARMEN", "RAW_CARMEN", "CONFIG", "IDENTITIES", "JOURNAL", "MAP", "OVERRIDES", "REQUEST", "SMALL_CONFIG", "STUDY",
-    "WORLD", "YAML", "bag_seeds", "barn", "npz_with_checksums", "png", "png_with_checksums", "recordings", "sweep",
+    "TABLE", "WORLD", "YAML", "bag_seeds", "barn", "npz_with_checksums", "png", "png_with_checksums", "recordings",
+    "sweep",
 ]  # fmt: skip
 
 IDENTITIES = b'{"realm": "lab", "robot": "r1", "identities": [{"name": "a", "kind": "viewer", "instance": ""}]}'
-STUDY = b'{"methods": {"a": {}}, "metrics": [], "worlds": {}, "seeds": [1], "open_loop": {"baseline": "a"}}'
+STUDY = b'{"methods": {"a": {}}, "metrics": [], "worlds": {"w": {}}, "seeds": [1], "open_loop": {"baseline": "a"}}'
+TABLE = "method,world,seed,outcome\na,w,1,succeeded\n"
+"""Table of the episodes of that study."""
 OVERRIDES = [
     b"controller.k3=1.0",
     b'planner.plugin="theta_star"',

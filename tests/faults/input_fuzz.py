@@ -36,6 +36,7 @@ from fuzz_seeds import (
     REQUEST,
     SMALL_CONFIG,
     STUDY,
+    TABLE,
     WORLD,
     YAML,
     bag_seeds,
@@ -281,7 +282,7 @@ def read_json(path: Path) -> None:
 
 
 def read_study_of(path: Path) -> None:
-    path.with_name("episodes.csv").write_text("method,world,seed,outcome\n")
+    path.with_name("episodes.csv").write_text(TABLE, "utf-8")
     report_data.read_study(_named(path, "study.json"))
 
 

@@ -65,25 +65,27 @@ class Line(NamedTuple):
         return max(abs(self.speed), abs(self.turn)) < STILL
 
 
-def ran_on(words: Sequence[Line]) -> float:
-    """Longest time that the motors repeated one command, s, until another command or a stop.
+def ran_on(words: Sequence[Line], end_ns: int) -> float:
+    """Longest time that the motors repeated one command, s, until another command, a stop or the end.
 
     A healthy chain gives a new command each tick, which slip makes different from the last; an equal one is the old
-    command, sent again. Each process has its own motors: no command carries over from one process to the next.
+    command, sent again. Each process has its own motors: no command carries over from one process to the next, so the
+    last one of a process counts until it was last sent.
 
     Args:
         words: DRIVE and START entries in order of time.
+        end_ns: Time of the look, until which the last command is in effect.
     """
-    longest, since = 0, None
-    for word, after in itertools.pairwise(words):
-        if word.kind == START or not word.turns:
-            since = None
+    runs = [list(run) for _, run in itertools.groupby(words, lambda word: (word.kind, word.vx, word.wz))]
+    longest = 0
+    for run, after in itertools.zip_longest(runs, runs[1:]):
+        if not run[0].turns:
             continue
-        since = word.time_ns if since is None else since
-        if after.kind == START:
-            since = None
-        elif (after.vx, after.wz) != (word.vx, word.wz):
-            longest, since = max(longest, after.time_ns - since), None
+        if after is None:
+            end = end_ns
+        else:
+            end = run[-1].time_ns if after[0].kind == START else after[0].time_ns
+        longest = max(longest, end - run[0].time_ns)
     return longest * 1e-9
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from fault_ends import end_of_supervisor
 from fault_kinds import PARTS, PROCESSES, SEIZED, STRANGERS, inject
-from fault_leftovers import DELETIONS, FORKS, zombies
+from fault_leftovers import DELETIONS, FORKS, forks, zombies
 from fault_rig import rig
 
 SOON, EXIT = 1.5, 10.0
@@ -38,10 +38,13 @@ def test_after_each_fault_it_drives_again_and_at_last_reaches_its_goal() -> None
     deletion = "runtime folder deleted, SIGKILL drive"
     faults[deletion] = replace(faults[deletion], prepare=faults[POOL].prepare)  # the pool must end, too
     with rig("shared_memory = true\n") as robot:  # so that there are segments that could be left over
+        assert forks(robot) == []
         for name in CHOSEN:
             outcome = inject(robot, faults[name])
             assert outcome.goal == "kept" and outcome.old == 0 and not outcome.touched, outcome
             assert outcome.ran_on is not None and outcome.ran_on < SOON, outcome
+            if faults[name] in FORKS:
+                assert outcome.note["before"]["children"] and not outcome.note["after"]["children"], outcome
         assert robot.said("controller faulty_tracker failed: RuntimeError: told to fail (fault_plugins.py:")
         killed = inject(robot, faults["SIGKILL robot"])
         assert killed.left_driving is not None and killed.fresh, killed

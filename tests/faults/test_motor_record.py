@@ -34,16 +34,32 @@ def test_a_record_is_read_as_it_grows_and_a_partial_entry_waits(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ([word(0, 0.5), word(50, 0.49), word(100, 0.48)], 0.05),
+        ([word(0, 0.5), word(50, 0.49), word(100, 0.48), word(150, 0.47)], 0.05),
         ([word(0, 0.5), word(50, 0.5), word(120, 0.0)], 0.12),
-        ([word(0, 0.5), word(50, 0.0), word(900, 0.0), word(2000, 0.5)], 0.05),
+        ([word(0, 0.5), word(50, 0.0), word(900, 0.0), word(1200, 0.0)], 0.05),
         ([word(0, 0.5), word(40, 0.0, 0.1), word(100, 0.0)], 0.06),
         ([word(0, 0.5), word(5000, 0.0, kind=START), word(5050, 0.0)], 0.0),
+        ([word(0, 0.5), word(3000, 0.5), word(5000, 0.0, kind=START), word(5050, 0.0)], 3.0),
+        ([word(-9850, 0.5), word(-5000, 0.5), word(50, 0.5)], 10.0),
+        ([word(100, 0.5)], 0.05),
+        ([word(-10000, 0.5), word(-9900, 0.0)], 0.1),
+        ([], 0.0),
     ],
-    ids=["healthy", "same-again", "standing", "turning", "another-process"],
+    ids=[
+        "healthy",
+        "same-again",
+        "standing",
+        "turning",
+        "another-process",
+        "repeated-until-another-process",
+        "repeated-to-the-end",
+        "one-command",
+        "stopped-to-the-end",
+        "empty",
+    ],
 )
-def test_the_longest_time_on_one_command(words: list[Line], expected: float) -> None:
-    assert ran_on(words) == pytest.approx(expected)
+def test_the_longest_time_on_one_command_until_the_look(words: list[Line], expected: float) -> None:
+    assert ran_on(words, 150 * MS) == pytest.approx(expected)
 
 
 def test_an_old_command_that_comes_again_is_counted() -> None:

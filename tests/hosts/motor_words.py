@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ class Fault:
     """Effects of one fault on the motors.
 
     Attributes:
-        ran_on: Longest time without a new command while the motors turned, s.
+        ran_on: Longest time without a new command while the motors turned, s, up to the end of the measurement.
         stopped: Time from the start of the fault to the first stop command, s; None if there was none.
         stood: Time from that command until the robot was stopped, s.
         again: Time from the end of the fault until the motors turned again, s; None if they were turning at its end.
@@ -83,8 +82,9 @@ class MotorWords:
             began, ended: Start and end of the fault, s.
             limit: End of the measurement, s; the motors turn again by then.
         """
-        words = [word for word in self.words if began - 0.2 < word[0] <= limit]
-        gaps = [after[0] - word[0] for word, after in itertools.pairwise(words) if word[1] or word[2]]
+        words = [word for word in self.look().words if began - 0.2 < word[0] <= limit]
+        ends = [*(word[0] for word in words[1:]), limit]
+        gaps = [end - word[0] for word, end in zip(words, ends, strict=False) if word[1] or word[2]]
         zero = next((at for at, speed, turn in words if at > began and not speed and not turn), None)
         stood = again = None
         if zero is not None:

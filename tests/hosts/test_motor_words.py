@@ -23,7 +23,7 @@ def test_a_fault_is_timed_by_the_commands_to_the_motors(tmp_path: Path) -> None:
     log.write_text(LOG + "5550000000 0.1", "utf-8")  # the last line is being written
     motors = MotorWords(log)
     assert motors.speed == 0.05
-    fault = motors.fault(1.06, 4.0, 6.0)
+    fault = motors.fault(1.06, 4.0, 5.6)
     assert round(fault.ran_on, 3) == 0.12
     assert fault.stopped is not None and round(fault.stopped, 3) == 0.11
     assert fault.stood is not None and round(fault.stood, 3) == 0.08
@@ -34,5 +34,11 @@ def test_a_fault_is_timed_by_the_commands_to_the_motors(tmp_path: Path) -> None:
 def test_motors_that_never_stopped_have_no_time_of_stopping(tmp_path: Path) -> None:
     log = tmp_path / "motors.log"
     log.write_text("".join(f"{n}000000000 0.4 0.0\n" for n in range(5)), "utf-8")
-    fault = MotorWords(log).look().fault(1.0, 2.0, 4.5)
+    fault = MotorWords(log).fault(1.0, 2.0, 4.5)
     assert (fault.ran_on, fault.stopped, fault.stood, fault.again) == (1.0, None, None, None)
+
+
+def test_motors_that_get_no_more_commands_run_on_until_the_end_of_the_measurement(tmp_path: Path) -> None:
+    log = tmp_path / "motors.log"
+    log.write_text("1000000000 0.4 0.0\n1050000000 0.4 0.0\n", "utf-8")
+    assert round(MotorWords(log).fault(1.06, 2.0, 11.05).ran_on, 3) == 10.0

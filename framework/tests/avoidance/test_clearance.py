@@ -94,9 +94,10 @@ def test_a_blocked_turn_creeps_ahead_and_a_boxed_in_robot_stops():
     st.floats(0.0, 0.5),
     st.floats(-TURN, TURN),
 )
-def test_a_sent_command_is_free_or_zero(points, speed, turn):
+def test_a_free_command_is_sent_as_it_is_and_another_free_or_zero(points, speed, turn):
     outside = [p for p in points if max(abs(p[0]), abs(p[1])) > 0.46]
     sent = reduced(outside, (speed, turn))
+    assert sent == (speed, turn) or not free(outside, (speed, turn))
     assert sent == (0.0, 0.0) or free(outside, sent)
     assert abs(sent[1]) <= abs(turn) + 1e-12
     assert sent[0] <= max(speed, 0.1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
 from pathlib import Path
 
 import pytest
@@ -62,20 +61,6 @@ def test_an_existing_recording_is_not_written_over(recorded: Path) -> None:
 def test_a_wrong_request_is_refused_in_one_message(recorded: Path, options: list[str], why: str) -> None:
     done = RUN.invoke(app, ["replay", str(recorded), *options])
     assert done.exit_code != 0 and why in str(done.exception)
-
-
-def test_the_commands_of_the_docs_exist_with_their_options() -> None:
-    lines = [line for line in PAGE.read_text("utf-8").splitlines() if line.startswith("navloom ")]
-    assert len(lines) > 8
-    told_by: dict[str, str] = {}
-    for line in lines:
-        name, *words = shlex.split(line.partition("#")[0])[1:]
-        path = [name, words.pop(0)] if name == "ros" else [name]
-        name = " ".join(path)
-        if name not in told_by:
-            told_by[name] = RUN.invoke(app, [*path, "--help"], terminal_width=200).stdout
-        told = told_by[name]
-        assert all(word in told for word in words if word.startswith("--")), line
 
 
 def test_the_python_of_the_docs_runs(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:

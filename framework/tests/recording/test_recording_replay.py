@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.wiring import runs
 from navloom.messages import Command, Envelope, StepReport, Twist2D
 from navloom.messages.codec import decode, encode
+from navloom.plugins import PluginError
 from navloom.recording.check import NodeCheck, check
 from navloom.recording.comparing import first_difference
 from navloom.recording.header import header_of
 from navloom.recording.lockstep_recorder import LockstepRecorder
+from navloom.recording.needed import refuse_missing
 from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer
 from navloom.recording.shadows import shadow_table
@@ -189,6 +193,26 @@ def test_a_substitute_is_compared_tick_by_tick_with_the_active_one(
     assert found.steps == same.steps and any(found.found.differing) and found.not_fed == []
     assert len(found.way) > len(found.found.ticks) > 0
     assert shadow_table([found.found]).splitlines()[0].startswith("time_s,tick,role,instance,quantity")
+
+
+def test_missing_plugins_are_one_message_with_what_brings_them(tmp_path: Path) -> None:
+    lacking = substitute_config(load_config("paper"), "controller", "winding").config
+    versions = {"python": "3.11.2", "navloom": "0.1.0", "navloom-astar": "0.1.0"}
+    recording: Any = SimpleNamespace(path=Path("run.mcap"), header=SimpleNamespace(versions=versions))
+    refuse_missing(recording, load_config("paper").config)
+    refuse_missing(recording, lacking, "controller")  # another one is tried in its place
+    ways = {
+        "": "install the distribution",
+        "winding-ways": "pip install winding-ways==1.2",
+        "/gone/x.py": "FILE.py, which",
+    }
+    for name, way in ways.items():
+        recording.header.versions = versions | ({name: "1.2"} if name else {})
+        with pytest.raises(PluginError) as raised:
+            refuse_missing(recording, lacking)
+        said = str(raised.value)
+        assert said.startswith("run.mcap: the recorded config has controller.winding, not installed here: ")
+        assert way in said and name in said and "`--controller NAME`" in said and "navloom-astar" not in said
 
 
 def test_runs_of_consecutive_numbers() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from navloom.config import load_config
 from navloom.engine.build import assemble
+from navloom.hosting import robot as robot_module
 from navloom.hosting.network import Network
 from navloom.hosting.robot import LiveRobot
 from navloom.transport.access import Identity
@@ -93,10 +95,16 @@ def test_a_key_of_another_certificate_and_a_broken_one_are_refused_by_name(folde
         settings(link, NOW)
 
 
-def test_up_does_not_repeat_a_warning_of_the_same_day(folder: Path) -> None:
+def test_up_repeats_a_warning_the_next_day_and_not_before(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
+    now = 10**6  # s
+    clock = SimpleNamespace(monotonic=lambda: now, monotonic_ns=lambda: now * 10**9)
+    monkeypatch.setattr(robot_module, "time", clock)
     network = Network("lab", "r1", END, True, folder)
     robot = LiveRobot(assemble(load_config("paper")), network, None, False, said.append)
-    robot.warn_of_expiry()
-    robot.warn_of_expiry()
-    assert sum("alice" in text for text in said) == 1
+    seen = []
+    for hours in (0, 1, 22, 2, 1):
+        now += hours * 3600
+        robot.warn_of_expiry()
+        seen.append(sum("alice" in text for text in said))
+    assert seen == [1, 1, 1, 2, 2]

@@ -90,6 +90,22 @@ def test_a_file_that_cannot_be_written_is_reported_before_anything_is_drawn(tmp_
         bridge.await_start()
 
 
+def test_a_child_that_does_not_start_leaves_no_file_but_the_one_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navloom.viewer.bridge.STARTED", 0.0)
+    begun, earlier = tmp_path / "begun.rrd", tmp_path / "earlier.rrd"
+    earlier.write_bytes(b"of an earlier run")
+    for file in (begun, earlier):
+        bridge = Bridge(ViewerOrder(facts_for(), file, None, "test"))
+        if file is begun:
+            file.write_bytes(b"RRF2")  # as the child begins it
+        with pytest.raises(ViewerError, match=r"process does not start within 0 s"):
+            bridge.await_start()
+        assert not bridge.process.is_alive()
+    assert [path.name for path in tmp_path.iterdir()] == ["earlier.rrd"]
+
+
 # --- the viewer -----------------------------------------------------------------------------------------------------
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from navloom_astar import jump
 from navloom_astar.grids import RasterMap
 from navloom_astar.jump import JumpPointSearch
-from navloom_astar.planning import Found, GridPlanner, Settings
+from navloom_astar.planning import Failure, Found, GridPlanner, Settings
 from navloom_astar.search import Closed, DijkstraSearch, GridSearch, Way
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -147,23 +147,46 @@ def test_a_start_in_an_obstacle_is_refused(other: type[GridSearch]) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 2.5), st.sampled_from(["free", "cost"]), st.booleans())
-def test_plans_are_as_long_and_failures_the_same(seed: int, radius: float, unknown: str, may_squeeze: bool) -> None:
+def test_plans_cost_the_same_and_fail_alike(seed: int, radius: float, unknown: str, may_squeeze: bool) -> None:
     """With inflation, ways out of it, passages narrower than it, and ground of extra cost, where lengths may differ."""
     rng = np.random.default_rng(seed)
     values = np.array([0, 100, -1], dtype=np.int8)
     given_map = RasterMap(rng.choice(values, (25, 30), p=[0.9, 0.04, 0.06]), 1.0, (0.0, 0.0, 0.0))
     start, goal = (tuple((rng.integers(25, size=2) + 0.5).tolist()) for _ in range(2))
     use = Settings(radius=radius, unknown=unknown, squeeze=0.6 * radius if may_squeeze else None)
-    expected, *answers = (
-        GridPlanner(use, start, search).plan(start, goal, np.empty((0, 4)), given_map)
-        for search in (GridSearch, *OTHERS)
+    (expected, expected_costs), *others = (
+        plan_and_costs(GridPlanner(use, start, search), start, goal, given_map) for search in (GridSearch, *OTHERS)
     )
-    for answer in answers:
+    for answer, costs in others:
+        assert costs == pytest.approx(expected_costs, abs=1e-9)
         if not isinstance(expected, Found):
             assert answer == expected
         else:
             assert isinstance(answer, Found)
             assert unknown == "cost" or may_squeeze or answer.length == pytest.approx(expected.length, abs=1e-9)
+
+
+def plan_and_costs(
+    planner: GridPlanner, start: tuple[float, float], goal: tuple[float, float], given_map: RasterMap
+) -> tuple[Found | Failure, list[float]]:
+    """A plan, and the cost, cells, of each way that was searched for it; infinite where there was none."""
+    costs: list[float] = []
+    make = planner._make_search
+
+    def searching(shape: tuple[int, int]) -> GridSearch:
+        search = make(shape)
+        shortest = search.shortest
+
+        def recorded(*given: object) -> Way | Closed:
+            answer = shortest(*given)
+            costs.append(answer.cost if isinstance(answer, Way) else math.inf)
+            return answer
+
+        search.shortest = recorded
+        return search
+
+    planner._make_search = searching
+    return planner.plan(start, goal, np.empty((0, 4)), given_map), costs
 
 
 def test_nothing_compiles_after_warm_up() -> None:

@@ -39,10 +39,12 @@ def test_smoothing_is_the_mean_of_admissible_neighbours():
     np.testing.assert_allclose(smoothed, [[3.0, 3.0], [3.0, -math.inf]])
 
 
-def scored(limits, contacts, target=(5.0, 0.0), weights=(1.0, 0.0, 0.0)):
-    arcs = np.array([[0.8, -0.6, 0.0, 0.5], [1.0, 0.0, 0.0, 0.5], [0.8, 0.6, 0.0, 0.5]])
-    costs = np.zeros((3, 6))
-    score_1997(arcs, np.array(limits), np.array(contacts), target, 0.25, 1.0, 1.0, 0.5, 4.0, weights, costs)
+ARCS = ((0.8, -0.6, 0.0, 0.5), (1.0, 0.0, 0.0, 0.5), (0.8, 0.6, 0.0, 0.5))
+
+
+def scored(limits, contacts, target=(5.0, 0.0), weights=(1.0, 0.0, 0.0), arcs=ARCS):
+    costs = np.zeros((len(arcs), 6))
+    score_1997(np.array(arcs), np.array(limits), np.array(contacts), target, 0.25, 1.0, 1.0, 0.5, 4.0, weights, costs)
     return costs
 
 
@@ -51,9 +53,15 @@ def test_velocities_over_the_limit_or_outside_the_window_are_not_admissible():
     assert np.isfinite(costs).sum(axis=1).tolist() == [6, 3, 0]
 
 
-def test_with_the_heading_alone_straight_to_the_target_is_best_and_with_the_speed_alone_the_fastest():
-    best = np.unravel_index(scored([9.0] * 3, [math.inf] * 3).argmin(), (3, 6))
-    assert best[0] == 1 or best[1] == 0
+def test_with_the_heading_alone_straight_to_the_target_is_best_at_every_speed():
+    """The straight arc has two neighbours on either side: the smoothing favours arcs at the edge of the window."""
+    arcs = [(0.8, -1.2, 0.0, 0.5), *ARCS, (0.8, 1.2, 0.0, 0.5)]
+    assert scored([9.0] * 5, [math.inf] * 5, arcs=arcs)[:, 1:].argmin(axis=0).tolist() == [2] * 5
+    beside = scored([9.0] * 5, [math.inf] * 5, target=(1.0, 2.0), arcs=arcs)
+    assert (np.diff(beside[:, 1:], axis=0) < 0.0).all()  # the more to the left, the better
+
+
+def test_with_the_speed_alone_the_fastest_is_best():
     costs = scored([9.0] * 3, [math.inf] * 3, weights=(0.0, 0.0, 1.0))
     assert np.unravel_index(costs.argmin(), (3, 6))[1] == 5
 

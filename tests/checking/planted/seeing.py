@@ -23,7 +23,8 @@ from navloom import (
     Trail,
     World,
 )
-from navloom.geometry.world import Place
+from navloom.geometry.world import Box, Place
+from navloom.messages import Point2D
 from navloom_sensors_sim.adapter import SensorsSim
 
 from planted import Entries
@@ -147,6 +148,29 @@ class Vague(FromStart):
         return replace(super().localize(given), covariance=np.diag([0.01, 0.01, 4.0]))
 
 
+@ENTRIES.plant("one_stamp", caught_by="stamps")
+class OneStamp(Hits):
+    """Each of its maps has the stamp of the first."""
+
+    def update(self, given: MapperInput) -> MapUpdate | None:
+        answer = super().update(given)
+        return None if answer is None else replace(answer, stamp_ns=0)
+
+
+@ENTRIES.plant("always_lost", caught_by="accurate")
+class AlwaysLost(FromStart):
+    def localize(self, given: LocalizerInput) -> PoseEstimate:
+        return replace(super().localize(given), state="lost", reason="no fix")
+
+
+@ENTRIES.plant("place_in_cells", caught_by="typed_failures")
+class PlaceInCells(Flood):
+    def failure(self, given: PlannerInput, kind: str, place: Pose2D, why: str) -> PlanFailure:
+        answer = super().failure(given, kind, place, why)
+        row, column = self.cell(given.map.grid, place)
+        return replace(answer, place=Point2D(float(column), float(row)))
+
+
 # --- other kinds ------------------------------------------------------------------------------------------------------
 
 
@@ -164,3 +188,9 @@ def fastest_turn(trail: Trail) -> float | None:
 ENTRIES.plant("sorts_episode", "metric_untouched", "metric")(
     Metric("sorts_episode", "rad/s", "lower", fastest_turn, "Fastest turn to the left.")
 )
+
+
+@ENTRIES.plant("reversed_wall", "world_usable", "world")
+def reversed_wall() -> World:
+    wall = Box("wall", (2.0, -2.0), (1.0, 1.2))
+    return World("reversed", (wall,), start=Place(0.0, 0.0), goal=Place(2.0, 0.0), bounds=(-3.0, -3.0, 3.0, 3.0))

@@ -53,6 +53,13 @@ class SetsLocale(Gap):
         locale.setlocale(locale.LC_ALL, "C" if locale.setlocale(locale.LC_ALL) != "C" else "C.UTF-8")
 
 
+@ENTRIES.plant("extends_path", caught_by="global_state")
+class ExtendsPath(Gap):
+    def __init__(self, params: GapParams, context: Context) -> None:
+        super().__init__(params, context)
+        sys.path.insert(0, os.path.dirname(__file__))
+
+
 @ENTRIES.plant("takes_alarm", caught_by="global_state")
 class TakesAlarm(Gap):
     """Handles a signal."""

@@ -76,12 +76,12 @@ def check_hardware(
     loaded = load_config(config, [f"platform.{change}" for change in changes])
     plugin = f"platform.{loaded.config.platform.plugin}"
     if name != plugin:
-        raise ConfigError(f"--hardware {config}: its platform is {plugin}, and {name} is to be checked")
+        raise ConfigError(f"--hardware {config}: its platform is {plugin}, expected {name}")
     system = assemble(loaded, Discovery(loaded.config.plugins.blocked))
     source = ("platform", loaded.config.platform.instance)
     part = system.parts[source]
     if part.cls.is_simulated:  # type: ignore[attr-defined]
-        raise ConfigError(f"{name}: is simulated, so it has no hardware: leave --hardware out")
+        raise ConfigError(f"{name}: is simulated and has no hardware: leave out --hardware")
     make_plugins(system, lambda text: None, {source})
     platform = system.plugin(*source)
     assert isinstance(platform, Platform)
@@ -103,7 +103,7 @@ class _Trial:
     def run(self, drives: bool) -> Iterator[Result]:
         """Run the checks in turn; the platform is always closed at the end."""
         try:
-            self.say(f"listening for {LISTENING:g} s; nothing moves")
+            self.say(f"listening for {LISTENING:g} s; the robot does not move")
             heard = self._play(STILL, LISTENING)
             yield self._result("reports", self._reports(heard))
             yield self._result("timely", self._timely(heard))
@@ -185,7 +185,7 @@ class _Trial:
         if abs(way) <= REST and abs(turn) <= REST_TURN:
             return []
         return [Finding(f"moved {way:.3f} m and {turn:.3f} rad by its odometry while zero was commanded",
-                        "a robot that stands, and odometry that stands with it")]  # fmt: skip
+                        "a stopped robot, and odometry that does not change")]  # fmt: skip
 
     def _sensors(self, heard: _Heard) -> list[Found]:
         found: list[Found] = []
@@ -228,7 +228,7 @@ class _Trial:
     def _stops_alone(self) -> list[Found]:
         """Stop calling the platform while the robot drives, as if its loop hung: it must stop by itself."""
         speed = min(GENTLE, self.robot.max_linear / 4.0)
-        self.say(f"driving {speed:g} m/s for 0.5 s, and then falling silent")
+        self.say(f"driving {speed:g} m/s for 0.5 s, and then sending nothing")
         self._play(Twist2D(speed, 0.0, 0.0), 0.5)
         self._tick += max(1, round(1.0 / self.period))  # nothing is called for a second
         first = self._play(STILL, self.period, is_told=False)
@@ -260,8 +260,8 @@ class _Trial:
         thread.start()
         thread.join(CLOSING)
         if thread.is_alive():
-            return [Finding(f"close() took more than {CLOSING:g} s", "an end of its thread and its port at once")]
-        return [Finding(f"close() raises {error}", "no error: its ports are given up") for error in errors]
+            return [Finding(f"close() took more than {CLOSING:g} s", "its thread and its port closed at once")]
+        return [Finding(f"close() raises {error}", "no error, and its ports released") for error in errors]
 
 
 def _moved(before: Pose2D, after: Pose2D) -> tuple[float, float]:

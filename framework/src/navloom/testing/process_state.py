@@ -20,7 +20,8 @@ import numpy as np
 
 __all__ = ["PROCESS_STATE", "ProcessState"]
 
-ENVIRONMENT = "the environment"
+ENVIRONMENT, SEARCH_PATH = "the environment", "sys.path"
+VIEWER = "rerun"
 
 
 def _signal_handlers() -> tuple[str, ...]:
@@ -43,6 +44,7 @@ LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     "numpy's print options": lambda: repr(np.get_printoptions()),
     "the working directory": os.getcwd,
     ENVIRONMENT: lambda: tuple(sorted(os.environ.items())),
+    SEARCH_PATH: lambda: tuple(sys.path),
     "the recursion limit": sys.getrecursionlimit,
     "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
     "the switch interval of threads": sys.getswitchinterval,
@@ -66,15 +68,22 @@ class ProcessState:
     def __init__(self) -> None:
         self._before: dict[str, Any] = {}
         self._imported: dict[str, Any] = {}
+        self._has_viewer = self.imported_viewer = False
 
     def note_before_import(self) -> None:
         """Note the state before the plugin's import."""
         self._before = self._imported = _look()
+        self._has_viewer = VIEWER in sys.modules
 
     def note_import(self) -> None:
-        """Note the state after the import, before the first object. Libraries may set the environment on import."""
+        """Note the state after the import, before the first object.
+
+        Libraries may set the environment on import, and the framework adds the folder of a plugin's file to the path.
+        """
         self._imported = _look()
-        self._before[ENVIRONMENT] = self._imported[ENVIRONMENT]
+        self.imported_viewer = VIEWER in sys.modules and not self._has_viewer
+        for name in (ENVIRONMENT, SEARCH_PATH):
+            self._before[name] = self._imported[name]
 
     def changed(self) -> tuple[list[str], list[str]]:
         """Settings that the import changed, and settings that calls changed."""

@@ -65,6 +65,7 @@ class Bridge:
         need_rerun()
         context = multiprocessing.get_context("spawn")
         self.dropped = self.put_in = 0
+        self._new_file = order.file if order.file is not None and not order.file.exists() else None
         self._queue: Any = context.Queue(capacity)
         self._words, theirs = context.Pipe(duplex=False)
         self._wanted = Wanted((*BUILT_IN, *panels_of(Discovery(order.blocked))[0]))
@@ -75,15 +76,24 @@ class Bridge:
         theirs.close()
 
     def await_start(self) -> None:
-        """Wait until the child has opened its file and is ready to draw.
+        """Wait until the child has opened its file and is ready to draw. A child that does not start leaves no file.
 
         Raises:
             ViewerError: It cannot start; the text says why.
         """
-        word = self._hear(STARTED)
-        if word != ("ready",):
+        word: tuple[Any, ...] = ()
+        try:
+            word = self._hear(STARTED)
+        finally:
+            if word[:1] not in (("ready",), ("refused",)):
+                self._abandon()
+        if word == ("ready",):
+            return
+        if word[:1] == ("refused",):
             self.process.join(1.0)
-            raise ViewerError(word[1] if word and word[0] == "refused" else "the viewer's process does not start")
+            raise ViewerError(word[1])
+        why = f": {word[1]}" if word else f" within {STARTED:g} s"
+        raise ViewerError(f"the viewer's process does not start{why}")
 
     def put(self, shown: Shown) -> bool:
         """Queue one message without waiting; if the queue is full, the message is dropped and counted."""
@@ -128,6 +138,13 @@ class Bridge:
             return BridgeCounts(drawn, self.dropped, dropped_live, connections, notes, failure, is_complete)
         why = f"the viewer's process ended early: {word[1]}" if word else "the viewer's process did not end in time"
         return BridgeCounts(0, self.dropped, 0, 0, (why,), why, False)
+
+    def _abandon(self) -> None:
+        """Kill the child, and remove the file that it has begun."""
+        self.process.kill()
+        self.process.join()
+        if self._new_file is not None:
+            self._new_file.unlink(missing_ok=True)
 
     def _hear(self, patience: float) -> tuple[Any, ...]:
         limit = monotonic() + patience

@@ -127,9 +127,11 @@ def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: P
     from navloom.cli.written import tell_out
     from navloom.recording.check import check, installed_part
     from navloom.recording.excerpt import DebuggerLeft
+    from navloom.recording.needed import refuse_missing
     from navloom.recording.replaying import Replayer
     from navloom.report.results import OutFolder
 
+    refuse_missing(recording, loaded.config)
     with OutFolder(out, ("result.json",)) as folder:
         with stage(as_json or excerpt.is_debugged) as (say, progress):
             system, missing = installed_part(loaded)
@@ -201,11 +203,14 @@ def _substitute(
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.recordings.substitute_output import can_draw, tell_substitute
     from navloom.cli.written import tell_out
+    from navloom.recording.needed import refuse_missing
     from navloom.recording.shadows import shadow_table
     from navloom.recording.substitutes import substitute, substitute_config
     from navloom.report.results import OutFolder
     from navloom.report.substitute_figure import draw_substitute
 
+    for role in stand_ins:
+        refuse_missing(recording, loaded.config, role)
     results = []
     pictures: dict[str, bytes] = {}
     with OutFolder(out, ("result.json", "ticks.csv", *(f"{role}.png" for role in stand_ins))) as folder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from navloom.messages import PlanFailure
@@ -12,6 +13,9 @@ from navloom.testing.findings import Finding, NotRun
 from navloom.testing.inputs import IMPOSSIBLE
 
 __all__ = ["CHECKS"]
+
+ASIDE = 1.0
+"""Greatest distance of the place of a failure from the start or goal that is occupied, m."""
 
 
 @check("contract", PLAYED, "Its process survives every call: it does not exit, crash or get killed.")
@@ -55,6 +59,15 @@ def typed_failures(bench: Bench) -> Iterator[Finding]:
             yield Finding(
                 "gives a path where there is none", "PlanFailure(request_id, 'goal_occupied' or 'no_path', place, why)",
                 given=bench.at(scene, 0), scene=scene.name,
+            )  # fmt: skip
+            continue
+        request = scene.inputs[0].request
+        end = {"goal_occupied": request.goal, "start_occupied": request.start}.get(answer.kind)
+        if end is not None and math.dist((end.x, end.y), (answer.place.x, answer.place.y)) > ASIDE:
+            yield Finding(
+                f"says {answer.kind} at ({answer.place.x:.2f}, {answer.place.y:.2f}) m, and was asked for "
+                f"({end.x:.2f}, {end.y:.2f}) m", "the occupied place, m, map frame", given=bench.at(scene, 0),
+                scene=scene.name,
             )  # fmt: skip
 
 

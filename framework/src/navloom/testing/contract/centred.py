@@ -1,4 +1,4 @@
-"""Whether what a planner answers lies where the map says, and not a part of a cell beside it."""
+"""Whether the path and the traversable grid of a planner are aligned with the map, not shifted by part of a cell."""
 
 from __future__ import annotations
 
@@ -40,9 +40,7 @@ STEP = 0.002
 """Distance of the points of a path that are looked at, m."""
 
 
-@check(
-    "contract", {"planner"}, "Path and traversable grid are where the map has them, and not a part of a cell beside."
-)
+@check("contract", {"planner"}, "Path and traversable grid are aligned with the map, not shifted by part of a cell.")
 def centred(bench: Bench) -> Iterator[Finding]:
     """A path round a block keeps the same distance on all four sides of it."""
     bench.sound()
@@ -97,7 +95,7 @@ def _room(make: Maker, half: float, turns: int) -> tuple[float, float, float]:
 
 
 def _path_gap(points: Floats, half: float) -> float:
-    """Least distance of a path from the upper side of the block at its middle, m; nan where it does not pass there."""
+    """Least distance of a path from the upper side of the block at its middle, m; nan if it does not pass there."""
     line = Polyline(points)
     along = line.at(np.arange(0.0, line.length, STEP))
     above = along[(np.abs(along[:, 0]) < 0.5 * half) & (along[:, 1] > 0.0)]

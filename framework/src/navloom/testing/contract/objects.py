@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
-from navloom.geometry.world import World
+from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import SCHEMAS, Message, Pose2D, RangeScan
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.study.metrics import Metric, measure
@@ -26,6 +26,7 @@ from navloom.testing.checks import check
 from navloom.testing.findings import Finding, NotRun
 from navloom.testing.guard import GUARD
 from navloom.testing.player import NOWHERE, bytes_of
+from navloom.testing.process_state import PROCESS_STATE
 from navloom.testing.samples import sample
 
 __all__ = ["CHECKS"]
@@ -174,6 +175,9 @@ def world_usable(bench: Bench) -> Iterator[Finding]:
     if wrong := _not_finite(world, "world"):
         yield Finding(f"has {wrong}", "finite numbers")
         return
+    if wrong := next((said for one in world.obstacles if (said := _misshapen(one))), ""):
+        yield Finding(f"has {wrong}", "intervals from the lower to the higher end, and a radius above 0, m")
+        return
     left, low, right, high = world.bounds
     for name, place in (("start", world.start), ("goal", world.goal)):
         if place is None:
@@ -188,6 +192,15 @@ def world_usable(bench: Bench) -> Iterator[Finding]:
         if gap <= 0.0:
             yield Finding(f"has its {name} at ({place.x:g}, {place.y:g}) in {nearest!r}", "a free place")
             return
+
+
+def _misshapen(obstacle: Obstacle) -> str:
+    """An obstacle that covers nothing, in words; empty for others."""
+    if not isinstance(obstacle, Box):
+        return "" if obstacle.radius > 0.0 else f"{obstacle.name!r} with a radius of {obstacle.radius:g} m"
+    spans = {"x": obstacle.x, "y": obstacle.y, "z": obstacle.z}
+    wrong = next((axis for axis, (low, high) in spans.items() if low > high), "")
+    return f"{obstacle.name!r} with {wrong} from {spans[wrong][0]:g} to {spans[wrong][1]:g} m" if wrong else ""
 
 
 @check("contract", {"world"}, "It is the same world each time.")
@@ -256,6 +269,13 @@ def _not_finite(value: Any, path: str) -> str:
 
 
 # --- panels and messages ----------------------------------------------------------------------------------------------
+
+
+@check("contract", {"panel"}, "Its module imports rerun in functions only: hosts without the viewer load it too.")
+def viewer_imported_late(bench: Bench) -> Iterator[Finding]:
+    """When the plugin is imported, not when it draws."""
+    if PROCESS_STATE.imported_viewer:
+        yield Finding("imports rerun when it is imported", "import rerun in the functions that draw")
 
 
 @check(
@@ -331,6 +351,6 @@ def message_codec(bench: Bench) -> Iterator[Finding]:
 
 
 CHECKS = (
-    metric_values, metric_repeats, metric_untouched, world_usable, world_repeats, scheme_refuses, panel_draws,
-    message_codec,
+    metric_values, metric_repeats, metric_untouched, world_usable, world_repeats, scheme_refuses,
+    viewer_imported_late, panel_draws, message_codec,
 )  # fmt: skip

@@ -41,7 +41,7 @@ RIGHT = 0.8
 RAYS = 9
 """Rays that are cast across the width of a beam."""
 AWAY = (0.3, -0.2, -2.4)
-"""Pose of a robot that turns its back to the walls, m, m, rad."""
+"""Pose of a robot with all walls behind it, m, m, rad."""
 CLEAR = 1.2
 """A beam meets nothing if the next object is farther than this many times its range plus 0.5 m."""
 FEWEST = 5
@@ -108,7 +108,7 @@ def echoes(bench: Bench) -> Iterator[Finding]:
                 )  # fmt: skip
                 return
         if any(out.truth is None for out in outputs):
-            return  # nothing tells where a robot that turns is
+            return  # without truth, the pose of a turning robot is unknown
 
 
 def _track(context: Context, outputs: list[PlatformOutput]) -> PoseTrack:
@@ -145,7 +145,7 @@ def _right(scan: RangeScan, track: PoseTrack, world: World) -> list[bool]:
 
 @check("contract", {"platform"}, "A beam that meets nothing within its range gives +inf.")
 def no_echo(bench: Bench) -> Iterator[Finding]:
-    """Of a simulated robot that turns its back to the walls."""
+    """For a simulated robot with all walls behind it."""
     cls: type[Platform] = bench.subject.thing
     specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if _has_defaults(cls, kind))
     context = _context(bench, specs, AWAY)
@@ -161,7 +161,7 @@ def no_echo(bench: Bench) -> Iterator[Finding]:
         if len(shares) >= FEWEST and len(heard) > HEARD * len(shares):
             yield Finding(
                 f"gives echoes for {len(heard) / len(shares):.0%} of the beams of the sensor {name!r} that meet "
-                f"nothing, at {np.median(heard):.2f} times its range_max", "+inf, which says no echo; range_max would "
+                f"nothing, at {np.median(heard):.2f} times its range_max", "+inf, which means no echo; range_max would "
                 "be an obstacle there", given=f"a robot at {AWAY[:2]} m heading {AWAY[2]} rad, with walls behind it",
             )  # fmt: skip
             return
@@ -195,9 +195,9 @@ def _beams(seen: RangeScan | Sweep) -> tuple[Floats, Floats, Floats]:
     return np.broadcast_to((seen.x, seen.y, seen.z), ways.shape), ways, seen.ranges.ravel()
 
 
-@check("contract", {"platform"}, "The noise of its sensors is another in a run of another seed.")
+@check("contract", {"platform"}, "The noise of its sensors differs between runs with different seeds.")
 def own_noise(bench: Bench) -> Iterator[Finding]:
-    """Of a simulated robot that stands. The same noise in each run would make a study's episodes alike."""
+    """For a stopped simulated robot. With the same noise in each run, the episodes of a study would be equal."""
     cls: type[Platform] = bench.subject.thing
     specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if _has_defaults(cls, kind))
     context = _context(bench, specs)
@@ -207,7 +207,7 @@ def own_noise(bench: Bench) -> Iterator[Finding]:
         if is_noisy and all(np.array_equal(*both) for both in zip(ranges, other.get(name, []), strict=False)):
             yield Finding(
                 f"gives the same noise of the sensor {name!r} in runs of two seeds", "random numbers from "
-                "context.stream(name)", given=f"a robot that stands at {START[:2]} m",
+                "context.stream(name)", given=f"a stopped robot at {START[:2]} m",
             )  # fmt: skip
             return
 

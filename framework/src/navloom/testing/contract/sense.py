@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from navloom.geometry.cells import cells_at, has_cells, places_of
 from navloom.geometry.polylines import Polyline
-from navloom.messages import Message, OccupancyGrid, Path, RangeScan
+from navloom.messages import MapUpdate, Message, OccupancyGrid, Path, RangeScan
 from navloom.plugins.registry import NODE
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
@@ -75,7 +75,7 @@ def traversable(bench: Bench) -> Iterator[Finding]:
         free = _free_share(given.map.grid, answer.traversable)
         if free > FREE:
             yield Finding(
-                f"gives a traversable grid that has {free:.0%} of the map's occupied cells as free",
+                f"gives a traversable grid in which {free:.0%} of the map's occupied cells are free",
                 "100 where the robot's centre may not be, which is in and near each cell of the map at 100",
                 given=bench.at(scene, step), scene=scene.name,
             )  # fmt: skip
@@ -160,7 +160,16 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
 @check("contract", {"mapper", "platform", NODE}, "Stamps are on the run clock, in ns.")
 def stamps(bench: Bench) -> Iterator[Finding]:
     """Once the run clock is past 1 s, a stamp in s or ms is far too small for one in ns."""
+    before: MapUpdate | None = None
     for scene, given, step, answer in _answers(bench):
+        if isinstance(answer, MapUpdate):
+            if before is not None and step and _is_restless(before, answer):
+                yield Finding(
+                    f"gives another map with the same stamp {answer.stamp_ns}", "the stamp of the newest data in it",
+                    given=bench.at(scene, step), scene=scene.name,
+                )  # fmt: skip
+                return
+            before = answer
         now_ns = _now_ns(bench.subject.kind, given)
         ahead_ns = TICK_NS if bench.subject.kind == "platform" else SECOND_NS
         for name, stamp_ns in _stamps_of(answer.scans if bench.subject.kind == "platform" else answer):
@@ -170,6 +179,11 @@ def stamps(bench: Bench) -> Iterator[Finding]:
                     "stamps of its inputs", given=bench.at(scene, step), scene=scene.name,
                 )  # fmt: skip
                 return
+
+
+def _is_restless(before: MapUpdate, after: MapUpdate) -> bool:
+    """Whether the cells of a map changed and its stamp did not."""
+    return before.stamp_ns == after.stamp_ns and not np.array_equal(before.grid.cells, after.grid.cells)
 
 
 def _now_ns(kind: str, given: Any) -> int:

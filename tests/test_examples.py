@@ -121,6 +121,25 @@ def test_a_robot_in_mujoco_drives_past_a_post(monkeypatch: pytest.MonkeyPatch) -
     assert 0.0 < result["pose_error_m"]["max"] < 0.05  # wheels slip a little: odometry is not the truth
 
 
+@pytest.mark.parametrize(
+    ("floor", "bounds"), [("6 4 0.1", (-5.0, -4.0, 7.0, 4.0)), ("0 0 0.1", (-3.0, -3.0, 23.5, 12.5))]
+)
+def test_the_bounds_of_a_mujoco_scene_are_those_of_its_floor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, floor: str, bounds: tuple[float, ...]
+) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed: uv run --group foreign-worlds")
+    monkeypatch.syspath_prepend(str(EXAMPLES / "mujoco_robot"))
+    from navloom_mujoco_robot import MujocoParams, MujocoRobot
+
+    scene = tmp_path / "hall.xml"
+    scene.write_text(f"""<mujoco><worldbody>
+      <geom name="floor" type="plane" size="{floor}" pos="1 0 0"/>
+      <geom name="post" type="cylinder" size="0.3 0.4" pos="20 9 0.4"/>
+      <body name="robot"><geom type="box" size="0.2 0.2 0.1" group="1"/></body>
+    </worldbody></mujoco>""")
+    assert MujocoRobot.own_world(MujocoParams(scene=str(scene))).bounds == pytest.approx(bounds)
+
+
 SERIAL = ("navloom_serial_base.py", "serial_protocol.py", "play_base.py", "serial_base.toml", "pyproject.toml")
 
 

@@ -124,6 +124,18 @@ def test_a_bumper_that_sends_changes_only_may_be_silent_but_not_gone(monkeypatch
     assert bench.tick() == "/bumper has been silent for 3.0 s: no node publishes it"
 
 
+def test_a_short_contact_between_two_ticks_is_felt(monkeypatch):
+    bench = Bench(monkeypatch, contact_topic="/bumper")
+    for state in (True, False):
+        bench.say(CONTACT, "std_msgs/msg/Bool", data=state)
+    assert bench.tick().contact.touching and not bench.tick().contact.touching
+    bench.say(CONTACT, "std_msgs/msg/Bool", data=True)
+    bench.now_ns += SECOND
+    assert bench.tick() == "/odom has been silent for 1.00 s"
+    bench.say(CONTACT, "std_msgs/msg/Bool", data=False)
+    assert bench.ticks(0.05).contact.touching  # it was not reported before
+
+
 # --- range sensors ----------------------------------------------------------------------------------------------------
 
 

@@ -99,7 +99,7 @@ class Ros2Base(Platform):
         scans = dict(self._scans(now, given_ns))
         if why := self._sensor_problem(now):
             raise RosError(why)
-        return PlatformOutput(odometry, scans, Contact(robot.is_touching), None)
+        return PlatformOutput(odometry, scans, Contact(robot.contact()), None)
 
     def close(self) -> None:
         """Leave the network."""

@@ -74,7 +74,7 @@ class Robot:
         pose, twist: Newest pose, m and rad, in the frame of `anchor`, and velocity in the base frame, m/s and rad/s.
         heard_ns: When the newest valid odometry arrived, on the same clock; None before the first.
         contact_ns: When the newest contact message arrived, on the same clock; None before the first.
-        is_touching: The robot is in contact.
+        is_touching: The robot is in contact, by the newest message.
         unusable: Why the newest odometry is invalid; empty if it is valid, and before the first.
     """
 
@@ -95,6 +95,7 @@ class Robot:
     _delays: dict[str, Delays] = field(default_factory=dict)
     _clock: tuple[int, int] | None = None
     _sent: tuple[int, int] | None = None
+    _has_touched: bool = False
     _moved: tuple[tuple[float, float, float], int] | None = None
 
     def listen(self, from_tf: bool) -> None:
@@ -116,6 +117,12 @@ class Robot:
             self._try(self._move_by_message, heard)
         for heard in self.reads.take(CONTACT):
             self.is_touching, self.contact_ns = is_set(heard.message, self.contact_field), heard.arrived_ns
+            self._has_touched = self._has_touched or self.is_touching
+
+    def contact(self) -> bool:
+        """Whether the robot is in contact now, or was since the last call."""
+        was_touching, self._has_touched = self._has_touched, False
+        return was_touching or self.is_touching
 
     def clock_problem(self, now_ns: int) -> str:
         """Why the clock of a simulated robot cannot be used; empty if it can."""

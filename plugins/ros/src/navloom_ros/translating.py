@@ -30,11 +30,12 @@ TOPICS = {
     "/SENSOR/points": "echoes of any other scanner, and sweeps, as PointCloud2 in base_link",
     "/pose": "localizer's pose with its covariance, with `/tf` map → odom",
     "/map": "mapper's raster; `/map/segments` its segments as a marker",
-    "/plan": "planner's path; `/plan/traversable` where it may go, if it says so",
-    "/avoider/markers": "costs, free slots, the direction chosen and why",
-    "/local_plan": "the trajectory that is driven",
-    "/cmd_vel": "the gate's command as TwistStamped; `/controller/cmd_vel` and `/avoider/cmd_vel` what they asked for",
-    "/diagnostics": "the gate: who drives, and why it stopped",
+    "/plan": "planner's path; `/plan/traversable` its traversable grid, if there is one",
+    "/avoider/markers": "costs, free slots, the chosen direction and the reason",
+    "/local_plan": "the trajectory that is followed",
+    "/cmd_vel": "the gate's command as TwistStamped; `/controller/cmd_vel` and `/avoider/cmd_vel` are the commands of "
+    "these nodes",
+    "/diagnostics": "the gate: which node drives, and why the robot stopped",
 }
 """Topics of the translated messages, and what each has; the table in README.md."""
 EVEN = 1e-6

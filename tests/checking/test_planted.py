@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from checking_rig import FAULTS, HERE, ODD, SOUND, install
 from navloom.plugins import Discovery
+from navloom.testing.process import FLAGS
 from navloom.testing.runner import check_plugin
 from navloom.testing.subject import CHECKED
 from navloom.testing.tiers import TIERS
@@ -20,10 +21,12 @@ DEADLY = {"survives", "returns"}
 """Checks in which a fault ends the process, so each plugin needs its own process."""
 SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", "reaches", "threads", "episodes",
         "repeats", "typed_failures", "optimal", "optimal_any_angle", "footprint", "ends", "settles",
-        "accurate", "goes_on"}  # fmt: skip
+        "accurate", "goes_on", "no_contact"}  # fmt: skip
 """Checks that take seconds, run only with `-m slow`."""
 KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
          "scheme", "message", "node"}  # fmt: skip
+
+SHIPPED = [f"{info.role}.{info.name}" for info in Discovery().infos() if info.role in CHECKED]
 
 
 @pytest.fixture(autouse=True)
@@ -34,8 +37,8 @@ def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def results_of(pairs: Sequence[tuple[str, str]]) -> dict[str, dict[str, Any]]:
     """Results of one check on each of several plugins, all in one process, by plugin."""
     done = subprocess.run(
-        [sys.executable, str(HERE / "one_process.py")], input=json.dumps(pairs), capture_output=True, text=True,
-        timeout=600.0,
+        [sys.executable, *FLAGS, str(HERE / "one_process.py")], input=json.dumps(pairs), capture_output=True,
+        text=True, timeout=600.0,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return {line["plugin"]: line for line in map(json.loads, done.stdout.splitlines())}
@@ -83,6 +86,11 @@ def test_a_fault_of_each_quick_check_is_caught_and_blamed_on_the_plugin() -> Non
     assert missed(pairs, results_of(pairs)) == []
 
 
+def test_parameters_of_every_shipped_plugin_name_their_units() -> None:
+    results = results_of([(name, "units") for name in SHIPPED])
+    assert [one["result"]["findings"] for one in results.values() if one["result"]["outcome"] == "failed"] == []
+
+
 @pytest.mark.slow
 def test_every_planted_fault_is_caught_by_the_named_check() -> None:
     pairs = [(name, entry.caught_by) for name, (entry, _) in FAULTS.items() if entry.caught_by not in DEADLY]
@@ -107,7 +115,7 @@ def test_a_sound_plugin_passes_every_check(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [f"{info.role}.{info.name}" for info in Discovery().infos() if info.role in CHECKED])
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_plugin_passes_every_check(name: str) -> None:
     report = check_plugin(name)
     assert [line for result in report.failed for line in report.sentences(result)] == []

@@ -30,8 +30,8 @@ KINDS = {
     "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
 }  # fmt: skip
 """Audit events of the interpreter that no verb needs, and the kind of side effect that each shows."""
-LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
-"""Importers and compilers: files that they open are not opened by the plugin."""
+LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport", "linecache")
+"""Importers, compilers and printers of warnings: files that they open are not opened by the plugin."""
 
 DOORS = ("os", "pathlib", "posixpath", "genericpath", "collections.abc")
 """Modules that only pass on a lookup in the environment or of a path."""
@@ -51,10 +51,15 @@ class Guard:
 
     Attributes:
         deeds: Side effects so far; a check clears the list before it observes.
+        opened: Paths that a call tried to open, whether they exist or not; a check clears the list, too.
+        imported: Lookups in the environment while plugins were imported, each with the name of the module that did it.
     """
 
     def __init__(self) -> None:
         self.deeds: list[Deed] = []
+        self.opened: list[str] = []
+        self.imported: list[tuple[str, Deed]] = []
+        self._is_importing = False
         self.is_own: Callable[[str], bool] = lambda module: False
         self.mark: Callable[[str], None] = lambda text: None
         self.crash_file: IO[str] | None = None
@@ -91,6 +96,15 @@ class Guard:
             self.mark("")
 
     @contextmanager
+    def importing(self) -> Iterator[None]:
+        """The import of a plugin, whose modules are not known yet."""
+        self._is_importing = True
+        try:
+            yield
+        finally:
+            self._is_importing = False
+
+    @contextmanager
     def clock(self, start: float, pace: float) -> Iterator[None]:
         """Show the plugin a clock that begins at `start`, s, and advances by `pace`, s, with each reading."""
         self._shift, self._readings = (start, pace), 0
@@ -103,10 +117,10 @@ class Guard:
         if not self._depth or event not in KINDS:
             return
         kind = KINDS[event]
+        if event == "open" and isinstance(given[0], (str, bytes, os.PathLike)) and len(self.opened) < MOST_DEEDS:
+            self.opened.append(os.fsdecode(given[0]))
         if event == "open" and not _writes(given):
-            if not _is_relative(given[0]):
-                return
-            kind = "environment"
+            kind = "environment" if _is_relative(given[0]) else "read"
         place = self._own_place(sys._getframe(1))
         if place:
             self._keep(Deed(kind, f"{event} {_short(given)}".strip(), place))
@@ -189,13 +203,19 @@ class Guard:
 
     def _ask(self, what: str) -> None:
         """Keep a lookup if the plugin's own code makes it."""
-        if not self._depth:
+        if not (self._depth or self._is_importing):
             return
         frame: FrameType | None = sys._getframe(2)
         while frame is not None and frame.f_globals.get("__name__") in DOORS:
             frame = frame.f_back
-        if frame is not None and self.is_own(str(frame.f_globals.get("__name__", ""))):
-            self._keep(Deed("environment", what, f"{PurePath(frame.f_code.co_filename).name}:{frame.f_lineno}"))
+        if frame is None:
+            return
+        module = str(frame.f_globals.get("__name__", ""))
+        deed = Deed("environment", what, f"{PurePath(frame.f_code.co_filename).name}:{frame.f_lineno}")
+        if self._is_importing:
+            self.imported.append((module, deed))
+        elif self.is_own(module):
+            self._keep(deed)
 
     def _wrap_exit(self) -> None:
         leave = os._exit

@@ -222,6 +222,13 @@ def _controller(maker: _Maker) -> Iterator[PlayedScene]:
         for k, at in enumerate(end)
     )  # fmt: skip
     yield PlayedScene("a turn in place at the end", "at_goal", maker.context(), inputs)
+    for name, beyond in (("the end of a line", 0.0), ("beyond the end of a line", 0.1)):
+        inputs = tuple(
+            builders.controller_input((2.0 + beyond, 0.0, 0.0), trajectory=followed, progress=2.0, stamp=k * PERIOD,
+                                      extra=maker.extra(k * PERIOD))
+            for k in range(5)
+        )  # fmt: skip
+        yield PlayedScene(name, "at_goal", maker.context(), inputs)
 
 
 def _followed(maker: _Maker, followed: Any, poses: Sequence[Place]) -> Iterator[Any]:

@@ -17,8 +17,10 @@ from typing import Any
 from navloom.testing.findings import Finding
 from navloom.testing.subject import CheckRequest
 
-__all__ = ["MARK_SIZE", "Process", "digests_of"]
+__all__ = ["FLAGS", "MARK_SIZE", "Process", "digests_of"]
 
+FLAGS = ("-X", "warn_default_encoding", "-W", "ignore::EncodingWarning")
+"""Flags of the interpreter: it can warn of text files that are opened without an encoding, as `scheme_files` asks."""
 MARK_SIZE = 256
 """Size of the file that names the current call, bytes."""
 SILENCE = 240.0
@@ -42,7 +44,7 @@ class Process:
         self._errors = open(Path(self._folder.name) / "stderr", "w+")  # noqa: SIM115
         self.is_silent = False
         self._child = subprocess.Popen(
-            [sys.executable, "-m", "navloom.testing.worker"],
+            [sys.executable, *FLAGS, "-m", "navloom.testing.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import builtins
 import decimal
 import gc
 import locale
 import logging
+import math
 import os
+import random
+import resource
 import signal
 import socket
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -22,10 +27,34 @@ __all__ = ["PROCESS_STATE", "ProcessState"]
 
 ENVIRONMENT, SEARCH_PATH = "the environment", "sys.path"
 VIEWER = "rerun"
+_SHARED = tuple(
+    (module, tuple(name for name, value in vars(module).items() if callable(value)))
+    for module in (builtins, math, random, np, np.linalg)
+)
+"""Modules that everything uses, and the names of their functions and classes."""
+_LIMITS = (resource.RLIMIT_NOFILE, resource.RLIMIT_AS, resource.RLIMIT_STACK, resource.RLIMIT_CORE, resource.RLIMIT_CPU)
 
 
 def _signal_handlers() -> tuple[str, ...]:
     return tuple(f"{one} {signal.getsignal(one)}" for one in sorted(signal.valid_signals()))
+
+
+def _functions() -> tuple[int, ...]:
+    """Which functions the shared modules have: a plugin that replaces one changes it for everything else."""
+    return tuple(id(vars(module).get(name)) for module, names in _SHARED for name in names)
+
+
+def _umask() -> int:
+    """The mask of the modes of new files; it can only be read by setting it."""
+    mask = os.umask(0o22)
+    os.umask(mask)
+    return mask
+
+
+def _context() -> tuple[Any, ...]:
+    """The decimal context without its flags, which every inexact result sets."""
+    own = decimal.getcontext()
+    return own.prec, own.rounding, own.Emin, own.Emax, own.clamp, tuple(flag for flag, on in own.traps.items() if on)
 
 
 def _root_logger() -> tuple[Any, ...]:
@@ -46,9 +75,16 @@ LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     ENVIRONMENT: lambda: tuple(sorted(os.environ.items())),
     SEARCH_PATH: lambda: tuple(sys.path),
     "the recursion limit": sys.getrecursionlimit,
-    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
+    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold(), gc.get_freeze_count() > 0, gc.get_debug()),
     "the switch interval of threads": sys.getswitchinterval,
-    "the decimal context": lambda: decimal.getcontext().prec,
+    "the decimal context": _context,
+    "functions of Python or numpy": _functions,
+    "the umask": _umask,
+    "the limits of the process": lambda: tuple(resource.getrlimit(one) for one in _LIMITS),
+    "the stack size of threads": threading.stack_size,
+    "the time zone": lambda: (time.tzname, time.timezone),
+    "the tracing of calls": lambda: (sys.gettrace() is None, sys.getprofile() is None),
+    "the processors of the process": lambda: tuple(sorted(os.sched_getaffinity(0))),
     "the default timeout of sockets": socket.getdefaulttimeout,
     "the locale": lambda: locale.setlocale(locale.LC_ALL),
     "the root logger": _root_logger,

@@ -1,22 +1,25 @@
-"""Moves inputs to a later time: new objects with later stamps and higher request numbers."""
+"""Moves inputs to a later time, or by a little: new objects with later stamps and higher request numbers."""
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+import math
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from navloom.engine.nodes.node import Tick
-from navloom.messages import Message, PoseTrack
+from navloom.messages import Message, Odometry, PoseEstimate, PoseTrack, RangeScan
 from navloom.testing.messages import ns
 from navloom.testing.player import rebuilt
 
-__all__ = ["restamped"]
+__all__ = ["nudged", "restamped"]
 
 T = TypeVar("T")
 STAMPS = ("stamp_ns", "time_ns")
 REQUESTS = ("request_id",)
+NUDGE = 1e-8
+"""Change of poses and ranges in one step, m and rad: too small for another answer, and enough for another key."""
 
 
 def restamped(given: T, later: float, higher: int = 0) -> T:
@@ -32,6 +35,22 @@ def restamped(given: T, later: float, higher: int = 0) -> T:
         moved = type(moved)(**{name: value + shift if name in STAMPS else value for name, value in values.items()})
     result: T = moved
     return result
+
+
+def nudged(given: T, step: int) -> T:
+    """A copy of an input whose measured poses and ranges differ a little from those of other steps."""
+
+    def leaf(message: Message) -> Message:
+        if isinstance(message, (PoseEstimate, Odometry)):
+            at = message.pose
+            heading = at.heading - math.copysign(step * NUDGE, at.heading)
+            return replace(message, pose=replace(at, x=at.x + step * NUDGE, y=at.y + step * NUDGE, heading=heading))
+        if isinstance(message, RangeScan):
+            return replace(message, ranges=message.ranges * (1.0 - step * NUDGE))
+        return message
+
+    moved: T = rebuilt(given, leaf, lambda array: array)
+    return moved
 
 
 def _message(message: Message, shift: int, higher: int) -> Message:

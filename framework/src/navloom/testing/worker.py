@@ -79,7 +79,8 @@ def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject
     started = perf_counter()
     try:
         PROCESS_STATE.note_before_import()
-        subject = find(request)
+        with GUARD.importing():
+            subject = find(request)
         PROCESS_STATE.note_import()
         GUARD.is_own = subject.is_own
         tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": subject.folder}})

@@ -33,7 +33,7 @@ class VffParams(Params):
     max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit also applies.")
     min_speed: float = Field(0.04, ge=0.0, le=1.0, description="Least speed that the forces slow to, m/s.")
     slow_force: float = Field(
-        1.0, ge=0.0, le=100.0, description="Force at which slowing takes full effect; 0: always (paper)."
+        1.0, ge=0.0, le=100.0, description="Force at which slowing takes full effect, no unit; 0: always (paper)."
     )
     slows_leaving: bool = Field(False, description="Slow also when heading away from an obstacle. Paper: true.")
     slows_for_turns: bool = Field(True, description="Slow by the cosine of the turn to make. Paper: false.")

@@ -11,6 +11,7 @@ from navloom.config import ConfigError
 from navloom.navigation.trajectory import warm_up
 from navloom.roles import Role
 from navloom.roles.claims import PURPOSE, Claim
+from navloom.testing.behaviour import effects
 from navloom.testing.behaviour.avoiders import AVOIDERS
 from navloom.testing.behaviour.bodies import PLATFORMS, RECOVERIES
 from navloom.testing.behaviour.controllers import CONTROLLERS
@@ -171,5 +172,6 @@ CHECKS = (
               _run_of(claim))
         for claim in Claim
     ),
+    *effects.CHECKS,
 )  # fmt: skip
-"""One check for each claim, and one for the list of claims."""
+"""One check for each claim, one for the list of claims, and one for parameters without effect."""

@@ -25,7 +25,7 @@ from navloom.testing.findings import Finding, NotRun
 from navloom.testing.inputs import PERIOD, PlayedScene
 from navloom.testing.player import Fault, size_of
 from navloom.testing.printed import PRINTED
-from navloom.testing.restamped import restamped
+from navloom.testing.restamped import nudged, restamped
 
 __all__ = ["CHECKS", "COMMANDING", "beyond"]
 
@@ -35,6 +35,8 @@ MOST_LINES = 0.5
 """Most lines on standard error per step."""
 COMMANDING = {"controller", "avoider", "recovery"}
 BEYOND = 1.5
+SIDEWAYS = 1e-6
+"""Speed to the side, m/s, above which a command is for another kind of robot."""
 LONGEST_FIRST = 0.5
 """Longest first step, s; for a patient role, this share of the longest step."""
 PATIENT = 1.0
@@ -131,7 +133,8 @@ def _largest(answer: Any) -> str:
     return f", most of it in {max(sizes)[1]}" if sizes else ""
 
 
-@check("contract", COMMANDING, "On an easy course, no command exceeds 1.5 times the robot's limits.")
+@check("contract", COMMANDING, "On an easy course, no command exceeds 1.5 times the robot's limits, or "
+       "leads to the side.")  # fmt: skip
 def limits(bench: Bench) -> Iterator[Finding]:
     """The gate limits commands, so a small excess does no harm; degrees taken for radians are a large one."""
     for scene in bench.sound():
@@ -147,7 +150,9 @@ def limits(bench: Bench) -> Iterator[Finding]:
 
 
 def beyond(twist: Twist2D, robot: RobotSpec) -> tuple[str, str] | None:
-    """Problem and expectation for a command far beyond the limits; None if it is not."""
+    """Problem and expectation for a command far beyond the limits, or to the side; None if it is neither."""
+    if abs(twist.vy) > SIDEWAYS:
+        return f"commands vy = {twist.vy:.3g} m/s", "vy = 0: a robot with two driven wheels cannot drive to the side"
     for name, value, limit, unit, of in (
         ("vx", twist.vx, robot.max_linear, "m/s", "max_linear"),
         ("wz", twist.wz, robot.max_angular, "rad/s", "max_angular"),
@@ -256,7 +261,7 @@ def _deeds(bench: Bench, kind: str) -> Iterator[Finding]:
 
 @check("contract", PLAYED, "Memory does not grow with the number of steps.")
 def memory(bench: Bench) -> Iterator[Finding]:
-    """Repeat a scene with new input objects and rising stamps, and measure the memory."""
+    """Repeat a scene with new input objects, rising stamps and poses that differ a little, and measure the memory."""
     scene = bench.sound()[0]
     with alike():
         player = bench.player(scene)
@@ -271,7 +276,8 @@ def memory(bench: Bench) -> Iterator[Finding]:
             player = bench.player(scene)
             for step in range(count):
                 lap, place = divmod(step, len(scene.inputs))
-                player.step(restamped(scene.inputs[place], lap * len(scene.inputs) * PERIOD, lap * 1000))
+                given = restamped(scene.inputs[place], lap * len(scene.inputs) * PERIOD, lap * 1000)
+                player.step(nudged(given, step))
                 if (step + 1) % (count // 4) == 0:
                     gc.collect()
                     held.append(tracemalloc.get_traced_memory()[0])

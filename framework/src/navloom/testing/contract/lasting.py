@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.cells import places_of
+from navloom.messages import MapUpdate, Sweep
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.conduct import COMMANDING, beyond
 from navloom.testing.contract.kinds import PLAYED
-from navloom.testing.findings import Finding
+from navloom.testing.findings import Finding, NotRun
 from navloom.testing.inputs import PERIOD, PlayedScene
 from navloom.testing.player import Fault, digest
 from navloom.testing.restamped import restamped
@@ -32,6 +34,16 @@ IN_A_ROW = 3
 """Consecutive commands beyond the limits that are a fault."""
 EVER_LONGER = 3.0
 """Ratio of the last step times to the first that is a fault, if step times still grow."""
+LOOKS, SETTLED = 600, 20
+"""Readings of the same scene, more than twice what a byte counts, and the first of them whose map is judged."""
+SECOND = 0.6
+"""Time from one reading to the next, s: a map may be published less often than it is updated."""
+LONG_LOOK = 8.0
+"""Processor time after which the readings end, s."""
+LASTS = 0.8
+"""Least share of the occupied cells that must stay."""
+OCCUPIED = 65
+"""Occupancy, percent, from which a cell counts as occupied."""
 WORTH = 0.1
 """Step time below which growth does not matter, as a share of the tick."""
 
@@ -117,4 +129,46 @@ def answers_stay(bench: Bench) -> Iterator[Finding]:
                 return
 
 
-CHECKS = (goes_on, answers_stay)
+@check("contract", {"mapper"}, "A map of a room stays the same while a stopped robot looks at it.")
+def map_lasts(bench: Bench) -> Iterator[Finding]:
+    """The same readings again and again, as many as a byte counts and more."""
+    scene = bench.sound()[0]
+    given = next(
+        (one for one in scene.inputs if not one.clear and one.scans and (one.sweeps or not _takes_sweeps(bench))), None
+    )
+    given = given or next((one for one in scene.inputs if not one.clear and (one.sweeps or one.scans)), None)
+    if given is None:
+        raise NotRun("no scene has readings for it")
+    first: frozenset[tuple[float, ...]] = frozenset()
+    spent = 0.0
+    with alike():
+        player = bench.player(scene)
+        for number in range(LOOKS):
+            before = thread_time()
+            answer = player.step(restamped(given, number * SECOND))
+            spent += thread_time() - before
+            if isinstance(answer, MapUpdate) and number >= SETTLED:
+                occupied = _occupied_places(answer)
+                first = first or occupied
+                if len(first & occupied) < LASTS * len(first):
+                    yield Finding(
+                        f"loses {1.0 - len(first & occupied) / len(first):.0%} of its occupied cells, though nothing "
+                        "moved", "counters that stop at their greatest value, or that have room for a long drive",
+                        given=f"reading {number} of the same readings in scene {scene.name!r}", scene=scene.name,
+                    )  # fmt: skip
+                    return
+            if spent > LONG_LOOK:
+                return
+
+
+def _takes_sweeps(bench: Bench) -> bool:
+    return any(issubclass(Sweep, kind) for kind in bench.subject.thing.accepts)
+
+
+def _occupied_places(update: MapUpdate) -> frozenset[tuple[float, ...]]:
+    """Middles of the occupied cells, in mm, map frame."""
+    places = places_of(update.grid, np.argwhere(update.grid.cells >= OCCUPIED))
+    return frozenset(map(tuple, np.round(1000.0 * places).tolist()))
+
+
+CHECKS = (goes_on, answers_stay, map_lasts)

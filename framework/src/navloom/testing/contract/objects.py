@@ -90,6 +90,7 @@ def _trail(ticks: int, **changes: Any) -> Trail:
 def _trails() -> dict[str, Trail]:
     """Episodes of all kinds that occur in a study."""
     drive = _trail(200)
+    none = np.zeros(200)
     unknown = np.full(200, math.nan)
     return {
         "a drive to the goal": drive,
@@ -102,7 +103,8 @@ def _trails() -> dict[str, Trail]:
         "one tick": _trail(1, outcome="timeout"),
         "no tick": _trail(0, outcome="error"),
         "a robot that backs up": _trail(200, vx=np.full(200, -0.2), wz=np.full(200, -0.3)),
-        "a stopped robot": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
+        "a stopped robot": _trail(200, x=none, y=none, heading=none, vx=none, wz=none, command_vx=none,
+                                  command_wz=none, outcome="stuck"),
     }  # fmt: skip
 
 
@@ -110,6 +112,9 @@ def _trails() -> dict[str, Trail]:
 def metric_values(bench: Bench) -> Iterator[Finding]:
     """Episodes may have failed, have no tick, or lack most values."""
     metric = _metric(bench)
+    if not (isinstance(metric.bounds, tuple) and len(metric.bounds) == 2):
+        yield Finding(f"has bounds = {metric.bounds!r}", "(lowest, highest), each a number or None")
+        return
     for name, trail in _trails().items():
         found, problem = _problem(bench, lambda trail=trail: measure(trail, [metric])[metric.name])  # type: ignore[misc]
         if problem is not None:
@@ -165,7 +170,11 @@ def _metric(bench: Bench) -> Metric:
 @check("contract", {"world"}, "It is a World of finite numbers, whose start and goal are within its bounds and free.")
 def world_usable(bench: Bench) -> Iterator[Finding]:
     """Free means free for a robot of 0.4 m x 0.4 m."""
+    GUARD.deeds.clear()
     world, problem = _problem(bench, bench.subject.thing)
+    if deed := next((one for one in GUARD.deeds if one.kind in ("file", "process", "socket", "thread")), None):
+        yield Finding(f"does this: {deed.text[:80]}", "to read only", deed.place)
+        return
     if problem is not None:
         yield problem
         return
@@ -223,8 +232,8 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             with TemporaryDirectory() as folder, GUARD.within("the scheme"):
                 world = bench.subject.thing(text, Path(folder))
         except ValueError:
-            if GUARD.deeds:
-                yield _scheme_deed(text)
+            if deed := _scheme_deed(text):
+                yield deed
                 return
             continue
         except (Exception, SystemExit) as error:
@@ -232,8 +241,8 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             yield Finding(said, "ValueError, with what was given and what was expected", _line(bench, error),
                           f"argument {text[:40]!r}")  # fmt: skip
             return
-        if GUARD.deeds:
-            yield _scheme_deed(text)
+        if deed := _scheme_deed(text):
+            yield deed
             return
         if not isinstance(world, World):
             yield Finding(f"gives {type(world).__name__}", "a World or ValueError", given=f"argument {text[:40]!r}")
@@ -243,9 +252,11 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             return
 
 
-def _scheme_deed(text: str) -> Finding:
+def _scheme_deed(text: str) -> Finding | None:
     """Finding for the first side effect of a scheme; it may only read files below its base folder."""
-    deed = GUARD.deeds[0]
+    deed = next((one for one in GUARD.deeds if one.kind != "read"), None)
+    if deed is None:
+        return None
     expected = (
         "paths relative to the folder that it is given: base / argument"
         if deed.kind == "environment"

@@ -13,9 +13,13 @@ from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding
+from navloom.testing.guard import GUARD
 from navloom.testing.process_state import PROCESS_STATE
 
 __all__ = ["CHECKS"]
+
+FIRST = 3
+"""Steps in which a plugin may still load files."""
 
 _SEEDS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     "random": lambda: hash(random.getstate()),
@@ -42,13 +46,37 @@ def global_state(bench: Bench) -> Iterator[Finding]:
         yield Finding(f"changes {', '.join(by_import)} when it is imported", expected)
 
 
-@check("contract", PLAYED - {"platform"}, "A call uses no environment variable and no working folder.")
+@check("contract", PLAYED - {"platform"}, "Calls and import use no environment variable and no working folder.")
 def environment(bench: Bench) -> Iterator[Finding]:
-    """These differ between the computers and services that run a robot. A platform that is a driver may use them."""
+    """These differ between the computers and services that run a robot. A platform that is a driver may use them.
+
+    The import of the plugin counts, too.
+    """
+    at_import = next((deed for module, deed in GUARD.imported if bench.subject.is_own(module)), None)
+    if at_import is not None:
+        yield Finding(f"reads {at_import.text} when it is imported", "a parameter: a field of its Params",
+                      at_import.place)  # fmt: skip
+        return
     if "environment" in bench.deeds:
         deed, scene = bench.deeds["environment"]
         yield Finding(f"reads {deed.text.removeprefix('open ')}", "a parameter: a field of its Params",
                       deed.place, f"scene {scene.name!r}", scene.name)  # fmt: skip
 
 
-CHECKS = (global_state, environment)
+@check("contract", PLAYED - {"platform"}, "A step reads no file: a slow disk would stop the robot.")
+def reads(bench: Bench) -> Iterator[Finding]:
+    """The constructor and `configure` may, and the first steps may load what they need later."""
+    for scene in bench.sound():
+        with alike():
+            player = bench.player(scene)
+            player.play(scene.inputs[:FIRST])
+            GUARD.deeds.clear()
+            player.play(scene.inputs[FIRST:])
+        deed = next((one for one in GUARD.deeds if one.kind == "read"), None)
+        if deed is not None:
+            yield Finding(f"reads {deed.text.removeprefix('open ')} in a step", "to read it once, in the constructor",
+                          deed.place, f"scene {scene.name!r}", scene.name)  # fmt: skip
+            return
+
+
+CHECKS = (global_state, environment, reads)

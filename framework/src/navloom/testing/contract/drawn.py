@@ -1,0 +1,75 @@
+"""What a panel does besides drawing: output, logging of its own, and drawings that grow."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from navloom.geometry.footprints import rectangle
+from navloom.messages import SCHEMAS, Message, Pose2D
+from navloom.testing.bench import Bench
+from navloom.testing.checks import check
+from navloom.testing.findings import Finding, NotRun
+from navloom.testing.guard import GUARD
+from navloom.testing.printed import PRINTED
+from navloom.testing.samples import sample
+
+__all__ = ["CHECKS"]
+
+DRAWINGS = 40
+"""Drawings of the same message; a panel that keeps a short tail of what it drew stops growing earlier."""
+
+
+@check("contract", {"panel"}, "It draws the same message again without drawing more each time, prints nothing, and "
+       "leaves logging to the viewer.")  # fmt: skip
+def panel_only_draws(bench: Bench) -> Iterator[Finding]:
+    """The viewer logs what a panel yields, at the time and under the robot that belong to it."""
+    from navloom.viewer.facts import Actor, Variant
+    from navloom.viewer.panels import Seen
+
+    panel = bench.subject.thing
+    cls = next((one for one in SCHEMAS.values() if issubclass(one, panel.message)), panel.message)
+    robot = Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
+    actor = Actor("robot", "robot", (0, 0, 0, 255), False)
+    track = np.array([[0.0, 1.0, 2.0, 0.5]])
+    seen = Seen(actor, robot, "robot", "main", "port", Pose2D(1.0, 2.0, 0.5), track, True, 1.0)
+    given = sample(cls, np.random.default_rng(bench.seed))
+    PRINTED.news()
+    sizes = [_drawn(panel, given, seen)]
+    viewer = sys.modules.get("rerun") or SimpleNamespace(log=None)  # the panel has imported it by now, if it uses it
+    with patch.object(viewer, "log") as log:
+        sizes += [_drawn(panel, given, seen) for _ in range(DRAWINGS - 1)]
+    if log.called:
+        yield Finding("calls rerun.log", "yield (entity path, archetype): the viewer logs it", given=cls.__name__)
+    if text := PRINTED.news().strip():
+        yield Finding(f"prints {text.splitlines()[0][:80]!r}", "logging.getLogger(__name__); no print()",
+                      given=cls.__name__)  # fmt: skip
+    if all(after > before for before, after in pairwise(sizes)):
+        yield Finding(
+            f"draws {sizes[0]} things for a message, and {sizes[-1]} for the same message after {DRAWINGS} drawings",
+            "a drawing of the message alone: seen.track has the way that the robot drove", given=cls.__name__,
+        )  # fmt: skip
+
+
+def _drawn(panel: Any, given: Message, seen: Any) -> int:
+    """Number of things that a panel draws for a message."""
+    try:
+        with GUARD.within("the panel"):
+            return sum(map(_instances, panel.to_rerun(given, seen)))
+    except Exception as error:
+        raise NotRun(f"it raises {type(error).__name__}: see the check `panel_draws`") from None
+
+
+def _instances(drawn: Any) -> int:
+    """Number of things, such as points, in one drawing."""
+    batches = drawn[1].as_component_batches() if isinstance(drawn, tuple) and len(drawn) == 2 else ()
+    return sum(len(batch.as_arrow_array()) for batch in batches)
+
+
+CHECKS = (panel_only_draws,)

@@ -9,8 +9,8 @@ from navloom.engine.build import assemble
 from navloom.engine.making import make_plugins
 
 LEAST = 30.0
-"""Robot time over wall time, at 20 Hz: a guard against regressions, a quarter of the figure in docs/measurements.md. The
-target of 300 is not met there; the page says why."""
+"""Robot time over wall time, at 20 Hz: a guard against regressions, a quarter of the figure in docs/measurements.md.
+The target of 300 is not met there; the page says why."""
 
 
 @pytest.mark.benchmark

@@ -22,8 +22,8 @@ from navloom.study.episode import run_episode
 
 TOP = Path(__file__).resolve().parents[1]
 EXAMPLES = TOP / "examples"
-RUN: set[str] = set()
-"""Files that a test of this module runs."""
+RUN = {f"people/{name}" for name in ("navloom_people.py", "pyproject.toml", "people.toml")}
+"""Files that a test declares to run: those of tests/strangers, and with `runs` those of this module."""
 
 Test = Callable[..., None]
 
@@ -48,7 +48,7 @@ def turtle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put_on_path(EXAMPLES / "turtle", tmp_path / "site", monkeypatch)
 
 
-def test_every_file_is_run() -> None:
+def test_every_file_is_declared_by_a_test() -> None:
     files = [path.relative_to(EXAMPLES) for path in EXAMPLES.rglob("*") if path.is_file()]
     kept = {path.as_posix() for path in files if "__pycache__" not in path.parts}
     assert kept == RUN
@@ -119,6 +119,25 @@ def test_a_robot_in_mujoco_drives_past_a_post(monkeypatch: pytest.MonkeyPatch) -
     assert (result["outcome"], result["truly_reached"], result["collisions"]) == ("succeeded", True, 0)
     assert 3.0 < result["optimal_length_m"] < 3.2
     assert 0.0 < result["pose_error_m"]["max"] < 0.05  # wheels slip a little: odometry is not the truth
+
+
+@pytest.mark.parametrize(
+    ("floor", "bounds"), [("6 4 0.1", (-5.0, -4.0, 7.0, 4.0)), ("0 0 0.1", (-3.0, -3.0, 23.5, 12.5))]
+)
+def test_the_bounds_of_a_mujoco_scene_are_those_of_its_floor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, floor: str, bounds: tuple[float, ...]
+) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed: uv run --group foreign-worlds")
+    monkeypatch.syspath_prepend(str(EXAMPLES / "mujoco_robot"))
+    from navloom_mujoco_robot import MujocoParams, MujocoRobot
+
+    scene = tmp_path / "hall.xml"
+    scene.write_text(f"""<mujoco><worldbody>
+      <geom name="floor" type="plane" size="{floor}" pos="1 0 0"/>
+      <geom name="post" type="cylinder" size="0.3 0.4" pos="20 9 0.4"/>
+      <body name="robot"><geom type="box" size="0.2 0.2 0.1" group="1"/></body>
+    </worldbody></mujoco>""")
+    assert MujocoRobot.own_world(MujocoParams(scene=str(scene))).bounds == pytest.approx(bounds)
 
 
 SERIAL = ("navloom_serial_base.py", "serial_protocol.py", "play_base.py", "serial_base.toml", "pyproject.toml")
@@ -217,10 +236,3 @@ def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
         for method in ("lyapunov_tracker", "pure_pursuit")
         for world in ("doorway", "crossing_person")
     ]
-
-
-@runs("people/navloom_people.py", "people/pyproject.toml", "people/people.toml")
-def test_the_people_example_reaches_its_goal_with_its_tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    put_on_path(EXAMPLES / "people", tmp_path / "site", monkeypatch)
-    episode = run_episode(load_config(str(EXAMPLES / "people" / "people.toml")))
-    assert episode.result.outcome == "succeeded" and len(episode.log.spent_ns["people", "people_tracker"]) > 100

@@ -76,10 +76,9 @@ OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
     "ros/node.py": {"threading", "time"},
     "ros/services.py": {"threading"},
-    "ros/topics.py": {"threading", "time"},
+    "ros/topics.py": {"threading"},
     "ros/actions.py": {"threading"},
     "ros/joining.py": {"threading"},
-    "ros/link.py": {"time"},
     "ros/guardian.py": {"time"},
     "ros/goals.py": {"threading"},
 }

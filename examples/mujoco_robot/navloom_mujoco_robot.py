@@ -35,6 +35,8 @@ OBSTACLES = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 """Flags of the groups of geoms that rays can hit."""
 HEIGHT = 0.2
 """Height of the laser above the floor, m."""
+MARGIN = 3.0
+"""Distance from robot and obstacles to the bounds of a scene with an infinite floor, m."""
 
 
 class MujocoParams(Params):
@@ -80,7 +82,7 @@ class MujocoRobot(Platform[MujocoParams]):
         """The obstacles of the scene, for goal checks, the shortest way and pictures."""
         model = model_of(params)
         solids = tuple(solid_of(model, geom) for geom in obstacles_of(model))
-        return World(Path(params.scene).stem, solids, bounds=(-2.0, -3.0, 8.0, 3.0))
+        return World(Path(params.scene).stem, solids, bounds=bounds_of(model))
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
         """Advance MuJoCo by as many steps as fit into the tick; the first call moves nothing."""
@@ -166,6 +168,19 @@ def obstacles_of(model: Any) -> list[int]:
     """Geoms of a scene that are neither part of the robot nor the floor."""
     is_floor = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     return [int(geom) for geom in np.flatnonzero((model.geom_group == 0) & ~is_floor)]
+
+
+def bounds_of(model: Any) -> tuple[float, float, float, float]:
+    """Lowest x, lowest y, highest x and highest y of a scene, m: of its floor, or round the obstacles and the robot."""
+    finite = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_size[:, :2] > 0.0).all(1))
+    if len(finite):
+        centres, halves = model.geom_pos[finite, :2], model.geom_size[finite, :2]
+    else:
+        solid = obstacles_of(model)
+        centres = np.vstack([model.geom_pos[solid, :2], model.body("robot").pos[:2]])
+        halves = MARGIN + np.append(model.geom_rbound[solid], 0.0)[:, None]
+    low, high = (centres - halves).min(axis=0), (centres + halves).max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def solid_of(model: Any, geom: int) -> Box | Cylinder:

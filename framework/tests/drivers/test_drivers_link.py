@@ -126,7 +126,7 @@ def test_the_heartbeat_is_called_at_its_period_and_its_failure_reconnects() -> N
     link.start()
     until(lambda: len(ports) == 2)
     link.close()
-    assert 0.15 < beats[19] - beats[0] < 1.0
+    assert 0.15 < beats[19] - beats[0] < 5.0
 
 
 def test_a_port_that_cannot_be_opened_is_reported_and_retried() -> None:

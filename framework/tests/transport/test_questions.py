@@ -78,10 +78,10 @@ def test_a_goal_with_a_thousand_via_points_is_read() -> None:
 
 @pytest.mark.parametrize("data", [b"[" * 100_000, b'{"a":' * 100_000, b'{"a": ' + b"[" * 50 + b"]" * 50 + b"}"])
 def test_a_query_nested_too_deeply_is_refused_in_one_line_before_it_is_parsed(data: bytes) -> None:
-    began = time.perf_counter()
+    began = time.thread_time()
     with pytest.raises(QuestionError, match=f"^request not understood: nested more than {DEEPEST} levels deep$"):
         read_question(data)
-    assert time.perf_counter() - began < 0.1
+    assert time.thread_time() - began < 0.1
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from navloom_ros import Types
 from navloom_ros.names import key_of
 from navloom_ros.qos import SENSOR
 from navloom_ros.tokens import Attachment
-from navloom_ros.wire import Wire, now_ns
+from navloom_ros.wire import Wire, epoch_ns
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE / "peers")]
@@ -308,7 +308,7 @@ def garbled(topic: str, kind: str):
                     bad = bytearray(good)
                     for _ in range(20):
                         bad[random.randrange(len(bad))] = random.randrange(256)
-                    put(bytes(bad), Attachment(number, now_ns(), random.randbytes(16)).data)
+                    put(bytes(bad), Attachment(number, epoch_ns(), random.randbytes(16)).data)
 
         began = time.monotonic()
         threading.Thread(target=flood, daemon=True).start()

@@ -8,6 +8,7 @@ from navloom_ros.cli import app
 from navloom_ros.message_types import Types
 from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED, SENSOR
+from navloom_ros.wire import Wire
 from ros_golden import KILTED
 from ros_network import Router, free_port
 from typer.testing import CliRunner
@@ -50,6 +51,15 @@ def test_graph_for_scripts(network):
     assert found["nodes"] == ["/old", "/r1/base"]
     (scan,) = [one for one in found["topics"] if one["name"] == "/r1/scan"]
     assert scan["publishers"][0]["hash"] == KILTED.hash_of("sensor_msgs/msg/LaserScan") and scan["matches"]
+
+
+def test_graph_says_what_it_cannot_read(network):
+    with Wire(network.endpoint, 1 << 20) as stranger:
+        withdraw = stranger.token("@ros2_lv/0/what")
+        done = run(network, "graph")
+        assert "not listed: 1 entries that cannot be read, such as token '@ros2_lv/0/what': expected" in done.output
+        assert json.loads(run(network, "graph", "--json").output)["unread"] == 1
+        withdraw()
 
 
 def test_echo_prints_the_latched_map_at_once(network):

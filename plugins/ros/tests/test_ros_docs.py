@@ -69,7 +69,7 @@ def test_the_script_for_nav2_runs(capsys):
     exec(blocks("python")[0], scope)
     reached = SimpleNamespace(result=SimpleNamespace(outcome="succeeded", reason=""), cancel=lambda: None)
     with Router() as router, Node("nav2", router=router.endpoint, types=Types("jazzy")) as node:
-        goals = Goals(node, "map", (RuntimeError,))
+        goals = Goals(node, "map", (RuntimeError,), print)
         goals.robot = SimpleNamespace(go=lambda *place: reached)
         scope["patrol"](router.endpoint)
         goals.close()

@@ -21,7 +21,8 @@ from navloom import (
 )
 from navloom_ros.elsewhere.adapter import RosMap, RosPath
 from navloom_ros.elsewhere.params import RosMapParams, RosPathParams
-from navloom_ros.elsewhere.reading import Unusable, cells_of, points_of
+from navloom_ros.elsewhere.reading import cells_of, points_of
+from navloom_ros.errors import Unusable
 from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED
 from ros_golden import KILTED

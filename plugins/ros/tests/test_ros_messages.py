@@ -113,10 +113,10 @@ def test_mutated_bytes_give_nothing_but_the_one_error():
 def test_a_length_beyond_what_is_left_is_refused_before_anything_is_made(count):
     data = bytearray(KILTED.encode(KILTED.new("nav_msgs/msg/Path")))
     data[-4:] = count.to_bytes(4, "little")
-    start = time.perf_counter()
+    start = time.thread_time()
     with pytest.raises(MalformedMessage, match="Path: Invalid sequence length"):
         KILTED.decode("nav_msgs/msg/Path", bytes(data))
-    assert time.perf_counter() - start < 0.1
+    assert time.thread_time() - start < 0.1
 
 
 def test_a_message_larger_than_the_bound_is_refused():

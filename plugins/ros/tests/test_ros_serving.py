@@ -1,19 +1,21 @@
 """`navloom ros serve`: goals from ROS tools, with a simulated robot, and the topics that it publishes."""
 
+import sys
 import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from navloom import AvoiderDiagnostics, AvoiderStatus, Pose2D, PoseEstimate, Twist2D
+from navloom import AvoiderDiagnostics, AvoiderStatus, Point2D, Pose2D, PoseEstimate, Twist2D
 from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED, ActionClient
-from navloom_ros.nav2.adapter import Nav2Navigator
+from navloom_ros.nav2.adapter import Nav2Handle, Nav2Navigator
 from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED
 from navloom_ros.serving.goals import THROUGH_POSES, TO_POSE, Goals
 from navloom_ros.serving.outlets import Outlets
 from navloom_ros.serving.poses import Poses
-from navloom_ros.translating import Translator
+from navloom_ros.translating import Translated, Translator
 from ros_golden import KILTED
 from ros_network import Router, until
 
@@ -58,11 +60,12 @@ class Robot:
 @pytest.fixture(scope="module")
 def network():
     with Router() as router, Node("served", router=router.endpoint, types=KILTED) as served:
-        goals = Goals(served, "map", (RuntimeError,))
+        said = []
+        goals = Goals(served, "map", (RuntimeError,), said.append)
         with Node("rviz", router=router.endpoint, types=KILTED) as rviz:
             clients = {kind: ActionClient(rviz, name, kind) for name, kind in NAMES.items()}
             assert all(client.wait(5.0) for client in clients.values())
-            yield SimpleNamespace(served=served, rviz=rviz, goals=goals, clients=clients, router=router)
+            yield SimpleNamespace(served=served, rviz=rviz, goals=goals, clients=clients, router=router, said=said)
         goals.close()
 
 
@@ -73,6 +76,7 @@ NAMES = {"navigate_to_pose": TO_POSE, "navigate_through_poses": THROUGH_POSES}
 def robot(network):
     one = network.goals.robot = Robot()
     network.goals.pose = (0.5, 0.0, 0.0)
+    network.said.clear()
     yield one
     for handle in one.handles:
         handle.end("cancelled")
@@ -103,8 +107,13 @@ def test_a_goal_is_driven_told_of_and_reached(network, robot):
 
 def test_poses_to_pass_are_passed(network, robot):
     goals = {"header": {"frame_id": "map"}, "goals": [pose(1.0, 0.0), pose(2.0, 0.0), pose(3.0, 1.0, 1.0)]}
-    sent = network.clients[THROUGH_POSES].send({"poses": goals})
+    heard = []
+    sent = network.clients[THROUGH_POSES].send({"poses": goals}, heard.append)
     assert until(lambda: robot.asked) == [(3.0, 1.0, pytest.approx(1.0), [(1.0, 0.0), (2.0, 0.0)])]
+    for x, y, left in ((0.2, 0.0, 3), (0.9, 0.1, 2), (1.2, 0.0, 2), (1.9, 0.0, 1), (3.0, 1.0, 1)):
+        network.goals.pose = (x, y, 0.0)
+        robot.handles[0].tell()
+        assert until(lambda: heard).pop().number_of_poses_remaining == left
     robot.handles[0].end("succeeded")
     assert ended(sent).status == SUCCEEDED
 
@@ -116,6 +125,7 @@ def test_a_goal_that_is_not_reached_says_why(network, robot, x, why):
         until(lambda: robot.handles)[0].end("no_path", "a wall")
     done = ended(sent)
     assert (done.status, done.result.error_code, done.result.error_msg) == (ABORTED, 9000, why)
+    assert network.said == [f"goal {x:g}, 0 m not reached: {why}"]
 
 
 def test_a_goal_is_cancelled(network, robot):
@@ -138,11 +148,18 @@ def test_a_newer_goal_takes_over(network, robot):
 def test_what_cannot_be_driven_is_rejected(network, robot):
     send = network.clients[TO_POSE].send
     assert not send({"pose": pose(1.0, 0.0, frame="odom")}).is_accepted
-    assert network.goals.reason == "a goal in the frame 'odom': expected 'map'"
+    assert not send({"pose": pose(1.0, 0.0, frame="odom")}).is_accepted  # says the same, so it is not shown again
     assert not send({"pose": pose(float("nan"), 0.0)}).is_accepted
+    assert not network.clients[THROUGH_POSES].send({}).is_accepted
     network.goals.robot = None
     assert not send({"pose": pose(1.0, 0.0)}).is_accepted
     assert robot.asked == []
+    assert network.said == [
+        "goal refused: it is in the frame 'odom': expected 'map'",
+        "goal refused: its place nan, 0 m is not finite",
+        "goal refused: it has no pose",
+        "goal refused: the robot is down, or has no pose yet",
+    ]
 
 
 def test_the_goal_button_of_rviz_is_a_goal(network, robot):
@@ -152,7 +169,8 @@ def test_the_goal_button_of_rviz_is_a_goal(network, robot):
 
 
 def test_a_pose_estimate_is_taken_in_the_map_only(network):
-    poses = Poses(network.served, "map")
+    said = []
+    poses = Poses(network.served, "map", said.append)
     publisher = network.rviz.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
     def send(frame):
@@ -160,7 +178,7 @@ def test_a_pose_estimate_is_taken_in_the_map_only(network):
         publisher.publish(header=given["header"], pose={"pose": given["pose"]})
 
     until(lambda: send("odom") or poses._poses._queue)
-    assert poses.take() is None
+    assert poses.take() is None and said[0] == "pose refused: it is in the frame 'odom': expected 'map'"
     assert until(lambda: send("map") or poses.take()) == (1.0, 2.0, pytest.approx(0.5))
 
 
@@ -186,7 +204,8 @@ def test_a_nav2_robot_is_driven_like_one_of_ours(network, robot):
 
 def test_only_what_was_asked_for_is_published(network):
     translator = Translator(KILTED)
-    outlets = Outlets(network.served, ["tf", "markers"])
+    said_of = []
+    outlets = Outlets(network.served, ["tf", "markers"], said_of.append)
     estimate = PoseEstimate(0, Pose2D(1.0, 2.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
     window = np.array([[0, 3], [9, 0]], np.uint8)
     what = AvoiderDiagnostics(window, 0.1, 0.0, 0.0, np.zeros(0), 0.0, np.array([[0.0, 1.0]]), 0.5, "a slot ahead")
@@ -206,4 +225,66 @@ def test_only_what_was_asked_for_is_published(network):
         assert set(shown) == {"costs", "slots", "chosen", "why"}
         assert shown["costs"].points[0].x == pytest.approx(0.05)  # the most certain cell first
         assert shown["slots"].points[0].x == pytest.approx(1.8) and shown["why"].text == "steering: a slot ahead"
-        assert not looks.graph.find("/pose", ("MP",)) and outlets.refused == 0
+        assert not looks.graph.find("/pose", ("MP",)) and said_of == []
+
+
+def test_what_cannot_be_published_is_said_once(network):
+    said = []
+    outlets = Outlets(network.served, ["pose"], said.append)
+    made = KILTED.new("geometry_msgs/msg/PoseWithCovarianceStamped")
+    made.pose.covariance = np.zeros(35)
+    for _ in range(3):
+        outlets.put(Translated("/pose", made))
+    (line,) = said
+    assert line.startswith("/pose is not published: ") and line.endswith("pose.covariance has 35 elements; expected 36")
+
+
+# --- a goal of Nav2, without a network -------------------------------------------------------------------------------
+
+
+def feedback(distance=1.0):
+    return KILTED.new("nav2_msgs/action/NavigateToPose_Feedback", distance_remaining=distance)
+
+
+def test_a_goal_with_steady_feedback_times_out():
+    handle = Nav2Handle(7, Point2D(1.0, 0.0))
+    handle.hear(feedback())
+    began, count = time.monotonic(), 0
+    with pytest.raises(TimeoutError, match=r"goal 7 has not ended within 0\.1 s"):
+        for _ in handle.updates(0.1):
+            handle.hear(feedback())
+            count += 1
+            assert time.monotonic() - began < 2.0
+    assert count > 2
+
+
+def test_feedback_may_be_read_while_it_comes():
+    handle, switch = Nav2Handle(1, Point2D(1.0, 0.0)), sys.getswitchinterval()
+    failures = []
+
+    def hear():
+        try:
+            for _ in range(20_000):
+                handle.hear(feedback_now)
+        except Exception as error:
+            failures.append(error)
+
+    feedback_now = feedback()
+    sys.setswitchinterval(1e-6)
+    try:
+        hearing = threading.Thread(target=hear)
+        hearing.start()
+        with pytest.raises(TimeoutError):
+            for _ in handle.updates(0.3):
+                pass
+        hearing.join()
+    finally:
+        sys.setswitchinterval(switch)
+    assert failures == []
+
+
+def test_only_the_newest_feedback_waits():
+    handle = Nav2Handle(1, Point2D(1.0, 0.0))
+    for number in range(100):
+        handle.hear(feedback(float(number)))
+    assert next(handle.updates(1.0)).distance == 36.0  # of 100, the last 64

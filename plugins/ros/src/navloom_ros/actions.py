@@ -15,7 +15,8 @@ from navloom_ros.graph import ACTION_PART
 from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED, Qos
 from navloom_ros.services import Call
-from navloom_ros.wire import now_ns
+from navloom_ros.times import ns_of, time_of
+from navloom_ros.wire import epoch_ns
 
 __all__ = [
     "ABORTED",
@@ -60,7 +61,7 @@ class Goal:
         self.identity = identity
         self.request = request
         self.state = ACCEPTED
-        self.accepted_ns = now_ns()
+        self.accepted_ns = epoch_ns()
         self._server = server
         self._waiting: list[Call] = []
         self._result: Any = None
@@ -178,7 +179,7 @@ class ActionServer:
             goal = Goal(self, identity, call.request.goal)
             if accepted:
                 self._goals[identity] = goal
-            call.answer(accepted=accepted, stamp=_stamp(goal.accepted_ns))
+            call.answer(accepted=accepted, stamp=time_of(goal.accepted_ns))
             if not accepted:
                 return
             self._publish_status()
@@ -199,7 +200,7 @@ class ActionServer:
     def _on_cancel(self, call: Call) -> None:
         """Cancel the goal with the given id, all goals accepted up to the given time, or both; with neither, all."""
         named = call.request.goal_info.goal_id.uuid.tobytes()
-        until_ns = _nanoseconds(call.request.goal_info.stamp)
+        until_ns = ns_of(call.request.goal_info.stamp)
         anonymous = not any(named)
         with self._lock:
             meant = [
@@ -331,12 +332,4 @@ def _identified(identity: bytes) -> dict[str, Any]:
 
 
 def _information(goal: Goal) -> dict[str, Any]:
-    return {"goal_id": _identified(goal.identity), "stamp": _stamp(goal.accepted_ns)}
-
-
-def _stamp(nanoseconds: int) -> dict[str, int]:
-    return {"sec": nanoseconds // 1_000_000_000, "nanosec": nanoseconds % 1_000_000_000}
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return {"goal_id": _identified(goal.identity), "stamp": time_of(goal.accepted_ns)}

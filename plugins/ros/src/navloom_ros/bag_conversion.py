@@ -13,8 +13,9 @@ from navloom import Odometry, Pose2D, RangeScan, Sweep, Twist2D
 from numpy.typing import NDArray
 
 from navloom_ros.frames import Mount, quaternion_matrix, wrap
+from navloom_ros.times import ns_of
 
-__all__ = ["TILTED", "ConversionError", "laser_scan", "odometry", "point_cloud", "range_reading", "stamp_of", "yaw_of"]
+__all__ = ["TILTED", "ConversionError", "laser_scan", "odometry", "point_cloud", "range_reading", "yaw_of"]
 
 Floats = NDArray[np.float64]
 TILTED = math.radians(10.0)
@@ -28,11 +29,6 @@ _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f
 
 class ConversionError(ValueError):
     """A message that cannot be converted; the text says why."""
-
-
-def stamp_of(header: Any) -> int:
-    """Stamp of a ROS header, ns."""
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def laser_scan(message: Any, mount: Mount) -> RangeScan:
@@ -49,7 +45,7 @@ def laser_scan(message: Any, mount: Mount) -> RangeScan:
     ranges, is_kept = _ranges(ranges, float(message.range_min), float(message.range_max))
     directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))]) @ mount.rotation.T
     return RangeScan(
-        stamp_of(message.header),
+        ns_of(message.header.stamp),
         np.tile(mount.translation[:2], (int(is_kept.sum()), 1)),
         wrap(np.arctan2(directions[is_kept, 1], directions[is_kept, 0])),
         np.zeros(int(is_kept.sum())),
@@ -69,7 +65,7 @@ def range_reading(message: Any, mount: Mount) -> RangeScan:
     if math.hypot(axis[0], axis[1]) < math.cos(TILTED):
         raise ConversionError("its beam is not parallel to the floor")
     return RangeScan(
-        stamp_of(message.header),
+        ns_of(message.header.stamp),
         mount.translation[None, :2],
         np.array([math.atan2(axis[1], axis[0])]),
         np.array([max(0.0, float(message.field_of_view)) / 2.0]),
@@ -114,7 +110,7 @@ def point_cloud(message: Any, mount: Mount) -> Sweep:
     ranges, pitches, bearings = raster
     finite = ranges[np.isfinite(ranges)]
     return Sweep(
-        stamp_of(message.header), 0, ranges, pitches, np.zeros(len(pitches)), bearings, "paper",
+        ns_of(message.header.stamp), 0, ranges, pitches, np.zeros(len(pitches)), bearings, "paper",
         float(mount.translation[0]), float(mount.translation[1]), max(0.0, float(mount.translation[2])),
         0.0, float(finite.max()) * (1.0 + 1e-9),
     )  # fmt: skip
@@ -176,7 +172,7 @@ def odometry(message: Any) -> Odometry:
     at, turn = message.pose.pose.position, message.pose.pose.orientation
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     pose = Pose2D(float(at.x), float(at.y), yaw_of(quaternion_matrix(turn.x, turn.y, turn.z, turn.w)))
-    return Odometry(stamp_of(message.header), pose, Twist2D(float(linear.x), float(linear.y), float(angular.z)))
+    return Odometry(ns_of(message.header.stamp), pose, Twist2D(float(linear.x), float(linear.y), float(angular.z)))
 
 
 def yaw_of(rotation: Floats) -> float:

@@ -31,11 +31,11 @@ from navloom_ros.bag_conversion import (
     odometry,
     point_cloud,
     range_reading,
-    stamp_of,
     yaw_of,
 )
 from navloom_ros.bags import deserialized, messages, opened
 from navloom_ros.frames import BASES, FrameTree, Mount, quaternion_matrix
+from navloom_ros.times import ns_of
 
 __all__ = ["Imported", "Topic", "import_bag"]
 
@@ -273,7 +273,7 @@ class _Work:
 
     def _from_transform(self, one: Any) -> Odometry:
         """Odometry from a transform; the velocity is that since the previous one."""
-        turn, at, stamp_ns = one.transform.rotation, one.transform.translation, stamp_of(one.header)
+        turn, at, stamp_ns = one.transform.rotation, one.transform.translation, ns_of(one.header.stamp)
         pose = Pose2D(float(at.x), float(at.y), yaw_of(quaternion_matrix(turn.x, turn.y, turn.z, turn.w)))
         twist = Twist2D(0.0, 0.0, 0.0)
         if self._before is not None and stamp_ns > self._before[0]:

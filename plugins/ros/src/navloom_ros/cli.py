@@ -57,9 +57,9 @@ Interfaces = Annotated[
 def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) -> None:
     """Print a ROS network's nodes, topics, services and actions."""
     with _refusals(), _joined(router, domain) as node:
-        found = _as_dict(node.graph, node.wire.session)
+        found, unread = _as_dict(node.graph, node.wire.session), node.graph.unread
     if as_json:
-        typer.echo(json.dumps(found))
+        typer.echo(json.dumps(found | {"unread": unread}))
         return
     if not found["nodes"]:
         typer.echo(f"no nodes in domain {domain} at {router}")
@@ -67,6 +67,8 @@ def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) 
         typer.echo(f"{kind}:" if entries else f"{kind}: none")
         for entry in entries:
             typer.echo(f"  {entry if isinstance(entry, str) else _line(entry)}")
+    if unread:
+        typer.echo(f"not listed: {unread} entries that cannot be read, such as {node.graph.reason}")
 
 
 @app.command()

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-__all__ = ["BadDefinition", "BadName", "BadToken", "MalformedMessage", "RosError", "UnfitMessage", "UnknownType"]
+__all__ = [
+    "BadDefinition",
+    "BadName",
+    "BadToken",
+    "MalformedMessage",
+    "RosError",
+    "UnfitMessage",
+    "UnknownType",
+    "Unusable",
+]
 
 
 class RosError(ValueError):
@@ -31,3 +40,7 @@ class MalformedMessage(RosError):
 
 class UnfitMessage(RosError):
     """A message whose values do not match the fields of its type."""
+
+
+class Unusable(RosError):
+    """A message of the right type whose values cannot be used, such as NaN, or no message in time."""

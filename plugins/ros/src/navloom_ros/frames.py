@@ -1,4 +1,4 @@
-"""Sensor mounts from the transforms of a bag, for `bag_import`; and the rotation of a quaternion."""
+"""Sensor mounts from the transforms of a bag, for `bag_import`; and the rotation and heading of a quaternion."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BASES", "FrameTree", "Mount", "quaternion_matrix", "wrap"]
+__all__ = ["BASES", "FrameTree", "Mount", "heading_of", "is_unit", "quaternion_matrix", "wrap"]
 
 Floats = NDArray[np.float64]
 BASES = ("base_link", "base_footprint")
 """Usual names of the robot's frame, the preferred one first (REP 105)."""
 FLOOR = "base_footprint"
 """Frame whose origin is on the floor."""
+UNIT = 0.05
+"""Largest deviation of a unit quaternion's length from 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,20 @@ class Mount:
     def tilt(self) -> float:
         """Angle between the sensor's plane and the floor, rad; 0 for a sensor mounted upside down."""
         return float(np.arccos(np.clip(abs(self.rotation[2, 2]), 0.0, 1.0)))
+
+
+def is_unit(quaternion: Any) -> bool:
+    """Whether the length of a quaternion message is 1; false for NaN."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    return abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT
+
+
+def heading_of(quaternion: Any) -> float | None:
+    """Heading of a quaternion message in the plane, rad; None if its length is not 1."""
+    if not is_unit(quaternion):
+        return None
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def quaternion_matrix(x: float, y: float, z: float, w: float) -> Floats:

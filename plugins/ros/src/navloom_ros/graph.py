@@ -34,12 +34,13 @@ class Graph:
     """All entities of one domain. Tokens may appear and disappear in any order.
 
     Attributes:
-        unread: Tokens that were ignored: invalid, or more than MOST_ENTITIES.
+        unread: Number of tokens that were ignored: invalid, or more than MOST_ENTITIES.
+        reason: Why the last of them was ignored.
     """
 
     def __init__(self) -> None:
         self._entities: dict[str, Entity] = {}
-        self.unread = 0
+        self.unread, self.reason = 0, ""
 
     def add(self, token: str) -> Entity | None:
         """Store the entity of a token; None if the token is ignored."""
@@ -47,10 +48,10 @@ class Graph:
             return self._entities[token]
         try:
             if len(self._entities) >= MOST_ENTITIES:
-                raise BadToken("too many entities")
+                raise BadToken(f"token {token[:200]!r}: {MOST_ENTITIES} others are stored already")
             entity = Entity.parsed(token)
-        except BadToken:
-            self.unread += 1
+        except BadToken as error:
+            self.unread, self.reason = self.unread + 1, str(error)
             return None
         self._entities[token] = entity
         return entity

@@ -20,7 +20,7 @@ __all__ = ["Joining", "Network"]
 AGAIN = 1.0
 """Interval between two attempts to join the network, s."""
 LONGEST = 5.0
-"""Longest wait for the joining thread when the process ends, s; an attempt takes less."""
+"""Longest wait for the joining thread when the process ends, s. An attempt without a router took 2.0 to 2.1 s."""
 
 
 @dataclass(frozen=True)

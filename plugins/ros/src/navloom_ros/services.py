@@ -14,7 +14,7 @@ from navloom_ros.errors import BadToken, MalformedMessage, RosError
 from navloom_ros.message_types import Types
 from navloom_ros.qos import SERVICES
 from navloom_ros.tokens import Attachment, Entity
-from navloom_ros.wire import Keep, Question, Wire, now_ns
+from navloom_ros.wire import Keep, Question, Wire, epoch_ns
 
 __all__ = ["Call", "Client", "NoAnswer", "Service"]
 
@@ -39,7 +39,7 @@ class Call:
     def answer(self, response: Any = None, /, **values: Any) -> None:
         """Send the response, or one with these values. Raises UnfitMessage if it does not fit its type."""
         data = self._service.encoded(response, values)
-        attachment = Attachment(self._beside.sequence, now_ns(), self._beside.gid)
+        attachment = Attachment(self._beside.sequence, epoch_ns(), self._beside.gid)
         self._question.answer(self._service.key, data, attachment.data)
 
     def drop(self) -> None:
@@ -142,7 +142,7 @@ class Client:
         data = types.encode_as(f"{kind}_Request", request)
         future: Future[Any] = Future()
 
-        attachment = Attachment(next(self._sequence), now_ns(), self.entity.gid)
+        attachment = Attachment(next(self._sequence), epoch_ns(), self.entity.gid)
 
         def on_answer(answer: bytes, beside: bytes) -> None:
             if future.done() or not _answers(attachment, beside):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import threading
-import time
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +13,7 @@ from navloom_ros.message_types import Types
 from navloom_ros.names import plain_buffer_key
 from navloom_ros.qos import DEFAULT
 from navloom_ros.tokens import Attachment, Entity
-from navloom_ros.wire import Keep, Wire, now_ns
+from navloom_ros.wire import Keep, Wire, epoch_ns, monotonic_ns
 
 __all__ = ["Publisher", "Received", "Subscription"]
 
@@ -69,7 +68,7 @@ class Publisher:
             message = self._types.new(self.entity.type_name, **values)
         data = self._types.encode_as(self.entity.type_name, message)
         with self._lock:  # so that sequence numbers arrive in order
-            self._put(data, Attachment(next(self._sequence), now_ns(), self.entity.gid).data)
+            self._put(data, Attachment(next(self._sequence), epoch_ns(), self.entity.gid).data)
 
 
 class Subscription:
@@ -79,13 +78,14 @@ class Subscription:
         wire, types, keep, entity, key: See `Publisher`.
 
     Attributes:
-        refused: Number of messages that could not be decoded.
-        reason: Why the last of them could not be decoded.
+        refused: Number of messages that could not be read.
+        reason: Why the last of them could not be read.
+        unread: Number of them since the last message that could be read.
     """
 
     def __init__(self, wire: Wire, types: Types, keep: Keep, entity: Entity, key: str) -> None:
         self.entity = entity
-        self.refused = 0
+        self.refused = self.unread = 0
         self.reason = ""
         self._types = types
         qos = entity.qos or DEFAULT
@@ -93,9 +93,9 @@ class Subscription:
         self._news = threading.Condition()
         self._closed = False
         keep(self.close)
-        keep(wire.subscribe(key, qos, self._on_sample))
+        keep(wire.subscribe(key, qos, self._on_sample, self._on_refusal))
         if types.distribution in WITH_BUFFERS and not qos.transient_local:
-            keep(wire.subscribe(plain_buffer_key(key), qos, self._on_sample))
+            keep(wire.subscribe(plain_buffer_key(key), qos, self._on_sample, self._on_refusal))
 
     def take(self, timeout: float | None = 0.0) -> Received | None:
         """Take the oldest message from the queue; None if none arrives in time, or the node closes.
@@ -113,9 +113,9 @@ class Subscription:
                 beside = Attachment.parsed(attachment)
                 message = self._types.decode(self.entity.type_name, data)
             except (BadToken, MalformedMessage) as error:
-                self.refused += 1
-                self.reason = str(error)
+                self._on_refusal(str(error))
                 continue
+            self.unread = 0
             return Received(message, beside.sequence, beside.source_ns, received_ns, beside.gid, arrived_ns)
 
     def close(self) -> None:
@@ -124,7 +124,10 @@ class Subscription:
             self._closed = True
             self._news.notify_all()
 
+    def _on_refusal(self, why: str) -> None:
+        self.refused, self.unread, self.reason = self.refused + 1, self.unread + 1, why
+
     def _on_sample(self, data: bytes, attachment: bytes) -> None:
         with self._news:
-            self._queue.append((data, attachment, now_ns(), time.monotonic_ns()))
+            self._queue.append((data, attachment, epoch_ns(), monotonic_ns()))
             self._news.notify()

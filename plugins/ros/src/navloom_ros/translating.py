@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from navloom_ros.markers import avoider_markers
 from navloom_ros.message_types import Types
+from navloom_ros.times import time_of
 
 __all__ = ["TOPICS", "Translated", "Translator"]
 
@@ -96,8 +97,7 @@ class Translator:
 
     def header(self, stamp_ns: int, frame: str) -> dict[str, Any]:
         """Values of a header."""
-        seconds, nanoseconds = divmod(stamp_ns + self.offset_ns, 1_000_000_000)
-        return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
+        return {"stamp": time_of(stamp_ns + self.offset_ns), "frame_id": frame}
 
     def _made(self, topic: str, name: str, **values: Any) -> Translated:
         return Translated(topic, self.types.new(name, **values))

@@ -15,10 +15,10 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from navloom_ros.errors import RosError
+from navloom_ros.errors import MalformedMessage, RosError
 from navloom_ros.qos import Qos
 
-__all__ = ["ROUTER", "NoRouter", "Question", "Wire", "settings"]
+__all__ = ["ROUTER", "NoRouter", "Question", "Wire", "epoch_ns", "monotonic_ns", "settings"]
 
 ROUTER = "tcp/127.0.0.1:7447"
 """Default endpoint of `rmw_zenohd`."""
@@ -66,7 +66,6 @@ class Wire:
 
     Attributes:
         session: Zenoh id of this process, as in tokens.
-        too_large: Messages that were dropped because of their size.
     """
 
     def __init__(self, router: str, largest: int) -> None:
@@ -80,7 +79,6 @@ class Wire:
             ) from None
         self._largest = largest
         self.session = str(self._session.zid())
-        self.too_large = 0
 
     def __enter__(self) -> Wire:
         return self
@@ -145,12 +143,24 @@ class Wire:
 
         return put, _undeclarer(publisher)
 
-    def subscribe(self, key: str, qos: Qos, on_sample: OnSample) -> Callable[[], None]:
-        """Receive messages, and first the last ones of a latched topic; the returned function ends it."""
+    def subscribe(
+        self, key: str, qos: Qos, on_sample: OnSample, on_refusal: Callable[[str], None]
+    ) -> Callable[[], None]:
+        """Receive messages, and first the last ones of a latched topic; the returned function ends it.
+
+        Args:
+            key: Of the topic.
+            qos: Quality of service of the subscription.
+            on_sample: Receives each message.
+            on_refusal: Receives the reason why a message was dropped. It must not block.
+        """
 
         def receive(sample: Any) -> None:
-            taken = self._taken(sample)
-            if taken is not None:
+            try:
+                taken = self._taken(sample)
+            except MalformedMessage as error:
+                on_refusal(str(error))
+            else:
                 on_sample(*taken)
 
         options: dict[str, Any] = {}
@@ -168,8 +178,9 @@ class Wire:
         """Receive requests. `on_question` runs on Zenoh's thread and must not block. The returned function ends it."""
 
         def receive(query: Any) -> None:
-            taken = self._taken(query)
-            if taken is None:
+            try:
+                taken = self._taken(query)
+            except MalformedMessage:
                 query.drop()
             else:
                 on_question(Question(query, *taken))
@@ -183,9 +194,9 @@ class Wire:
         """Send a request. `on_answer` receives each answer, then `on_end` is called; both run on Zenoh's thread."""
 
         def receive(reply: Any) -> None:
-            taken = self._taken(reply.ok) if reply.ok is not None else None
-            if taken is not None:
-                on_answer(*taken)
+            if reply.ok is not None:
+                with suppress(MalformedMessage):
+                    on_answer(*self._taken(reply.ok))
 
         try:
             self._session.get(
@@ -200,13 +211,14 @@ class Wire:
         except zenoh.ZError:  # the session has been closed
             on_end()
 
-    def _taken(self, sample: Any) -> tuple[bytes, bytes] | None:
+    def _taken(self, sample: Any) -> tuple[bytes, bytes]:
+        """A message and its attachment. Raises MalformedMessage without copying them."""
         payload, attachment = sample.payload, sample.attachment
         if payload is None or attachment is None:
-            return None
-        if len(payload) > self._largest or len(attachment) > self._largest:
-            self.too_large += 1
-            return None
+            raise MalformedMessage("it has no attachment: it is not of rmw_zenoh")
+        largest = max(len(payload), len(attachment))
+        if largest > self._largest:
+            raise MalformedMessage(f"it has {largest} bytes; at most {self._largest} are received")
         return payload.to_bytes(), attachment.to_bytes()
 
 
@@ -223,7 +235,12 @@ def settings(router: str) -> dict[str, Any]:
     }
 
 
-def now_ns() -> int:
+def monotonic_ns() -> int:
+    """Time on this host's monotonic clock, ns."""
+    return time.monotonic_ns()
+
+
+def epoch_ns() -> int:
     """Time in ns since the epoch, as in attachments."""
     return time.time_ns()
 

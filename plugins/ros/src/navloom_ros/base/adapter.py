@@ -25,17 +25,20 @@ from navloom import (
 )
 
 from navloom_ros.base.frames import planar
-from navloom_ros.base.link import FLOWING, TRANSFORMS, Link, Settings, Topic, now_ns
+from navloom_ros.base.link import FLOWING, TRANSFORMS, Link, Settings, Topic
 from navloom_ros.base.params import LaserSettings, Mount, RangeSettings, Ros2BaseParams
-from navloom_ros.base.readings import Anchor, Beams
+from navloom_ros.base.readings import Anchor, Beams, check_field
 from navloom_ros.base.sources import CLOCK, CONTACT, ODOMETRY, STATIC, TF, Laser, Ranges, Robot
 from navloom_ros.errors import RosError
 from navloom_ros.params import network_of
 from navloom_ros.qos import DEFAULT
+from navloom_ros.wire import monotonic_ns
 
 __all__ = ["Ros2Base"]
 
 STILL = Twist2D(0.0, 0.0, 0.0)
+UNUSABLE_NS = 1_000_000_000
+"""Time without a usable message of a sensor after which the robot is stopped with the reason, ns."""
 
 
 class Ros2Base(Platform):
@@ -57,9 +60,12 @@ class Ros2Base(Platform):
                 "would stop between commands; set a shorter run.period"
             )
         self._sensors = {spec.name: _sensor(spec) for spec in context.sensors}
+        self._read_ns: int | None = None
         anchor = Anchor(params.odometry_origin == "first", context.robot.max_linear, context.robot.max_angular)
         try:
             self._link = Link(_settings(params, context.period), self._topics())
+            if params.contact_topic:
+                check_field(self._link.types, params.contact_type, params.contact_field)
         except RosError as error:
             raise InputError(str(error)) from None
         self._robot = Robot(
@@ -72,7 +78,7 @@ class Ros2Base(Platform):
     def drive(self, command: Twist2D, time_ns: int) -> None:
         """Send a velocity now, without waiting for the next tick."""
         self._command = command
-        self._link.send(command.vx, command.vy, command.wz, self._robot.clock_ns(now_ns()))
+        self._link.send(command.vx, command.vy, command.wz, self._robot.clock_ns(monotonic_ns()))
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
         """Send the command again, and return what the robot has reported since the last tick.
@@ -81,16 +87,19 @@ class Ros2Base(Platform):
             RosError: The robot cannot be driven now; the text says why.
         """
         self.drive(given.command, given.time_ns)  # a base times out when no command arrives
-        now, robot, given_ns = now_ns(), self._robot, given.time_ns
+        now, robot, given_ns = monotonic_ns(), self._robot, given.time_ns
         if self._zero_ns is None or now - given_ns < self._zero_ns or now - given_ns > self._zero_ns + 10**9:
             self._zero_ns = now - given_ns
         robot.listen(self.params.odometry == "tf")
-        if why := self._link.problem() or robot.clock_problem(now) or self._silence(now):
+        if why := self._link.problem() or robot.clock_problem(now) or self._silence(now) or self._contact_problem(now):
             raise RosError(why)
         odometry = Odometry(
             self._stamp(ODOMETRY, robot.measured_ns or 0, given_ns), Pose2D(*robot.pose), Twist2D(*robot.twist)
         )
-        return PlatformOutput(odometry, dict(self._scans(now, given_ns)), Contact(robot.is_touching), None)
+        scans = dict(self._scans(now, given_ns))
+        if why := self._sensor_problem(now):
+            raise RosError(why)
+        return PlatformOutput(odometry, scans, Contact(robot.contact()), None)
 
     def close(self) -> None:
         """Leave the network."""
@@ -99,11 +108,6 @@ class Ros2Base(Platform):
     def _scans(self, now: int, time_ns: int) -> Any:
         for name, sensor in self._sensors.items():
             found = sensor.read(self._robot, now)
-            if sensor.lacks:
-                raise RosError(
-                    f"sensor {name}: {self.params.tf_topic} does not connect its frame {sensor.lacks!r} to "
-                    f"{self.params.base_frame!r}: publish that transform, or give the sensor a mount"
-                )
             if found is not None:
                 yield name, _scan(found[0], self._stamp(name, found[1], time_ns))
 
@@ -118,16 +122,45 @@ class Ros2Base(Platform):
         """Why there is no current odometry; empty if there is."""
         by_frames = self.params.odometry == "tf"
         what = self.params.tf_topic if by_frames else self.params.odometry_topic
-        measured_ns = self._robot.measured_ns
+        measured_ns, heard_ns = self._robot.measured_ns, self._robot.heard_ns
         if self._robot.anchor.is_unsteady(now):
             return f"{what} keeps jumping: does it have more than one publisher?"
-        if measured_ns is not None and now - measured_ns <= self.params.odometry_timeout * 1e9:
+        longest_ns = self.params.odometry_timeout * 1e9
+        if measured_ns is not None and now - measured_ns <= longest_ns:
             return ""
+        if measured_ns is not None and heard_ns is not None and now - heard_ns <= longest_ns:
+            age = (now - measured_ns) * 1e-9
+            return f"{what} has messages, but the newest was measured {age:.2f} s ago: the robot or its link is slow"
         why = self._robot.unusable or self._link.why_silent(TF if by_frames else ODOMETRY)
         since = (
             "has no message yet" if measured_ns is None else f"has been silent for {(now - measured_ns) * 1e-9:.2f} s"
         )
         return f"{what} {since}{': ' * bool(why)}{why}"
+
+    def _contact_problem(self, now: int) -> str:
+        """Why a contact would not be noticed now; empty if it would, and without a contact topic."""
+        topic, longest, heard_ns = self.params.contact_topic, self.params.contact_timeout, self._robot.contact_ns
+        is_fresh = heard_ns is not None and now - heard_ns <= longest * 1e9
+        if not topic or is_fresh:
+            return ""
+        why = self._link.why_silent(CONTACT)
+        if not longest and not why:
+            return ""
+        since = "has no message yet" if heard_ns is None else f"has been silent for {(now - heard_ns) * 1e-9:.1f} s"
+        return f"{topic} {since}: {why or 'if it sends changes only, set contact_timeout = 0'}"
+
+    def _sensor_problem(self, now: int) -> str:
+        """Why a sensor gives nothing, if the reason is known; the gate notices one that merely falls silent."""
+        if self._read_ns is None:
+            self._read_ns = now
+        for name, sensor in self._sensors.items():
+            for feed in sensor.feeds:
+                since_ns = self._read_ns if feed.usable_ns is None else feed.usable_ns
+                if now - since_ns <= UNUSABLE_NS:
+                    continue
+                if why := feed.why or ("" if feed.usable_ns is not None else self._link.why_silent(feed.topic)):
+                    return f"sensor {name}: {feed.topic}: {why}"
+        return ""
 
     def _topics(self) -> dict[str, Topic]:
         params = self.params
@@ -143,10 +176,8 @@ class Ros2Base(Platform):
         if params.simulated:
             topics[CLOCK] = Topic("/clock", "rosgraph_msgs/msg/Clock", FLOWING)
         for sensor in self._sensors.values():
-            if isinstance(sensor, Laser):
-                topics[sensor.topic] = Topic(sensor.topic, "sensor_msgs/msg/LaserScan")
-            else:
-                topics |= {name: Topic(name, "sensor_msgs/msg/Range") for name in sensor.topics}
+            kind = "sensor_msgs/msg/LaserScan" if isinstance(sensor, Laser) else "sensor_msgs/msg/Range"
+            topics |= {feed.topic: Topic(feed.topic, kind) for feed in sensor.feeds}
         return topics
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_ros.frames import quaternion_matrix
+from navloom_ros.frames import is_unit, quaternion_matrix
 
 __all__ = ["Frames", "heading_of", "planar", "rotation"]
 
@@ -19,8 +19,6 @@ Floats = NDArray[np.float64]
 
 MOST_FRAMES = 1000
 """Most frames that are stored; further ones are ignored."""
-UNIT = 0.05
-"""Largest deviation of a quaternion's length from 1."""
 
 
 class Frames:
@@ -62,11 +60,9 @@ class Frames:
 
 def rotation(quaternion: Any) -> Floats | None:
     """The (3, 3) rotation matrix of a quaternion message; None if its length is not 1."""
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    length = math.sqrt(x * x + y * y + z * z + w * w)
-    if not abs(length - 1.0) < UNIT:  # also true for NaN
+    if not is_unit(quaternion):
         return None
-    return quaternion_matrix(x, y, z, w)
+    return quaternion_matrix(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
 
 
 def heading_of(matrix: Floats) -> float:

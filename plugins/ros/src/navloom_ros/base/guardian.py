@@ -22,6 +22,7 @@ from navloom_ros.errors import RosError
 from navloom_ros.joining import Network
 from navloom_ros.message_types import Types
 from navloom_ros.qos import DEFAULT
+from navloom_ros.times import time_of
 
 __all__ = ["Guard", "velocity"]
 
@@ -50,8 +51,7 @@ def velocity(types: Types, stamped: bool, vx: float, vy: float, wz: float, frame
     twist = {"linear": {"x": vx, "y": vy}, "angular": {"z": wz}}
     if not stamped:
         return types.new("geometry_msgs/msg/Twist", **twist)
-    seconds, nanoseconds = divmod(stamp_ns or 0, 1_000_000_000)
-    header = {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
+    header = {"stamp": time_of(stamp_ns or 0), "frame_id": frame}
     return types.new("geometry_msgs/msg/TwistStamped", header=header, twist=twist)
 
 

@@ -5,7 +5,6 @@ The network is joined in the background. Zenoh reconnects by itself when the rou
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -15,7 +14,7 @@ from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT, Qos
 from navloom_ros.topics import Publisher, Received, Subscription
 
-__all__ = ["TRANSFORMS", "Link", "Settings", "Topic", "now_ns"]
+__all__ = ["FLOWING", "TRANSFORMS", "Link", "Settings", "Topic"]
 
 READINGS = Qos(reliable=False, depth=20)
 """Quality of service of sensor data; the depth covers the messages between two ticks."""
@@ -77,6 +76,9 @@ class Link:
         settings: Where the robot is and how it takes commands.
         topics: By name, the topics to read; nothing else of the network is received.
 
+    Attributes:
+        types: Types of the robot's distribution.
+
     Raises:
         RosError: A type that the distribution does not have, or a definition that cannot be used.
     """
@@ -85,7 +87,7 @@ class Link:
         self._settings, self._topics = settings, dict(topics)
         self._publisher: Publisher | None = None
         self._subscriptions: dict[str, Subscription] = {}
-        types = self._types = settings.network.types()
+        types = self.types = settings.network.types()
         for topic in topics.values():
             types.fields(topic.kind)
         self._joining = Joining(settings.network, self._set_up)
@@ -117,10 +119,10 @@ class Link:
         node, topic, subscription = self._joining.node, self._topics[name].name, self._subscriptions.get(name)
         if node is None or subscription is None:
             return self._joining.why
-        if subscription.refused:
-            return f"{subscription.refused} messages could not be read, the last one: {subscription.reason}"
+        if subscription.unread:
+            return f"{subscription.unread} messages could not be read, the last one: {subscription.reason}"
         if others := node.mismatches(topic):
-            ours = f"{subscription.entity.type_name} of {self._types.distribution}"
+            ours = f"{subscription.entity.type_name} of {self.types.distribution}"
             return f"it is published as {others[0].type_name}, {others[0].type_hash}; expected {ours}"
         if not node.graph.find(subscription.entity.name, ("MP",)):
             return "no node publishes it"
@@ -136,7 +138,7 @@ class Link:
         self._started().beat(bool(vx or vy or wz), stamp_ns)
         if self._publisher is not None:
             settings = self._settings
-            self._publisher.publish(velocity(self._types, settings.stamped, vx, vy, wz, settings.frame, stamp_ns))
+            self._publisher.publish(velocity(self.types, settings.stamped, vx, vy, wz, settings.frame, stamp_ns))
 
     def close(self) -> None:
         """Leave the network. The guardian stops the base and exits."""
@@ -168,10 +170,5 @@ class Link:
         other = listeners[0]
         hint = f"; set stamped = {str(not self._settings.stamped).lower()}" if "/Twist" in other.type_name else ""
         if other.type_name == ours.type_name:
-            hint = f": hash {other.type_hash} is not that of {self._types.distribution}; set distribution"
+            hint = f": hash {other.type_hash} is not that of {self.types.distribution}; set distribution"
         return f"{other.full_node_name} subscribes to {ours.name} as {other.type_name}, not {ours.type_name}{hint}"
-
-
-def now_ns() -> int:
-    """This host's monotonic clock, ns."""
-    return time.monotonic_ns()

@@ -40,6 +40,11 @@ class Ros2BaseParams(Ros2Network):
     contact_topic: str = Field("", description="Topic of a bumper or contact sensor; empty for none.")
     contact_type: str = Field("std_msgs/msg/Bool", description="Type of contact_topic.")
     contact_field: str = Field("data", description="Field that is true, nonzero or nonempty during contact.")
+    contact_timeout: float = Field(
+        1.0, ge=0.0, le=60.0,
+        description="Time without a message on contact_topic after which the robot is stopped, s; 0 for a topic that "
+        "sends changes only.",
+    )  # fmt: skip
     simulated: bool = Field(False, description="The robot's stamps are those of /clock.")
     guard_silence: float = Field(
         0.1, ge=0.05, le=1.0, description="Time without a tick until the guardian stops the base, s; at least 2 ticks."

@@ -13,10 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
 
 from navloom_ros.base.frames import heading_of, rotation
+from navloom_ros.errors import BadName, Unusable
+from navloom_ros.message_types import Types
 
-__all__ = ["Anchor", "Beams", "Unusable", "beams_of_laser", "beams_of_ranges", "is_set", "motion_of", "stamp_ns_of"]
+__all__ = ["Anchor", "Beams", "beams_of_laser", "beams_of_ranges", "check_field", "check_range", "is_set", "motion_of"]
 
 Floats = NDArray[np.float64]
 
@@ -28,14 +31,10 @@ RESTARTED, RESTARTED_TURN = 0.3, 0.3
 """Largest jump of the pose, m and rad, when the publisher of the odometry changes; more counts as a restart."""
 FASTER = 3.0
 """Largest speed of the odometry, in multiples of the robot's; a pose that moves faster counts as a restart."""
-
-
 UNSTEADY, UNSTEADY_NS = 4, 2_000_000_000
-"""Restarts of the odometry within 2 s after which it is unusable: several publishers, or a faulty one."""
-
-
-class Unusable(ValueError):
-    """A message whose values cannot be used; the text says why."""
+"""Restarts and changes of publisher within 2 s, ns, after which the odometry is unusable."""
+FARTHEST = 1e6
+"""Largest coordinate of a pose, m; beyond, the rounding errors of a restart would move the robot's pose."""
 
 
 class Beams(NamedTuple):
@@ -65,11 +64,6 @@ class Motion(NamedTuple):
     twist: tuple[float, float, float]
 
 
-def stamp_ns_of(stamp: Any) -> int:
-    """A ROS time as ns."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
 def motion_of(message: Any) -> Motion:
     """Pose and velocity of a nav_msgs/msg/Odometry. Raises Unusable."""
     pose, twist = message.pose.pose, message.twist.twist
@@ -97,14 +91,16 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     limits = (scan.range_min, scan.range_max, scan.angle_min, scan.angle_increment, scan.time_increment)
     if not all(map(math.isfinite, limits)) or not 0.0 <= scan.range_min <= scan.range_max:
         raise Unusable("a laser scan with limits that are not finite, or range_min above range_max")
-    if len(ranges) > MOST_BEAMS or abs(scan.angle_increment) * len(ranges) > 2.0 * math.tau or scan.time_increment < 0:
+    span = abs(scan.angle_increment) * len(ranges)
+    has_angles = span <= 2.0 * math.tau and (span > 0.0 or len(ranges) < 2)
+    if len(ranges) > MOST_BEAMS or not has_angles or scan.time_increment < 0:
         raise Unusable(f"a laser scan of {len(ranges)} beams, {scan.angle_increment:g} rad apart")
     if abs(mount[2, 2]) < TILTED:
         tilt = math.degrees(math.acos(min(1.0, abs(mount[2, 2]))))
         raise Unusable(f"a laser that is tilted by {tilt:.0f}°: expected at most 10°")
+    ranges = np.where(ranges == -np.inf, scan.range_min, ranges)  # REP 117: an object closer than range_min
     if is_far_below:
         ranges = np.where(ranges < scan.range_min, np.inf, ranges)
-    ranges = np.where(ranges == -np.inf, scan.range_min, ranges)  # REP 117: an object closer than range_min
     says = ranges >= scan.range_min  # false for NaN
     ranges = np.where(ranges > scan.range_max, np.inf, ranges)[says]
     angles: Floats = scan.angle_min + scan.angle_increment * np.flatnonzero(says)
@@ -121,14 +117,21 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     )
 
 
+def check_range(reading: Any) -> None:
+    """Check that a sensor_msgs/msg/Range is a measurement. Raises Unusable."""
+    limits = (reading.min_range, reading.max_range, reading.field_of_view)
+    are_ordered = 0.0 <= reading.min_range <= reading.max_range
+    if not all(map(math.isfinite, limits)) or not are_ordered or reading.field_of_view < 0.0:
+        raise Unusable("a range with limits that are not finite, or min_range above max_range")
+    if math.isnan(reading.range):
+        raise Unusable("a range that is NaN")
+
+
 def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
-    """One beam for each sensor_msgs/msg/Range, along the x axis of its frame. Raises Unusable."""
-    for one in readings:
-        limits = (one.min_range, one.max_range, one.field_of_view)
-        if not all(map(math.isfinite, limits)) or not 0.0 <= one.min_range <= one.max_range or one.field_of_view < 0.0:
-            raise Unusable("a range with limits that are not finite, or min_range above max_range")
-        if math.isnan(one.range):
-            raise Unusable("a range that is NaN")
+    """One beam for each sensor_msgs/msg/Range that `check_range` accepts, along the x axis of its frame.
+
+    A range below min_range becomes min_range: something may be that close.
+    """
     least, most = min(one.min_range for one in readings), max(one.max_range for one in readings)
     ranges = [math.inf if one.range > one.max_range else max(one.range, one.min_range) for one in readings]
     return Beams(
@@ -142,11 +145,30 @@ def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
     )
 
 
-def is_set(message: Any, path: str) -> bool:
-    """Whether a field of a message, as `data` or `header.frame_id`, is true, not zero or not empty. Raises Unusable."""
+def check_field(types: Types, kind: str, path: str) -> None:
+    """Check that a message type has a field that `is_set` can judge. Raises BadName.
+
+    Args:
+        types: Of the robot's distribution.
+        kind: The type, as `std_msgs/msg/Bool`.
+        path: The field, as `data` or `status.pressed`.
+    """
+    inner, node = kind, Nodetype.NAME
     for name in path.split("."):
-        if not hasattr(message, name):
-            raise Unusable(f"the contact message has no field {path!r}")
+        fields = dict(types.fields(inner)) if inner else {}
+        if name not in fields:
+            known = f"expected one of {', '.join(fields)}" if fields else "it is no message"
+            raise BadName(f"contact_field: {inner or path} has no field {name!r}: {known}")
+        node, rest = fields[name]
+        inner = rest if node == Nodetype.NAME else ""
+    if inner or node == Nodetype.ARRAY:
+        what = f"a {inner}" if inner else "an array of fixed length"
+        raise BadName(f"contact_field: {path} of {kind} is {what}: expected a bool, a number, a text or a list")
+
+
+def is_set(message: Any, path: str) -> bool:
+    """Whether a field of a message, as `data` or `header.frame_id`, is true, not zero or not empty."""
+    for name in path.split("."):
         message = getattr(message, name)
     return bool(len(message)) if hasattr(message, "__len__") else bool(message)
 
@@ -160,16 +182,12 @@ class Anchor:
     Args:
         is_from_first: The origin is the first pose; otherwise it is that of the robot's odometry frame.
         speed, turn: Limits of the robot, m/s and rad/s.
-
-    Attributes:
-        restarts: How many there were.
     """
 
     is_from_first: bool
     speed: float
     turn: float
-    restarts: int = 0
-    _restarted_ns: deque[int] = field(default_factory=lambda: deque(maxlen=UNSTEADY))
+    _changed_ns: deque[int] = field(default_factory=lambda: deque(maxlen=UNSTEADY))
     _origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _raw: tuple[float, float, float] | None = None
     _by: bytes = b""
@@ -185,19 +203,24 @@ class Anchor:
         """
         if self._raw is None:
             self._origin = _then(_inverse(raw), (0.0, 0.0, 0.0)) if self.is_from_first else (0.0, 0.0, 0.0)
-        elif self._has_restarted(raw, by, at_ns):
-            self.restarts += 1
-            self._restarted_ns.append(at_ns)
-            self._origin = _then(_then(self._origin, self._raw), _inverse(raw))
+        else:
+            has_restarted = self._has_restarted(raw, by, at_ns)
+            if has_restarted or by != self._by:
+                self._changed_ns.append(at_ns)
+            if has_restarted:
+                self._origin = _then(_then(self._origin, self._raw), _inverse(raw))
         self._raw, self._by, self._at_ns = raw, by, at_ns
         return _then(self._origin, raw)
 
     def is_unsteady(self, now_ns: int) -> bool:
-        """The odometry restarts too often to know the pose."""
-        return len(self._restarted_ns) == UNSTEADY and now_ns - self._restarted_ns[0] < UNSTEADY_NS
+        """The odometry restarts, or changes its publisher, too often to know the pose."""
+        return len(self._changed_ns) == UNSTEADY and now_ns - self._changed_ns[0] < UNSTEADY_NS
 
-    def check(self, twist: tuple[float, float, float]) -> None:
-        """Check that the robot can drive a velocity, m/s and rad/s. Raises Unusable."""
+    def check(self, motion: Motion) -> None:
+        """Check that the robot can be at a pose, and can drive a velocity. Raises Unusable."""
+        (x, y, _), twist = motion
+        if max(abs(x), abs(y)) > FARTHEST:
+            raise Unusable(f"odometry at {x:.3g}, {y:.3g} m: expected at most {FARTHEST:.0e} m")
         speed = math.hypot(twist[0], twist[1])
         if speed > FASTER * self.speed + RESTARTED or abs(twist[2]) > FASTER * self.turn + RESTARTED_TURN:
             raise Unusable(f"odometry of {speed:.3g} m/s and {twist[2]:.3g} rad/s, which the robot cannot drive")

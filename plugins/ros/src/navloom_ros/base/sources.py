@@ -6,7 +6,7 @@ The platform `ros2_base` polls these objects in each tick; the messages come fro
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -18,21 +18,23 @@ from navloom_ros.base.readings import (
     Anchor,
     Beams,
     Motion,
-    Unusable,
     beams_of_laser,
     beams_of_ranges,
+    check_range,
     is_set,
     motion_of,
-    stamp_ns_of,
 )
 from navloom_ros.base.stamps import Delays
+from navloom_ros.errors import Unusable
+from navloom_ros.times import ns_of
 
-__all__ = ["CLOCK", "CONTACT", "ODOMETRY", "STATIC", "TF", "Heard", "Laser", "Ranges", "Robot"]
+__all__ = ["CLOCK", "CONTACT", "ODOMETRY", "STATIC", "TF", "Feed", "Heard", "Laser", "Ranges", "Robot"]
 
 ODOMETRY, TF, STATIC, CONTACT, CLOCK = "odometry", "tf", "tf static", "contact", "clock"
 """Names in `Link` of the topics that belong to no sensor."""
 PAUSED_NS = 500_000_000
 """Time without a change of /clock after which the simulator counts as paused, ns."""
+NO_BEAM = "no beam of the scan is a measurement; if it reports 0 for no echo, set short_is_nothing = true"
 
 Floats = NDArray[np.float64]
 
@@ -70,8 +72,10 @@ class Robot:
     Attributes:
         measured_ns: When the newest motion was measured, on this host's monotonic clock; None before the first.
         pose, twist: Newest pose, m and rad, in the frame of `anchor`, and velocity in the base frame, m/s and rad/s.
-        is_touching: The robot is in contact.
-        unusable: Why the last invalid odometry was invalid; empty before the first.
+        heard_ns: When the newest valid odometry arrived, on the same clock; None before the first.
+        contact_ns: When the newest contact message arrived, on the same clock; None before the first.
+        is_touching: The robot is in contact, by the newest message.
+        unusable: Why the newest odometry is invalid; empty if it is valid, and before the first.
     """
 
     reads: Reads
@@ -82,6 +86,8 @@ class Robot:
     contact_field: str = "data"
     frames: Frames = field(default_factory=Frames)
     measured_ns: int | None = None
+    heard_ns: int | None = None
+    contact_ns: int | None = None
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     twist: tuple[float, float, float] = (0.0, 0.0, 0.0)
     is_touching: bool = False
@@ -89,6 +95,7 @@ class Robot:
     _delays: dict[str, Delays] = field(default_factory=dict)
     _clock: tuple[int, int] | None = None
     _sent: tuple[int, int] | None = None
+    _has_touched: bool = False
     _moved: tuple[tuple[float, float, float], int] | None = None
 
     def listen(self, from_tf: bool) -> None:
@@ -98,21 +105,24 @@ class Robot:
             from_tf: Odometry comes from /tf.
         """
         for heard in self.reads.take(CLOCK):
-            shown_ns = stamp_ns_of(heard.message.clock)
+            shown_ns = ns_of(heard.message.clock)
             if self._clock is None or shown_ns != self._clock[0]:
                 self._clock = shown_ns, heard.arrived_ns
         for name in (STATIC, TF):
             for heard in self.reads.take(name):
                 self.frames.add(heard.message)
                 if from_tf and name == TF:
-                    self._move_by_frames(heard)
+                    self._try(self._move_by_frames, heard)
         for heard in self.reads.take(ODOMETRY):
-            try:
-                self._move(motion_of(heard.message), heard, stamp_ns_of(heard.message.header.stamp))
-            except Unusable as error:
-                self.unusable = str(error)
+            self._try(self._move_by_message, heard)
         for heard in self.reads.take(CONTACT):
-            self.is_touching = is_set(heard.message, self.contact_field)
+            self.is_touching, self.contact_ns = is_set(heard.message, self.contact_field), heard.arrived_ns
+            self._has_touched = self._has_touched or self.is_touching
+
+    def contact(self) -> bool:
+        """Whether the robot is in contact now, or was since the last call."""
+        was_touching, self._has_touched = self._has_touched, False
+        return was_touching or self.is_touching
 
     def clock_problem(self, now_ns: int) -> str:
         """Why the clock of a simulated robot cannot be used; empty if it can."""
@@ -141,10 +151,19 @@ class Robot:
             return delays.measured_by_clock_ns(stamp_ns, self._clock[0], heard.arrived_ns)
         return delays.measured_ns(stamp_ns, heard.source_ns, heard.arrived_ns)
 
+    def _try(self, move: Callable[[Heard], None], heard: Heard) -> None:
+        try:
+            move(heard)
+        except Unusable as error:
+            self.unusable = str(error)
+
+    def _move_by_message(self, heard: Heard) -> None:
+        self._move(motion_of(heard.message), heard, ns_of(heard.message.header.stamp))
+
     def _move(self, motion: Motion, heard: Heard, stamp_ns: int) -> None:
-        self.anchor.check(motion.twist)
+        self.anchor.check(motion)
         at_ns = self.when_ns(ODOMETRY, heard, stamp_ns)
-        self._sent = heard.source_ns, heard.arrived_ns
+        self._sent, self.heard_ns, self.unusable = (heard.source_ns, heard.arrived_ns), heard.arrived_ns, ""
         if self.measured_ns is None or at_ns >= self.measured_ns:
             self.pose, self.twist = self.anchor.place(motion.pose, heard.gid, at_ns), motion.twist
             self.measured_ns = at_ns
@@ -155,7 +174,7 @@ class Robot:
         found = self.frames.find(self.odometry_frame, self.frame)
         if not own or found is None:
             return
-        stamp_ns = stamp_ns_of(own[-1].header.stamp)
+        stamp_ns = ns_of(own[-1].header.stamp)
         pose = (float(found[0, 3]), float(found[1, 3]), heading_of(found))
         if self._moved is None or stamp_ns > self._moved[1]:
             twist = self.twist if self._moved is None else _twist_between(*self._moved, pose, stamp_ns)
@@ -166,6 +185,44 @@ class Robot:
 
 
 @dataclass
+class Feed:
+    """The messages of one topic of a range sensor.
+
+    Args:
+        topic: Its name.
+        mount: (4, 4) from the sensor's frame to base; None to take it from /tf.
+
+    Attributes:
+        why: Why the newest message cannot be used; empty if it can, and before the first.
+        usable_ns: When the newest usable message came, ns; None before the first.
+    """
+
+    topic: str
+    mount: Floats | None
+    why: str = ""
+    usable_ns: int | None = None
+
+    def take(self, robot: Robot) -> Iterator[tuple[Any, Floats, int]]:
+        """The messages since the last call whose mount is known, each with its mount and when it was measured, ns."""
+        for heard in robot.reads.take(self.topic):
+            header = heard.message.header
+            mount = robot.frames.find(robot.frame, header.frame_id) if self.mount is None else self.mount
+            at_ns = robot.when_ns(self.topic, heard, ns_of(header.stamp))
+            if mount is None:
+                self.why = (
+                    f"no transform from its frame {header.frame_id!r} to {robot.frame!r}: publish it, give the sensor "
+                    "a mount, or set base_frame"
+                )
+            else:
+                yield heard.message, mount, at_ns
+
+    def judge(self, why: str, now_ns: int) -> None:
+        """Note why the newest message cannot be used; empty if it can."""
+        self.why = why
+        if not why:
+            self.usable_ns = now_ns
+
+
 class Laser:
     """A laser scanner.
 
@@ -175,37 +232,28 @@ class Laser:
         short_is_nothing: `is_far_below` of `beams_of_laser`.
 
     Attributes:
-        lacks: Frame that /tf does not connect to the base; empty if there is none.
-        unusable: Why the newest scan cannot be used; empty if it can.
+        feeds: Its topic.
     """
 
-    topic: str
-    mount: Floats | None
-    short_is_nothing: bool
-    lacks: str = ""
-    unusable: str = ""
+    def __init__(self, topic: str, mount: Floats | None, short_is_nothing: bool) -> None:
+        self.feeds = (Feed(topic, mount),)
+        self._short_is_nothing = short_is_nothing
 
     def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
         """The newest usable scan since the last call and when it was measured, ns; None if there is none."""
         newest: tuple[Beams, int] | None = None
-        for heard in robot.reads.take(self.topic):
-            header = heard.message.header
-            mount = robot.frames.find(robot.frame, header.frame_id) if self.mount is None else self.mount
-            self.lacks = header.frame_id if mount is None else ""
-            at_ns = robot.when_ns(self.topic, heard, stamp_ns_of(header.stamp))
-            if mount is None:
-                continue
+        (feed,) = self.feeds
+        for message, mount, at_ns in feed.take(robot):
             try:
-                beams = beams_of_laser(heard.message, mount, self.short_is_nothing)
-                self.unusable = "" if len(beams.ranges) else "no beam of the scan is a measurement"
+                beams = beams_of_laser(message, mount, self._short_is_nothing)
             except Unusable as error:
-                self.unusable = str(error)
+                feed.judge(str(error), now_ns)
             else:
+                feed.judge("" if len(beams.ranges) else NO_BEAM, now_ns)
                 newest = (beams, at_ns) if len(beams.ranges) else newest
         return newest
 
 
-@dataclass
 class Ranges:
     """A ring of single-beam range sensors. It has a reading only while all of them have one.
 
@@ -215,37 +263,34 @@ class Ranges:
         stale_ns: Age from which a reading is stale.
 
     Attributes:
-        lacks, unusable: See `Laser`.
+        feeds: The topics.
     """
 
-    topics: tuple[str, ...]
-    mounts: tuple[Floats, ...] | None
-    stale_ns: int
-    lacks: str = ""
-    unusable: str = ""
-    _last: dict[str, tuple[Any, Floats, int]] = field(default_factory=dict)
+    def __init__(self, topics: Sequence[str], mounts: Sequence[Floats] | None, stale_ns: int) -> None:
+        self.feeds = tuple(
+            Feed(topic, None if mounts is None else mounts[number]) for number, topic in enumerate(topics)
+        )
+        self._stale_ns = stale_ns
+        self._last: dict[str, tuple[Any, Floats, int]] = {}
 
     def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
         """All readings as one scan and when the newest was measured, ns; None without a new one or with a stale one."""
         has_news = False
-        for number, topic in enumerate(self.topics):
-            for heard in robot.reads.take(topic):
-                header = heard.message.header
-                mount = robot.frames.find(robot.frame, header.frame_id) if self.mounts is None else self.mounts[number]
-                self.lacks = header.frame_id if mount is None else ""
-                if mount is not None:
-                    self._last[topic] = heard.message, mount, robot.when_ns(topic, heard, stamp_ns_of(header.stamp))
+        for feed in self.feeds:
+            for message, mount, at_ns in feed.take(robot):
+                try:
+                    check_range(message)
+                except Unusable as error:
+                    feed.judge(str(error), now_ns)
+                else:
+                    feed.judge("", now_ns)
+                    self._last[feed.topic] = message, mount, at_ns
                     has_news = True
-        fresh = [last for last in self._last.values() if now_ns - last[2] <= self.stale_ns]
-        if not has_news or len(fresh) < len(self.topics):
+        fresh = [last for last in self._last.values() if now_ns - last[2] <= self._stale_ns]
+        if not has_news or len(fresh) < len(self.feeds):
             return None
-        ordered = [self._last[topic] for topic in self.topics]
-        try:
-            beams = beams_of_ranges([one[0] for one in ordered], [one[1] for one in ordered])
-        except Unusable as error:
-            self.unusable = str(error)
-            return None
-        self.unusable = ""
+        ordered = [self._last[feed.topic] for feed in self.feeds]
+        beams = beams_of_ranges([one[0] for one in ordered], [one[1] for one in ordered])
         return beams, max(one[2] for one in ordered)
 
 

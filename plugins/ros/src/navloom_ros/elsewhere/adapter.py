@@ -22,8 +22,8 @@ from navloom import (
 
 from navloom_ros.elsewhere.asking import PathSource
 from navloom_ros.elsewhere.params import RosMapParams, RosPathParams
-from navloom_ros.elsewhere.reading import Unusable, cells_of
-from navloom_ros.errors import RosError
+from navloom_ros.elsewhere.reading import cells_of
+from navloom_ros.errors import RosError, Unusable
 from navloom_ros.joining import Joining
 from navloom_ros.node import Node
 from navloom_ros.params import network_of
@@ -104,7 +104,7 @@ class RosPath(Planner[RosPathParams]):
             points = self._source.ask(
                 (start.x, start.y, start.heading), (goal.x, goal.y, goal.heading), self.params.deadline
             )
-        except (Unusable, RosError) as error:
+        except RosError as error:
             return PlanFailure(request.request_id, "no_path", Point2D(start.x, start.y), str(error))
         length = float(np.hypot(*np.diff(points, axis=0).T).sum())
         return Path(request.request_id, points, length, None)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_ros.elsewhere.reading import Unusable, points_of, pose_of
+from navloom_ros.elsewhere.reading import points_of, pose_of
+from navloom_ros.errors import Unusable
 from navloom_ros.node import Node
 from navloom_ros.services import Client
 from navloom_ros.topics import Publisher, Subscription

@@ -8,16 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Unusable", "cells_of", "heading_of", "points_of", "pose_of"]
+from navloom_ros.errors import Unusable
+from navloom_ros.frames import heading_of
 
-UNIT = 0.05
-"""Largest deviation of a quaternion's length from 1."""
+__all__ = ["cells_of", "points_of", "pose_of"]
+
 MOST_POINTS = 100_000
 """Most points of a path; longer paths are refused."""
-
-
-class Unusable(ValueError):
-    """A map or a path that cannot be used; the text says why."""
 
 
 def cells_of(grid: Any) -> tuple[NDArray[np.int8], float, tuple[float, float, float]]:
@@ -34,7 +31,10 @@ def cells_of(grid: Any) -> tuple[NDArray[np.int8], float, tuple[float, float, fl
         raise Unusable(f"a map with cells of {info.resolution:g} m")
     if cells.min() < -1 or cells.max() > 100:
         raise Unusable("a map with cells below -1 or above 100")
-    place = (info.origin.position.x, info.origin.position.y, heading_of(info.origin.orientation))
+    heading = heading_of(info.origin.orientation)
+    if heading is None:
+        raise Unusable("a map whose origin has an orientation that is not a unit quaternion")
+    place = (info.origin.position.x, info.origin.position.y, heading)
     if not all(map(math.isfinite, place)):
         raise Unusable("a map whose origin is not finite")
     return cells.reshape(info.height, info.width), float(info.resolution), place
@@ -60,11 +60,3 @@ def pose_of(x: float, y: float, heading: float, frame: str) -> dict[str, Any]:
     """Values of a PoseStamped at x, y, m, heading, rad."""
     turned = {"z": math.sin(heading / 2.0), "w": math.cos(heading / 2.0)}
     return {"header": {"frame_id": frame}, "pose": {"position": {"x": x, "y": y}, "orientation": turned}}
-
-
-def heading_of(turned: Any) -> float:
-    """Heading of a quaternion, rad. Raises Unusable if its length is not 1."""
-    x, y, z, w = turned.x, turned.y, turned.z, turned.w
-    if not abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT:
-        raise Unusable("an orientation that is not a unit quaternion")
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

@@ -6,6 +6,7 @@ import math
 import queue
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,7 +17,8 @@ from navloom_ros.actions import CANCELED, SUCCEEDED, ActionClient, SentGoal
 from navloom_ros.message_types import Types
 from navloom_ros.node import Node
 from navloom_ros.services import NoAnswer
-from navloom_ros.wire import ROUTER
+from navloom_ros.times import ns_of
+from navloom_ros.wire import ROUTER, monotonic_ns
 
 __all__ = ["Nav2Handle", "Nav2Navigator"]
 
@@ -60,29 +62,31 @@ class Nav2Handle:
     def hear(self, message: Any) -> None:
         """Queue a feedback message; called on the thread of the action client."""
         if self._told.full():
-            self._told.get_nowait()
+            with suppress(queue.Empty):  # the reader was faster
+                self._told.get_nowait()
         self._told.put_nowait(message)
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
         """Yield feedback as it arrives, until the goal ends.
 
         Args:
-            timeout: Longest time without feedback, in total, s; None for no limit.
+            timeout: Longest wait for the end of the goal, s; None for no limit. The goal is not cancelled.
 
         Raises:
-            TimeoutError: It has passed, and the goal has not ended.
+            TimeoutError: The goal has not ended in time.
         """
-        left = math.inf if timeout is None else timeout
+        end_ns = math.inf if timeout is None else monotonic_ns() + 1e9 * timeout
         while self.result is None:
+            left = (end_ns - monotonic_ns()) * 1e-9
             try:
                 message = self._told.get(timeout=min(LOOK, max(0.001, left)))
             except queue.Empty:
-                left -= LOOK
+                pass
             else:
                 self.feedback = self._read(message)
                 yield self.feedback
             self._look()
-            if left <= 0.0 and self.result is None:
+            if monotonic_ns() >= end_ns and self.result is None:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
     def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
@@ -122,7 +126,7 @@ class Nav2Handle:
         distance = float(message.distance_remaining)
         is_known = math.isfinite(distance)
         return Feedback(
-            self.goal_id, "driving", distance if is_known else 0.0, left.sec + 1e-9 * left.nanosec, 0.0,
+            self.goal_id, "driving", distance if is_known else 0.0, 1e-9 * ns_of(left), 0.0,
             int(message.number_of_recoveries),
         )  # fmt: skip
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +13,9 @@ from navloom_ros.node import Node
 from navloom_ros.serving.goals import Goals
 from navloom_ros.serving.outlets import STREAMS, Outlets
 from navloom_ros.serving.poses import Poses
+from navloom_ros.times import time_of
 from navloom_ros.translating import Translated, Translator
-from navloom_ros.wire import now_ns
+from navloom_ros.wire import epoch_ns, monotonic_ns
 
 __all__ = ["TAKEN", "Serving", "serve"]
 
@@ -65,9 +65,9 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
     """
     with Node("navloom_server", namespace=given.namespace, router=given.router, domain=given.domain,
               types=given.types) as node:  # fmt: skip
-        outlets = Outlets(node, given.publish)
-        goals = Goals(node, "map", (NavloomError, RuntimeError)) if "goals" in given.take else None
-        poses = Poses(node, "map") if "pose" in given.take else None
+        outlets = Outlets(node, given.publish, say)
+        goals = Goals(node, "map", (NavloomError, RuntimeError), say) if "goals" in given.take else None
+        poses = Poses(node, "map", say) if "pose" in given.take else None
         said = ""
         try:
             while not ends():
@@ -75,7 +75,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
                     with Navigator(given.robot, given.connect, given.keys, given.insecure) as robot:
                         say(f"robot {robot.client.keys.prefix} is served in domain {given.domain} of {given.router}")
                         said = ""
-                        _Session(given, robot, outlets, goals, poses).run(ends)
+                        _Session(given, robot, outlets, goals, poses, say).run(ends)
                         why = "the robot went down"
                 except NavloomError as error:
                     why = str(error)
@@ -93,8 +93,15 @@ class _Session:
     """One connection to the robot, from its start to the robot's end."""
 
     def __init__(
-        self, given: Serving, robot: Navigator, outlets: Outlets, goals: Goals | None, poses: Poses | None
+        self,
+        given: Serving,
+        robot: Navigator,
+        outlets: Outlets,
+        goals: Goals | None,
+        poses: Poses | None,
+        say: Callable[[str], None],
     ) -> None:
+        self._say = say
         self._robot, self._outlets, self._goals, self._poses = robot, outlets, goals, poses
         self._translator = Translator(given.types)
         streams = sorted({stream for name in given.publish for stream in STREAMS[name]})
@@ -104,22 +111,27 @@ class _Session:
 
     def run(self, ends: Callable[[], bool]) -> None:
         """Forward messages until the robot is down or `ends` returns true."""
-        missed, looked_ns = 0, now_ns()
+        missed, looked_ns = 0, monotonic_ns()
         try:
             while not ends() and missed < GONE:
                 for told in self._listening.take(LOOK):
                     self._take(*told)
                 if self._poses is not None and (place := self._poses.take()) is not None:
-                    with suppress(NavloomError):  # a localizer that takes no pose; RViz shows that it did not move
-                        self._robot.place(*place)
-                if now_ns() - looked_ns > AGAIN * 1e9:
-                    looked_ns = now_ns()
+                    self._place(place)
+                if monotonic_ns() - looked_ns > AGAIN * 1e9:
+                    looked_ns = monotonic_ns()
                     missed = 0 if self._robot.client.has_nodes() else missed + 1
                     if self._status is not None:  # diagnostics tools expect 1 Hz
                         self._publish(*self._status)
         finally:
             if self._goals is not None:
                 self._goals.robot = None
+
+    def _place(self, place: tuple[float, float, float]) -> None:
+        try:
+            self._robot.place(*place)
+        except NavloomError as error:  # as from a localizer that takes no pose
+            self._say(f"pose refused: {error}")
 
     def _take(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> None:
         if (role, port) == ("gate", "status"):
@@ -131,13 +143,12 @@ class _Session:
 
     def _publish(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> None:
         # ROS tools look up transforms at the stamp of each message, so all stamps are times of this host.
-        self._translator.offset_ns = now_ns() - stamp_ns
+        self._translator.offset_ns = epoch_ns() - stamp_ns
         for made in self._translator.translate(role, instance, port, message, stamp_ns):
             self._outlets.put(made)
 
 
 def _gone(types: Types, why: str) -> Translated:
-    seconds, nanoseconds = divmod(now_ns(), 1_000_000_000)
     status = {"level": 2, "name": "navloom: gate", "message": f"no robot: {why}"}
-    header = {"stamp": {"sec": seconds, "nanosec": nanoseconds}}
+    header = {"stamp": time_of(epoch_ns())}
     return Translated("/diagnostics", types.new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status]))

@@ -8,18 +8,20 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from navloom_ros.actions import ActionServer, Goal
+from navloom_ros.frames import heading_of
 from navloom_ros.node import Node
-from navloom_ros.wire import now_ns
+from navloom_ros.times import time_of
+from navloom_ros.wire import epoch_ns, monotonic_ns
 
 __all__ = ["Goals", "Place", "Robot", "place_of"]
 
 TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
 LOOK = 0.1
 """Interval of checks whether the goal was cancelled or replaced, s."""
+PASSED = 0.7
+"""Distance within which a pose counts as passed, m; that of RemovePassedGoals in Nav2's own behaviour tree."""
 UNKNOWN_ERROR = {TO_POSE: 9000, THROUGH_POSES: 9100}
 """Nav2's error codes for an unspecified failure, by action."""
-UNIT = 0.05
-"""Largest deviation of a quaternion's length from 1; beyond, the goal has no heading."""
 
 
 class Place(NamedTuple):
@@ -51,23 +53,25 @@ class Goals:
         node: Node that offers the actions.
         frame: Frame that goals must be given in.
         failures: Exceptions of `Robot.go` and of its handle that abort a goal.
+        say: Shows a line to the user: why a goal was refused, or not reached. A repeated refusal is shown once.
 
     Attributes:
         robot: The robot; None while it is down, when goals are rejected.
         pose: Latest pose of the robot, x, y, m, heading, rad, for feedback; None before the first.
-        reason: Why the last goal was refused or failed; empty if it succeeded.
     """
 
-    def __init__(self, node: Node, frame: str, failures: tuple[type[Exception], ...]) -> None:
+    def __init__(
+        self, node: Node, frame: str, failures: tuple[type[Exception], ...], say: Callable[[str], None]
+    ) -> None:
         self.robot: Robot | None = None
         self.pose: tuple[float, float, float] | None = None
-        self.reason = ""
-        self._node, self._frame, self._failures = node, frame, failures
+        self._node, self._frame, self._failures, self._say = node, frame, failures, say
+        self._refusal = ""
         self._news = threading.Condition()
         self._newest: Wanted | None = None
         self._is_closing = False
         for name, kind in (("navigate_to_pose", TO_POSE), ("navigate_through_poses", THROUGH_POSES)):
-            ActionServer(node, name, kind, self._starter(kind), self._accept)
+            ActionServer(node, name, kind, self._starter(kind), lambda request: self._accept(_poses_of(request)))
         self._worker = threading.Thread(target=self._work, name="ros goals", daemon=True)
         self._worker.start()
         self._clicks = node.subscription("/goal_pose", "geometry_msgs/msg/PoseStamped")
@@ -82,15 +86,11 @@ class Goals:
 
     def _take_clicks(self) -> None:
         while (received := self._clicks.take(None)) is not None:
-            places = self._places([received.message])
-            if places and self.robot is not None:
-                self._put(Wanted(places, None, TO_POSE))
-
-    def _accept(self, request: Any) -> bool:
-        return self.robot is not None and bool(self._places(_poses_of(request)))
+            if self._accept([received.message]):
+                self._put(Wanted([place_of(received.message.pose)], None, TO_POSE))
 
     def _starter(self, kind: str) -> Callable[[Goal], None]:
-        return lambda goal: self._put(Wanted(self._places(_poses_of(goal.request)), goal, kind))
+        return lambda goal: self._put(Wanted([place_of(one.pose) for one in _poses_of(goal.request)], goal, kind))
 
     def _put(self, wanted: Wanted) -> None:
         with self._news:
@@ -99,14 +99,26 @@ class Goals:
         if older is not None:
             self._end(older, "pre-empted by a newer goal")
 
-    def _places(self, poses: list[Any]) -> list[Place]:
-        """Places of a goal; empty if one is in another frame or not finite."""
+    def _accept(self, poses: list[Any]) -> bool:
+        why = self._problem(poses)
+        if why and why != self._refusal:
+            self._say(f"goal refused: {why}")
+        self._refusal = why
+        return not why
+
+    def _problem(self, poses: list[Any]) -> str:
+        """Why the robot cannot be sent to these poses; empty if it can."""
+        if self.robot is None:
+            return "the robot is down, or has no pose yet"
+        if not poses:
+            return "it has no pose"
         for pose in poses:
-            if pose.header.frame_id.lstrip("/") not in ("", self._frame):
-                self.reason = f"a goal in the frame {pose.header.frame_id!r}: expected {self._frame!r}"
-                return []
-        places = [place_of(pose.pose) for pose in poses]
-        return places if all(math.isfinite(one.x) and math.isfinite(one.y) for one in places) else []
+            frame, (x, y, _) = pose.header.frame_id, place_of(pose.pose)
+            if frame.lstrip("/") not in ("", self._frame):
+                return f"it is in the frame {frame!r}: expected {self._frame!r}"
+            if not (math.isfinite(x) and math.isfinite(y)):
+                return f"its place {x:g}, {y:g} m is not finite"
+        return ""
 
     def _work(self) -> None:
         while True:
@@ -123,7 +135,7 @@ class Goals:
     def _drive(self, wanted: Wanted) -> None:
         robot, (*via, last) = self.robot, wanted.places
         if robot is None:
-            self._end(wanted, "the robot is not there")
+            self._end(wanted, "the robot is down")
             return
         try:
             handle = robot.go(last.x, last.y, last.heading, [(one.x, one.y) for one in via])
@@ -131,15 +143,17 @@ class Goals:
                 wanted.goal.execute()
             self._follow(wanted, handle)
         except self._failures as error:
+            self._say(f"goal {last.x:g}, {last.y:g} m not reached: {error}")
             self._end(wanted, str(error))
 
     def _follow(self, wanted: Wanted, handle: Any) -> None:
         """Publish feedback until the robot ends the goal or a newer goal replaces it; pass on a cancel request."""
-        began_ns, asked = now_ns(), False
+        began_ns, asked, left = monotonic_ns(), False, list(wanted.places)
         while handle.result is None:
             try:
                 for feedback in handle.updates(LOOK):
-                    self._tell(wanted, feedback, now_ns() - began_ns)
+                    self._pass(left)
+                    self._tell(wanted, feedback, monotonic_ns() - began_ns, len(left))
             except TimeoutError:
                 pass
             with self._news:
@@ -152,26 +166,33 @@ class Goals:
                 return
         result = handle.result
         why = "" if result.outcome == "succeeded" else f"{result.outcome}: {result.reason}"
+        if result.outcome not in ("succeeded", "cancelled"):
+            last = wanted.places[-1]
+            self._say(f"goal {last.x:g}, {last.y:g} m not reached: {why}")
         self._end(wanted, why, result.outcome)
 
-    def _tell(self, wanted: Wanted, feedback: Any, spent_ns: int) -> None:
+    def _pass(self, left: list[Place]) -> None:
+        """Remove the poses that the robot has passed; the last one stays, as in Nav2."""
+        while self.pose is not None and len(left) > 1 and math.dist(self.pose[:2], left[0][:2]) <= PASSED:
+            del left[0]
+
+    def _tell(self, wanted: Wanted, feedback: Any, spent_ns: int, left: int) -> None:
         if wanted.goal is None or self.pose is None:
             return
         x, y, heading = self.pose
         pose = {"position": {"x": x, "y": y}, "orientation": {"z": math.sin(heading / 2), "w": math.cos(heading / 2)}}
         values: dict[str, Any] = {
-            "current_pose": {"header": {"frame_id": self._frame, "stamp": _time(now_ns())}, "pose": pose},
-            "navigation_time": _time(spent_ns),
-            "estimated_time_remaining": _time(round(max(0.0, feedback.time_left) * 1e9)),
+            "current_pose": {"header": {"frame_id": self._frame, "stamp": time_of(epoch_ns())}, "pose": pose},
+            "navigation_time": time_of(spent_ns),
+            "estimated_time_remaining": time_of(round(max(0.0, feedback.time_left) * 1e9)),
             "number_of_recoveries": min(feedback.recoveries, 32767),
             "distance_remaining": feedback.distance,
         }
         if wanted.kind == THROUGH_POSES:
-            values["number_of_poses_remaining"] = len(wanted.places)
+            values["number_of_poses_remaining"] = left
         wanted.goal.feedback(**values)
 
     def _end(self, wanted: Wanted, why: str, outcome: str = "") -> None:
-        self.reason = why
         goal = wanted.goal
         if goal is None:
             return
@@ -187,11 +208,7 @@ class Goals:
 
 def place_of(pose: Any) -> Place:
     """The place of a ROS pose; without a heading if its quaternion is invalid."""
-    turned = pose.orientation
-    x, y, z, w = turned.x, turned.y, turned.z, turned.w
-    is_unit = abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT
-    heading = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) if is_unit else None
-    return Place(float(pose.position.x), float(pose.position.y), heading)
+    return Place(float(pose.position.x), float(pose.position.y), heading_of(pose.orientation))
 
 
 def _poses_of(request: Any) -> list[Any]:
@@ -199,7 +216,3 @@ def _poses_of(request: Any) -> list[Any]:
     if hasattr(request, "pose"):
         return [request.pose]
     return list(getattr(request.poses, "goals", request.poses))
-
-
-def _time(nanoseconds: int) -> dict[str, int]:
-    return {"sec": nanoseconds // 1_000_000_000, "nanosec": nanoseconds % 1_000_000_000}

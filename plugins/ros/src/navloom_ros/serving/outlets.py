@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any
 
 from navloom_ros.errors import UnfitMessage
@@ -39,6 +39,8 @@ _TOPICS = {
 _KEPT = ("/map", "/map/segments", "/plan", "/plan/traversable", "/local_plan")
 """Latched topics: late joiners get the last message."""
 _TF = Qos(depth=100)
+MOST_SAID = 20
+"""Most reasons that are shown."""
 
 
 class Outlets:
@@ -47,17 +49,14 @@ class Outlets:
     Args:
         node: Node that publishes.
         wanted: Keys of STREAMS.
-
-    Attributes:
-        refused: Messages with a value that does not fit its ROS type.
-        reason: Why the last of them did not fit.
+        say: Shows a line to the user, once for each reason why a message cannot be published.
     """
 
-    def __init__(self, node: Node, wanted: Collection[str]) -> None:
-        self._node, self._wanted = node, wanted
+    def __init__(self, node: Node, wanted: Collection[str], say: Callable[[str], None]) -> None:
+        self._node, self._wanted, self._say = node, wanted, say
         self._topics = {topic for name in wanted for topic in _TOPICS.get(name, ())}
         self._publishers: dict[str, Publisher] = {}
-        self.refused, self.reason = 0, ""
+        self._said: set[str] = set()
 
     def put(self, made: Translated) -> None:
         """Publish a message if its topic is wanted."""
@@ -71,8 +70,10 @@ class Outlets:
         try:
             publisher.publish(made.message)
         except UnfitMessage as error:
-            self.refused += 1
-            self.reason = str(error)
+            text = f"{made.topic} is not published: {error}"
+            if text not in self._said and len(self._said) < MOST_SAID:
+                self._said.add(text)
+                self._say(text)
 
     def _is_wanted_transform(self, made: Translated) -> bool:
         if made.topic != "/tf":

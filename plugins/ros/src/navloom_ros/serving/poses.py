@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from navloom_ros.node import Node
 from navloom_ros.serving.goals import place_of
@@ -16,10 +17,11 @@ class Poses:
     Args:
         node: Node that subscribes.
         frame: Frame that poses must be given in.
+        say: Shows a line to the user: why a pose was refused.
     """
 
-    def __init__(self, node: Node, frame: str) -> None:
-        self._frame = frame
+    def __init__(self, node: Node, frame: str, say: Callable[[str], None]) -> None:
+        self._frame, self._say = frame, say
         self._poses = node.subscription("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
     def take(self) -> tuple[float, float, float] | None:
@@ -28,7 +30,11 @@ class Poses:
         while (received := self._poses.take()) is not None:
             message = received.message
             place = place_of(message.pose.pose)
-            fits = message.header.frame_id.lstrip("/") in ("", self._frame) and place.heading is not None
-            if fits and math.isfinite(place.x) and math.isfinite(place.y):
-                newest = place.x, place.y, place.heading or 0.0
+            frame = message.header.frame_id
+            if frame.lstrip("/") not in ("", self._frame):
+                self._say(f"pose refused: it is in the frame {frame!r}: expected {self._frame!r}")
+            elif place.heading is None or not (math.isfinite(place.x) and math.isfinite(place.y)):
+                self._say("pose refused: a value is not finite, or its orientation is not a unit quaternion")
+            else:
+                newest = place.x, place.y, place.heading
         return newest

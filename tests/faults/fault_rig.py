@@ -137,7 +137,7 @@ class Driver(threading.Thread):
 
     Attributes:
         notes: Observations, in order of time.
-        anew: Set it to send another goal at once, which pre-empts the current one.
+        resend: Set it to send another goal at once, which pre-empts the current one.
         target: Place of the next goals along the hall, m; None for the end that is further away.
         toward: Place of the newest goal along the hall, m.
     """
@@ -146,7 +146,7 @@ class Driver(threading.Thread):
         super().__init__(daemon=True)
         self.notes: list[Note] = []
         self.ending = threading.Event()
-        self.anew = threading.Event()
+        self.resend = threading.Event()
         self.target: float | None = None
         self.toward = HALL
         self._place = motors
@@ -164,7 +164,7 @@ class Driver(threading.Thread):
                 self.ending.wait(0.1)
 
     def _drive(self, navigator: Navigator) -> None:
-        self.anew.clear()
+        self.resend.clear()
         target = self.target
         if target is None:
             target = 0.0 if self._place()[0] > HALL - ROOM - 10.0 else HALL
@@ -179,7 +179,7 @@ class Driver(threading.Thread):
                     if feedback.state != state:
                         state = feedback.state
                         self._note("state", state)
-                    if self.ending.is_set() or self.anew.is_set():
+                    if self.ending.is_set() or self.resend.is_set():
                         return
         if handle.result is not None:
             self._note("result", f"{handle.result.outcome}: {handle.result.reason}")
@@ -319,7 +319,7 @@ class Rig:
             return False
         ahead = self.driver.toward - ticks[-1].x
         if abs(ahead) < ROOM:
-            self.driver.anew.set()
+            self.driver.resend.set()
             return False
         return speed > 0.97 * FULL and (ticks[-1].x - ticks[0].x) * ahead > 0.0
 
@@ -327,7 +327,7 @@ class Rig:
         """Drive to a place 3 m ahead; returns the result."""
         now = time.monotonic_ns()
         self.driver.target = self.motors.place[0] + 3.0
-        self.driver.anew.set()
+        self.driver.resend.set()
         sent = self.driver.wait_for(lambda note: note.kind == "goal", now, timeout)
         assert sent is not None, self.driver.notes[-5:]
         ended = self.driver.wait_for(lambda note: note.kind == "result", sent.time_ns, timeout)

@@ -122,7 +122,7 @@ class SetsUmask(Gap):
 
 @ENTRIES.plant("reads_each_step", caught_by="reads")
 class ReadsEachStep(Proportional):
-    """Reads its table anew in each step."""
+    """Reads its table from the file in each step."""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         File(__file__).read_text("utf-8")

@@ -171,8 +171,8 @@ class NewestPose(Hits):
         super().insert(replace(scan, stamp_ns=given.stamp_ns), given)
 
 
-@ENTRIES.plant("filled_anew", caught_by="answers_stay")
-class FilledAnew(Hits):
+@ENTRIES.plant("refilled", caught_by="answers_stay")
+class Refilled(Hits):
     """Publishes its array as read-only, and writes to it again."""
 
     def update(self, given: MapperInput) -> MapUpdate | None:

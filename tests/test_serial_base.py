@@ -164,6 +164,16 @@ def test_the_base_stops_when_its_platform_is_no_longer_called(base: PlayedBase) 
     until(lambda: "closed" in refusal(), 1.0, "it is refused")
 
 
+def test_a_status_that_waited_to_be_read_does_not_count_as_new(tmp_path: Path) -> None:
+    platform = SerialBase(SerialBase.Params(port=str(tmp_path / "none")), context(SPEC, role="platform", period=PERIOD))
+    now_ns = time.monotonic_ns()
+    platform._received(status(Status(0, 0, 0, 0, 24_000)), now_ns - 10**9)
+    platform._received(status(Status(20, 0, 0, 0, 24_000)), now_ns)  # measured 0.98 s ago
+    with pytest.raises(DriverError):
+        platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
+    platform.close()
+
+
 FAULTS = ("unplugged", "garbage", "mute", "stuck", "half")
 CUT = ("unplugged", "stuck")
 """Faults in which no command reaches the base, so that only its own watchdog stops it."""

@@ -143,7 +143,7 @@ class SerialBase(Platform[SerialBaseParams]):
         """Update the pose by the ticks since the last status; after a restart, the base counts from zero."""
         restarts, before = self._base_clock.restarts, self._status
         self._measured_ns = self._base_clock.local(status.uptime_ms * 1_000_000, now_ns)
-        self._status, self._heard_at = status, now_ns * 1e-9
+        self._status, self._heard_at = status, self._measured_ns * 1e-9  # not now: it may have waited to be read
         if before is None or self._base_clock.restarts > restarts:
             self._twist = Twist2D(0.0, 0.0, 0.0)
             return

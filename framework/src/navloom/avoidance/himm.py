@@ -5,13 +5,65 @@ it. The rest of the arc is left out: the robot's motion spreads the readings of 
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.certainty import place_beams, scroll_window
+
 TOP = 15  # largest certainty
 _SEEN_THROUGH, _SEEN = 1, 2
+
+
+class WindowParams(Protocol):
+    """Parameters of a certainty window whose cells count readings.
+
+    Attributes:
+        window: Side of the window, cells. cell: Side of a cell, m.
+        clear_margin: Last part of the way to an echo that a beam does not count down, m.
+        blind_depth, count_up, count_down: See count_readings().
+    """
+
+    @property
+    def window(self) -> int: ...
+    @property
+    def cell(self) -> float: ...
+    @property
+    def clear_margin(self) -> float: ...
+    @property
+    def blind_depth(self) -> float: ...
+    @property
+    def count_up(self) -> int: ...
+    @property
+    def count_down(self) -> int: ...
+
+
+def enter_readings(
+    grid: NDArray[np.uint8],
+    origin: NDArray[np.int64],
+    votes: NDArray[np.uint8],
+    beams: Beams,
+    pose: tuple[float, float, float],
+    params: WindowParams,
+) -> None:
+    """Move the window to the robot and count the readings of one tick.
+
+    Args:
+        grid: (window, window), certainty 0..15, in place. origin: Place of grid[0, 0], in cells, in place.
+        votes: (window, window), work array.
+        beams: Readings, base frame. pose: x, y, m, heading, rad, of the base.
+        params: Parameters of the window.
+    """
+    p = params
+    scroll_window(grid, origin, pose[0], pose[1], p.cell)
+    placed = place_beams(
+        pose, beams.origins, beams.bearings, beams.half_angles, beams.ranges, beams.limits, p.clear_margin,
+        0.75 * p.window * p.cell,
+    )  # fmt: skip
+    count_readings(grid, origin, p.cell, placed, beams.limits, p.blind_depth, p.count_up, p.count_down, votes)
 
 
 @njit(cache=True, nogil=True)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import new_window, occupied_cells, place_beams, scroll_window
+from navloom.avoidance.certainty import new_window, occupied_cells
 from navloom.avoidance.clearance import disc_radius, free_command
 from navloom.avoidance.decision import Decision
-from navloom.avoidance.himm import count_readings
+from navloom.avoidance.himm import enter_readings
 from navloom.avoidance.method import Method
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, Trap
@@ -81,7 +81,7 @@ class ForceField(Method):
 
     def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
-            self.sense(beams, pose)
+            enter_readings(self.grid, self.origin, self._votes, beams, pose, self.params)
         view = self.look(pose, twist, target)
         if self.trap.place is not None:
             if self.trap.holds(pose, target, self.params.target_shift):
@@ -95,18 +95,6 @@ class ForceField(Method):
             self.following.hesitated = 0.0
         self._follow_or_leave(view)
         return self._steer(view)
-
-    def sense(self, beams: Beams, pose: Pose) -> None:
-        """Enter the readings of one tick into the window."""
-        p = self.params
-        extent = 0.75 * p.window * p.cell
-        scroll_window(self.grid, self.origin, pose[0], pose[1], p.cell)
-        placed = place_beams(
-            pose, beams.origins, beams.bearings, beams.half_angles, beams.ranges, beams.limits, p.clear_margin, extent
-        )
-        count_readings(
-            self.grid, self.origin, p.cell, placed, beams.limits, p.blind_depth, p.count_up, p.count_down, self._votes
-        )
 
     def look(self, pose: Pose, twist: tuple[float, float], target: Point) -> View:
         """Compute the target's place, the occupied cells and their force."""

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import new_window, place_beams, scroll_window
+from navloom.avoidance.certainty import new_window
 from navloom.avoidance.clearance import disc_radius, free_command
 from navloom.avoidance.decision import Decision
-from navloom.avoidance.himm import count_readings
+from navloom.avoidance.himm import enter_readings
 from navloom.avoidance.method import Method
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, RotationSearch, Trap
@@ -108,7 +108,7 @@ class HistogramAvoidance(Method):
 
     def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
-            self.sense(beams, pose)
+            enter_readings(self.grid, self.origin, self._votes, beams, pose, self.common)
         distance = math.dist(target, pose[:2])
         bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
         horizon = distance + self.slack if self.common.stops_at_target else math.inf
@@ -126,18 +126,6 @@ class HistogramAvoidance(Method):
             return self._search(view, choice)
         self.search.end()
         return self._steer(view, choice, choice.direction)
-
-    def sense(self, beams: Beams, pose: Pose) -> None:
-        """Enter the readings of one tick into the window."""
-        p = self.common
-        extent = 0.75 * p.window * p.cell
-        scroll_window(self.grid, self.origin, pose[0], pose[1], p.cell)
-        placed = place_beams(
-            pose, beams.origins, beams.bearings, beams.half_angles, beams.ranges, beams.limits, p.clear_margin, extent
-        )
-        count_readings(
-            self.grid, self.origin, p.cell, placed, beams.limits, p.blind_depth, p.count_up, p.count_down, self._votes
-        )
 
     def _search(self, view: View, choice: Choice) -> Decision:
         """Start a rotation because no direction is free, or give up."""

@@ -27,6 +27,7 @@ class Heard:
     def __init__(self, navigator: Navigator) -> None:
         self.reasons: list[str] = []
         self.instances: set[str] = set()
+        self.driver = ""
         self._news = threading.Condition()
         for stream in ("gate/main/status", "avoider/polite/command", "people/people_tracker/tracks"):
             navigator.client.bus.subscribe(f"lab/r1/{stream}", self._hear)
@@ -37,6 +38,7 @@ class Heard:
         with self._news:
             if isinstance(message, GateStatus):
                 self.reasons.append(message.reason)
+                self.driver = message.instance
             else:
                 self.instances.add(key.split("/")[3])
             self._news.notify_all()
@@ -47,6 +49,17 @@ class Heard:
             if not self._news.wait_for(lambda: reason in self.reasons[after:], timeout):
                 raise AssertionError(f"{reason!r} not heard within {timeout:g} s: {self.reasons[after:]}")
             return after + self.reasons[after:].index(reason) + 1
+
+    def wait_for_news(self, instance: str, timeout: float = 60.0) -> None:
+        """Wait for another message of this instance."""
+        with self._news:
+            self.instances.clear()
+            assert self._news.wait_for(lambda: instance in self.instances, timeout), f"{instance} is silent"
+
+    def wait_for_driver(self, instance: str, timeout: float = 60.0) -> None:
+        """Wait until the gate says that this instance drives."""
+        with self._news:
+            assert self._news.wait_for(lambda: self.driver == instance, timeout), f"{self.driver} drives"
 
 
 @contextmanager
@@ -95,8 +108,11 @@ def test_the_robot_drives_on_when_an_optional_tracker_is_killed_and_the_avoider_
         } <= heard_by
         since, said = len(heard.reasons), len(robot.said)
         kill(robot, "people")
+        robot.wait_for("process nodes was ended by SIGKILL", after=said)
+        heard.wait_for_news("people_tracker")  # it is back; until then the avoider steers by the last tracks
+        heard.wait_for_news("polite")
         assert "improved_vfh is active" in robot.run("swap", "avoider", "improved_vfh").stdout
-        robot.wait_for("nodes", after=said)
+        heard.wait_for_driver("improved_vfh")
         assert not [reason for reason in heard.reasons[since:] if reason.startswith(("gone", "waits"))]
 
 

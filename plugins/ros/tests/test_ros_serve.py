@@ -158,7 +158,7 @@ def test_a_peer_drives_a_live_robot_and_sets_its_pose(network, tmp_path, monkeyp
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", runtime.name)
     interfaces = Path(__file__).parents[1] / "src" / "navloom_ros" / "interfaces"
     describe(KILTED, [interfaces / "kilted", interfaces / "since_kilted"], tmp_path / "described")
-    serve = ["ros", "serve", "--router", network.endpoint, "--distribution", "kilted", "--take", "goals,pose"]
+    serve = ["ros", "serve", "--router", network.endpoint, "--distro", "kilted", "--take", "goals,pose"]
     with command("up", str(tmp_path / "robot.toml")) as up:
         said_by(up, "every node is there")
         with command(*serve) as serving, Navigator() as robot:

@@ -55,6 +55,8 @@ plugin = "known_map"
 start = {{ x = {x}, y = {y}, heading_deg = {heading} }}
 drive = false
 """
+NEAR = 0.15
+"""The robot has driven up to the wall if it is nearer than this, m."""
 
 
 def config(folder: Path, angle: float) -> str:
@@ -79,17 +81,26 @@ def duration(angle: float) -> float:
 
 
 def driven_at_the_wall(robot: Up, seconds: float = 8.0) -> dict[str, Any]:
-    """Drive straight ahead by hand; gives the simulator's truth 1 s later, when the robot has braked."""
-    done = robot.run("teleop", "--vx", "0.6", "--for", f"{seconds:g}")
-    assert done.returncode in (0, 1), done.stderr
-    told = robot.run("echo", "platform/truth", "--count", "20", "--json")
-    assert told.returncode == 0, told.stderr
-    return json.loads(told.stdout.splitlines()[-1])  # type: ignore[no-any-return]
+    """Drive straight ahead by hand until the robot is near the wall, at most three times; gives the simulator's truth.
+
+    On a loaded host, messages come late, and the robot stops on its way. The truth is of 1 s after the drive, when the
+    robot has braked.
+    """
+    last: dict[str, Any] = {}
+    for _ in range(3):
+        done = robot.run("teleop", "--vx", "0.6", "--for", f"{seconds:g}")
+        assert done.returncode in (0, 1), done.stderr
+        told = robot.run("echo", "platform/truth", "--count", "20", "--json")
+        assert told.returncode == 0, told.stderr
+        last = json.loads(told.stdout.splitlines()[-1])
+        last = last.get("message", last)
+        if last["clearance"] < NEAR:
+            break
+    return last
 
 
-def assert_stopped_before_it(last: dict[str, Any]) -> None:
-    truth = last.get("message", last)
-    assert not truth["touching"] and 0.0 < truth["clearance"] < 0.15, truth
+def assert_stopped_before_it(truth: dict[str, Any]) -> None:
+    assert not truth["touching"] and 0.0 < truth["clearance"] < NEAR, truth
     assert abs(truth["twist"]["vx"]) < 0.02
 
 

@@ -44,6 +44,7 @@ STAR = [(math.cos(a), math.sin(a)) for a in (math.radians(144.0 * k) for k in ra
         ([(1, 1), (-1, 1)], "3 to 64 corners"),
         ([(1, 1), (-1, 1), (-1, 1), (-1, -1)], "corner 1 is there twice"),
         ([(1, 1), (-1, 1), (-1, math.nan)], "corner 2 is not finite"),
+        ([(400, 300), (-400, 300), (-400, -300), (400, -300)], r"\[400\.0, 300\.0\]: expected metres, each"),
         ("square", r"expected corners as \[\[x, y\]"),
         ([(0, 0), (1, 0), (0, 1)], "does not contain"),
     ],
@@ -59,7 +60,7 @@ def test_a_clockwise_outline_is_turned() -> None:
     assert inscribed_radius(polygon(clockwise)) == 0.5
 
 
-@pytest.mark.parametrize("side", [0.0, -1.0, math.nan, math.inf])
-def test_a_rectangle_has_positive_sides(side: float) -> None:
+@pytest.mark.parametrize("side", [0.0, -1.0, 100.5, math.nan, math.inf])
+def test_a_rectangle_has_positive_sides_of_at_most_100_m(side: float) -> None:
     with pytest.raises(FootprintError, match="width"):
         rectangle(1.0, side)

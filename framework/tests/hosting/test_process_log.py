@@ -26,6 +26,15 @@ def test_a_log_that_grows_too_large_is_rotated_and_keeps_its_last_part(tmp_path:
     log.close()
 
 
+def test_a_log_that_is_cut_within_a_line_shows_no_notice_among_its_last_lines(tmp_path: Path) -> None:
+    log = ProcessLog(tmp_path / "drive.log")
+    os.write(log.file, b"x" * (LARGEST_LOG + 1))
+    log.bound()
+    os.write(log.file, b"the last word\n")
+    assert [line.strip("x") for line in last_lines(log.path, 2)] == ["", "the last word"]
+    log.close()
+
+
 def test_without_its_folder_lines_are_lost_and_nothing_fails(tmp_path: Path) -> None:
     path = tmp_path / "rt" / "drive.log"
     log = ProcessLog(path)

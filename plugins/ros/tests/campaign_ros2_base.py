@@ -24,14 +24,11 @@ from pathlib import Path
 
 from navloom import Navigator
 from navloom_ros import Types
-from navloom_ros.names import key_of
-from navloom_ros.qos import SENSOR
-from navloom_ros.tokens import Attachment
-from navloom_ros.wire import Wire, epoch_ns
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE / "peers")]
 from describe import describe  # noqa: E402
+from ros_garbler import SCANS, flipped, garble  # noqa: E402
 from ros_network import free_port, until  # noqa: E402
 from ros_peer import shape  # noqa: E402
 
@@ -291,28 +288,13 @@ def linked(name: str, mode: str):
     return act
 
 
-def garbled(topic: str, kind: str):
-    """Publish corrupt messages on a topic of the robot, faster than the robot itself."""
+def garbled(topic: str, kind: str, spoil):
+    """Publish spoiled copies of a topic's messages, beside the robot and faster."""
 
     def act(rig: Rig):
         ending = threading.Event()
-        key = key_of(0, topic, kind, TYPES.hash_of(kind))
-
-        def flood() -> None:
-            with Wire(f"tcp/127.0.0.1:{rig.port}", 1 << 20) as wire:
-                put, _ = wire.publisher(key, SENSOR)
-                good = TYPES.encode(TYPES.new(kind))
-                number = 0
-                while not ending.wait(0.002):
-                    number += 1
-                    bad = bytearray(good)
-                    for _ in range(20):
-                        bad[random.randrange(len(bad))] = random.randrange(256)
-                    put(bytes(bad), Attachment(number, epoch_ns(), random.randbytes(16)).data)
-
-        began = time.monotonic()
-        threading.Thread(target=flood, daemon=True).start()
-        return began, ending.set
+        garble(f"tcp/127.0.0.1:{rig.port}", topic, kind, spoil, ending)
+        return time.monotonic(), ending.set
 
     return act
 
@@ -332,10 +314,16 @@ FAULTS = {
     "cut its link": (linked("its", "cut"), BASE_TIMEOUT),
     "garble our link": (linked("ours", "garble"), BASE_TIMEOUT),
     "garble its link": (linked("its", "garble"), BASE_TIMEOUT),
-    "garble odometry": (garbled("/odom", "nav_msgs/msg/Odometry"), None),
-    "garble scans": (garbled("/scan", "sensor_msgs/msg/LaserScan"), None),
+    "garble odometry": (garbled("/odom", "nav_msgs/msg/Odometry", flipped), None),
+    "garble scans": (garbled("/scan", "sensor_msgs/msg/LaserScan", flipped), None),
+    **{name: (garbled("/scan", "sensor_msgs/msg/LaserScan", spoil), None) for name, spoil in SCANS.items()},
 }  # fmt: skip
-"""By name, the fault, and the longest time until the base must have zero speed, s; None for no limit."""
+"""By name, the fault, and the longest time until the base must have zero speed, s; None if it may go on driving.
+
+Spoiled scans are left out, or are used like those with a good stamp; the robot drives by its real ones.
+"""
+HALF_BODY = 0.2
+"""Half the side of the robot's body, m: with a smaller gap from its centre, it touches a wall."""
 TICK = 0.01
 """Step of the simulated robot, s: how often it reads commands and writes its log."""
 
@@ -363,6 +351,7 @@ def one_case(rig: Rig, name: str) -> dict:
     after = [one for one in rig.told(mend_at) if one[0] == "command" and (one[2] or one[3])]
     # The base times out from the last command that it received, which may have been in transit when the link failed.
     counted = silent if bound == BASE_TIMEOUT else first
+    least_gap = min(one[7] for one in rig.told(began) if one[0] == "truth")
     missed = bound is not None and (counted is None or counted > bound + TICK)
     return {
         "fault": name,
@@ -372,6 +361,7 @@ def one_case(rig: Rig, name: str) -> dict:
         "again": len(again),
         "after": len(after),
         "bound_s": bound,
+        "least_gap_m": least_gap,
         "missed": missed,
     }
 
@@ -401,6 +391,7 @@ def main() -> None:
                 "worst_ms": round(1e3 * times[-1]) if times else None,
                 "worst_silent_ms": round(1e3 * max((row["silent_s"] or 0.0 for row in rows), default=0.0)),
                 "by": {kind: sum(row["by"] == kind for row in rows) for kind in ("command", "timeout", "nothing")},
+                "touched": sum(row["least_gap_m"] < HALF_BODY for row in rows),
                 "rescues": rig.rescues, "bound_ms": FAULTS[name][1] and round(1e3 * FAULTS[name][1]),
             }  # fmt: skip
             report["faults"][name] = summary

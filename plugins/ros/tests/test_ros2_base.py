@@ -204,7 +204,8 @@ def test_frames_are_found_up_and_down_the_tree():
 
 
 def scan(ranges, **given):
-    values = {"range_min": 0.1, "range_max": 10.0, "angle_min": -0.5, "angle_increment": 0.5, "time_increment": 0.01}
+    values = {"range_min": 0.1, "range_max": 10.0, "angle_min": -0.5, "angle_increment": 0.5, "angle_max": 0.0,
+              "time_increment": 0.01}  # fmt: skip
     return SimpleNamespace(ranges=np.array(ranges, np.float32), **(values | given))
 
 
@@ -231,6 +232,21 @@ def test_a_laser_may_hang_upside_down_but_not_lean():
 def test_a_scan_that_means_nothing_is_unusable(wrong):
     with pytest.raises(Unusable):
         beams_of_laser(scan([1.0], **wrong), planar(0, 0, 0), False)
+
+
+@pytest.mark.parametrize("angle_max", [1.0, 0.5, 1.5, 1.0 - math.tau])
+def test_the_last_beam_of_a_scan_is_at_its_last_angle_or_next_to_it(angle_max):
+    assert len(beams_of_laser(scan([1.0] * 4, angle_max=angle_max), planar(0, 0, 0), False).ranges) == 4
+
+
+def test_a_scan_with_too_few_or_too_many_ranges_for_its_angles_is_unusable():
+    for count in (8, 24):
+        with pytest.raises(
+            Unusable, match=rf"of {count} beams, 0\.1000 rad apart, which do not fit its angles 0\.000 to"
+        ):
+            beams_of_laser(
+                scan([1.0] * count, angle_min=0.0, angle_max=1.5, angle_increment=0.1), planar(0, 0, 0), False
+            )
 
 
 def test_a_range_beyond_its_reach_is_no_echo():

@@ -1,16 +1,19 @@
 """The platform `ros2_base` with unusable, stale or missing messages: it stops the robot and gives the reason."""
 
 import math
+from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import ros_garbler
 from navloom import Context, InputError, PlatformInput, Pose2D, RobotSpec, SensorSpec, Twist2D
 from navloom_ros.base.adapter import Ros2Base
 from navloom_ros.base.params import Ros2BaseParams
 from navloom_ros.base.readings import Anchor, beams_of_laser
 from navloom_ros.base.sources import CONTACT, ODOMETRY, STATIC, TF, Ranges, Robot
 from navloom_ros.base.stamps import Delays
-from navloom_ros.errors import RosError
+from navloom_ros.errors import MalformedMessage, RosError
 from ros_heard import SECOND, Said, stamp
 from test_ros2_base import planar, scan
 
@@ -34,6 +37,10 @@ class Cable(Said):
 
     def why_silent(self, name):
         return self.silent.get(name, "")
+
+    def hear(self, name, message, sent_ns, arrived_ns):
+        heard = SimpleNamespace(message=message, source_ns=sent_ns, gid=b"one", arrived_ns=arrived_ns)
+        self.waiting.setdefault(name, []).append(heard)
 
     def send(self, vx, vy, wz, stamp_ns):
         pass
@@ -174,6 +181,26 @@ def test_a_laser_that_cannot_be_used_is_a_reason(lasered, turned, values, why):
     assert "laser" in lasered.ticks(0.05, lambda: lasered.say("/scan", "sensor_msgs/msg/LaserScan", **good)).scans
 
 
+@pytest.mark.parametrize("name", ros_garbler.SCANS)
+def test_a_spoiled_scan_does_not_displace_a_good_one(lasered, name):
+    mounted(lasered, "laser")
+    kind, types = "sensor_msgs/msg/LaserScan", lasered.cable.types
+    limits = {"range_min": 0.1, "range_max": 8.0, "angle_min": -3.0, "angle_max": 2.98, "angle_increment": 0.02}
+    for _ in range(30):
+        lasered.now_ns += PERIOD_NS
+        lasered.moved()
+        sent_ns = lasered.now_ns + 7200 * SECOND  # the robot's clock is far ahead
+        header = {"frame_id": "laser", "stamp": stamp(sent_ns)}
+        good = types.new(kind, header=header, ranges=[1.0] * 300, **limits)
+        lasered.cable.hear("/scan", good, sent_ns, lasered.now_ns)
+        with suppress(MalformedMessage):
+            spoiled = types.decode(kind, ros_garbler.SCANS[name](good))
+            lasered.cable.hear("/scan", spoiled, sent_ns, lasered.now_ns)
+        scan = lasered.tick().scans["laser"]
+        assert scan.stamp_ns == lasered.now_ns - 100 * SECOND
+        assert scan.ranges.tolist() == [1.0] * 300 and scan.bearings[0] == pytest.approx(-3.0)
+
+
 def test_a_laser_that_never_came_is_a_reason_and_one_that_falls_silent_is_left_to_the_gate(lasered):
     lasered.cable.silent["/scan"] = "no node publishes it"
     assert not lasered.ticks(0.9).scans
@@ -218,12 +245,66 @@ def test_an_invalid_range_does_not_replace_a_good_one():
     assert ring.feeds[0].why == "a range that is NaN"
 
 
+def test_a_scan_that_was_measured_before_the_last_one_is_left_out(lasered):
+    mounted(lasered, "laser")
+
+    def scan(seconds_old, ranges):
+        header = {"frame_id": "laser", "stamp": stamp(lasered.now_ns - round(seconds_old * SECOND))}
+        lasered.say("/scan", "sensor_msgs/msg/LaserScan", **(LIMITS | {"header": header}), ranges=ranges)
+
+    scan(0.0, [1.0])
+    scan(0.4, [2.0])
+    assert lasered.ticks(0.05).scans["laser"].ranges.tolist() == [1.0]
+    assert lasered.ticks(0.05, lambda: scan(0.4, [2.0])).scans == {}
+    assert lasered.ticks(0.05, lambda: scan(0.0, [3.0])).scans["laser"].ranges.tolist() == [3.0]
+
+
+def test_a_range_that_was_measured_before_the_last_one_is_left_out():
+    said = Said()
+    robot = Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
+    ring = Ranges(("/a",), (planar(0, 0, 0),), SECOND)
+    for measured_ns, length in ((100 * SECOND, 1.0), (100 * SECOND - SECOND // 2, 2.0)):
+        given = {"header": {"stamp": stamp(measured_ns)}, "min_range": 0.1, "max_range": 3.0, "range": length}
+        said.say("/a", "sensor_msgs/msg/Range", 100 * SECOND, 100 * SECOND, **given)
+    assert ring.read(robot, 100 * SECOND)[0].ranges.tolist() == [1.0]
+
+
 def test_an_object_too_close_to_measure_is_never_free_space():
     beams = beams_of_laser(scan([0.0, -math.inf, 2.0]), planar(0, 0, 0), True)
     assert beams.ranges.tolist() == [math.inf, pytest.approx(0.1), 2.0]
 
 
 # --- odometry ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("child", "there", "why"),
+    [
+        ("laser", {"translation": {"x": 0.1}}, "0.10 m from 'base_link', turned by 0° and tilted by 0°"),
+        ("imu", {"rotation": {"z": 1.0, "w": 0.0}}, "0.00 m from 'base_link', turned by 180° and tilted by 0°"),
+        ("laser", {"rotation": {"x": 1.0, "w": 0.0}}, "0.00 m from 'base_link', turned by 0° and tilted by 180°"),
+        ("tb1/base_link", None, "which /tf does not connect to 'base_link'"),
+    ],
+)
+def test_odometry_of_another_frame_than_the_base_is_a_reason(monkeypatch, child, there, why):
+    bench = Bench(monkeypatch)
+    bench.cable.waiting.clear()
+    if there is not None:
+        mounted(bench, child, **there)
+    bench.moved(child_frame_id=child)
+    told = bench.tick()
+    assert told.startswith(f"/odom has no message yet: odometry of the frame '{child}', ") and why in told
+    assert told.endswith(": correct child_frame_id where it is published, or set base_frame")
+    assert "base_frame" not in str(bench.ticks(0.05))
+
+
+@pytest.mark.parametrize("child", ["", "base_link", "/base_link", "base_footprint"])
+def test_odometry_of_the_base_is_taken_by_any_of_its_names(monkeypatch, child):
+    bench = Bench(monkeypatch)
+    bench.cable.waiting.clear()
+    mounted(bench, "base_footprint", translation={"z": -0.05})
+    bench.moved(child_frame_id=child, pose={"pose": {"position": {"x": 0.1}}})
+    assert bench.tick().odometry.pose.x == 0.1
 
 
 def test_odometry_far_beyond_any_room_does_not_move_the_pose(monkeypatch):

@@ -10,6 +10,8 @@ __all__ = ["FootprintError", "circumscribed_radius", "inscribed_radius", "polygo
 Floats = NDArray[np.float64]
 
 _MAX_CORNERS = 64
+_LARGEST = 100.0
+"""Largest side and largest coordinate of a corner, m; larger ones are probably in millimetres."""
 
 
 class FootprintError(ValueError):
@@ -20,17 +22,17 @@ def rectangle(length: float, width: float) -> Floats:
     """Corners of a rectangle centred on the base frame's origin.
 
     Args:
-        length, width: Extent along x and along y, m, > 0.
+        length, width: Extent along x and along y, m, > 0, at most 100.
 
     Returns:
         (4, 2) m, base frame, counter-clockwise from the front left corner; read-only.
 
     Raises:
-        FootprintError: A side is not a positive number.
+        FootprintError: A side is not a positive number, or too large.
     """
     for name, value in (("length", length), ("width", width)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise FootprintError(f"footprint {name} = {value}: expected a length > 0 in metres")
+        if not 0.0 < value <= _LARGEST:
+            raise FootprintError(f"footprint {name} = {value}: expected a length > 0 in metres, at most {_LARGEST:g}")
     x, y = 0.5 * length, 0.5 * width
     outline = np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
     outline.flags.writeable = False
@@ -41,7 +43,8 @@ def polygon(corners: ArrayLike) -> Floats:
     """A checked copy of a footprint's corners.
 
     Args:
-        corners: (n, 2) m, base frame: convex, around the origin, in either direction, 3 to 64 corners.
+        corners: (n, 2) m, base frame: convex, around the origin, in either direction, 3 to 64 corners, all within
+            100 m of the axes.
 
     Returns:
         (n, 2) float64, counter-clockwise, read-only.
@@ -59,6 +62,10 @@ def polygon(corners: ArrayLike) -> Floats:
         )
     if not np.isfinite(outline).all():
         raise FootprintError(f"footprint corner {_first(~np.all(np.isfinite(outline), axis=1))} is not finite")
+    if (far := np.any(np.abs(outline) > _LARGEST, axis=1)).any():
+        raise FootprintError(
+            f"footprint corner {outline[_first(far)].tolist()}: expected metres, each at most {_LARGEST:g}"
+        )
     if _is_clockwise(outline):
         outline = outline[::-1].copy()
     _check_turns(outline)

@@ -72,9 +72,9 @@ class ProcessLog:
             older = older_log(self.path)
             lost = size - len(kept) + (older.stat().st_size if older.exists() else 0)
             self.cut += lost
-            os.write(
-                self.file, f"{CUT}the {len(kept)} bytes before this are in {older.name}, {lost} are lost)\n".encode()
-            )
+            end = "" if kept.endswith(b"\n") else "\n"
+            notice = f"{end}{CUT}the {len(kept)} bytes before this are in {older.name}, {lost} are lost)\n"
+            os.write(self.file, notice.encode())
             older.write_bytes(kept)
 
     def close(self) -> None:

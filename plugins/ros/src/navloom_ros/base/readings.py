@@ -15,24 +15,38 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
-from navloom_ros.base.frames import heading_of, rotation
+from navloom_ros.base.frames import Frames, heading_of, rotation
 from navloom_ros.errors import BadName, Unusable
 from navloom_ros.message_types import Types
 
-__all__ = ["Anchor", "Beams", "beams_of_laser", "beams_of_ranges", "check_field", "check_range", "is_set", "motion_of"]
+__all__ = [
+    "Anchor",
+    "Beams",
+    "beams_of_laser",
+    "beams_of_ranges",
+    "check_child",
+    "check_field",
+    "check_range",
+    "is_set",
+    "motion_of",
+]
 
 Floats = NDArray[np.float64]
 
 TILTED = math.cos(math.radians(10.0))
-"""Cosine of the largest tilt of a planar laser, 10°; a scan with more tilt is refused."""
+"""Cosine of the largest tilt, 10°, of a planar laser and of a frame whose odometry counts as the base's."""
 MOST_BEAMS = 100_000
 """Most beams of a scan; larger scans are refused."""
+UNEVEN = 0.02
+"""Largest error of the last beam's angle, as a share of the angle that a scan covers; drivers round."""
 RESTARTED, RESTARTED_TURN = 0.3, 0.3
 """Largest jump of the pose, m and rad, when the publisher of the odometry changes; more counts as a restart."""
 FASTER = 3.0
 """Largest speed of the odometry, in multiples of the robot's; a pose that moves faster counts as a restart."""
 UNSTEADY, UNSTEADY_NS = 4, 2_000_000_000
 """Restarts and changes of publisher within 2 s, ns, after which the odometry is unusable."""
+SAME_PLACE, SAME_HEADING = 0.01, 0.02
+"""Largest distance, m, and turn, rad, between the base and a frame whose odometry counts as the base's."""
 FARTHEST = 1e6
 """Largest coordinate of a pose, m; beyond, the rounding errors of a restart would move the robot's pose."""
 
@@ -76,6 +90,30 @@ def motion_of(message: Any) -> Motion:
     return Motion((values[0], values[1], heading_of(turned)), values[2:])
 
 
+def check_child(child: str, base: str, frames: Frames) -> None:
+    """Check that odometry is that of the base, or of a frame at its place, as base_footprint below base_link.
+
+    Args:
+        child: child_frame_id of the odometry; empty counts as the base.
+        base: The base frame.
+        frames: Transforms of /tf.
+
+    Raises:
+        Unusable: The odometry is that of another frame.
+    """
+    if child.lstrip("/") in ("", base.lstrip("/")):
+        return
+    fix = "correct child_frame_id where it is published, or set base_frame"
+    found = frames.find(base, child)
+    if found is None:
+        raise Unusable(f"odometry of the frame {child!r}, which /tf does not connect to {base!r}: {fix}")
+    away, turn = math.hypot(found[0, 3], found[1, 3]), abs(heading_of(found))
+    if away > SAME_PLACE or turn > SAME_HEADING or found[2, 2] < TILTED:
+        tilt = math.acos(max(-1.0, min(1.0, found[2, 2])))
+        turned = f"turned by {math.degrees(turn):.0f}° and tilted by {math.degrees(tilt):.0f}°"
+        raise Unusable(f"odometry of the frame {child!r}, which is {away:.2f} m from {base!r}, {turned}: {fix}")
+
+
 def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     """Beams of a sensor_msgs/msg/LaserScan that are measurements: an echo, or +inf for none within reach.
 
@@ -95,6 +133,7 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     has_angles = span <= 2.0 * math.tau and (span > 0.0 or len(ranges) < 2)
     if len(ranges) > MOST_BEAMS or not has_angles or scan.time_increment < 0:
         raise Unusable(f"a laser scan of {len(ranges)} beams, {scan.angle_increment:g} rad apart")
+    _check_last_angle(scan, len(ranges))
     if abs(mount[2, 2]) < TILTED:
         tilt = math.degrees(math.acos(min(1.0, abs(mount[2, 2]))))
         raise Unusable(f"a laser that is tilted by {tilt:.0f}°: expected at most 10°")
@@ -115,6 +154,19 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
         float(scan.range_min),
         float(scan.range_max),
     )
+
+
+def _check_last_angle(scan: Any, count: int) -> None:
+    """Check that the last beam is at angle_max, which is 0 where a driver leaves it unset. Raises Unusable."""
+    if not count or not scan.angle_max:
+        return
+    covered = scan.angle_increment * (count - 1)
+    off = abs(math.remainder(covered - (scan.angle_max - scan.angle_min), math.tau))  # some drivers wrap angle_max
+    if off > max(2.0 * abs(scan.angle_increment), UNEVEN * abs(covered)):
+        raise Unusable(
+            f"a laser scan of {count} beams, {scan.angle_increment:.4f} rad apart, which do not fit its angles "
+            f"{scan.angle_min:.3f} to {scan.angle_max:.3f} rad"
+        )
 
 
 def check_range(reading: Any) -> None:

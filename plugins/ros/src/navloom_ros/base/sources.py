@@ -20,6 +20,7 @@ from navloom_ros.base.readings import (
     Motion,
     beams_of_laser,
     beams_of_ranges,
+    check_child,
     check_range,
     is_set,
     motion_of,
@@ -158,6 +159,7 @@ class Robot:
             self.unusable = str(error)
 
     def _move_by_message(self, heard: Heard) -> None:
+        check_child(heard.message.child_frame_id, self.frame, self.frames)
         self._move(motion_of(heard.message), heard, ns_of(heard.message.header.stamp))
 
     def _move(self, motion: Motion, heard: Heard, stamp_ns: int) -> None:
@@ -238,9 +240,10 @@ class Laser:
     def __init__(self, topic: str, mount: Floats | None, short_is_nothing: bool) -> None:
         self.feeds = (Feed(topic, mount),)
         self._short_is_nothing = short_is_nothing
+        self._read_ns = 0
 
     def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
-        """The newest usable scan since the last call and when it was measured, ns; None if there is none."""
+        """The newest usable scan since the last call and when it was measured, ns; None if there is none newer."""
         newest: tuple[Beams, int] | None = None
         (feed,) = self.feeds
         for message, mount, at_ns in feed.take(robot):
@@ -250,7 +253,8 @@ class Laser:
                 feed.judge(str(error), now_ns)
             else:
                 feed.judge("" if len(beams.ranges) else NO_BEAM, now_ns)
-                newest = (beams, at_ns) if len(beams.ranges) else newest
+                if len(beams.ranges) and at_ns >= self._read_ns:
+                    newest, self._read_ns = (beams, at_ns), at_ns
         return newest
 
 
@@ -284,8 +288,9 @@ class Ranges:
                     feed.judge(str(error), now_ns)
                 else:
                     feed.judge("", now_ns)
-                    self._last[feed.topic] = message, mount, at_ns
-                    has_news = True
+                    if feed.topic not in self._last or at_ns >= self._last[feed.topic][2]:
+                        self._last[feed.topic] = message, mount, at_ns
+                        has_news = True
         fresh = [last for last in self._last.values() if now_ns - last[2] <= self._stale_ns]
         if not has_news or len(fresh) < len(self.feeds):
             return None

@@ -22,6 +22,8 @@ PASSED = 0.7
 """Distance within which a pose counts as passed, m; that of RemovePassedGoals in Nav2's own behaviour tree."""
 UNKNOWN_ERROR = {TO_POSE: 9000, THROUGH_POSES: 9100}
 """Nav2's error codes for an unspecified failure, by action."""
+PREEMPTED = "pre-empted by a newer goal"
+"""Why a replaced goal was aborted."""
 
 
 class Place(NamedTuple):
@@ -97,7 +99,7 @@ class Goals:
             older, self._newest = self._newest, wanted
             self._news.notify_all()
         if older is not None:
-            self._end(older, "pre-empted by a newer goal")
+            self._end(older, PREEMPTED)
 
     def _accept(self, poses: list[Any]) -> bool:
         why = self._problem(poses)
@@ -162,7 +164,7 @@ class Goals:
                 handle.cancel()
                 asked = True
             if is_over:  # the robot replaces the older goal by itself
-                self._end(wanted, "pre-empted by a newer goal")
+                self._end(wanted, PREEMPTED)
                 return
         result = handle.result
         why = "" if result.outcome == "succeeded" else f"{result.outcome}: {result.reason}"

@@ -260,12 +260,12 @@ class Unsure(FromStart):
 
 class ThinParams(Params):
     cell: float = Field(0.1, gt=0.0, le=1.0, description="Edge of a cell, m.")
-    keep: int = Field(1, ge=1, le=50, description="Of how many scans one is drawn; no unit.")
+    share: float = Field(0.3, gt=0.0, le=1.0, description="Share of the beams that are drawn.")
 
 
 @ENTRIES.plant("thin_mapper")
 class ThinMapper(Hits):
-    """Draws a tenth of the beams, chosen by its random stream."""
+    """Draws some of the beams, chosen by its random stream."""
 
     Params = ThinParams  # type: ignore[assignment]
 
@@ -274,7 +274,7 @@ class ThinMapper(Hits):
         super().__init__(params, context)  # type: ignore[arg-type]
 
     def insert(self, scan: RangeScan, given: MapperInput) -> None:
-        kept = self.draws.random(len(scan.ranges)) < 0.3
+        kept = self.draws.random(len(scan.ranges)) < self.params.share
         super().insert(replace(scan, ranges=np.where(kept, scan.ranges, np.inf)), given)
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from navloom.testing.contract import (
+    aligned,
     answers,
+    attempts,
     centred,
     conduct,
     declared,
     drawn,
     lasting,
+    later,
     maps,
     objects,
     order,
@@ -20,25 +23,32 @@ from navloom.testing.contract import (
     state,
     steering,
     surroundings,
+    used,
+    worded,
 )
 
 __all__ = ["CHECKS"]
 
 CHECKS = (
     *declared.CHECKS,
+    *worded.CHECKS,
     *answers.CHECKS,
     *sense.CHECKS,
     *centred.CHECKS,
     *maps.CHECKS,
     *surroundings.CHECKS,
     *platforms.CHECKS,
+    *aligned.CHECKS,
+    *attempts.CHECKS,
     *steering.CHECKS,
     *order.CHECKS,
     *repeats.CHECKS,
     *state.CHECKS,
     *parameters.CHECKS,
+    *used.CHECKS,
     *conduct.CHECKS,
     *lasting.CHECKS,
+    *later.CHECKS,
     *objects.CHECKS,
     *schemes.CHECKS,
     *drawn.CHECKS,

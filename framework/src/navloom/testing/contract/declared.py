@@ -19,7 +19,7 @@ from navloom.testing.contract.kinds import CLASSES, EVERY
 from navloom.testing.findings import Finding
 from navloom.testing.subject import place_of
 
-__all__ = ["CHECKS", "fields_of"]
+__all__ = ["CHECKS", "fields_of", "has_unit", "models_of"]
 
 UNIT = re.compile(
     r"(?<![\w])(m|mm|cm|km|s|ms|ns|min|h|rad|deg|degrees?|°|Hz|kHz|kg|N|V|A|W|%|m/s|m/s\^2|m/s²|rad/s|rad/s²|1/s|1/m|"
@@ -39,7 +39,7 @@ def fields_of(model: type[Params]) -> list[tuple[str, FieldInfo]]:
     return list(model.model_fields.items())
 
 
-def _models_of(cls: Any) -> dict[str, type[Params]]:
+def models_of(cls: Any) -> dict[str, type[Params]]:
     """Models of a plugin's config tables: its parameters, and the settings of each kind of sensor."""
     settings: Mapping[str, type[Params]] = getattr(cls, "sensor_settings", {})
     return {"": cls.Params, **{f" of the sensor {kind!r}": model for kind, model in settings.items()}}
@@ -78,7 +78,7 @@ def signatures(bench: Bench) -> Iterator[Finding]:
 @check("contract", CLASSES, "Each default is within its parameter's own bounds.", is_static=True)
 def defaults_within_bounds(bench: Bench) -> Iterator[Finding]:
     """Pydantic does not check defaults by itself."""
-    for owner, model in _models_of(bench.subject.thing).items():
+    for owner, model in models_of(bench.subject.thing).items():
         values = {name: field.get_default(call_default_factory=True) for name, field in fields_of(model) if not
                   field.is_required()}  # fmt: skip
         given = {**(bench.subject.params.model_dump() if not owner else {}), **values}
@@ -103,7 +103,7 @@ def defaults_within_bounds(bench: Bench) -> Iterator[Finding]:
 )
 def units(bench: Bench) -> Iterator[Finding]:
     """Only real numbers need a unit."""
-    for owner, model in _models_of(bench.subject.thing).items():
+    for owner, model in models_of(bench.subject.thing).items():
         for name, field in fields_of(model):
             text = field.description or ""
             if not text:
@@ -111,7 +111,7 @@ def units(bench: Bench) -> Iterator[Finding]:
                     f"the parameter {name}{owner} has no description",
                     "what it is, and its unit: Field(…, description='…, m.')", place_of(model),
                 )  # fmt: skip
-            elif _is_real(field.annotation) and not (UNIT.search(text) or NO_UNIT.search(text) or _is_angle(name)):
+            elif _is_real(field.annotation) and not (has_unit(text) or _is_angle(name)):
                 yield Finding(
                     f"the description of {name}{owner} gives no unit: {text!r}", "its unit, as in 'Look-ahead "
                     "distance, m.'; or 'no unit'", place_of(model),
@@ -127,6 +127,11 @@ def unknown_parameters(bench: Bench) -> Iterator[Finding]:
             f"{model.__name__} accepts unknown keys", "model_config without `extra`, so that misspelt keys are refused",
             place_of(model),
         )  # fmt: skip
+
+
+def has_unit(text: str) -> bool:
+    """Whether a description gives a unit, or says that there is none."""
+    return bool(UNIT.search(text) or NO_UNIT.search(text))
 
 
 def _is_real(annotation: Any) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
@@ -46,6 +47,10 @@ JUNK = (
     "ä",
 )
 """Arguments that no scheme can use, as people and scripts may give them."""
+OF_TICKS = re.compile(r"^ticks?\b|\b(number|count|counts|how many)\b[^.;]*\bticks?\b", re.IGNORECASE)
+"""Unit and description of a metric that counts ticks."""
+TICK_RATIO = 1.5
+"""Greatest ratio of a metric's numbers for the same drive with ticks half as long."""
 ENOUGH = 20
 """Samples that are made of a message class."""
 
@@ -72,16 +77,16 @@ def _line(bench: Bench, error: BaseException) -> str:
 # --- metrics ----------------------------------------------------------------------------------------------------------
 
 
-def _trail(ticks: int, **changes: Any) -> Trail:
-    """An episode of a robot that drives a bend past an obstacle; a tick is 0.05 s."""
-    time = 0.05 * np.arange(ticks, dtype=np.float64)
+def _trail(ticks: int, period: float = 0.05, **changes: Any) -> Trail:
+    """An episode of a robot that drives a bend past an obstacle; the period of a tick in s."""
+    time = period * np.arange(ticks, dtype=np.float64)
     turn: NDArray[np.float64] = 0.3 * time
     v, w = 0.3 + 0.02 * np.sin(3.0 * time), 0.3 + 0.02 * np.cos(2.0 * time)
     none = np.zeros(ticks, dtype=np.bool_)
     made = Trail(
         time, np.sin(turn), 1.0 - np.cos(turn), turn, v, w, 1.0 + 0.2 * np.sin(time), 0.05 * np.cos(time), v.copy(),
         w.copy(), none, none,
-        "succeeded", "", 0, 0, 0, 0.05, 1.2, 0.1, 120.0, 0.5, 1.0, 0.1, np.full(ticks, 1_000_000),
+        "succeeded", "", 0, 0, 0, period, 1.2, 0.1, 120.0, 0.5, 1.0, 0.1, np.full(ticks, 1_000_000),
         np.full(ticks, 0.02), 0, 1.3,
     )  # fmt: skip
     return replace(made, **changes)
@@ -143,6 +148,25 @@ def metric_repeats(bench: Bench) -> Iterator[Finding]:
             if other != given[0] and not (other != other and given[0] != given[0]):
                 yield Finding(f"gives {given[0]!r}, and {other!r} {why}", "the same number", given=f"episode: {name}")
                 return
+
+
+@check("contract", {"metric"}, "It gives almost the same number for the same drive with ticks half as long.")
+def metric_tick_rate(bench: Bench) -> Iterator[Finding]:
+    """A count or a sum of ticks doubles. A metric whose unit or description says that it counts ticks may."""
+    metric = _metric(bench)
+    if OF_TICKS.search(f"{metric.unit}; {metric.about}"):
+        raise NotRun("it says that it counts ticks")
+    for slow in (_trail(200), _trail(200, engaged=np.arange(200) % 40 < 20)):
+        engaged = np.repeat(slow.engaged, 2)
+        fast = _trail(400, 0.5 * slow.period, engaged=engaged)
+        one = _problem(bench, lambda slow=slow: metric.compute(slow))[0]  # type: ignore[misc]
+        other = _problem(bench, lambda fast=fast: metric.compute(fast))[0]  # type: ignore[misc]
+        if one and other and not 1.0 / TICK_RATIO < other / one < TICK_RATIO:
+            yield Finding(
+                f"gives {one:.4g} for a drive with ticks of 0.05 s, and {other:.4g} for the same with ticks of 0.025 s",
+                "sums times trail.period, means, or differences of trail.time", given="episode: a drive to the goal",
+            )  # fmt: skip
+            return
 
 
 @check("contract", {"metric"}, "It does not change its episode.")
@@ -362,6 +386,6 @@ def message_codec(bench: Bench) -> Iterator[Finding]:
 
 
 CHECKS = (
-    metric_values, metric_repeats, metric_untouched, world_usable, world_repeats, scheme_refuses,
+    metric_values, metric_repeats, metric_tick_rate, metric_untouched, world_usable, world_repeats, scheme_refuses,
     viewer_imported_late, panel_draws, message_codec,
 )  # fmt: skip

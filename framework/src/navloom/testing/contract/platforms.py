@@ -21,7 +21,7 @@ from navloom.testing.findings import Finding, NotRun
 from navloom.testing.inputs import PERIOD
 from navloom.testing.player import Fault, Player
 
-__all__ = ["CHECKS"]
+__all__ = ["CHECKS", "START", "context_of", "expected_ranges", "has_defaults", "made_world", "outputs_of", "track_of"]
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ APART = 3
 """Steps for which contact and truth may differ: a bumper has a delay."""
 
 
-def _world() -> World:
+def made_world() -> World:
     """Walls to the left and ahead, a box to the right, and nothing behind the robot."""
     walls = (
         Box("left wall", (-1.0, 4.2), (1.4, 1.6), (0.0, 2.4)), Box("front wall", (4.0, 4.2), (-3.0, 1.6), (0.0, 2.4)),
@@ -61,15 +61,21 @@ def _world() -> World:
     return World("a wall to the left", walls, bounds=(-5.0, -5.0, 5.0, 5.0))
 
 
-def _context(bench: Bench, sensors: tuple[SensorSpec, ...], start: tuple[float, float, float] = START) -> Context:
+def context_of(
+    bench: Bench,
+    sensors: tuple[SensorSpec, ...],
+    start: tuple[float, float, float] = START,
+    world: World | None = None,
+) -> Context:
+    """Context of the platform in a world, by default `made_world()`. Raises NotRun if it does not simulate it."""
     cls: type[Platform] = bench.subject.thing
     if not cls.is_simulated or cls.own_world(bench.subject.params) is not None:
         raise NotRun("it does not simulate the world that it is given")
     bench.sound()
-    return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=_world())
+    return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=world or made_world())
 
 
-def _outputs(
+def outputs_of(
     bench: Bench, context: Context, twist: tuple[float, float], steps: int, seed: int = 0
 ) -> list[PlatformOutput]:
     """Outputs of the platform while it is commanded a speed, m/s, and a turn rate, rad/s, in the run of a seed."""
@@ -86,17 +92,19 @@ def echoes(bench: Bench) -> Iterator[Finding]:
     """For a stopped simulated robot. Wrong bearings, frames and units, and echoes of nothing, show here."""
     cls: type[Platform] = bench.subject.thing
     kinds = [kind for kind, message in cls.sensor_kinds.items() if issubclass(message, RangeScan)]
-    specs = tuple(SensorSpec(kind, kind) for kind in kinds if _has_defaults(cls, kind))
+    specs = tuple(SensorSpec(kind, kind) for kind in kinds if has_defaults(cls, kind))
     if not specs:
         raise NotRun("it has no range sensor that works without settings")
-    context = _context(bench, specs)
+    context = context_of(bench, specs)
     for twist, steps, does in ((STILL, LOOKS, "stands"), ((0.0, TURN), TURNS, "turns")):
         right: dict[str, list[bool]] = {}
-        outputs = _outputs(bench, context, twist, steps)
-        track = _track(context, outputs)
+        outputs = outputs_of(bench, context, twist, steps)
+        track = track_of(context, outputs)
         for out in outputs:
             for name, scan in out.scans.items():
-                right.setdefault(name, []).extend(_right(scan, track, _world()) if isinstance(scan, RangeScan) else ())
+                right.setdefault(name, []).extend(
+                    _right(scan, track, made_world()) if isinstance(scan, RangeScan) else ()
+                )
         for name, found in right.items():
             if found and sum(found) < RIGHT * len(found):
                 yield Finding(
@@ -111,35 +119,57 @@ def echoes(bench: Bench) -> Iterator[Finding]:
             return  # without truth, the pose of a turning robot is unknown
 
 
-def _track(context: Context, outputs: list[PlatformOutput]) -> PoseTrack:
+def track_of(context: Context, outputs: list[PlatformOutput]) -> PoseTrack:
     """Where the robot was, by its truth; where there is none, at its start."""
     poses = [context.start if out.truth is None else out.truth.pose for out in outputs]
     stamps = np.array([out.odometry.stamp_ns for out in outputs])
     return PoseTrack(stamps, np.array([(one.x, one.y, one.heading) for one in poses]))
 
 
-def _has_defaults(cls: type[Platform], kind: str) -> bool:
+def has_defaults(cls: type[Platform], kind: str) -> bool:
     model = cls.sensor_settings.get(kind)
     return model is None or not any(field.is_required() for field in model.model_fields.values())
 
 
 def _right(scan: RangeScan, track: PoseTrack, world: World) -> list[bool]:
     """Whether an object of the world is where each echo lies, seen from where the robot was at the beam's time."""
+    ranges = scan.ranges[np.isfinite(scan.ranges)]
+    off = np.abs(ranges - expected_ranges(scan, track, world))
+    found: list[bool] = (off <= NEAR + SHARE * ranges).tolist()
+    return found
+
+
+def expected_ranges(
+    scan: RangeScan,
+    track: PoseTrack,
+    world: World,
+    *,
+    later_ns: int = 0,
+    turned: float = 0.0,
+    moved: tuple[float, float] = (0.0, 0.0),
+    rays: int = RAYS,
+) -> Floats:
+    """What each beam that has an echo should read, m: the nearest of the rays across its width.
+
+    Args:
+        scan: The scan.
+        track: Where the robot was.
+        world: The obstacles around it.
+        later_ns, turned, moved: Changes of the scan that are tried: of its stamp, ns; of all bearings, rad; and of all
+            origins, m, base frame.
+        rays: Rays that are cast for each beam.
+    """
     heard = np.isfinite(scan.ranges)
-    poses = poses_at(track, scan.stamp_ns + 1e9 * scan.time_offsets[heard])
+    poses = poses_at(track, scan.stamp_ns + later_ns + 1e9 * scan.time_offsets[heard])
     count = int(heard.sum())
-    spread = np.linspace(-1.0, 1.0, RAYS)[None, :] * scan.half_angles[heard][:, None]
-    ways = (scan.bearings[heard][:, None] + spread + poses[:, 2:]).ravel()
-    places = np.repeat(transform(poses, scan.origins[heard][:, None])[:, 0], RAYS, axis=0)
-    level = np.zeros(count * RAYS)
-    rays = scenes.cast(
+    spread = np.linspace(-1.0, 1.0, rays)[None, :] * scan.half_angles[heard][:, None] if rays > 1 else 0.0
+    ways = (scan.bearings[heard][:, None] + turned + spread + poses[:, 2:]).ravel()
+    places = np.repeat(transform(poses, (scan.origins[heard] + moved)[:, None])[:, 0], rays, axis=0)
+    level = np.zeros(count * rays)
+    lengths = scenes.cast(
         world, np.column_stack([places, level + AT]), np.column_stack([np.cos(ways), np.sin(ways), level])
-    ).reshape(count, RAYS)
-    ranges = scan.ranges[heard]
-    near = rays.min(axis=1)
-    slack = NEAR + SHARE * ranges
-    is_near = np.abs(ranges - np.clip(near, scan.range_min, None)) <= slack
-    found: list[bool] = is_near.tolist()
+    )
+    found: Floats = np.clip(lengths.reshape(count, rays).min(axis=1), scan.range_min, None)
     return found
 
 
@@ -147,14 +177,14 @@ def _right(scan: RangeScan, track: PoseTrack, world: World) -> list[bool]:
 def no_echo(bench: Bench) -> Iterator[Finding]:
     """For a simulated robot with all walls behind it."""
     cls: type[Platform] = bench.subject.thing
-    specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if _has_defaults(cls, kind))
-    context = _context(bench, specs, AWAY)
+    specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if has_defaults(cls, kind))
+    context = context_of(bench, specs, AWAY)
     free: dict[str, list[Floats]] = {}
-    for out in _outputs(bench, context, STILL, LOOKS):
+    for out in outputs_of(bench, context, STILL, LOOKS):
         pose = context.start if out.truth is None else out.truth.pose
         for name, seen in out.scans.items():
             if isinstance(seen, RangeScan | Sweep):
-                free.setdefault(name, []).append(_of_free_beams(seen, pose, _world()) / seen.range_max)
+                free.setdefault(name, []).append(_of_free_beams(seen, pose, made_world()) / seen.range_max)
     for name, found in free.items():
         shares = np.concatenate(found)
         heard = shares[np.isfinite(shares)]
@@ -199,9 +229,9 @@ def _beams(seen: RangeScan | Sweep) -> tuple[Floats, Floats, Floats]:
 def own_noise(bench: Bench) -> Iterator[Finding]:
     """For a stopped simulated robot. With the same noise in each run, the episodes of a study would be equal."""
     cls: type[Platform] = bench.subject.thing
-    specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if _has_defaults(cls, kind))
-    context = _context(bench, specs)
-    one, other = (_ranges_of(_outputs(bench, context, STILL, LOOKS, seed)) for seed in (0, 1))
+    specs = tuple(SensorSpec(kind, kind) for kind in cls.sensor_kinds if has_defaults(cls, kind))
+    context = context_of(bench, specs)
+    one, other = (_ranges_of(outputs_of(bench, context, STILL, LOOKS, seed)) for seed in (0, 1))
     for name, ranges in one.items():
         is_noisy = any(not np.array_equal(ranges[0], later) for later in ranges[1:])
         if is_noisy and all(np.array_equal(*both) for both in zip(ranges, other.get(name, []), strict=False)):
@@ -226,7 +256,7 @@ def _ranges_of(outputs: list[PlatformOutput]) -> dict[str, list[Floats]]:
 def contact(bench: Bench) -> Iterator[Finding]:
     """For a simulated robot that drives against a wall."""
     apart = 0
-    for step, out in enumerate(_outputs(bench, _context(bench, (), (3.0, 0.0, 0.0)), (0.3, 0.0), PUSHES)):
+    for step, out in enumerate(outputs_of(bench, context_of(bench, (), (3.0, 0.0, 0.0)), (0.3, 0.0), PUSHES)):
         if out.truth is None:
             raise NotRun("it gives no truth")
         is_apart = out.contact.touching != out.truth.touching
@@ -251,7 +281,7 @@ def sensor_extremes(bench: Bench) -> Iterator[Finding]:
     cls: type[Platform] = bench.subject.thing
     for kind in cls.sensor_kinds:
         model = cls.sensor_settings.get(kind)
-        if model is None or not _has_defaults(cls, kind):
+        if model is None or not has_defaults(cls, kind):
             continue
         for name, field in model.model_fields.items():
             for value in values_of(field, field.get_default(call_default_factory=True)):
@@ -261,7 +291,7 @@ def sensor_extremes(bench: Bench) -> Iterator[Finding]:
                     continue
                 try:
                     spec = SensorSpec("sensor", kind, {name: value})
-                    _outputs(bench, _context(bench, (spec,)), STILL, 5)
+                    outputs_of(bench, context_of(bench, (spec,)), STILL, 5)
                 except Fault as fault:
                     if not fault.is_refusal:
                         yield Finding(fault.problem, f"an answer, or bounds of {name} that exclude {value!r}",

@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 from navloom.geometry.world import Box, World
 from navloom.messages import MapUpdate, OccupancyGrid, Pose2D
-from navloom.report.picture import CELLS, OVERSAMPLING, Canvas, Key, draw_map_update, draw_run
+from navloom.report.picture import (
+    BLACK,
+    BLUE,
+    CELLS,
+    OVERSAMPLING,
+    VERMILION,
+    Canvas,
+    Key,
+    draw_map_update,
+    draw_poses,
+    draw_run,
+)
 from navloom.study.episode import Episode, run_episode
 from PIL import ImageDraw
 from toys import discovery, toy_config
@@ -125,3 +136,22 @@ def test_a_map_of_cells_alone_has_them_black(texts: dict[str, Rectangle]) -> Non
     draw_map_update(MapUpdate(0, grid, np.zeros((0, 4)), ()))
     assert {"occupied cells of the map", "sensor"} <= set(texts)
     assert "outlines in the map" not in texts
+
+
+def test_the_poses_of_a_localizer_are_drawn_on_the_edges_of_its_map(texts: dict[str, Rectangle]) -> None:
+    cells = np.full((40, 40), 100, np.int8)
+    cells[10:30, 10:30] = 0  # a room of 4 m from (1, 1) to (5, 5), and solid space round it
+    poses = np.zeros((9, 7))
+    poses[:, 1], poses[:, 2] = np.linspace(2.0, 20.0, 9), 3.0  # odometry leaves the map
+    poses[:, 4], poses[:, 5] = 2.0, np.linspace(2.0, 4.0, 9)
+    picture = np.asarray(draw_poses(poses, OccupancyGrid(cells, 0.2, Pose2D(-1.0, -1.0, 0.0))))
+    assert {"odometry", "localizer", "edges of the map's occupied space"} <= set(texts)
+    height, width = picture.shape[:2]
+    room = picture[height // 4 : 3 * height // 4, width // 4 : 3 * width // 4].reshape(-1, 3).astype(int)
+    blue, vermilion, black = ((np.abs(room - colour).max(axis=1) < 80).any() for colour in (BLUE, VERMILION, BLACK))
+    assert blue and vermilion and not black
+    share = (picture == BLACK).all(axis=2).mean()
+    assert 0.01 < share < 0.2  # an edge of one cell, and the legend
+    texts.clear()
+    draw_poses(poses, None)
+    assert {"odometry", "localizer"} <= set(texts) and "edges of the map's occupied space" not in texts

@@ -14,6 +14,7 @@ from navloom_ros.base.params import Ros2BaseParams
 from navloom_ros.base.readings import Anchor, Motion, beams_of_laser, beams_of_ranges, check_range, motion_of
 from navloom_ros.base.stamps import Delays
 from navloom_ros.errors import RosError, Unusable
+from navloom_ros.node import Node
 from pydantic import ValidationError
 from ros_golden import KILTED
 from ros_heard import SECOND, Said, stamp
@@ -95,6 +96,22 @@ def test_it_drives_and_hears_the_robot(driven, robot):
     assert scan.origins[0].tolist() == pytest.approx([MOUNT, 0.0])
     assert math.isinf(sonars[-1].ranges[0]) and sonars[-1].half_angles[0] == pytest.approx(0.15)
     driven.tick()
+
+
+def test_it_receives_the_topics_of_its_config_and_nothing_else(driven, network):
+    with Node("looks", router=network.endpoint, types=KILTED) as looks:
+        looks.settle()
+        ours = [one for one in looks.graph.entities if one.node.startswith("navloom")]
+    assert {one.name for one in ours if one.kind == "MS"} == {
+        "/odom",
+        "/tf",
+        "/tf_static",
+        "/scan",
+        "/sonar",
+        "/bumper",
+    }
+    assert {one.name for one in ours if one.kind == "MP"} == {"/cmd_vel"}
+    assert not [one for one in ours if one.kind in ("SS", "SC")]
 
 
 def test_the_guardian_stops_the_base_of_a_platform_that_freezes(driven, robot):

@@ -20,7 +20,18 @@ from navloom.engine.nodes.reference import ReferenceNode
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose
 from navloom.geometry.polylines import Polyline
-from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
+from navloom.messages import (
+    Command,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Odometry,
+    Point2D,
+    PoseEstimate,
+    RangeScan,
+    Reference,
+    Sweep,
+)
 from navloom.recording.imported import placed_in_map
 from navloom.recording.reader import Recorded, Recording
 from navloom.recording.recorded_platform import discovery
@@ -54,6 +65,7 @@ class LogReplay:
         localizer: Name of the requested localizer; empty for none.
         poses: (n, 7) time, s, then x, y, m, heading, rad, by recorded odometry and by the localizer, both in the map
             frame; None if no localizer was requested.
+        known: Map that the localizer was given; None for none.
         faults: Exceptions of plugins, with their ticks.
     """
 
@@ -66,6 +78,7 @@ class LogReplay:
     has_mapper: bool = False
     localizer: str = ""
     poses: Floats | None = None
+    known: OccupancyGrid | None = None
     faults: list[str] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
@@ -188,6 +201,7 @@ class _Runner:
         self.result.has_mapper = "mapper" in roles
         if "localizer" in roles:
             self.result.localizer = self.config.localizer.instance
+            self.result.known = self.system.map
         self.track: list[PoseEstimate] = []
         self.estimates: list[PoseEstimate | None] = []
         self.taken = 0

@@ -10,14 +10,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import binary_dilation
 
 from navloom.geometry.frames import transform
 from navloom.geometry.solids import box_corners, centre_at, overlaps
 from navloom.geometry.world import Box
-from navloom.messages import MapUpdate
+from navloom.messages import MapUpdate, OccupancyGrid
 from navloom.study.episode import Episode
 
-__all__ = ["Canvas", "Key", "draw_map_update", "draw_run"]
+__all__ = ["Canvas", "Key", "draw_map_update", "draw_poses", "draw_run"]
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
@@ -225,6 +226,34 @@ def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image
     if way is not None:
         canvas.line(way, VERMILION, 2.5)
     canvas.disc(0.0, 0.0, 0.01 * (x1 - x0), GREEN, BLACK)
+    canvas.frame()
+    return canvas.finished()
+
+
+def draw_poses(poses: Floats, known: OccupancyGrid | None) -> Image.Image:
+    """Draw the tracks of odometry and of a localizer on the map that it was given; odometry is cut off beyond the map.
+
+    Of the map it draws the edges of occupied space only, because large maps are mostly occupied or unknown.
+
+    Args:
+        poses: (n, 7) time, s, then x, y, m, heading, rad, by odometry and by the localizer, map frame.
+        known: The map; None for none.
+    """
+    odometry, localizer = poses[:, 1:3], poses[:, 4:6]
+    keys, shown = [Key("odometry", BLUE, "line"), Key("localizer", VERMILION, "line")], odometry
+    if known is not None:
+        occupied = known.cells >= 50
+        edges = occupied & binary_dilation(~occupied)
+        corner = np.array([known.origin.x, known.origin.y, known.origin.heading])
+        shown = transform(corner, (np.argwhere(edges)[:, ::-1] + 0.5) * known.resolution)
+        keys.insert(0, Key("edges of the map's occupied space", BLACK))
+    seen = np.vstack([shown, localizer])
+    (x0, y0), (x1, y1) = seen.min(axis=0) - 1.0, seen.max(axis=0) + 1.0
+    canvas = Canvas((float(x0), float(y0), float(x1), float(y1)), keys)
+    if known is not None:
+        canvas.cells(edges, corner, known.resolution, BLACK)
+    canvas.line(odometry, BLUE, 1.5)
+    canvas.line(localizer, VERMILION, 2.5)
     canvas.frame()
     return canvas.finished()
 

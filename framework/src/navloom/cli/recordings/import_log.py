@@ -120,7 +120,9 @@ def replay_imported(
         loaded = place_in_map(recording, loaded, place.map_, place.pose())
     for role, name in stand_ins.items():
         loaded = substitute_config(loaded, role, name, changes)
-    with OutFolder(out, ("result.json", "ticks.csv", "poses.csv", "avoider.png", "map.png", *MAP)) as folder:
+    with OutFolder(
+        out, ("result.json", "ticks.csv", "poses.csv", "poses.png", "avoider.png", "map.png", *MAP)
+    ) as folder:
         draws = out is not None and "avoider" in stand_ins and can_draw()
         with stage(as_json) as (say, _):
             found = replay_log(recording, loaded, list(stand_ins), say)
@@ -161,13 +163,11 @@ def _tell(found: Any, summary: dict[str, Any]) -> None:
 
 
 def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]:
-    """result.json, a picture of the map, and an avoider's ticks."""
-    import io
-
+    """result.json, pictures of the map and of the localizer's track, and an avoider's ticks."""
     from navloom.cli.output import json_bytes
     from navloom.recording.log_replay import DRIVER
     from navloom.recording.shadows import shadow_table
-    from navloom.report.picture import draw_map_update
+    from navloom.report.picture import draw_map_update, draw_poses
     from navloom.report.substitute_figure import draw_substitute
 
     files = {"result.json": json_bytes(summary)}
@@ -176,9 +176,17 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
         if draws:
             files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
     if found.map is not None:
-        picture = io.BytesIO()
-        draw_map_update(found.map, found.way).save(picture, format="PNG")
-        files["map.png"] = picture.getvalue()
+        files["map.png"] = _png(draw_map_update(found.map, found.way))
     if found.poses is not None:
         files["poses.csv"] = found.pose_table().encode()
+        if len(found.poses):
+            files["poses.png"] = _png(draw_poses(found.poses, found.known))
     return files
+
+
+def _png(picture: Any) -> bytes:
+    import io
+
+    file = io.BytesIO()
+    picture.save(file, format="PNG")
+    return file.getvalue()

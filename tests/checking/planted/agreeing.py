@@ -11,6 +11,9 @@ from navloom import (
     Avoidance,
     AvoiderInput,
     Context,
+    ControllerInput,
+    MapperInput,
+    MapUpdate,
     Message,
     Metric,
     Params,
@@ -21,6 +24,7 @@ from navloom import (
     RecoveryInput,
     RecoveryStep,
     Stamp,
+    TrackingCommand,
     Trail,
     Twist2D,
     message,
@@ -32,7 +36,7 @@ from pydantic import Field
 
 from planted import Entries
 from planted.seeing import Robot
-from planted.sound import STILL, Gap, GapParams, Pause
+from planted.sound import STILL, Gap, GapParams, Hits, Pause, Proportional
 
 ENTRIES = Entries()
 
@@ -133,6 +137,35 @@ class PatienceFromZero(Pause):
     def recover(self, given: RecoveryInput) -> RecoveryStep:
         is_over = given.stamp_ns >= self.params.pause * 1e9
         return RecoveryStep(STILL, "done" if is_over else "running", is_over)
+
+
+# --- controllers and mappers ------------------------------------------------------------------------------------------
+
+
+@ENTRIES.plant("speed_of_start", caught_by="reference_speed")
+class SpeedOfStart(Proportional):
+    """Drives as fast as the trajectory begins."""
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        answer = super().control(given)
+        return replace(answer, twist=replace(answer.twist, vx=float(given.trajectory.samples[0, 5])))
+
+
+@ENTRIES.plant("errors_of_robot", caught_by="error_signs")
+class ErrorsOfRobot(Proportional):
+    """Reports the robot's errors, not those of the reference."""
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        answer = super().control(given)
+        return replace(answer, e2=-answer.e2, e3=-answer.e3)
+
+
+@ENTRIES.plant("never_clears", caught_by="clears")
+class NeverClears(Hits):
+    """Keeps every echo."""
+
+    def update(self, given: MapperInput) -> MapUpdate | None:
+        return super().update(replace(given, clear=False))
 
 
 # --- recoveries -------------------------------------------------------------------------------------------------------

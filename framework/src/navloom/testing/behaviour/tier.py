@@ -22,6 +22,7 @@ from navloom.testing.behaviour.planners import PLANNERS
 from navloom.testing.behaviour.scene import Scene
 from navloom.testing.bench import USUAL, Bench, alike
 from navloom.testing.checks import Check
+from navloom.testing.contract.order import mounts
 from navloom.testing.findings import Finding, NotRun, Remark
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
@@ -173,5 +174,6 @@ CHECKS = (
         for claim in Claim
     ),
     *effects.CHECKS,
+    mounts,
 )  # fmt: skip
-"""One check for each claim, one for the list of claims, and one for parameters without effect."""
+"""One check for each claim, one for the list of claims, and those that only show something."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.collision import clearance
-from navloom.geometry.world import Cylinder, Place, World
+from navloom.geometry.world import Box, Cylinder, Place, World
 from navloom.messages import PoseTrack, RangeScan
 from navloom.roles import Platform, PlatformOutput, SensorSpec
 from navloom.testing import builders
@@ -216,12 +216,15 @@ def _ahead(told: Floats, driven: Floats, most: float, unit: str) -> str:
 
 @check("contract", {"platform"}, "The clearance in the truth is that of the footprint, also from a moving obstacle.")
 def true_clearance(bench: Bench) -> Iterator[Finding]:
-    """For a simulated robot that drives towards walls, and one that a cylinder passes."""
-    passing = Cylinder("walker", 1.5, -1.5, 0.2, waypoints=((0.0, 1.5, -1.5), (4.0, 1.5, 1.0)))
+    """For a simulated robot that drives towards walls, one that a cylinder passes, and one beside a turned box."""
+    passing = Cylinder("walker", 1.5, -1.5, 0.4, waypoints=((0.0, 1.5, -1.5), (4.0, 1.5, 1.0)))
+    board = Box("board", (0.0, 2.0), (-1.1, -1.0), (0.0, 2.4), yaw=0.7)
+    turned = World("a board", (board,), bounds=(-5.0, -5.0, 5.0, 5.0))
     street = World("a walker", (passing,), bounds=(-5.0, -5.0, 5.0, 5.0))
     rooms = (
         ("a robot that drives towards walls", made_world(), (0.3, 0.1)),
         ("a stopped robot that a cylinder passes", street, (0.0, 0.0)),
+        ("a stopped robot beside a board with a yaw of 0.7 rad", turned, (0.0, 0.0)),
     )  # fmt: skip
     for given, world, command in rooms:
         context = context_of(bench, (), world=world)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from time import thread_time
 from typing import Any
 
@@ -10,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.cells import places_of
-from navloom.messages import MapUpdate, Sweep
+from navloom.geometry.world import Box
+from navloom.messages import MapUpdate, RangeScan, Sweep
+from navloom.testing import builders, messages, scenes
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.conduct import COMMANDING, beyond
@@ -44,6 +47,12 @@ LASTS = 0.8
 """Least share of the occupied cells that must stay."""
 OCCUPIED = 65
 """Occupancy, percent, from which a cell counts as occupied."""
+WITH, WITHOUT = 20, 6
+"""Readings of a room with a box, and without it from the one with which the map is cleared."""
+BOX = Box("box", (1.2, 1.8), (-0.3, 0.3), (0.0, 2.4))
+"""A box ahead of the robot."""
+FEWEST_CELLS, STAY = 2, 0.5
+"""Fewest occupied cells of the box, and the greatest share of them that may stay."""
 WORTH = 0.1
 """Step time below which growth does not matter, as a share of the tick."""
 
@@ -171,4 +180,57 @@ def _occupied_places(update: MapUpdate) -> frozenset[tuple[float, ...]]:
     return frozenset(map(tuple, np.round(1000.0 * places).tolist()))
 
 
-CHECKS = (goes_on, answers_stay, map_lasts)
+@check("contract", {"mapper"}, "After clear, what the newest data show to be gone goes from the map.")
+def clears(bench: Bench) -> Iterator[Finding]:
+    """A box stands in a room for 20 readings, and is gone when the map is cleared."""
+    cls = bench.subject.thing
+    if cls.needs_map or not any(issubclass(one, kind) for kind in cls.accepts for one in (RangeScan, Sweep)):
+        raise NotRun("it draws no map of readings")
+    before, after = _at_box(bench, is_there=True)
+    never_before, never_after = _at_box(bench, is_there=False)
+    drawn, kept = before - never_before, after - never_after
+    if drawn < FEWEST_CELLS:
+        raise NotRun(f"it does not draw a box that it sees {WITH} times")
+    if kept > STAY * drawn:
+        yield Finding(
+            f"keeps {kept} of the {drawn} occupied cells of a box that is gone when the map is cleared",
+            "with given.clear, to forget what the newest data or the next can show again",
+            given="a stopped robot in a room, and a box 1.2 m ahead that is taken away", scene=bench.sound()[0].name,
+        )  # fmt: skip
+
+
+def _at_box(bench: Bench, *, is_there: bool) -> tuple[int, int]:
+    """Occupied cells of a map at the place of a box, before the map is cleared and at the end.
+
+    Args:
+        bench: The mapper.
+        is_there: The box stands there before the map is cleared.
+    """
+    room, scene = scenes.room(), bench.sound()[0]
+    full = replace(room, obstacles=(*room.obstacles, BOX))
+    sees = [any(issubclass(message, kind) for kind in bench.subject.thing.accepts) for message in (RangeScan, Sweep)]
+    stamps = [k * SECOND for k in range(WITH + WITHOUT + 4)]
+    track = messages.track([(0.0, 0.0, 0.0)] * len(stamps), stamps)
+    occupied = [0, 0]
+    with alike():
+        player = bench.player(scene)
+        for k, stamp in enumerate(stamps[: WITH + WITHOUT]):
+            world = full if k < WITH and is_there else room
+            scans = [messages.scan(world, stamp=stamp)] * sees[0]
+            sweeps = [messages.sweep(world, request_id=k + 1, stamp=stamp)] * sees[1]
+            answer = player.step(builders.mapper_input(
+                *scans, *sweeps, track=track, clear=k == WITH, stamp=stamp + 1.5, extra=scene.inputs[0].extra
+            ))  # fmt: skip
+            if isinstance(answer, MapUpdate):
+                occupied[k >= WITH] = _near(answer, BOX)
+    return occupied[0], occupied[1]
+
+
+def _near(update: MapUpdate, box: Box) -> int:
+    """Number of occupied cells at a box."""
+    places = places_of(update.grid, np.argwhere(update.grid.cells >= OCCUPIED))
+    low, high = np.array([box.x[0], box.y[0]]) - 0.1, np.array([box.x[1], box.y[1]]) + 0.1
+    return int(((places >= low) & (places <= high)).all(axis=1).sum())
+
+
+CHECKS = (goes_on, answers_stay, map_lasts, clears)

@@ -27,13 +27,13 @@ Floats = NDArray[np.float64]
 
 START = (0.3, -0.2, 0.4)
 """Pose of the robot, m, m, rad: neither at the origin nor along an axis."""
-LOOKS, TURNS, PUSHES = 25, 50, 80
-"""Steps for which the robot is stopped, turns in place, and drives against a wall."""
+LOOKS, TURNS, PUSHES, BACKS = 60, 50, 80, 40
+"""Steps for which the robot is stopped, turns in place, drives against a wall, and backs up from it."""
 STILL = (0.0, 0.0)
 TURN = 0.7
 """Turn rate of the robot that turns, rad/s."""
 AT = 0.3
-"""Height of the rays that echoes are compared with, m; everything in the world is taller."""
+"""Height of the rays that echoes are compared with, m; the girder is higher, and everything else is taller."""
 NEAR, SHARE = 0.15, 0.05
 """Greatest error of an echo: a distance, m, plus a share of its range."""
 RIGHT = 0.8
@@ -53,10 +53,10 @@ APART = 3
 
 
 def made_world() -> World:
-    """Walls to the left and ahead, a box to the right, and nothing behind the robot."""
+    """Walls to the left and ahead, a box to the right, a girder above the robot, and nothing behind it."""
     walls = (
         Box("left wall", (-1.0, 4.2), (1.4, 1.6), (0.0, 2.4)), Box("front wall", (4.0, 4.2), (-3.0, 1.6), (0.0, 2.4)),
-        Box("box", (1.0, 1.6), (-1.6, -0.9), (0.0, 2.4)),
+        Box("box", (1.0, 1.6), (-1.6, -0.9), (0.0, 2.4)), Box("girder", (2.0, 2.2), (-1.0, 1.0), (1.5, 2.4)),
     )  # fmt: skip
     return World("a wall to the left", walls, bounds=(-5.0, -5.0, 5.0, 5.0))
 
@@ -76,14 +76,18 @@ def context_of(
 
 
 def outputs_of(
-    bench: Bench, context: Context, twist: tuple[float, float], steps: int, seed: int = 0
+    bench: Bench, context: Context, twist: tuple[float, float], steps: int, seed: int = 0, back: int = 0
 ) -> list[PlatformOutput]:
-    """Outputs of the platform while it is commanded a speed, m/s, and a turn rate, rad/s, in the run of a seed."""
+    """Outputs of the platform while it is commanded a speed, m/s, and a turn rate, rad/s, in the run of a seed.
+
+    In `back` further steps, it is commanded the opposite.
+    """
+    commands = [(0.0, 0.0), *[twist] * (steps - 1), *[(-twist[0], -twist[1])] * back]
     with alike():
         player = Player(bench.subject, context, bench.seed + seed)
         return [
-            player.step(builders.platform_input(twist if k else (0.0, 0.0), k * PERIOD, 1 if k == 3 else None))
-            for k in range(steps)
+            player.step(builders.platform_input(one, k * PERIOD, 1 if k == 3 else None))
+            for k, one in enumerate(commands)
         ]
 
 
@@ -91,7 +95,7 @@ def outputs_of(
 def echoes(bench: Bench) -> Iterator[Finding]:
     """For a stopped simulated robot. Wrong bearings, frames and units, and echoes of nothing, show here."""
     cls: type[Platform] = bench.subject.thing
-    kinds = [kind for kind, message in cls.sensor_kinds.items() if issubclass(message, RangeScan)]
+    kinds = [kind for kind, message in cls.sensor_kinds.items() if issubclass(message, RangeScan | Sweep)]
     specs = tuple(SensorSpec(kind, kind) for kind in kinds if has_defaults(cls, kind))
     if not specs:
         raise NotRun("it has no range sensor that works without settings")
@@ -101,10 +105,11 @@ def echoes(bench: Bench) -> Iterator[Finding]:
         outputs = outputs_of(bench, context, twist, steps)
         track = track_of(context, outputs)
         for out in outputs:
-            for name, scan in out.scans.items():
-                right.setdefault(name, []).extend(
-                    _right(scan, track, made_world()) if isinstance(scan, RangeScan) else ()
-                )
+            for name, seen in out.scans.items():
+                if isinstance(seen, RangeScan):
+                    right.setdefault(name, []).extend(_right(seen, track, made_world()))
+                elif isinstance(seen, Sweep) and twist == STILL:
+                    right.setdefault(name, []).extend(_right_in_sweep(seen, track, made_world()))
         for name, found in right.items():
             if found and sum(found) < RIGHT * len(found):
                 yield Finding(
@@ -136,6 +141,15 @@ def _right(scan: RangeScan, track: PoseTrack, world: World) -> list[bool]:
     ranges = scan.ranges[np.isfinite(scan.ranges)]
     off = np.abs(ranges - expected_ranges(scan, track, world))
     found: list[bool] = (off <= NEAR + SHARE * ranges).tolist()
+    return found
+
+
+def _right_in_sweep(sweep: Sweep, track: PoseTrack, world: World) -> list[bool]:
+    """As `_right`, for the sweep of a robot that is stopped; the floor counts."""
+    ranges = sweep.ranges.ravel()
+    heard = np.isfinite(ranges)
+    off = np.abs(ranges[heard] - _to_nearest(sweep, Pose2D(*track.poses[-1].tolist()), world)[heard])
+    found: list[bool] = (off <= NEAR + SHARE * ranges[heard]).tolist()
     return found
 
 
@@ -199,30 +213,36 @@ def no_echo(bench: Bench) -> Iterator[Finding]:
 
 def _of_free_beams(seen: RangeScan | Sweep, pose: Pose2D, world: World) -> Floats:
     """(n,) ranges of the beams that meet nothing in their range and well beyond it, m."""
-    places, ways, ranges = _beams(seen)
-    count = len(ranges)
-    cos, sin = np.cos(pose.heading), np.sin(pose.heading)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    away = scenes.cast(world, (places @ turn + (pose.x, pose.y, 0.0)).reshape(-1, 3), (ways @ turn).reshape(-1, 3),
-                       floor=True).reshape(count, -1).min(axis=1)  # fmt: skip
-    free: Floats = ranges[away > CLEAR * seen.range_max + 0.5]
+    free: Floats = seen.ranges.ravel()[_to_nearest(seen, pose, world) > CLEAR * seen.range_max + 0.5]
     return free
 
 
-def _beams(seen: RangeScan | Sweep) -> tuple[Floats, Floats, Floats]:
-    """Starts (n, k, 3), m, and directions (n, k, 3) of the rays of each beam, base frame, and its range (n,), m."""
+def _to_nearest(seen: RangeScan | Sweep, pose: Pose2D, world: World) -> Floats:
+    """(n,) distance from the start of each beam to the nearest thing in its width, or the floor, m."""
+    places, ways = _beams(seen)
+    cos, sin = np.cos(pose.heading), np.sin(pose.heading)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    lengths = scenes.cast(
+        world, (places @ turn + (pose.x, pose.y, 0.0)).reshape(-1, 3), (ways @ turn).reshape(-1, 3), floor=True
+    )
+    nearest: Floats = lengths.reshape(len(ways), -1).min(axis=1)
+    return nearest
+
+
+def _beams(seen: RangeScan | Sweep) -> tuple[Floats, Floats]:
+    """Starts (n, k, 3), m, and directions (n, k, 3) of the rays of each beam, base frame."""
     if isinstance(seen, RangeScan):
         turns = seen.bearings[:, None] + np.linspace(-1.0, 1.0, RAYS) * seen.half_angles[:, None]
         places = np.column_stack([seen.origins, np.full(len(seen.origins), AT)])
         ways = np.stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)], axis=-1)
-        return np.broadcast_to(places[:, None, :], ways.shape), ways, seen.ranges
+        return np.broadcast_to(places[:, None, :], ways.shape), ways
     up, left = np.meshgrid(seen.pitches, seen.bearings, indexing="ij")
     if seen.geometry == "paper":
         axes = (np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up))
     else:
         axes = (np.cos(left) * np.cos(up), np.sin(left), np.cos(left) * np.sin(up))
     ways = np.stack(axes, axis=-1).reshape(-1, 1, 3)
-    return np.broadcast_to((seen.x, seen.y, seen.z), ways.shape), ways, seen.ranges.ravel()
+    return np.broadcast_to((seen.x, seen.y, seen.z), ways.shape), ways
 
 
 @check("contract", {"platform"}, "The noise of its sensors differs between runs with different seeds.")
@@ -254,9 +274,10 @@ def _ranges_of(outputs: list[PlatformOutput]) -> dict[str, list[Floats]]:
 
 @check("contract", {"platform"}, "Contact and truth agree on whether the robot touches something.")
 def contact(bench: Bench) -> Iterator[Finding]:
-    """For a simulated robot that drives against a wall."""
+    """For a simulated robot that drives against a wall and backs up."""
     apart = 0
-    for step, out in enumerate(outputs_of(bench, context_of(bench, (), (3.0, 0.0, 0.0)), (0.3, 0.0), PUSHES)):
+    outputs = outputs_of(bench, context_of(bench, (), (3.0, 0.0, 0.0)), (0.3, 0.0), PUSHES, back=BACKS)
+    for step, out in enumerate(outputs):
         if out.truth is None:
             raise NotRun("it gives no truth")
         is_apart = out.contact.touching != out.truth.touching

@@ -45,9 +45,10 @@ COMMANDS = ("hoang2013",)
 """Distributions that add commands to `navloom`, and may import its packages."""
 READERS = {
     "ros": {"navloom.recording.header", "navloom.recording.reader", "navloom.recording.imported",
-            "navloom.inputs.bounds", "navloom.inputs.texts"}
+            "navloom.inputs.bounds", "navloom.inputs.texts", "navloom.viewer.facts", "navloom.viewer.sweep_classes"}
 }  # fmt: skip
-"""Waivers: modules that a converter between recordings and other files needs to read and write recordings."""
+"""Waivers: modules that a converter between recordings and other files needs to read and write recordings, and to show
+what a mapper kept of a sweep, as the viewer does."""
 OF_COMMANDS = {"navloom.cli.command", "navloom.cli.options"}
 """What the file `cli.py` of a distribution may import: its commands take the same options as navloom's own."""
 IMPORTERS = {"ros": {"bags.py", "bag_conversion.py", "bag_import.py"}}

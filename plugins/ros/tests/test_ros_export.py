@@ -21,6 +21,7 @@ from navloom import (
 )
 from navloom import Path as PlannedPath
 from navloom import Pose2D as Pose
+from navloom.config import load_config
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.header import RecordingHeader
 from navloom.recording.writer import RecordingWriter
@@ -201,6 +202,24 @@ def test_rosbags_and_mcap_read_every_message(tmp_path):
     assert b"MSG: std_msgs/Header" in next(
         s.data for s in summary.schemas.values() if s.name == "nav_msgs/msg/Odometry"
     )
+
+
+@pytest.mark.parametrize(("mapper", "expected"), [("ipabd", [(1.0, 0.0, 0.4)]), ("scan_grid", None)])
+def test_what_ipabd_kept_of_a_sweep_is_a_cloud(tmp_path, mapper, expected):
+    """Three echoes on one bearing: 1 m away at 0.4 m height, 3 m away behind it, and the floor in front of it."""
+    config = load_config("paper", [f"mapper.plugin={mapper}"]).to_json()
+    ranges, pitches = np.array([[1.0], [3.0], [0.5]]), np.array([0.0, 0.0, -math.asin(0.8)])
+    sweep = Sweep(0, 1, ranges, pitches, np.zeros(3), np.zeros(1), "paper", 0.0, 0.0, 0.4, 0.1, 8.0)
+    source, out = tmp_path / "run.mcap", tmp_path / "out.mcap"
+    with RecordingWriter(source, RecordingHeader("lab", "r1", "lockstep", 0.05, 1, "run", config)) as writer:
+        key = "lab/r1/platform/main/laser"
+        writer.add(key, schema_label(Sweep), encode(sweep, Envelope(key, 0, 0, 0, 0, 0)), 0, 0, 0)
+    export(source, out, KILTED)
+    with AnyReader([out]) as bag:
+        read = {link.topic: bag.deserialize(data, link.msgtype) for link, _, data in bag.messages()}
+    assert len(points_of(read["/laser/points"])) == 3
+    kept = read.get("/laser/kept")
+    assert (kept and points_of(kept).tolist()) == (expected and [pytest.approx(one) for one in expected])
 
 
 def test_a_live_recording_keeps_its_wall_clock_as_one_timeline(tmp_path):

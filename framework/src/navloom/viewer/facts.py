@@ -18,7 +18,7 @@ from navloom.viewer.colours import ACTOR, Colour
 if TYPE_CHECKING:
     from navloom.engine.system import System
 
-__all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of"]
+__all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of", "sweep_rule"]
 
 UNKNOWN_RADIUS = 0.2
 """Radius of the disc for a robot with an unknown footprint, m."""
@@ -161,11 +161,11 @@ def _variant(name: str, system: System) -> Variant:
     robot = system.robot
     return Variant(
         name, robot.footprint, robot.height, system.start, goal, system.goal_tolerance, plugins, instances,
-        tuple(shadows), _sweep_rule(mapper, robot.height), system.world is not None,
+        tuple(shadows), sweep_rule(mapper, robot.height), system.world is not None,
     )  # fmt: skip
 
 
-def _sweep_rule(params: Any, height: float) -> SweepRule:
+def sweep_rule(params: Any, height: float) -> SweepRule:
     """The rule from a mapper's parameters by name; a missing parameter has the paper's value."""
     z_limit = getattr(params, "z_limit", None)
     return SweepRule(

@@ -1,4 +1,4 @@
-"""Classifies the points of a sweep by the rules of IPaBD (Hoang et al. 2013, II.B), for colours only."""
+"""Classifies the points of a sweep by the rules of IPaBD (Hoang et al. 2013, II.B), for colours and exports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from navloom.messages import Sweep
 if TYPE_CHECKING:
     from navloom.viewer.facts import SweepRule
 
-__all__ = ["CLASSES", "sweep_classes", "sweep_points"]
+__all__ = ["CLASSES", "KEPT", "sweep_classes", "sweep_points"]
 
 Floats = NDArray[np.float64]
 CLASSES = ("none", "below", "floor", "overhead", "behind", "kept")

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from navloom.recording.header import RecordingError
 from navloom.recording.imported import mount_option
 from navloom.recording.reader import Recording
+from navloom.viewer.facts import sweep_rule
+from navloom.viewer.sweep_classes import KEPT, sweep_classes
+from numpy.typing import NDArray
 
 from navloom_ros.bag_import import Imported, import_bag
 from navloom_ros.errors import BadName, RosError
@@ -37,6 +41,7 @@ def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
     translator = Translator(types)
     try:
         with Recording(source) as recording, McapFile(target, types) as out:
+            translator.kept = _kept_of(recording)
             is_first = True
             for key, envelope, message, received_ns in recording.messages():
                 if is_first and recording.header.clock == "wall":
@@ -50,6 +55,18 @@ def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
         return {"messages": out.messages, "left_out": translator.left_out, "note": recording.note}
     except RecordingError as error:
         raise RosError(str(error)) from None
+
+
+def _kept_of(recording: Recording) -> Callable[[Any], NDArray[np.bool_]] | None:
+    """What the mapper `ipabd` of a recording keeps of a sweep of a robot that stands; None with another mapper."""
+    try:
+        config = recording.header.loaded().config
+    except RecordingError:  # as of a robot that did not say which config it runs
+        return None
+    if config.mapper.plugin != "ipabd":
+        return None
+    rule = sweep_rule(SimpleNamespace(**(config.mapper.model_extra or {})), config.robot.height)
+    return lambda sweep: sweep_classes(sweep, rule) == KEPT
 
 
 def import_from(

@@ -29,6 +29,7 @@ TOPICS = {
     "/SENSOR": "a planar laser as LaserScan in a frame of its own, with `/tf_static`",
     "/SENSOR/beam_N": "each sonar of a ring as Range",
     "/SENSOR/points": "echoes of any other scanner, and sweeps, as PointCloud2 in base_link",
+    "/SENSOR/kept": "points of a sweep that the mapper `ipabd` kept for the map, as PointCloud2 in base_link",
     "/pose": "localizer's pose with its covariance, with `/tf` map → odom",
     "/map": "mapper's raster; `/map/segments` its segments as a marker",
     "/plan": "planner's path; `/plan/traversable` its traversable grid, if there is one",
@@ -65,11 +66,13 @@ class Translator:
     Attributes:
         types: Types of the distribution that reads the result.
         offset_ns: Offset from the run clock to the stamps, ns.
+        kept: Gives the (frames, beams) mask of the points of a sweep that the mapper kept; None if that is not known.
         left_out: Number of messages that were not translated, by role and port: without a counterpart, or not active.
     """
 
     types: Types
     offset_ns: int = 0
+    kept: Callable[[Any], NDArray[np.bool_]] | None = None
     left_out: dict[str, int] = field(default_factory=dict)
     _active: dict[str, str] = field(default_factory=dict)
     _odometry: Pose = (0.0, 0.0, 0.0)
@@ -187,7 +190,9 @@ class Translator:
         return self._cloud(f"/{port}/points", stamp, np.column_stack([flat, np.zeros(len(flat))]))
 
     def _sweep(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
-        yield self._cloud(f"/{port}/points", stamp, _sweep_points(message))
+        yield self._cloud(f"/{port}/points", stamp, _sweep_points(message, np.isfinite(message.ranges)))
+        if self.kept is not None:
+            yield self._cloud(f"/{port}/kept", stamp, _sweep_points(message, self.kept(message)))
 
     def _cloud(self, topic: str, stamp: Any, points: Floats) -> Translated:
         fields = [{"name": name, "offset": at, "datatype": _FLOAT32, "count": 1} for name, at in _POINT_FIELDS]
@@ -286,8 +291,8 @@ _BY_KIND: dict[str, Maker] = {"RangeScan": Translator._scan, "Sweep": Translator
 """Methods that translate sensor messages, by class: the ports of sensors have any name."""
 
 
-def _sweep_points(sweep: Any) -> Floats:
-    """Echoes of a sweep of a pitched planar laser, (n, 3), m, base frame.
+def _sweep_points(sweep: Any, chosen: NDArray[np.bool_]) -> Floats:
+    """The chosen echoes of a sweep of a pitched planar laser, (n, 3), m, base frame; `chosen` is (frames, beams).
 
     "paper": r cosα about the vertical (Hoang et al. 2013, eq. (1)). "rigid_pitch": the scan plane tilted as a whole.
     """
@@ -296,8 +301,7 @@ def _sweep_points(sweep: Any) -> Floats:
         factors = (np.cos(pitch) * np.cos(bearing), np.cos(pitch) * np.sin(bearing), np.sin(pitch) + 0.0 * bearing)
     else:
         factors = (np.cos(bearing) * np.cos(pitch), np.sin(bearing) + 0.0 * pitch, np.cos(bearing) * np.sin(pitch))
-    seen = np.isfinite(sweep.ranges)
-    points: Floats = np.column_stack([sweep.ranges[seen] * one[seen] for one in factors])
+    points: Floats = np.column_stack([sweep.ranges[chosen] * one[chosen] for one in factors])
     points += (sweep.x, sweep.y, sweep.z)
     return points
 

@@ -64,6 +64,12 @@ class Peer:
     def publish(self, topic, value):
         self._made["pub", topic].publish(struct(value))
 
+    def stream(self, topic, value, rate, count):
+        message, began = struct(value), time.monotonic()
+        for number in range(count):
+            time.sleep(max(0.0, began + number / rate - time.monotonic()))
+            self._made["pub", topic].publish(message)
+
     def subscription(self, topic, kind, options):
         topic_of = self._node.create_topic(topic, kind, qos(**options))
         self._made["sub", topic] = self._node.create_subscription(topic_of, qos(**options))

@@ -33,6 +33,7 @@ from navloom import (
     Twist2D,
 )
 from navloom.messages import Point2D
+from navloom_sensors_sim.adapter import SensorsSim
 from planted import Entries
 from planted.sound import STILL, Dot, Flood, FromStart, Gap, GapParams, Hits, Pause, PauseParams, Proportional
 from pydantic import Field
@@ -353,3 +354,8 @@ class FewWords(Gap):
 
 
 assert len(vars(ENTRIES)) >= 20
+
+
+@ENTRIES.plant("inherits_settings")
+class InheritsSettings(SensorsSim):
+    """Takes parameters and settings of sensors from another distribution, whose modules read them."""

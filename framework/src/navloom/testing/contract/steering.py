@@ -69,13 +69,16 @@ def _refuse_blind(bench: Bench) -> None:
 
 def _answer(bench: Bench, world: World) -> Avoidance:
     """The avoider's answer to a stopped robot after some steps; the target is straight ahead."""
-    scene = replace(bench.sound()[0], context=builders.context(role="avoider", period=PERIOD))
+    first = bench.sound()[0]
+    scene = replace(first, context=builders.context(role="avoider", period=PERIOD))
     with alike():
         player = bench.player(scene)
         for step in range(LOOKS):
             stamp = step * PERIOD
             seen = messages.scan(world, (0.0, 0.0, 0.0), stamp=stamp)
-            answer: Avoidance = player.step(builders.avoider_input(seen, target=(3.0, 0.0), stamp=stamp))
+            answer: Avoidance = player.step(builders.avoider_input(
+                seen, target=(3.0, 0.0), stamp=stamp, readings=first.inputs[0].readings, extra=first.inputs[0].extra
+            ))  # fmt: skip
     return answer
 
 

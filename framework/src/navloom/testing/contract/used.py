@@ -23,6 +23,8 @@ from navloom.testing.subject import place_of
 
 __all__ = ["CHECKS"]
 
+NOT_OWN = ("navloom", "pydantic", "abc", "builtins", "typing")
+"""Packages of base classes that read no parameters of a plugin."""
 WHOLE = {"__dict__", "__pydantic_fields_set__", "model_dump", "model_dump_json", "model_copy", "__iter__"}
 """Attributes through which all parameters are read at once."""
 
@@ -77,11 +79,13 @@ def _noted(model: type[Params], names: set[str]) -> Iterator[None]:
 
 
 def _named_in(bench: Bench) -> set[str]:
-    """Names of attributes and texts in the code of the plugin and of its base classes."""
-    homes = {base.__module__ for base in bench.subject.thing.__mro__ if not _is_of_framework(base.__module__)}
+    """Names of attributes and texts in the packages of the plugin, its base classes and its models."""
+    bases = [*bench.subject.thing.__mro__, *(one for model in models_of(bench.subject.thing).values()
+                                             for one in model.__mro__)]  # fmt: skip
+    homes = {package for base in bases if (package := base.__module__.partition(".")[0]) not in NOT_OWN}
     modules = [
         module for name, module in list(sys.modules.items())
-        if isinstance(module, ModuleType) and (name in homes or bench.subject.is_own(name))
+        if isinstance(module, ModuleType) and (name.partition(".")[0] in homes or bench.subject.is_own(name))
     ]  # fmt: skip
     found: set[str] = set()
     for module in modules:
@@ -92,10 +96,6 @@ def _named_in(bench: Bench) -> set[str]:
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     found.add(node.value)
     return found
-
-
-def _is_of_framework(module: str) -> bool:
-    return module.partition(".")[0] in ("navloom", "abc", "builtins", "typing")
 
 
 CHECKS = (parameters_used,)

@@ -209,6 +209,22 @@ class FirstAttemptOnly(Back):
         return self.until_ns == 0
 
 
+@ENTRIES.plant("counts_calls", caught_by="attempt_ways")
+class CountsCalls(Back):
+    """Backs up for 40 calls."""
+
+    calls = 0
+
+    def recover(self, given: RecoveryInput) -> RecoveryStep:
+        self.calls = 1 if given.starts else self.calls + 1
+        is_over = self.calls >= 40
+        return RecoveryStep(STILL if is_over else Twist2D(-0.1, 0.0, 0.0), "done" if is_over else "running", is_over)
+
+    def reset(self) -> None:
+        super().reset()
+        self.calls = 0
+
+
 # --- metrics and messages ---------------------------------------------------------------------------------------------
 
 

@@ -17,7 +17,7 @@ from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.testing import builders, messages, scenes
 from navloom.testing.messages import Place
-from navloom.testing.nodes import node_inputs
+from navloom.testing.nodes import node_inputs, sensor_kinds
 from navloom.testing.samples import sample
 from navloom.testing.subject import Subject
 
@@ -374,6 +374,11 @@ def _node(maker: _Maker) -> Iterator[PlayedScene]:
     for name, topic, is_early in (("a drive", "usual", False), ("before the first messages", "empty", True)):
         inputs = tuple(node_inputs(maker.cls, maker.seed, is_early=is_early))
         yield PlayedScene(name, topic, maker.context(), inputs)
+    if RangeScan in sensor_kinds(maker.cls):
+        for name, topic, scans in _odd_scans():
+            if scans:
+                inputs = tuple(node_inputs(maker.cls, maker.seed, scans=scans[0], steps=10))
+                yield PlayedScene(name, topic, maker.context(), inputs)
 
 
 def _needs_nothing(cls: type[Platform], kind: str) -> bool:

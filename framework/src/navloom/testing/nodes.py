@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from navloom.testing.player import Player
 from navloom.testing.samples import sample
 from navloom.testing.subject import Subject
 
-__all__ = ["NodeInput", "NodePlayer", "node_inputs"]
+__all__ = ["NodeInput", "NodePlayer", "node_inputs", "sensor_kinds"]
 
 PERIOD_NS = 50_000_000
 
@@ -68,7 +68,7 @@ class NodePlayer(Player):
 def spec_of(cls: type[NodePlugin]) -> Any:
     """The wiring of a node: one other node publishes all inputs, and there is one sensor of each class."""
     name = cls.name
-    sensors = [sensor_port(kind.__name__.lower(), kind) for kind in _sensor_kinds(cls)]
+    sensors = [sensor_port(kind.__name__.lower(), kind) for kind in sensor_kinds(cls)]
     streams = {one.name: _port(one) for one in cls.declared_inputs if isinstance(one, Declared) and one.port is None}
     return cls.spec(Wired(name, {name: sensors}, streams))
 
@@ -79,7 +79,8 @@ def _port(one: Declared[Any, Any]) -> Port[Any]:
     return port
 
 
-def _sensor_kinds(cls: type[NodePlugin]) -> list[type[Message]]:
+def sensor_kinds(cls: type[NodePlugin]) -> list[type[Message]]:
+    """Messages of the sensors that a node reads; a range scan where it reads any message."""
     kinds: dict[type[Message], None] = {}
     for one in cls.declared_inputs:
         if isinstance(one, SensorGroup):
@@ -87,13 +88,16 @@ def _sensor_kinds(cls: type[NodePlugin]) -> list[type[Message]]:
     return list(kinds)
 
 
-def node_inputs(cls: type[NodePlugin], seed: int, *, is_early: bool, steps: int = 40) -> Iterator[NodeInput]:
+def node_inputs(
+    cls: type[NodePlugin], seed: int, *, is_early: bool = False, scans: RangeScan | None = None, steps: int = 40
+) -> Iterator[NodeInput]:
     """Inputs of a node, step by step.
 
     Args:
         cls: Class of the node.
         seed: Seed of the values.
         is_early: Only the inputs that trigger the node have received messages.
+        scans: What all its range sensors give; by default what they see of a room.
         steps: Number of steps.
     """
     rng = np.random.default_rng([seed, 1997])
@@ -104,16 +108,18 @@ def node_inputs(cls: type[NodePlugin], seed: int, *, is_early: bool, steps: int 
         for one in spec.inputs:
             is_there = one.triggers or not is_early
             if one.reading == "latest":
-                read[one.name] = _message(one.source.carries, rng, number) if is_there else None
+                read[one.name] = _message(one.source.carries, rng, number, scans) if is_there else None
             else:
                 count = (1 + int(rng.integers(2)) if one.triggers else int(rng.integers(3))) if is_there else 0
-                read[one.name] = tuple(_message(one.source.carries, rng, number) for _ in range(count))
+                read[one.name] = tuple(_message(one.source.carries, rng, number, scans) for _ in range(count))
         yield NodeInput(tick, read)
 
 
-def _message(kind: type[Message], rng: np.random.Generator, number: int) -> Message:
+def _message(kind: type[Message], rng: np.random.Generator, number: int, scans: RangeScan | None) -> Message:
     """A message as in a drive, for the common classes of the framework; else a sample."""
     stamp, at = number * PERIOD_NS * 1e-9, (0.01 * number, 0.0, 0.0)
+    if scans is not None and kind is RangeScan:
+        return replace(scans, stamp_ns=number * PERIOD_NS)
     made: dict[type[Message], Callable[[], Message]] = {
         RangeScan: lambda: messages.scan(scenes.room(), at, stamp=stamp),
         Sweep: lambda: messages.sweep(scenes.room(), at, stamp=stamp),

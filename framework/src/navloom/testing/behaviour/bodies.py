@@ -15,7 +15,7 @@ from navloom.roles.claims import Claim
 from navloom.testing.behaviour.avoiders import place_in_map
 from navloom.testing.behaviour.driving import FinishedDrive, Pose, drive, estimate_at
 from navloom.testing.behaviour.measured import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan
-from navloom.testing.behaviour.scene import Scene, Wall
+from navloom.testing.behaviour.scene import Post, Scene, Wall
 
 __all__ = ["PLATFORMS", "RECOVERIES"]
 
@@ -23,6 +23,8 @@ LEG = 3.0
 """Time for which a command is held, s."""
 SLACK, SHARE = 0.08, 0.25
 """Greatest error of a leg: m or rad, plus a share of the commanded distance or angle."""
+FOLLOWED = 6
+"""Seed of the first scene in which something has stepped behind the robot."""
 LONGEST = 120.0
 """Longest time that a recovery may take, s."""
 
@@ -85,12 +87,17 @@ def _off(before: object, after: object, twist: Twist2D, v: float, w: float) -> t
 
 
 def stuck_scene(seed: int) -> Scene:
-    """A robot close to a wall or at the end of a corridor, which drove there 1.2 m, or 0.3 m from a wall behind it."""
+    """A robot close to a wall or at the end of a corridor, which drove there 1.2 m, or 0.3 m from a wall behind it.
+
+    From the seventh scene on, something has stepped behind it since.
+    """
     scene = Scene(Place(0.0, 0.0), (3.0, 0.0), walls=(Wall(0.45, -2.0, 0.45, 2.0),), came=1.2)
     if seed % 2:
         scene = replace(scene, walls=(*scene.walls, Wall(-3.0, 0.5, 0.45, 0.5), Wall(-3.0, -0.5, 0.45, -0.5)))
     if seed % 3 == 2:
         scene = replace(scene, walls=(*scene.walls, Wall(-0.65, -1.0, -0.65, 1.0)), came=0.3)
+    if seed >= FOLLOWED:
+        scene = replace(scene, posts=(Post(-0.52, 0.0, 0.1),), came=1.2)
     return scene.moved(place_in_map(seed))
 
 
@@ -119,6 +126,8 @@ def drive_recovery(make: Maker, scene: Scene) -> tuple[FinishedDrive, str]:
 
 
 def recovery_no_contact(make: Maker, scene: Scene) -> Measured:
+    if scene.posts and not make.sees(RangeScan):
+        return Measured(True, "was not asked, since it sees nothing", math.inf)
     done, _ = drive_recovery(make, scene)
     how = "touched something" if done.gap <= 0.0 else f"kept {done.gap:.3f} m away"
     return Measured(done.gap > 0.0, how, done.gap, (done.line,))
@@ -135,7 +144,7 @@ PLATFORMS = (
               f"to follow its commands within {SLACK} m or rad plus {SHARE:.0%}", empty_scene, drives_as_told, 2),
 )  # fmt: skip
 RECOVERIES = (
-    Behaviour("recovery", Claim.NO_CONTACT, "to touch nothing", stuck_scene, recovery_no_contact, 6),
+    Behaviour("recovery", Claim.NO_CONTACT, "to touch nothing", stuck_scene, recovery_no_contact, 8),
     Behaviour("recovery", Claim.ENDS, f"done or failed in both attempts, within {LONGEST:g} s", stuck_scene,
               recovery_ends, 3),
 )  # fmt: skip

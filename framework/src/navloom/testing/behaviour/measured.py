@@ -80,11 +80,13 @@ class Maker:
         cls: The plugin.
         params: Its checked parameters; None for the defaults.
         seed: Seed of its random streams.
+        period: Control tick that they are told, s.
     """
 
     cls: type[Role]
     params: Any = None
     seed: int = 0
+    period: float = PERIOD
 
     @property
     def extra(self) -> Extras:
@@ -113,7 +115,7 @@ class Maker:
         """A new instance for the robot of a scene, at its start."""
         start = Pose2D(scene.start.x, scene.start.y, scene.start.heading)
         stream = stream_source(self.seed, self.cls.role, "check")
-        context = Context("check", PERIOD, robot_of(scene), stream, start, sensors, world, map)
+        context = Context("check", self.period, robot_of(scene), stream, start, sensors, world, map)
         return self.cls(self.cls.Params() if self.params is None else self.params, context)
 
 

@@ -18,6 +18,7 @@ from navloom.testing.checks import check
 from navloom.testing.findings import Finding, NotRun
 from navloom.testing.guard import GUARD
 from navloom.testing.printed import PRINTED
+from navloom.testing.restamped import restamped
 from navloom.testing.samples import sample
 
 __all__ = ["CHECKS"]
@@ -47,6 +48,12 @@ def panel_only_draws(bench: Bench) -> Iterator[Finding]:
         sizes += [_drawn(panel, given, seen) for _ in range(DRAWINGS - 1)]
     if log.called:
         yield Finding("calls rerun.log", "yield (entity path, archetype): the viewer logs it", given=cls.__name__)
+    paths = [_paths(panel, restamped(given, 0.1 * number), seen) for number in range(DRAWINGS)]
+    if all(after - before for before, after in pairwise(paths)) and len(set().union(*paths)) >= DRAWINGS:
+        yield Finding(
+            f"draws each message at another entity path, such as {min(paths[-1])!r}", "the same paths for each message "
+            "of a stream: the viewer keeps all paths", given=f"{cls.__name__}, {DRAWINGS} times",
+        )  # fmt: skip
     if text := PRINTED.news().strip():
         yield Finding(f"prints {text.splitlines()[0][:80]!r}", "logging.getLogger(__name__); no print()",
                       given=cls.__name__)  # fmt: skip
@@ -64,6 +71,12 @@ def _drawn(panel: Any, given: Message, seen: Any) -> int:
             return sum(map(_instances, panel.to_rerun(given, seen)))
     except Exception as error:
         raise NotRun(f"it raises {type(error).__name__}: see the check `panel_draws`") from None
+
+
+def _paths(panel: Any, given: Message, seen: Any) -> frozenset[str]:
+    """Entity paths that a panel draws a message at."""
+    with GUARD.within("the panel"):
+        return frozenset(str(one[0]) for one in panel.to_rerun(given, seen) if isinstance(one, tuple))
 
 
 def _instances(drawn: Any) -> int:

@@ -30,7 +30,7 @@ from navloom.testing.player import NOWHERE, bytes_of
 from navloom.testing.process_state import PROCESS_STATE
 from navloom.testing.samples import sample
 
-__all__ = ["CHECKS"]
+__all__ = ["CHECKS", "own_line"]
 
 OTHER_SEEDS = 4711
 JUNK = (
@@ -61,10 +61,10 @@ def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]
         with GUARD.within("the call"):
             return act(), None
     except (Exception, SystemExit) as error:
-        return None, Finding(f"raises {type(error).__name__}: {error}", "an answer", _line(bench, error))
+        return None, Finding(f"raises {type(error).__name__}: {error}", "an answer", own_line(bench, error))
 
 
-def _line(bench: Bench, error: BaseException) -> str:
+def own_line(bench: Bench, error: BaseException) -> str:
     """The innermost line of the plugin in the traceback of an error."""
     places = [
         f"{PurePath(frame.f_code.co_filename).name}:{line}"
@@ -262,7 +262,7 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             continue
         except (Exception, SystemExit) as error:
             said = f"raises {type(error).__name__}: {error}"
-            yield Finding(said, "ValueError, with what was given and what was expected", _line(bench, error),
+            yield Finding(said, "ValueError, with what was given and what was expected", own_line(bench, error),
                           f"argument {text[:40]!r}")  # fmt: skip
             return
         if deed := _scheme_deed(text):
@@ -352,6 +352,7 @@ def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[st
     if cls is RangeScan:
         yield " without an echo", messages.scan(math.inf)
         yield " without beams", messages.scan(np.empty(0))
+        yield " with echoes in some beams", messages.scan([math.inf, 1.0, math.inf, 2.0])
 
 
 def _undrawable(one: Any) -> str:

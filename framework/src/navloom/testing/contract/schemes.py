@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from navloom.geometry.world import World
 from navloom.testing.bench import Bench
 from navloom.testing.checks import check
+from navloom.testing.contract.objects import own_line
 from navloom.testing.findings import Finding
 from navloom.testing.guard import GUARD
 
@@ -43,19 +44,31 @@ def scheme_files(bench: Bench) -> Iterator[Finding]:
 def _given(bench: Bench, folder: Path, name: str) -> Iterator[Finding]:
     """Findings for one file."""
     GUARD.opened.clear()
-    world = None
+    world = raised = None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EncodingWarning)
         try:
             with GUARD.within("the scheme"):
                 world = bench.subject.thing(name, folder)
-        except Exception:  # `scheme_refuses` says which exceptions may be raised
-            world = None
+        except ValueError:
+            pass
+        except Exception as error:
+            raised = error
     tried = [path for path in GUARD.opened if os.path.realpath(path).startswith(os.path.realpath(folder))]
     own = [one for one in caught if issubclass(one.category, EncodingWarning) and _is_own(bench, one.filename)]
     if own:
         place = f"{PurePath(own[0].filename).name}:{own[0].lineno}"
         yield Finding("reads text in the encoding of the locale", 'encoding="utf-8"', place, f"argument {name!r}")
+    if raised is not None and tried and not name.startswith(MISSING):
+        yield Finding(
+            f"raises {type(raised).__name__} for a file of junk: {str(raised)[:80]}",
+            "ValueError, with the file and what was expected in it", own_line(bench, raised), f"argument {name!r}",
+        )  # fmt: skip
+    if elsewhere := [path for path in GUARD.opened if PurePath(path).name == name and path not in tried]:
+        yield Finding(
+            f"looks for the file at {elsewhere[0]}", "a path relative to the folder that it is given: base / argument",
+            given=f"argument {name!r}",
+        )  # fmt: skip
     if isinstance(world, World) and tried:
         what = "that is missing" if name.startswith(MISSING) else "of junk"
         yield Finding(f"gives a world of {len(world.obstacles)} obstacles for a file {what}",

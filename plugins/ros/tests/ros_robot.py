@@ -25,12 +25,19 @@ class Robot:
         heard: Commands as (time, s, monotonic; forward speed, m/s; turn rate, rad/s), newest last.
         is_silent: It publishes nothing.
         touches: Its bumper is pressed.
+
+    Args:
+        types: Of its distribution.
+        router: Endpoint of its router.
+        stamped: It takes TwistStamped.
+        clock_ahead: Lead of its clock over that of this host, s.
+        simulated: Its stamps are those of /clock, which starts at 0.
     """
 
-    def __init__(self, types, router, stamped=False, clock_ahead=123.0):
+    def __init__(self, types, router, stamped=False, clock_ahead=123.0, simulated=False):
         self.pose, self.heard = np.zeros(3), []
         self.is_silent, self.touches = False, False
-        self._ahead = clock_ahead
+        self._ahead = -time.time() if simulated else clock_ahead
         self._node = node = Node("base", router=router, types=types)
         self._kind = "geometry_msgs/msg/TwistStamped" if stamped else "geometry_msgs/msg/Twist"
         self._commands = node.subscription("/cmd_vel", self._kind)
@@ -38,6 +45,7 @@ class Robot:
         self._scan = node.publisher("/scan", "sensor_msgs/msg/LaserScan", SENSOR)
         self._sonar = node.publisher("/sonar", "sensor_msgs/msg/Range", SENSOR)
         self._bumper = node.publisher("/bumper", "std_msgs/msg/Bool")
+        self._clock = node.publisher("/clock", "rosgraph_msgs/msg/Clock", SENSOR) if simulated else None
         static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", FIRST)
         mounted = {"laser": MOUNT, "sonar": 0.2}
         base = {"frame_id": "base_link"}
@@ -82,6 +90,8 @@ class Robot:
         x, y, heading = self.pose.tolist()
         seconds = time.time() + self._ahead
         stamp = {"sec": int(seconds), "nanosec": int(seconds % 1.0 * 1e9)}
+        if self._clock is not None:
+            self._clock.publish(clock=stamp)
         rotation = {"z": math.sin(heading / 2), "w": math.cos(heading / 2)}
         self._odometry.publish(
             header={"stamp": stamp, "frame_id": "odom"},

@@ -167,6 +167,19 @@ def test_a_base_that_takes_the_other_type_is_named(network, robot):
     other.platform.close()
 
 
+@pytest.mark.slow
+def test_a_simulated_robot_is_driven_by_its_clock():
+    with Router() as router, Robot(KILTED, router.endpoint, stamped=True, simulated=True) as robot:
+        driven = Driven(router.endpoint, stamped=True, simulated=True)
+        assert driven.begin(), driven.why
+        out, time_ns = [told for _ in range(10) if (told := driven.tick(0.3))][-1]
+        assert 0 <= time_ns - out.odometry.stamp_ns < 0.25 * SECOND and robot.pose[0] > 0.05
+        robot.is_silent = True
+        until(lambda: driven.tick(0.3) is None and "/clock" in driven.why, 3.0)
+        assert driven.why == "/clock has stopped: the simulator is paused or has ended"
+        driven.platform.close()
+
+
 def test_a_base_without_a_command_timeout_is_refused():
     with pytest.raises(ValidationError, match=r"base_timeout_s\n.*required"):
         Ros2BaseParams.model_validate({})

@@ -90,6 +90,7 @@ def test_the_example_robot_is_listed_and_drives_to_its_goal(
     result = json.loads(navloom("run", str(EXAMPLES / "turtle" / "turtle.toml"), "--json"))
     assert (result["outcome"], result["recoveries"]) == ("succeeded", 0)
     assert 1.5 < result["path_length_m"] < 2.0  # the straight way is 1.80 m, less the goal's tolerance
+    assert "1 checks passed, 0 failed" in navloom("check", "platform.turtle", "--only", "reset_as_new")
 
 
 def drives(name: str, monkeypatch: pytest.MonkeyPatch, *changes: str) -> dict[str, Any]:

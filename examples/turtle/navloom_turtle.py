@@ -37,7 +37,11 @@ class Turtle(Platform[TurtleParams]):
 
     def __init__(self, params: TurtleParams, context: Context) -> None:
         super().__init__(params, context)
-        self._true = context.start  # in the map
+        self.reset()
+
+    def reset(self) -> None:
+        """Put the robot back at its start, at time zero."""
+        self._true = self.context.start  # in the map
         self._reckoned = Pose2D(0.0, 0.0, 0.0)  # in the odometry frame, which starts where the robot starts
         self._time_ns = 0
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from navloom import Context, InputError, PlatformInput, Pose2D, RobotSpec, SensorSpec, Twist2D
+from navloom_ros.bag_conversion import laser_scan
 from navloom_ros.base import sources as base_sources
 from navloom_ros.base.adapter import Ros2Base
 from navloom_ros.base.frames import Frames, heading_of, planar
@@ -14,6 +15,7 @@ from navloom_ros.base.params import Ros2BaseParams
 from navloom_ros.base.readings import Anchor, Motion, beams_of_laser, beams_of_ranges, check_range, motion_of
 from navloom_ros.base.stamps import Delays
 from navloom_ros.errors import RosError, Unusable
+from navloom_ros.frames import Mount
 from navloom_ros.node import Node
 from pydantic import ValidationError
 from ros_golden import KILTED
@@ -237,6 +239,18 @@ def scan(ranges, **given):
     values = {"range_min": 0.1, "range_max": 10.0, "angle_min": -0.5, "angle_increment": 0.5, "angle_max": 0.0,
               "time_increment": 0.01}  # fmt: skip
     return SimpleNamespace(ranges=np.array(ranges, np.float32), **(values | given))
+
+
+SIGNALLING = np.array([0x7F800001, 0x40000000], np.uint32).view(np.float32)
+"""A signalling NaN, which numpy warns of when it converts it, and 2."""
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_signalling_nan_is_no_measurement_and_no_warning():
+    assert beams_of_laser(scan(SIGNALLING), planar(0, 0, 0), False).ranges.tolist() == [2.0]
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0))
+    said = laser_scan(scan(SIGNALLING, header=header), Mount(np.eye(3), np.zeros(3)))
+    assert said.ranges.tolist() == [2.0]
 
 
 def test_only_beams_that_say_something_are_kept():

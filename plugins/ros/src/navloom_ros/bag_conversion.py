@@ -39,7 +39,8 @@ def laser_scan(message: Any, mount: Mount) -> RangeScan:
     """
     if mount.tilt > TILTED:
         raise ConversionError(f"its plane is tilted by {math.degrees(mount.tilt):.0f}°: not a planar scan")
-    ranges = np.asarray(message.ranges, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is no more than a NaN
+        ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
     offsets: Floats = np.arange(len(ranges), dtype=np.float64) * float(message.time_increment)
     ranges, is_kept = _ranges(ranges, float(message.range_min), float(message.range_max))

@@ -125,7 +125,8 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     Raises:
         Unusable: Invalid values, or a laser that is tilted.
     """
-    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is no more than a NaN
+        ranges = np.asarray(scan.ranges, dtype=np.float64)
     limits = (scan.range_min, scan.range_max, scan.angle_min, scan.angle_increment, scan.time_increment)
     if not all(map(math.isfinite, limits)) or not 0.0 <= scan.range_min <= scan.range_max:
         raise Unusable("a laser scan with limits that are not finite, or range_min above range_max")

@@ -4,7 +4,6 @@ import math
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from live_rig import EMPTY, up
 from navloom import Navigator, NavloomError, Pose2D, PoseEstimate, Twist2D
 from navloom_ros.node import Node
 from navloom_ros.serving import adapter
@@ -112,20 +112,6 @@ def test_a_robot_that_is_down_is_an_error_in_the_diagnostics(network, monkeypatc
 # --- a live robot and dora-rs as its operator ------------------------------------------------------------------------
 
 
-EMPTY = """
-[world]
-ref = "empty"
-[platform]
-plugin = "sensors_sim"
-[[sensor]]
-name = "sonars"
-kind = "sonar_ring"
-[mapper]
-plugin = "known_map"
-[navigation]
-drive = false
-start = { x = 0.0, y = 0.0 }
-"""
 TO_POSE = "nav2_msgs/action/NavigateToPose"
 NAVLOOM = str(Path(sys.executable).with_name("navloom"))
 
@@ -154,13 +140,12 @@ def said_by(process, text):
 @pytest.mark.skipif(PEERS is None, reason="needs NAVLOOM_ROS_PEERS: a venv with the group ros-peers")
 def test_a_peer_drives_a_live_robot_and_sets_its_pose(network, tmp_path, monkeypatch):
     (tmp_path / "robot.toml").write_text(EMPTY)
-    runtime = tempfile.TemporaryDirectory(prefix="nl", dir="/tmp")  # the path of a socket must be short
-    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", runtime.name)
     interfaces = Path(__file__).parents[1] / "src" / "navloom_ros" / "interfaces"
     describe(KILTED, [interfaces / "kilted", interfaces / "since_kilted"], tmp_path / "described")
     serve = ["ros", "serve", "--router", network.endpoint, "--distro", "kilted", "--take", "goals,pose"]
-    with command("up", str(tmp_path / "robot.toml")) as up:
-        said_by(up, "every node is there")
+    with up(str(tmp_path / "robot.toml")) as host:
+        host.wait_for("every node is there")
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", host.environment["NAVLOOM_RUNTIME_DIR"])
         with command(*serve) as serving, Navigator() as robot:
             said_by(serving, "is served in domain 0")
             peer = Dora(PEERS, network.endpoint, tmp_path / "described")
@@ -182,4 +167,3 @@ def test_a_peer_drives_a_live_robot_and_sets_its_pose(network, tmp_path, monkeyp
                     break
             assert (pose.x, pose.y, pose.heading) == pytest.approx((-3.0, 2.0, 0.5), abs=0.05)
             peer.close()
-    runtime.cleanup()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -12,13 +13,14 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import binary_dilation
 
+from navloom.geometry.cells import places_of
 from navloom.geometry.frames import transform
 from navloom.geometry.solids import box_corners, centre_at, overlaps
 from navloom.geometry.world import Box
 from navloom.messages import MapUpdate, OccupancyGrid
 from navloom.study.episode import Episode
 
-__all__ = ["Canvas", "Key", "draw_map_update", "draw_poses", "draw_run"]
+__all__ = ["Canvas", "Key", "draw_map_update", "draw_poses", "draw_run", "png_of"]
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
@@ -230,6 +232,13 @@ def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image
     return canvas.finished()
 
 
+def png_of(picture: Image.Image) -> bytes:
+    """A picture as a PNG file."""
+    file = io.BytesIO()
+    picture.save(file, format="PNG")
+    return file.getvalue()
+
+
 def draw_poses(poses: Floats, known: OccupancyGrid | None) -> Image.Image:
     """Draw the tracks of odometry and of a localizer on the map that it was given; odometry is cut off beyond the map.
 
@@ -245,7 +254,7 @@ def draw_poses(poses: Floats, known: OccupancyGrid | None) -> Image.Image:
         occupied = known.cells >= 50
         edges = occupied & binary_dilation(~occupied)
         corner = np.array([known.origin.x, known.origin.y, known.origin.heading])
-        shown = transform(corner, (np.argwhere(edges)[:, ::-1] + 0.5) * known.resolution)
+        shown = places_of(known, np.argwhere(edges))
         keys.insert(0, Key("edges of the map's occupied space", BLACK))
     seen = np.vstack([shown, localizer])
     (x0, y0), (x1, y1) = seen.min(axis=0) - 1.0, seen.max(axis=0) + 1.0
@@ -319,7 +328,7 @@ def _draw_map(canvas: Canvas, update: MapUpdate) -> None:
     grid = update.grid
     corner = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
     rows, cols = np.nonzero(grid.cells >= 50)
-    centres = transform(corner, np.column_stack((cols + 0.5, rows + 0.5)) * grid.resolution)
+    centres = places_of(grid, np.column_stack((rows, cols)))
     x0, y0, x1, y1 = canvas.bounds
     inside = (centres[:, 0] > x0) & (centres[:, 0] < x1) & (centres[:, 1] > y0) & (centres[:, 1] < y1)
     shown = np.zeros(grid.cells.shape, dtype=np.bool_)

@@ -126,17 +126,15 @@ class ResultFolder(OutFolder):
         """Write all files of a finished run."""
         if self.folder is None or self.trace is None:
             return
-        from navloom.report.picture import draw_run
+        from navloom.report.picture import draw_run, png_of
 
         if self.trace.finish(self.folder / TRACE):
             self.names.append(TRACE)
         else:
             self.missing[TRACE] = self.trace.failure
-        picture = io.BytesIO()
-        draw_run(episode).save(picture, format="PNG")
         files: dict[str, str | bytes] = {
             "result.json": json.dumps(summary, indent=2) + "\n",
-            "run.png": picture.getvalue(),
+            "run.png": png_of(draw_run(episode)),
         }
         if episode.shadows:
             files["shadows.csv"] = shadow_table(episode.shadows)

@@ -167,7 +167,7 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
     from navloom.cli.output import json_bytes
     from navloom.recording.log_replay import DRIVER
     from navloom.recording.shadows import shadow_table
-    from navloom.report.picture import draw_map_update, draw_poses
+    from navloom.report.picture import draw_map_update, draw_poses, png_of
     from navloom.report.substitute_figure import draw_substitute
 
     files = {"result.json": json_bytes(summary)}
@@ -176,17 +176,9 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
         if draws:
             files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
     if found.map is not None:
-        files["map.png"] = _png(draw_map_update(found.map, found.way))
+        files["map.png"] = png_of(draw_map_update(found.map, found.way))
     if found.poses is not None:
         files["poses.csv"] = found.pose_table().encode()
         if len(found.poses):
-            files["poses.png"] = _png(draw_poses(found.poses, found.known))
+            files["poses.png"] = png_of(draw_poses(found.poses, found.known))
     return files
-
-
-def _png(picture: Any) -> bytes:
-    import io
-
-    file = io.BytesIO()
-    picture.save(file, format="PNG")
-    return file.getvalue()

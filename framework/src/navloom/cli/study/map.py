@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -73,9 +72,7 @@ def map_recording(
 def _files(mapped: Any, result: dict[str, Any]) -> dict[str, bytes]:
     import json
 
-    from navloom.report.picture import draw_map_update
+    from navloom.report.picture import draw_map_update, png_of
 
-    picture = io.BytesIO()
-    draw_map_update(mapped.update).save(picture, format="PNG")
     text = json.dumps(result, indent=2) + "\n"
-    return {"result.json": text.encode(), "map.png": picture.getvalue()}
+    return {"result.json": text.encode(), "map.png": png_of(draw_map_update(mapped.update))}

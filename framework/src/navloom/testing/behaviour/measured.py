@@ -80,7 +80,7 @@ class Maker:
         cls: The plugin.
         params: Its checked parameters; None for the defaults.
         seed: Seed of its random streams.
-        period: Control tick that they are told, s.
+        period: Control period in their context, s.
     """
 
     cls: type[Role]

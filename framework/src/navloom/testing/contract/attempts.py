@@ -1,4 +1,4 @@
-"""The attempts of a recovery: each one starts anew, and goes on until the robot has moved."""
+"""Attempts of a recovery: each starts from a clean state and lasts until the robot has moved."""
 
 from __future__ import annotations
 

@@ -10,9 +10,12 @@ from navloom.config import load_config
 from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
 from navloom.engine.nodes.gate import GateNode
+from navloom.engine.system import System
+from navloom.live import live_gate, mailbox
 from navloom.live.cell import Source
 from navloom.live.cells import Hosted, all_sources, make_cell
 from navloom.live.live_gate import LiveGate, held_rate, hold
+from navloom.live.presence import Presence
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
 from navloom.messages import Command, Drive, Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
@@ -40,19 +43,29 @@ class SetClock(RunClock):
 class Gate:
     """The runner of the gate; the test sets which nodes are alive."""
 
-    def __init__(self) -> None:
-        self.alive, self.clock = {OTHER}, SetClock()
+    def __init__(self, system: System = SYSTEM, clock: SetClock | None = None) -> None:
+        self.clock, self.presence = clock or SetClock(), Presence(KEYS, (), lambda source, restarted: None)
+        self.has_stamps = False
+        self.begin(OTHER)
         bus: Any = SimpleNamespace(
             publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
             serve=lambda *given, **more: None,
         )
-        node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
+        node = own_node(system, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
-        self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
-        self.runner = LiveGate(
-            self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive, SYSTEM
-        )
+        self.hosted: Hosted = make_cell(system, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
+        self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, 0.1, self.presence, system)
         self.node = node
+
+    def begin(self, *sources: Source, life: str = "a") -> None:
+        """Nodes of one process announce that they are alive."""
+        for source in sources:
+            self.presence.change(KEYS.alive(*source, life), True)
+
+    def lose(self, *sources: Source, life: str = "a") -> None:
+        """Their tokens are reported as lost."""
+        for source in sources:
+            self.presence.change(KEYS.alive(*source, life), False)
 
     def tick(self, tick: int) -> None:
         """The platform ticks."""
@@ -76,18 +89,19 @@ class Gate:
         inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
         for inlet in inlets:
             if inlet.key == key:
-                inlet.give((message, Envelope(key, tick + 1 if sequence is None else sequence, tick, 0, 0, 0)))
+                stamp = round(tick * PERIOD * 1e9) if self.has_stamps else 0
+                inlet.give((message, Envelope(key, tick + 1 if sequence is None else sequence, tick, stamp, stamp, 0)))
 
 
 def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:
     gate = Gate()
     gate.report(OTHER, 5, 0)
     gate.tick(0)
-    gate.alive = set()
+    gate.lose(OTHER)
     gate.runner.obey(OperatorRequest("swap", None, *OTHER))
     gate.tick(1)
     assert gate.node.pending == ["avoider other"] and gate.node.epoch == 0
-    gate.alive = {OTHER}
+    gate.begin(OTHER)
     gate.tick(2)
     assert gate.node.pending == ["avoider other"]
     gate.report(OTHER, 1, 3)
@@ -158,7 +172,7 @@ def test_it_records_how_long_the_commands_of_a_tick_took() -> None:
 
 def follow(gate: Gate) -> None:
     """Follow a trajectory; the commands of its first tick arrive 4 ms after the tick."""
-    gate.alive |= set(all_sources(SYSTEM))
+    gate.begin(*all_sources(SYSTEM))
     gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
     gate.tick(0)
     gate.clock.now += 4_000_000
@@ -170,7 +184,7 @@ def follow(gate: Gate) -> None:
 
 def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal() -> None:
     gate = Gate()
-    gate.alive |= set(all_sources(SYSTEM))
+    gate.begin(*all_sources(SYSTEM))
     gate.report(("goal", "main"), 1, 0)
     gate.tick(0)
     assert gate.node.gone == ""
@@ -229,10 +243,101 @@ def test_it_decides_again_when_its_inputs_go_stale() -> None:
     gate = Gate()
     follow(gate)
     began_ns, looks = gate.clock.now, 0
-    while not (status := gate.hosted.cell.outlets["status"].last)[0].stopped:  # type: ignore[index, attr-defined]
+    while not reason(gate):
         gate.clock.now += max(1, round(gate.runner.wait_time() * 1e9))
         gate.look()
         looks += 1
     # Stamps are 0 in this rig: 100 ms after that the platform is silent, and both commands are stale.
-    assert status is not None and looks < 10  # of 10 ms each it would be as many
+    assert looks < 10  # of 10 ms each it would be as many
     assert 0.0 < (gate.clock.now - began_ns) * 1e-9 <= 0.1
+
+
+GOAL = ("goal", "main")
+LOCALIZER = ("localizer", SYSTEM.config.role_table("localizer").instance)
+THINKING = (GOAL, LOCALIZER)
+
+
+@pytest.fixture
+def live(monkeypatch: pytest.MonkeyPatch) -> Gate:
+    """A gate whose robot has driven for a second, all on the clock of the test."""
+    return driving(monkeypatch)
+
+
+def driving(monkeypatch: pytest.MonkeyPatch, *changes: str) -> Gate:
+    system = assemble(load_config("paper", ["gate.sensor_timeout=60", *changes]))
+    clock = SetClock()
+    for module in (live_gate, mailbox):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: clock.now))
+    gate = Gate(system, clock)
+    gate.has_stamps = True
+    gate.begin(*[source for source in all_sources(system) if source not in THINKING])
+    gate.begin(*THINKING, life="think")
+    gate.give(GOAL, "drive", Drive(1, 1, None, False), 0)
+    for tick in range(20):
+        go_on(gate, tick, steps=True)
+    assert reason(gate) == ""
+    return gate
+
+
+def go_on(gate: Gate, tick: int, steps: bool) -> None:
+    """One tick, whose commands arrive at once; the goal steps or does not."""
+    gate.clock.now = round(tick * PERIOD * 1e9)
+    if steps:
+        gate.report(GOAL, 0, tick)
+    for role in ("controller", "avoider"):
+        gate.give((role, gate.node.selected[role]), "command", Command(AHEAD), tick)
+    gate.tick(tick)
+
+
+def reason(gate: Gate) -> str:
+    status: Any = gate.hosted.cell.outlets["status"].last
+    return str(status[0].reason)
+
+
+def stop_after(gate: Gate, tick: int = 19) -> float:
+    """Time from the last step of the goal, in `tick`, until the gate stops, s; the others go on."""
+    began = round(tick * PERIOD * 1e9)
+    while not reason(gate) and gate.clock.now < began + 1e9:
+        due = round((tick + 1) * PERIOD * 1e9)
+        gate.clock.now = min(due, gate.clock.now + max(1, round(gate.runner.wait_time() * 1e9)))
+        if gate.clock.now == due:
+            tick += 1
+            go_on(gate, tick, steps=False)
+        else:
+            gate.look()
+    return (gate.clock.now - began) * 1e-9
+
+
+def test_a_goal_that_no_longer_steps_stops_the_robot_within_150_ms(live: Gate) -> None:
+    assert 0.12 < stop_after(live) < 0.125
+    assert reason(live) == "stale: goal main"
+    for tick in range(22, 32):
+        go_on(live, tick, steps=False)
+    assert reason(live) == "gone: goal main does not step"
+    go_on(live, 32, steps=True)
+    assert reason(live) == ""
+
+
+def test_a_goal_that_steps_with_each_pose_of_a_slow_localizer_is_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    gate = driving(monkeypatch, "localizer.rate_hz=5", "gate.stop_deadline=0.3")
+    assert 0.27 < stop_after(gate) < 0.275
+    assert reason(gate) == "stale: goal main"
+
+
+def test_tokens_that_are_reported_as_lost_while_their_process_steps_do_not_stop_the_robot(live: Gate) -> None:
+    live.lose(*THINKING, life="think")
+    for tick in range(20, 30):
+        go_on(live, tick, steps=True)
+        assert reason(live) == ""
+    assert 0.0625 < stop_after(live, 29) < 0.065
+    assert reason(live) == f"gone: localizer {LOCALIZER[1]}"
+
+
+def test_a_lost_token_of_another_process_stops_the_robot_at_once(live: Gate) -> None:
+    live.lose(LOCALIZER, life="think")
+    live.begin(LOCALIZER, life="alone")
+    go_on(live, 20, steps=True)
+    assert reason(live) == ""
+    live.lose(LOCALIZER, life="alone")
+    go_on(live, 21, steps=True)
+    assert reason(live) == f"gone: localizer {LOCALIZER[1]}"

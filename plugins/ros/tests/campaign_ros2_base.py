@@ -303,7 +303,7 @@ PROCESSES = ("robot", "safe", "drive", "think")
 FAULTS = {
     **{f"kill {name}": (signalled(name, signal.SIGKILL), DEADLINE) for name in PROCESSES},
     "kill up": (signalled("up", signal.SIGKILL), DEADLINE),
-    **{f"stop {name}": (signalled(name, signal.SIGSTOP), DEADLINE) for name in PROCESSES if name != "think"},
+    **{f"stop {name}": (signalled(name, signal.SIGSTOP), DEADLINE) for name in PROCESSES},
     "kill guardian": (signalled("guardian", signal.SIGKILL), None),
     "stop guardian": (signalled("guardian", signal.SIGSTOP), None),
     "kill its router": (peer("router", signal.SIGKILL), BASE_TIMEOUT),

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
+from navloom.engine.build import stride_of
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.told import Obeyed
@@ -13,6 +14,8 @@ from navloom.engine.system import System
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted, all_sources
 from navloom.live.live import LiveRunner
+from navloom.live.mailbox import Inlet
+from navloom.live.presence import Presence
 from navloom.live.restarts import RestartWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
@@ -35,7 +38,9 @@ CHAINS = 1000
 CHAIN = ("controller", "avoider")
 """Roles whose commands belong to each tick of a robot that follows a trajectory."""
 GOAL_SILENCE = 0.5
-"""Longest time without a step of the goal node before its authorisation ends, s."""
+"""Time without a step of the goal node after which it counts as gone, s."""
+DOUBT = 1.25
+"""Periods without a message from a process after which the loss of its liveliness tokens counts, see `_is_there`."""
 
 
 def hold(period: float) -> float:
@@ -58,7 +63,7 @@ class LiveGate(LiveRunner):
     Args:
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: Time without a platform stamp after which the platform is silent, s.
-        is_alive: Whether an instance has a liveliness token.
+        presence: Which instances have a liveliness token.
         system: The robot.
 
         Attributes:
@@ -72,7 +77,7 @@ class LiveGate(LiveRunner):
         period: float,
         ends: Callable[[], bool],
         deadline: float,
-        is_alive: Callable[[Source], bool],
+        presence: Presence,
         system: System,
     ) -> None:
         super().__init__(hosted, clock, period, ends)
@@ -80,12 +85,15 @@ class LiveGate(LiveRunner):
         self.gate = self.cell.node
         self.gate.is_warm = self._is_warm
         self.gate.lead = LEAD
-        self.deadline, self.is_alive = deadline, is_alive
+        self.deadline, self.presence = deadline, presence
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
         self._began_ns = time.monotonic_ns()
         self._catalogue, required = system.catalogue, system.catalogue.required_roles()
         self._needed = [source for source in all_sources(system) if source[0] in required]
+        localizer = stride_of(system.config.role_table("localizer"), period)  # the goal steps with each pose
+        self._goal_deadline = deadline + hold(period) + (localizer - 1) * period
+        self._doubt_ns, self._doubted_ns = round(min(DOUBT * period, deadline) * 1e9), 0
         self._looked_ns = 0
         self._may_wait, self._waiting = system.may_wait, dict[Source, str]()
         self.gate.find_waiting = self._find_waiting
@@ -119,10 +127,12 @@ class LiveGate(LiveRunner):
         return min(CHECK, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + AFTER))
 
     def _limits_ns(self) -> Iterator[int]:
-        """Run clock up to which each input stays fresh, ns. The goal's messages stay fresh for longer than CHECK."""
+        """Run clock up to which each input stays fresh, ns."""
         stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
         held_ns = round(hold(self.period) * 1e9)
         yield stamp_ns + round(self.deadline * 1e9)
+        yield self.clock.now_ns() + round((self._goal_deadline - self._goal_silence()) * 1e9)
+        yield self._doubted_ns
         if self.clock.tick > self.stepper.stepped:
             yield stamp_ns + held_ns
         yield stamp_ns + round(self.period * 1e9) + held_ns  # the next tick, whose stamp may not wake the gate
@@ -143,7 +153,8 @@ class LiveGate(LiveRunner):
         self.gate.is_silent = clock.silence_s() > self.deadline
         self._follow_platform()
         self.gate.gone = self._gone()
-        for source in [source for source in self.cell.reports if not self.is_alive(source)]:
+        self.gate.late = "goal main" if self._goal_silence() > self._goal_deadline else ""
+        for source in [source for source in self.cell.reports if not self.presence.is_alive(source)]:
             self.cell.reports[source].clear()  # its successor has to warm up again
             self._marks.pop(source, None)
         number = clock.tick
@@ -238,14 +249,40 @@ class LiveGate(LiveRunner):
                     self.hear(source)
 
     def _gone(self) -> str:
-        goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
-        silence = time.monotonic_ns() - max(self._began_ns, *goals)
-        if self._awaited_tick >= 0 or silence > GOAL_SILENCE * 1e9:
+        if self._awaited_tick >= 0 or self._goal_silence() > GOAL_SILENCE:
             return "goal main does not step"
         for role, name in self._needed:
-            if self.cell.in_charge((role, name)) and not self.is_alive((role, name)):
+            if self.cell.in_charge((role, name)) and not self._is_there((role, name)):
                 return f"{role} {name}"
         return ""
+
+    def _goal_silence(self) -> float:
+        """Time since the last step of the goal, s."""
+        goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
+        return (time.monotonic_ns() - max(self._began_ns, *goals)) * 1e-9
+
+    def _is_there(self, source: Source) -> bool:
+        """Whether an instance runs: it has its token, or a required instance of its process has just been heard.
+
+        When a link to the router closes, Zenoh may report the tokens of a process as lost for a moment, although its
+        messages still arrive over another link.
+        """
+        if self.presence.is_alive(source):
+            return True
+        life = self.presence.last_life(source)
+        heard = [
+            inlet.heard_ns
+            for mate, inlet in self._inlets()
+            if life and mate in self._needed and self.presence.last_life(mate) == life
+        ]
+        left_ns = max(heard, default=0) + self._doubt_ns - time.monotonic_ns()
+        self._doubted_ns = self.clock.now_ns() + left_ns
+        return left_ns > 0
+
+    def _inlets(self) -> Iterator[tuple[Source, Inlet]]:
+        """Every inlet, with the instance whose messages it receives."""
+        yield from self.cell.reports.items()
+        yield from ((feed.source, feed.inlet) for feed in self.cell.feeds)
 
     def _is_warm(self, role: str, name: str) -> bool:
         if (role, name) in self.cell.reports:

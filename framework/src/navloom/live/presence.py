@@ -57,6 +57,10 @@ class Presence:
         """Whether an instance has a token, or belongs to this process."""
         return source in self._own or bool(self._lives.get(source))
 
+    def last_life(self, source: Source) -> str:
+        """Life of the process that last announced an instance, also if its token is gone; empty for none."""
+        return self._last.get(source, "")
+
     def follow(self, meet: Callable[[Source], None], ends: Callable[[], bool]) -> None:
         """Call `meet` once for each instance that comes up, on the calling thread, until the process ends."""
         met: dict[Source, float] = {}

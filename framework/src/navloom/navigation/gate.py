@@ -73,6 +73,7 @@ class Sensed(NamedTuple):
         is_silent: No message from the platform for as long as the stop deadline.
         gone: A required node that is missing; empty for none. An operator may drive without it.
         waiting: A node that does not step yet, and the stream it waits for; empty for none.
+        late: A node that publishes no commands and whose last step is too old; empty for none.
     """
 
     platform_ns: int
@@ -81,6 +82,7 @@ class Sensed(NamedTuple):
     is_silent: bool = False
     gone: str = ""
     waiting: str = ""
+    late: str = ""
 
 
 class CommandGate:
@@ -236,6 +238,8 @@ class CommandGate:
                 return f"{WAITING}{sensed.waiting}" if sensed.waiting else f"silent: {role}"
             if abs(sensed.platform_ns - part.cause_ns) > self.limits.stop_deadline_ns:
                 return f"stale: {role} {part.instance}"
+        if sensed.late and source != "operator":
+            return f"stale: {sensed.late}"
         if offer.epoch < epoch and source != "operator":
             return f"old_selection: {source} {offer.instance}"
         return ""

@@ -250,7 +250,7 @@ class Replayer:
         node.find_waiting = lambda: told.waiting
         if self.is_live:
             node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, told.gone
-            node.has_new_platform = told.restarted
+            node.has_new_platform, node.late = told.restarted, told.late
             for one in told.obeyed:
                 entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one.driving, step.place)
                 opened = entry.open() if entry is not None and one.driving else None

@@ -37,7 +37,7 @@ class GateNode(Node):
         lead: Ticks from the announcement of a selection to the first tick in which it applies; more when live, since
             the message has to arrive.
         now_ns: Live: what the platform's clock shows now; None if the newest stamp is the time.
-        is_silent, gone: Live: see `Sensed`.
+        is_silent, gone, late: Live: see `Sensed`.
         find_waiting: Set by the executor: returns which node waits for which stream; empty for none.
         obeyed: Live: requests that came through a service since the last step.
         has_new_platform: Live: the platform restarted since the last look at its messages.
@@ -71,7 +71,7 @@ class GateNode(Node):
         self.lead = 1
         self.now_ns: int | None = None
         self.is_silent = False
-        self.gone = ""
+        self.gone = self.late = ""
         self.find_waiting: Callable[[], str] = lambda: ""
         self.obeyed: list[Obeyed] = []
         self.has_new_platform = False
@@ -172,7 +172,7 @@ class GateNode(Node):
             return
         self.told = GateTold(
             self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm), self._waiting,
-            self._has_forgotten,
+            self._has_forgotten, self.late,
         ).text  # fmt: skip
         self.obeyed, self._warm, self._has_forgotten = [], [], False
 
@@ -214,7 +214,7 @@ class GateNode(Node):
         stamps = {name: _stamp_ns(one) for name, one in self.required.items()}
         is_touching = contact is not None and contact.touching
         self._waiting = self.find_waiting()
-        return Sensed(newest, is_touching, stamps, self.is_silent, self.gone, self._waiting)
+        return Sensed(newest, is_touching, stamps, self.is_silent, self.gone, self._waiting, self.late)
 
     def _offers(self, epoch: int) -> dict[str, Offer | None]:
         drive, recovering, operator = self.drive.value, self.recovering.value, self.operator.value

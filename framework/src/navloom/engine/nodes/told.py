@@ -84,6 +84,7 @@ class GateTold:
         warm: "role instance" of the instances that were able to take over.
         waiting: Which node waits for which stream; empty for none.
         restarted: Live: the platform restarted.
+        late: Live: a node whose last step is too old for the robot to drive; empty for none.
     """
 
     now_ns: int | None = None
@@ -94,6 +95,7 @@ class GateTold:
     warm: tuple[str, ...] = ()
     waiting: str = ""
     restarted: bool = False
+    late: str = ""
 
     @property
     def text(self) -> str:

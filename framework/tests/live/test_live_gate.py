@@ -324,6 +324,12 @@ def test_a_goal_that_steps_with_each_pose_of_a_slow_localizer_is_in_time(monkeyp
     assert reason(gate) == "stale: goal main"
 
 
+def test_a_goal_on_another_host_may_be_silent_for_half_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    hosts = 'live={ router = "tls/10.0.0.1:7447", hosts = { base = ["robot", "drive", "safe"], brain = ["think"] } }'
+    gate = driving(monkeypatch, hosts)
+    assert 0.5 < stop_after(gate) < 0.505
+
+
 def test_tokens_that_are_reported_as_lost_while_their_process_steps_do_not_stop_the_robot(live: Gate) -> None:
     live.lose(*THINKING, life="think")
     for tick in range(20, 30):

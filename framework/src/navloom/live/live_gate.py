@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
+from navloom.config.schema import Config
 from navloom.engine.build import stride_of
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.node import Tick
@@ -15,6 +16,7 @@ from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted, all_sources
 from navloom.live.live import LiveRunner
 from navloom.live.mailbox import Inlet
+from navloom.live.placing import are_on_one_host
 from navloom.live.presence import Presence
 from navloom.live.restarts import RestartWatch
 from navloom.live.run_clock import RunClock
@@ -38,7 +40,7 @@ CHAINS = 1000
 CHAIN = ("controller", "avoider")
 """Roles whose commands belong to each tick of a robot that follows a trajectory."""
 GOAL_SILENCE = 0.5
-"""Time without a step of the goal node after which it counts as gone, s."""
+"""Time without a step of the goal node after which it counts as gone, s; its messages may cross a slow network."""
 DOUBT = 1.25
 """Periods without a message from a process after which the loss of its liveliness tokens counts, see `_is_there`."""
 
@@ -50,6 +52,13 @@ def hold(period: float) -> float:
     of the previous tick would be stale.
     """
     return min(HOLD_MOST * period, max(HOLD * period, HOLD_LEAST))
+
+
+def _goal_deadline(config: Config, period: float, deadline: float) -> float:
+    """Time without a step of the goal after which the robot stops, s; the goal steps with each pose."""
+    if not are_on_one_host(config, "goal", "gate"):
+        return GOAL_SILENCE
+    return deadline + hold(period) + (stride_of(config.role_table("localizer"), period) - 1) * period
 
 
 def held_rate(seconds: float) -> float:
@@ -91,8 +100,7 @@ class LiveGate(LiveRunner):
         self._began_ns = time.monotonic_ns()
         self._catalogue, required = system.catalogue, system.catalogue.required_roles()
         self._needed = [source for source in all_sources(system) if source[0] in required]
-        localizer = stride_of(system.config.role_table("localizer"), period)  # the goal steps with each pose
-        self._goal_deadline = deadline + hold(period) + (localizer - 1) * period
+        self._goal_deadline = _goal_deadline(system.config, period, deadline)
         self._doubt_ns, self._doubted_ns = round(min(DOUBT * period, deadline) * 1e9), 0
         self._looked_ns = 0
         self._may_wait, self._waiting = system.may_wait, dict[Source, str]()

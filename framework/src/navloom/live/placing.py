@@ -8,7 +8,7 @@ from navloom.config.schema import Config
 from navloom.config.tables import OWN_NODES, ROLE_TABLES
 from navloom.live.cell import Source
 
-__all__ = ["goes_first", "spread"]
+__all__ = ["are_on_one_host", "goes_first", "spread"]
 
 PLANNING = frozenset({"mapper", "planner"})
 """Roles that compute without a deadline: their processes have low priority."""
@@ -17,6 +17,13 @@ PLANNING = frozenset({"mapper", "planner"})
 def goes_first(roles: Collection[str]) -> bool:
     """Whether a process has priority on the CPU: it drives, and neither maps nor plans."""
     return PLANNING.isdisjoint(roles) and any(role in ROLE_TABLES or role in OWN_NODES for role in roles)
+
+
+def are_on_one_host(config: Config, *nodes: str) -> bool:
+    """Whether the config starts these nodes, named as in `live.processes`, on the same host."""
+    placed = {node: process for process, held in config.live.processes.items() for node in held}
+    wanted = {placed[node] for node in nodes}
+    return not config.live.hosts or any(wanted <= set(processes) for processes in config.live.hosts.values())
 
 
 def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:

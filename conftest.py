@@ -1,5 +1,6 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -26,6 +27,12 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Workers of `-n auto`: one more than processors, because tests that drive live robots mostly wait."""
+    return (os.cpu_count() or 1) + 1
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -11,11 +11,13 @@ import argparse
 import itertools
 import json
 import os
+import queue
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -43,8 +45,8 @@ KINDNESS = 20
 """Added to the attacker's niceness: it would be on another host and not compete for this host's processors."""
 AFTER = 1.25
 """How long the motors are watched after an attack, longer than the lease of a session, s."""
-AGAIN = 60.0
-"""Longest time for the robot to drive at full speed again, s."""
+AGAIN = HEAR = 60.0
+"""Longest time for the robot to drive at full speed again, and for the attacker's next line, s."""
 FILLING = (
     "300 silent connections",
     "300 half handshakes",
@@ -111,6 +113,13 @@ class Target:
 
     robot: Rig
     attacker: subprocess.Popen[str]
+    lines: queue.Queue[str] = field(default_factory=queue.Queue)
+
+    def listen(self) -> None:
+        """Collect the lines of the attacker until it ends."""
+        assert self.attacker.stdout is not None
+        for line in self.attacker.stdout:
+            self.lines.put(line.strip())
 
     def order(self, line: str) -> None:
         """Send a line to the attacker."""
@@ -119,9 +128,11 @@ class Target:
         self.attacker.stdin.flush()
 
     def hear(self) -> str:
-        """The next line of the attacker."""
-        assert self.attacker.stdout is not None
-        return self.attacker.stdout.readline().strip()
+        """The next line of the attacker; empty if none came in time."""
+        try:
+            return self.lines.get(timeout=HEAR)
+        except queue.Empty:
+            return ""
 
 
 @contextmanager
@@ -144,10 +155,13 @@ def target() -> Iterator[Target]:
                 preexec_fn=lambda: os.nice(KINDNESS),
             )
             try:
-                yield Target(robot, attacker)
+                aim = Target(robot, attacker)
+                listener = threading.Thread(target=aim.listen, daemon=True)
+                listener.start()
+                yield aim
             finally:
                 attacker.kill()
-                attacker.communicate()
+                attacker.wait()
 
 
 def trial(aim: Target, kind: str, seconds: float) -> Trial:
@@ -206,8 +220,9 @@ def _joined(aim: Target, kind: str, seconds: float) -> Iterator[None]:
     finally:
         with suppress(ProcessLookupError):
             os.kill(int(pid), signal.SIGKILL)
-        while aim.hear() not in ("gone", ""):
+        while (said := aim.hear()) and not said.endswith("gone"):
             pass
+    assert said, "the attacker does not say that the attack has ended"
 
 
 def _stops(words: Sequence[Line], end_ns: int) -> tuple[int, float]:

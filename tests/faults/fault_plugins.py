@@ -108,6 +108,8 @@ ONCE: dict[str, Callable[[], Any]] = {
     "pool": lambda: KEPT.append(multiprocessing.get_context("fork").Pool(2)),
     "flood": flood,
 }
+WAYS = ("hang", "spin", "seize", "hold", *ONCE, "raise", "nan", "smuggle", "eat", "open")
+"""Ways to fail, see `fail`."""
 
 
 def nan_twist() -> Twist2D:
@@ -130,9 +132,9 @@ def fail(instance: str) -> str:
         "smuggle", or an empty text.
     """
     folder = os.environ[FOLDER]
-    for entry in os.listdir(folder):
-        name, _, way = entry.rpartition(".")
-        if name != instance:
+    for way in WAYS:
+        entry = f"{instance}.{way}"
+        if not os.path.exists(os.path.join(folder, entry)):  # unlike `listdir`, it needs no descriptor
             continue
         if way == "hang":
             threading.Event().wait()

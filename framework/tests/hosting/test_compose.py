@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import typer.main
 import yaml
 from navloom.cli.main import app
+from navloom.config import load_config
+from navloom.hosting.network import network_of
 
 Command = Callable[..., tuple[int, str, str]]
 CONFIG = """
@@ -38,6 +41,23 @@ def unknown_options(command: list[str]) -> list[str]:
     return [word for word in command if word.startswith("--") and word not in options]
 
 
+def starts_router(command: list[str], config: Path) -> bool:
+    """Whether `navloom up` with these words starts the router itself."""
+    given = dict(pairwise(command))
+    changes = [value for word, value in pairwise(command) if word == "--set"]
+    return network_of(load_config(str(config), changes).config, given.get("--host"), insecure=False).starts_router
+
+
+def test_a_robot_with_one_named_host_uses_the_router_of_its_service(tmp_path: Path, in_process: Command) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(CONFIG + '[live]\nhosts = { base = ["robot", "safe", "think", "drive"] }\n', "utf-8")
+    for words in ([], ["--host", "base"]):
+        tree, _ = exported(in_process, str(config), *words, "--out", str(tmp_path / "d"))
+        command = tree["services"]["robot"]["command"]
+        assert "router" in tree["services"] and not starts_router(command, config)
+        assert command[command.index("--host") + 1] == "base"
+
+
 def test_router_robot_viewer_and_metrics_share_the_loopback(tmp_path: Path, in_process: Command) -> None:
     config = tmp_path / "robot.toml"
     config.write_text(CONFIG, "utf-8")
@@ -50,7 +70,7 @@ def test_router_robot_viewer_and_metrics_share_the_loopback(tmp_path: Path, in_p
         assert "ports" not in service and "0.0.0.0" not in str(service) and "privileged" not in service
     assert services["router"]["command"][:2] == ["router", "tcp/127.0.0.1:7447"]
     assert services["robot"]["command"][:2] == ["up", "/robot/robot.toml"]
-    assert "live.router=tcp/127.0.0.1:7447" in services["robot"]["command"]
+    assert starts_router(services["robot"]["command"], config) is False  # the router's service has the port
     assert services["robot"]["devices"] == ["/dev/ttyUSB0:/dev/ttyUSB0"] and "devices" not in services["viewer"]
     assert f"{tmp_path}:/robot:ro" in services["robot"]["volumes"]
     for name in ("navloom[view]==", "navloom-sensors-sim==", "navloom-astar=="):
@@ -68,6 +88,7 @@ def test_a_config_with_its_own_router_keeps_router_and_keys(tmp_path: Path, in_p
     for tree, host in ((base, "base"), (brain, "brain")):
         assert list(tree["services"]) == ["robot", "viewer", "metrics"]  # `up` starts it on its host
         words = tree["services"]["robot"]["command"]
+        assert starts_router(words, config) is (host == "base")
         assert words[words.index("--host") + 1] == host and "live.keys=/keys" in words
         assert "tls/10.0.0.5:7447" in tree["services"]["viewer"]["command"]
         assert any(one.endswith("/keys:/keys:ro") for one in tree["services"]["metrics"]["volumes"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +32,7 @@ class Compose:
         name: The config as the command names it: the file's name, or a shipped name.
         distributions: Version of each distribution to install in the image, by name.
         image: Name of the image.
+        hosts: Processes of each host.
         devices: Device files that the robot opens.
     """
 
@@ -38,6 +40,7 @@ class Compose:
     name: str
     distributions: Mapping[str, str]
     image: str
+    hosts: Mapping[str, Sequence[str]]
     devices: Sequence[str] = field(default=())
 
 
@@ -54,9 +57,10 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
     secured = ["--insecure"] * network.insecure
     tool = ["--connect", router, "--robot", robot, *(["--keys", KEYS] if network.keys else []), *secured]
     config = f"{CONFIGS}/{given.name}" if given.config is not None else given.name
-    up = ["up", config, "--log-json", *(["--host", host] if host is not None else []), *secured]
+    own = host or (None if network.router else next(iter(given.hosts)))
+    up = ["up", config, "--log-json", *(["--host", own] if own is not None else []), *secured]
     if not network.router:
-        up += ["--set", f"live.router={router}"]
+        up += _with_router(router, given.hosts)
     if network.keys:
         up += ["--set", f"live.keys={KEYS}"]
     services = {
@@ -85,6 +89,15 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
     }
 
 
+def _with_router(router: str, hosts: Mapping[str, Sequence[str]]) -> list[str]:
+    """Options with which the robot uses a router that `up` does not start: one of another "host", the container."""
+    spread = ", ".join(
+        f"{json.dumps(name)} = {json.dumps(list(held))}" for name, held in {**hosts, "router": ()}.items()
+    )
+    values = (f"live.router={router}", f"live.hosts={{ {spread} }}", 'live.router_host="router"')
+    return [word for value in values for word in ("--set", value)]
+
+
 def _service(
     name: str, words: Sequence[str], given: Compose, mounts: Sequence[str], services: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -97,7 +110,7 @@ def _service(
         "init": True,
         "stop_grace_period": GRACE,
         "read_only": True,
-        "tmpfs": ["/tmp", "/run/navloom:mode=0700,uid=1000,gid=1000"],
+        "tmpfs": ["/tmp"],
         "cap_drop": ["ALL"],
         "security_opt": ["no-new-privileges:true"],
         "volumes": list(mounts),
@@ -127,6 +140,6 @@ RUN pip install --no-cache-dir --find-links /wheels \\
 RUN useradd --uid 1000 --create-home robot && mkdir {CACHE} && chown robot {CACHE}
 USER robot
 WORKDIR {CONFIGS}
-ENV NAVLOOM_RUNTIME_DIR=/run/navloom PYTHONUNBUFFERED=1
+ENV NAVLOOM_RUNTIME_DIR=/tmp/navloom PYTHONUNBUFFERED=1
 ENTRYPOINT ["navloom"]
 """

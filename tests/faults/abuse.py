@@ -45,8 +45,10 @@ KINDNESS = 20
 """Added to the attacker's niceness: it would be on another host and not compete for this host's processors."""
 AFTER = 1.25
 """How long the motors are watched after an attack, longer than the lease of a session, s."""
-AGAIN = HEAR = 60.0
-"""Longest time for the robot to drive at full speed again, and for the attacker's next line, s."""
+AGAIN = 60.0
+"""Longest wait for full speed after an attack, s."""
+HEAR = 60.0
+"""Longest wait for a line of the attacker, s."""
 FILLING = (
     "300 silent connections",
     "300 half handshakes",
@@ -120,6 +122,7 @@ class Target:
         assert self.attacker.stdout is not None
         for line in self.attacker.stdout:
             self.lines.put(line.strip())
+        self.lines.put("")
 
     def order(self, line: str) -> None:
         """Send a line to the attacker."""

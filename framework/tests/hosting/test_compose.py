@@ -51,11 +51,11 @@ def starts_router(command: list[str], config: Path) -> bool:
 def test_a_robot_with_one_named_host_uses_the_router_of_its_service(tmp_path: Path, in_process: Command) -> None:
     config = tmp_path / "robot.toml"
     config.write_text(CONFIG + '[live]\nhosts = { base = ["robot", "safe", "think", "drive"] }\n', "utf-8")
-    for words in ([], ["--host", "base"]):
+    for words, host in (([], "robot"), (["--host", "base"], "base")):
         tree, _ = exported(in_process, str(config), *words, "--out", str(tmp_path / "d"))
         command = tree["services"]["robot"]["command"]
         assert "router" in tree["services"] and not starts_router(command, config)
-        assert command[command.index("--host") + 1] == "base"
+        assert command[command.index("--host") + 1] == host
 
 
 def test_router_robot_viewer_and_metrics_share_the_loopback(tmp_path: Path, in_process: Command) -> None:

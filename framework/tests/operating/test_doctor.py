@@ -115,8 +115,9 @@ def test_a_stop_for_a_slow_plugin_is_not_reported_twice() -> None:
 
 @pytest.mark.parametrize(
     "reason",
-    ["stale: controller law", "gone: localizer odometry", "gone: goal main does not step", "silent: platform",
-     "silent: sensor sonars", "silent: avoider", "old_selection: avoider vfh", "ending", "of a later version"],
+    ["stale: controller law", "gone: localizer odometry", "gone: goal main does not step", "stale: goal main",
+     "silent: platform", "silent: sensor sonars", "silent: avoider", "old_selection: avoider vfh", "ending",
+     "of a later version"],
 )  # fmt: skip
 def test_the_advice_of_the_doctor_is_not_to_run_the_doctor(reason: str) -> None:
     bus = BusInWords(everyone(), last={"gate/main/status": status(reason)})

@@ -116,6 +116,7 @@ def test_the_age_of_the_platform_is_that_at_the_gate_or_else_at_any_node() -> No
         ("silent: platform", "the platform is silent", "navloom doctor"),
         ("silent: sensor sonars", "sensor sonars is silent", "navloom hz"),
         ("gone: goal main does not step", "its goal node does not step", "navloom doctor"),
+        ("stale: goal main", "its goal node does not step", "navloom doctor"),
         ("gone: localizer odometry", "localizer odometry is gone", "navloom doctor"),
         ("stale: controller law", "controller law gives commands from old data", "too slow"),
         ("stale: operator main", "the operator gives commands from old data", "too slow"),

@@ -18,6 +18,8 @@ ROUTER = "tcp/127.0.0.1:7447"
 """Endpoint of the router if the config names none: with the host's network, only this host can reach it."""
 CONFIGS, KEYS, CACHE = "/robot", "/keys", "/home/robot/.cache"
 """Folders in the containers for the config, the certificates and compiled kernels."""
+HOST = "robot"
+"""Name of the host of all processes, if the command names none."""
 PYTHON = "3.12"
 GRACE = "10s"
 """How long a container may take to end."""
@@ -32,7 +34,7 @@ class Compose:
         name: The config as the command names it: the file's name, or a shipped name.
         distributions: Version of each distribution to install in the image, by name.
         image: Name of the image.
-        hosts: Processes of each host.
+        processes: The robot's processes.
         devices: Device files that the robot opens.
     """
 
@@ -40,7 +42,7 @@ class Compose:
     name: str
     distributions: Mapping[str, str]
     image: str
-    hosts: Mapping[str, Sequence[str]]
+    processes: Sequence[str]
     devices: Sequence[str] = field(default=())
 
 
@@ -57,10 +59,14 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
     secured = ["--insecure"] * network.insecure
     tool = ["--connect", router, "--robot", robot, *(["--keys", KEYS] if network.keys else []), *secured]
     config = f"{CONFIGS}/{given.name}" if given.config is not None else given.name
-    own = host or (None if network.router else next(iter(given.hosts)))
-    up = ["up", config, "--log-json", *(["--host", own] if own is not None else []), *secured]
+    up = ["up", config, "--log-json", *secured]
     if not network.router:
-        up += _with_router(router, given.hosts)
+        up += ["--set", f"live.router={router}"]
+        if host is None:  # without a named host, `up` would start the router too
+            host = HOST
+            up += ["--set", f"live.hosts={{ {HOST} = {json.dumps(list(given.processes))} }}"]
+    if host is not None:
+        up += ["--host", host]
     if network.keys:
         up += ["--set", f"live.keys={KEYS}"]
     services = {
@@ -87,15 +93,6 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
         "Containerfile": _containerfile(given),
         ".containerignore": "*\n!wheels\n",
     }
-
-
-def _with_router(router: str, hosts: Mapping[str, Sequence[str]]) -> list[str]:
-    """Options with which the robot uses a router that `up` does not start: one of another "host", the container."""
-    spread = ", ".join(
-        f"{json.dumps(name)} = {json.dumps(list(held))}" for name, held in {**hosts, "router": ()}.items()
-    )
-    values = (f"live.router={router}", f"live.hosts={{ {spread} }}", 'live.router_host="router"')
-    return [word for value in values for word in ("--set", value)]
 
 
 def _service(

@@ -257,7 +257,7 @@ class NodeProcess:
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
             return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
-            return LiveGate(*common, config.gate.stop_deadline, presence, self.system)
+            return LiveGate(*common, presence, self.system)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:

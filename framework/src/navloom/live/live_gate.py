@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
-from navloom.config.schema import Config
 from navloom.engine.build import stride_of
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.node import Tick
@@ -39,10 +38,10 @@ CHAINS = 1000
 """Number of ticks for which `chains_s` is kept."""
 CHAIN = ("controller", "avoider")
 """Roles whose commands belong to each tick of a robot that follows a trajectory."""
-GOAL_SILENCE = 0.5
-"""Time without a step of the goal node after which it counts as gone, s; its messages may cross a slow network."""
+AFAR = 0.5
+"""Longest time without a step of a goal node on another host, s: its messages may cross a slow network."""
 DOUBT = 1.25
-"""Periods without a message from a process after which the loss of its liveliness tokens counts, see `_is_there`."""
+"""Longest silence of a process whose liveliness tokens are lost before it counts as gone, in periods."""
 
 
 def hold(period: float) -> float:
@@ -54,11 +53,10 @@ def hold(period: float) -> float:
     return min(HOLD_MOST * period, max(HOLD * period, HOLD_LEAST))
 
 
-def _goal_deadline(config: Config, period: float, deadline: float) -> float:
-    """Time without a step of the goal after which the robot stops, s; the goal steps with each pose."""
-    if not are_on_one_host(config, "goal", "gate"):
-        return GOAL_SILENCE
-    return deadline + hold(period) + (stride_of(config.role_table("localizer"), period) - 1) * period
+def _between_poses(system: System, period: float) -> float:
+    """How much longer than a tick the goal waits for a pose of the slowest localizer, s: it steps with each pose."""
+    strides = [stride_of(part.table, period) for (role, _), part in system.parts.items() if role == "localizer"]
+    return (max(strides) - 1) * period
 
 
 def held_rate(seconds: float) -> float:
@@ -71,12 +69,12 @@ class LiveGate(LiveRunner):
 
     Args:
         hosted, clock, period, ends: See `LiveRunner`.
-        deadline: Time without a platform stamp after which the platform is silent, s.
         presence: Which instances have a liveliness token.
         system: The robot.
 
-        Attributes:
-            chains_s: Time from a platform stamp until all commands of its tick had arrived, even late, s; newest last.
+    Attributes:
+        deadline: Time without a platform stamp after which the platform is silent, s.
+        chains_s: Time from a platform stamp until all commands of its tick had arrived, even late, s; newest last.
     """
 
     def __init__(
@@ -85,7 +83,6 @@ class LiveGate(LiveRunner):
         clock: RunClock,
         period: float,
         ends: Callable[[], bool],
-        deadline: float,
         presence: Presence,
         system: System,
     ) -> None:
@@ -94,14 +91,17 @@ class LiveGate(LiveRunner):
         self.gate = self.cell.node
         self.gate.is_warm = self._is_warm
         self.gate.lead = LEAD
-        self.deadline, self.presence = deadline, presence
+        self.deadline, self.presence = system.config.gate.stop_deadline, presence
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
         self._began_ns = time.monotonic_ns()
         self._catalogue, required = system.catalogue, system.catalogue.required_roles()
         self._needed = [source for source in all_sources(system) if source[0] in required]
-        self._goal_deadline = _goal_deadline(system.config, period, deadline)
-        self._doubt_ns, self._doubted_ns = round(min(DOUBT * period, deadline) * 1e9), 0
+        more = _between_poses(system, period)
+        near = self.deadline + hold(period) + more
+        self._goal_deadline = near if are_on_one_host(system.config, "goal", "gate") else max(near, AFAR)
+        self._doubt_ns = round((min(DOUBT * period, self.deadline) + more) * 1e9)
+        self._goal_ends_ns = self._doubt_ends_ns = 2**62
         self._looked_ns = 0
         self._may_wait, self._waiting = system.may_wait, dict[Source, str]()
         self.gate.find_waiting = self._find_waiting
@@ -139,8 +139,8 @@ class LiveGate(LiveRunner):
         stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
         held_ns = round(hold(self.period) * 1e9)
         yield stamp_ns + round(self.deadline * 1e9)
-        yield self.clock.now_ns() + round((self._goal_deadline - self._goal_silence()) * 1e9)
-        yield self._doubted_ns
+        yield self._goal_ends_ns
+        yield self._doubt_ends_ns
         if self.clock.tick > self.stepper.stepped:
             yield stamp_ns + held_ns
         yield stamp_ns + round(self.period * 1e9) + held_ns  # the next tick, whose stamp may not wake the gate
@@ -160,8 +160,8 @@ class LiveGate(LiveRunner):
         self.gate.now_ns = self._looked_ns = clock.now_ns()
         self.gate.is_silent = clock.silence_s() > self.deadline
         self._follow_platform()
+        self.gate.late = "" if self._is_goal_in_time() else "goal main"
         self.gate.gone = self._gone()
-        self.gate.late = "goal main" if self._goal_silence() > self._goal_deadline else ""
         for source in [source for source in self.cell.reports if not self.presence.is_alive(source)]:
             self.cell.reports[source].clear()  # its successor has to warm up again
             self._marks.pop(source, None)
@@ -257,20 +257,23 @@ class LiveGate(LiveRunner):
                     self.hear(source)
 
     def _gone(self) -> str:
-        if self._awaited_tick >= 0 or self._goal_silence() > GOAL_SILENCE:
+        self._doubt_ends_ns = 2**62
+        if self._awaited_tick >= 0:
             return "goal main does not step"
         for role, name in self._needed:
             if self.cell.in_charge((role, name)) and not self._is_there((role, name)):
                 return f"{role} {name}"
         return ""
 
-    def _goal_silence(self) -> float:
-        """Time since the last step of the goal, s."""
+    def _is_goal_in_time(self) -> bool:
         goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
-        return (time.monotonic_ns() - max(self._began_ns, *goals)) * 1e-9
+        silence_ns = time.monotonic_ns() - max(self._began_ns, *goals)
+        left_ns = round(self._goal_deadline * 1e9) - silence_ns
+        self._goal_ends_ns = self._looked_ns + left_ns
+        return left_ns >= 0
 
     def _is_there(self, source: Source) -> bool:
-        """Whether an instance runs: it has its token, or a required instance of its process has just been heard.
+        """Whether an instance runs: it has its token, or an active instance of its process has just been heard.
 
         When a link to the router closes, Zenoh may report the tokens of a process as lost for a moment, although its
         messages still arrive over another link.
@@ -281,10 +284,11 @@ class LiveGate(LiveRunner):
         heard = [
             inlet.heard_ns
             for mate, inlet in self._inlets()
-            if life and mate in self._needed and self.presence.last_life(mate) == life
+            if life and mate in self._needed and self.cell.in_charge(mate) and self.presence.last_life(mate) == life
         ]
         left_ns = max(heard, default=0) + self._doubt_ns - time.monotonic_ns()
-        self._doubted_ns = self.clock.now_ns() + left_ns
+        if left_ns > 0:
+            self._doubt_ends_ns = min(self._doubt_ends_ns, self._looked_ns + left_ns)
         return left_ns > 0
 
     def _inlets(self) -> Iterator[tuple[Source, Inlet]]:

@@ -73,7 +73,7 @@ class Sensed(NamedTuple):
         is_silent: No message from the platform for as long as the stop deadline.
         gone: A required node that is missing; empty for none. An operator may drive without it.
         waiting: A node that does not step yet, and the stream it waits for; empty for none.
-        late: A node that publishes no commands and whose last step is too old; empty for none.
+        late: The goal node, if its last step is too old; otherwise empty.
     """
 
     platform_ns: int

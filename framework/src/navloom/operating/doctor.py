@@ -60,6 +60,8 @@ ADVICE = {
     "silent: sensor": "`navloom hz platform/{who}` shows whether it arrives; see its cable and the platform's log",
     "silent": "`navloom hz {who}/command` shows whether it arrives; see the log of its process",
     "gone": f"{AGAIN}: it has just gone, and `navloom up` restarts it",
+    "stale: goal main": "its process had no processor time, or C code of a mapper or planner held the GIL: end other "
+    "programs on its host, or make gate.stop_deadline longer",
     "stale": "no node is slow now: `navloom hz '*/command'` shows how old commands are; end other programs on its "
     "host, or make gate.stop_deadline longer",
     "old_selection": f"{AGAIN}; if it persists, restart the process of {{who}}",

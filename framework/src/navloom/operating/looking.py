@@ -60,7 +60,7 @@ _STOPS = {
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
     "ending": ("its gate has ended", "`navloom up` restarts it"),
     "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
-    "stale: goal main": ("its goal node steps too late", "`navloom doctor` says which process is too slow"),
+    "stale: goal main": ("its goal node does not step", "`navloom doctor` looks for the cause"),
     "silent: platform": ("the platform is silent", "`navloom doctor` looks for the cause"),
 }
 _WAITS = {

@@ -162,7 +162,8 @@ class Role(ABC, Generic[P]):
         role: Name of the role, set by the role's ABC.
         name: Name of the plugin, as in its entry point.
         api: Major version of the role that it is built for.
-        is_patient: A step of the role may take long because no motor waits for it; set by the role's ABC.
+        is_patient: A step of the role may take long because no motor waits for it, if it releases the GIL; set by the
+            role's ABC.
         accepts: Message classes of the sensors that it reads, unless the config names `sensors`.
         needs_map: It cannot work without a known map; `[map]` then defaults to the run's world.
         needs_sensor: It cannot work without a sensor that it accepts; a robot without one is refused.

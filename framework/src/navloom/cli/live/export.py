@@ -107,9 +107,8 @@ def compose(
     _check_host(loaded.config.live.hosts, host)
     path = Path(config) if Path(config).is_file() else None
     installed = {**distributions(loaded.config), "navloom": version("navloom")}
-    live = loaded.config.live
-    hosts = live.hosts or {"robot": list(live.processes)}
-    given = Compose(path, path.name if path is not None else config, installed, image, hosts, device or ())
+    named = path.name if path is not None else config
+    given = Compose(path, named, installed, image, list(loaded.config.live.processes), device or ())
     made = compose_files(network_of(loaded.config, host, insecure), host, given)
     (out / "wheels").mkdir(parents=True, exist_ok=True)
     for name, text in made.items():

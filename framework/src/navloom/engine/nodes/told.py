@@ -84,7 +84,7 @@ class GateTold:
         warm: "role instance" of the instances that were able to take over.
         waiting: Which node waits for which stream; empty for none.
         restarted: Live: the platform restarted.
-        late: Live: a node whose last step is too old for the robot to drive; empty for none.
+        late: Live: the goal node, if its last step is too old; otherwise empty.
     """
 
     now_ns: int | None = None

@@ -20,6 +20,8 @@ from navloom.roles import RobotSpec
 __all__ = ["ReferenceNode", "trajectory_of"]
 
 Floats = NDArray[np.float64]
+FAR = 1.0
+"""Distance from the first metre of a new trajectory beyond which the robot is looked for on all of it, m."""
 
 
 def trajectory_of(path: Path, limits: SpeedLimits) -> Trajectory:
@@ -86,9 +88,23 @@ class ReferenceNode(Node):
             return
         if drive.path_id != self._driven or self._trajectory is None:
             self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits)
-            self._driven, self._progress = drive.path_id, 0.0
+            self._driven, self._progress = drive.path_id, self._start(self._trajectory, estimate.pose)
             self.trajectory.put(self._trajectory)
         self.reference.put(self._reference(self._trajectory, drive, estimate.pose))
+
+    def _start(self, trajectory: Trajectory, base: Pose2D) -> float:
+        """Progress from which to follow a new trajectory: 0, or the robot's place on it if that is far from its start.
+
+        It is far if this node has restarted during a drive. A reference that came from the start, some metres per
+        second, would make the robot drive backwards.
+        """
+        samples = trajectory.samples
+        near = project(samples, base.x, base.y, base.heading, 0.0, self.look_ahead)
+        if math.hypot(near.x - base.x, near.y - base.y) <= FAR:
+            return 0.0
+        return project(
+            samples, base.x, base.y, base.heading, 0.0, self.look_ahead, ahead=float(samples[-1, 0])
+        ).progress
 
     def _reference(self, trajectory: Trajectory, drive: Drive, base: Pose2D) -> Reference:
         samples = trajectory.samples

@@ -18,7 +18,7 @@ from navloom import (
 )
 from numpy.typing import NDArray
 
-from navloom_scan_localizer import beams, matching, search, surface
+from navloom_scan_localizer import beams, matching, search, small, surface
 from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
@@ -64,6 +64,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         beams.warm_up()
         matching.warm_up()
         search.warm_up()
+        small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker = given.odometry, self._tracker

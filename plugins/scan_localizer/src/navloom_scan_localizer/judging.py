@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.search import candidates
+from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.tracking import PoseTracker
 
 __all__ = ["Judge", "position_sigma"]
@@ -32,7 +33,13 @@ def position_sigma(covariance: Floats, limit: float) -> float:
     """
     if 1.01 * (covariance[0, 0] + covariance[1, 1]) < limit * limit:
         return 0.0
-    return math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    half_sum, half_gap = 0.5 * (covariance[0, 0] + covariance[1, 1]), 0.5 * (covariance[0, 0] - covariance[1, 1])
+    return math.sqrt(float(half_sum) + math.hypot(half_gap, covariance[1, 0]))
+
+
+def _distance(off: Floats, information: Floats) -> float:
+    """Square of the Mahalanobis distance of a shift (3,), by an inverse covariance (3, 3)."""
+    return float((information * off[:, None] * off).sum())
 
 
 class Judge:
@@ -99,17 +106,17 @@ class Judge:
         """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved."""
         tracker, s = self._tracker, self._tracker.settings
         wide = np.diag([s.search_reach**2, s.search_reach**2, s.search_turn**2]) + tracker.covariance
-        fits = []
+        toward, fits = inverse(wide), []
         for place in candidates(tracker.field, beams, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
             pose, fused, inliers = tracker.fit(beams, place, wide)
             off = pose - tracker.pose
             off[2] = math.remainder(off[2], math.tau)
-            fits.append((inliers / len(beams), float(off @ np.linalg.solve(wide, off)), pose, fused, off))
+            fits.append((inliers / len(beams), _distance(off, toward), pose, fused, off))
         best = max((fit[0] for fit in fits), default=0.0)
         if best < _GOOD or best < share + _BETTER:
             return False
         _, _, pose, fused, off = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
-        tracker.relocate(pose, np.linalg.inv(fused).astype(np.float64))
+        tracker.relocate(pose, inverse(fused))
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
         self.reason = (
             f"{best:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField
 from navloom_scan_localizer.matching import fit_pose
+from navloom_scan_localizer.small import inverse, sandwich
 
 __all__ = ["PoseTracker", "Settings", "compose", "predicted_covariance", "relative"]
 
@@ -100,10 +101,7 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
     along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
     turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(turned) + s.rest_turn_noise**2 * time
     axes = np.array([c, -sn, 0.0, sn, c, 0.0, 0.0, 0.0, 1.0]).reshape(3, 3)
-    # axes @ diag(noise) @ axes.T without the product with the diagonal matrix, which only scales the columns.
-    noise = (axes * np.array([along, across, turn])) @ axes.T
-    result: Floats = jacobian @ covariance @ jacobian.T + noise
-    return result
+    return sandwich(jacobian, covariance) + sandwich(axes, np.diag([along, across, turn]))
 
 
 class PoseTracker:
@@ -154,7 +152,7 @@ class PoseTracker:
         if inliers < limit:
             return False
         self.inliers = inliers
-        self._move(pose - self.pose, np.linalg.inv(fused).astype(np.float64))
+        self._move(pose - self.pose, inverse(fused))
         return True
 
     def fit(self, beams: Floats, start: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
@@ -172,7 +170,7 @@ class PoseTracker:
         spread = math.sqrt(max(covariance[0, 0], covariance[1, 1]))
         first = min(max(s.robust_scale, 2.0 * spread), max(s.reach, s.robust_scale))
         options = np.array([s.sigma**2 * s.redundancy, first, s.robust_scale, 2.0 * s.robust_scale, s.reach])
-        information = np.linalg.inv(covariance)
+        information = inverse(covariance)
         pose, fused = np.empty(3), np.empty((3, 3))
         inliers = fit_pose(field.values, field.frame, beams, start, information, options, s.iterations, pose, fused)
         return pose, fused, inliers if np.isfinite(pose).all() else 0

@@ -1,0 +1,54 @@
+"""Products and inverses of 3 x 3 matrices, with the same rounding on every processor.
+
+numpy's come from OpenBLAS, whose kernels round differently with and without AVX-512: the traces of one run would differ
+between two computers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["inverse", "sandwich", "warm_up"]
+
+Floats = NDArray[np.float64]
+
+
+def sandwich(a: Floats, matrix: Floats) -> Floats:
+    """The product a m a' of two (3, 3) matrices."""
+    found: Floats = _sandwich(a, matrix)
+    return found
+
+
+def inverse(matrix: Floats) -> Floats:
+    """Inverse of a (3, 3) matrix; not finite if it is singular."""
+    found: Floats = _inverse(matrix)
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sandwich(a, m):  # type: ignore[no-untyped-def]
+    left, found = np.zeros((3, 3)), np.zeros((3, 3))
+    for i in range(3):
+        for k in range(3):
+            left[i, k] = a[i, 0] * m[0, k] + a[i, 1] * m[1, k] + a[i, 2] * m[2, k]
+    for i in range(3):
+        for k in range(3):
+            found[i, k] = left[i, 0] * a[k, 0] + left[i, 1] * a[k, 1] + left[i, 2] * a[k, 2]
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _inverse(m):  # type: ignore[no-untyped-def]
+    found = np.empty((3, 3))
+    for i in range(3):
+        for k in range(3):  # cofactor of row k, column i: with cyclic indices the sign is right
+            r, s, t, u = (k + 1) % 3, (k + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            found[i, k] = m[r, t] * m[s, u] - m[r, u] * m[s, t]
+    return found / (m[0, 0] * found[0, 0] + m[0, 1] * found[1, 0] + m[0, 2] * found[2, 0])
+
+
+def warm_up() -> None:
+    """Compile the functions."""
+    inverse(sandwich(np.eye(3), np.eye(3)))

@@ -223,8 +223,9 @@ def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequ
         own = identity.instance.replace(".", "/", 1)
         if identity.kind == "shadow" and not own.startswith(LARGE_ROLES):
             filters.append(_bound(identity.name, ("put", "delete", "reply"), [f"{prefix}/{own}/**"], PLAIN_ANSWER))
+    # An answer inherits both from its question: a reader that does not take it must not block the router.
     patient = {"id": "reading questions", "flows": ["ingress"], "link_protocols": ["tls"], "messages": ["query"],
-               "key_exprs": small, "overwrite": {"priority": "data"}}  # fmt: skip
+               "key_exprs": small, "overwrite": {"priority": "data", "congestion_control": "drop"}}  # fmt: skip
     # A stalled reader must not block senders: these messages are few, and a reader that rejoins queries the last ones.
     words = {"id": "words", "flows": ["egress"], "link_protocols": ["tls"], "messages": ["put"],
              "key_exprs": [f"{prefix}/**"], "qos": {"congestion_control": "block", "priority": "interactive_high"},

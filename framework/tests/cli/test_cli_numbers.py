@@ -157,3 +157,17 @@ def test_plan_prints_few_corners_and_json_has_every_point(in_process: CommandLin
     shown, points = path.count("("), int(head.split(", ")[-1].removesuffix(" points"))
     assert 2 <= shown <= 8 < points and path.endswith("; --json has every point")
     assert path.startswith("(0.00, 0.00)") and "(0.00, 7.60)" in path
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["goal", "2", "6", "--wait"], "no option --wait; did you mean --no-wait?"),
+        (["teleop", "--at=1"], "no option --at"),
+    ],
+)
+def test_a_command_that_takes_negative_numbers_refuses_an_unknown_option(
+    in_process: CommandLine, words: list[str], text: str
+) -> None:
+    code, _, error = in_process(*words)
+    assert code == 2 and text in error and "Traceback" not in error

@@ -18,8 +18,9 @@ from navloom.live.live_gate import LiveGate, held_rate, hold
 from navloom.live.presence import Presence
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
-from navloom.messages import Command, Drive, Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
+from navloom.messages import Command, Drive, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
 from navloom.transport.keyspace import KeySpace
+from toys import give, silent_bus
 
 PERIOD = 0.05
 KEYS = KeySpace("lab", "r1")
@@ -48,13 +49,9 @@ class Gate:
         self.clock, self.presence = clock or SetClock(), Presence(KEYS, (), lambda source, restarted: None)
         self.has_stamps = False
         self.begin(OTHER)
-        bus: Any = SimpleNamespace(
-            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
-            serve=lambda *given, **more: None,
-        )
         node = own_node(system, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
-        self.hosted: Hosted = make_cell(system, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
+        self.hosted: Hosted = make_cell(system, ("gate", "main"), node, Switchboard(silent_bus(), KEYS, lossless=False))
         self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, self.presence, system)
         self.node = node
 
@@ -86,12 +83,8 @@ class Gate:
 
     def give(self, source: Source, port: str, message: Any, tick: int, sequence: int | None = None) -> None:
         """Receive a message of a node."""
-        key = KEYS.port(*source, port)
-        inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
-        for inlet in inlets:
-            if inlet.key == key:
-                stamp = round(tick * PERIOD * 1e9) if self.has_stamps else 0
-                inlet.give((message, Envelope(key, tick + 1 if sequence is None else sequence, tick, stamp, stamp, 0)))
+        stamp = round(tick * PERIOD * 1e9) if self.has_stamps else 0
+        give(self.hosted.cell, KEYS.port(*source, port), message, tick, sequence=sequence, stamp_ns=stamp)
 
 
 def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:

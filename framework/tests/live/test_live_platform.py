@@ -17,6 +17,7 @@ from navloom.live.switchboard import Switchboard
 from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, RangeScan, Twist2D
 from navloom.roles import PlatformOutput, SensorSpec
 from navloom.transport.keyspace import KeySpace
+from toys import silent_bus
 
 PERIOD, DEADLINE = 0.05, 0.1
 SYSTEM = assemble(load_config("paper"))
@@ -63,12 +64,8 @@ class Robot:
         )
         for module in (live, live_platform):
             monkeypatch.setattr(module, "time", clock)
-        bus: Any = SimpleNamespace(
-            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
-            serve=lambda *given, **more: None,
-        )
         node = PlatformNode(self.base, [SensorSpec("sonars", "ring")])  # type: ignore[arg-type]
-        self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(bus, KEYS, lossless=False))
+        self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(silent_bus(), KEYS, lossless=False))
         self.runner = LivePlatform(
             self.hosted, RunClock(clock.monotonic_ns), PERIOD, lambda: self.ended, DEADLINE, clock.monotonic_ns()
         )

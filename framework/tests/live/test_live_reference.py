@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,9 @@ from navloom.live.cells import make_cell
 from navloom.live.live import LiveRunner
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
-from navloom.messages import Drive, Envelope, Odometry, Path, Pose2D, PoseEstimate, Reference, StepReport, Twist2D
+from navloom.messages import Drive, Odometry, Path, Pose2D, PoseEstimate, Reference, StepReport, Twist2D
 from navloom.transport.keyspace import STEP, KeySpace
+from toys import give, silent_bus
 
 PERIOD = 0.05
 KEYS = KeySpace("lab", "r1")
@@ -28,12 +28,8 @@ class Follower:
     """A reference node that has just started, with a path of the planner that the goal authorises."""
 
     def __init__(self, points: list[tuple[float, float]]) -> None:
-        bus: Any = SimpleNamespace(
-            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
-            serve=lambda *given, **more: None,
-        )
         node = own_node(SYSTEM, "reference", lambda role, name: False, is_live=True)
-        self.cell = make_cell(SYSTEM, ("reference", "main"), node, Switchboard(bus, KEYS, lossless=False))
+        self.cell = make_cell(SYSTEM, ("reference", "main"), node, Switchboard(silent_bus(), KEYS, lossless=False))
         self.runner = LiveRunner(self.cell, RunClock(), PERIOD, lambda: False)
         config = SYSTEM.config
         self._give(("planner", config.planner.instance), "path", Path(1, np.array(points), 0.0, None), 0)
@@ -55,10 +51,8 @@ class Follower:
         return said[0]
 
     def _give(self, source: Source, port: str, message: Any, tick: int) -> None:
-        key = KEYS.port(*source, port)
-        for inlet in [*(feed.inlet for feed in self.cell.cell.feeds), *self.cell.cell.reports.values()]:
-            if inlet.key == key:
-                inlet.give((message, Envelope(key, tick + 1, tick, round(tick * PERIOD * 1e9), 0, 0)))
+        stamp = round(tick * PERIOD * 1e9)
+        give(self.cell.cell, KEYS.port(*source, port), message, tick, stamp_ns=stamp)
 
 
 def test_after_a_restart_it_goes_on_where_the_robot_is() -> None:

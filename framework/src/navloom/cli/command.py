@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import inspect
+import itertools
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -55,6 +57,16 @@ class EveryCommand:
 
 class SectionedCommand(TyperCommand):
     """A command whose help lists its options in sections, by their `rich_help_panel`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse unknown options also where `ignore_unknown_options` lets negative numbers be arguments."""
+        known = [name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)]
+        for word in itertools.takewhile(lambda word: word != "--", args if ctx.ignore_unknown_options else ()):
+            name = word.partition("=")[0]
+            if name.startswith("--") and name not in known:
+                near = " or ".join(difflib.get_close_matches(name, known))
+                raise typer.BadParameter(f"no option {name}" + (f"; did you mean {near}?" if near else ""), ctx=ctx)
+        return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments, the command's own options, then those of each group."""

@@ -1,6 +1,6 @@
 """Several robots on one host behind one router: their memory, their share of the processors, and their deadlines.
 
-`python benchmarks/fleet.py [--robots N] [--period S] [--seconds S] [--router ENDPOINT] [--json]`
+`python benchmarks/fleet.py [--robots N] [--period S] [--seconds S] [--settle S] [--router ENDPOINT] [--json]`
 
 Each robot has its own realm and its own `navloom up` with the default four processes, and drives to and fro in the
 world `empty`. All share one router; `--router ""` runs without one. README.md beside this file explains the figures.
@@ -56,6 +56,7 @@ class One:
         log: Output of that process.
         client: Connection to it.
         goals: Number of goals that it has received.
+        unanswered: Number of goals that were not answered in time.
     """
 
     realm: str
@@ -63,6 +64,7 @@ class One:
     log: Path
     client: Client | None = None
     goals: int = 0
+    unanswered: int = 0
 
 
 @contextmanager
@@ -122,8 +124,11 @@ def drive(robots: Sequence[One], seconds: float) -> None:
             feedback = one.client.last("goal", "main", "feedback")
             if one.goals == 0 or (feedback is not None and not getattr(feedback, "goal_id", 0)):
                 x, y = GOALS[one.goals % 2]
-                one.client.call("goal", "main", "submit", {"x": x, "y": y})
-                one.goals += 1
+                try:
+                    one.client.call("goal", "main", "submit", {"x": x, "y": y})
+                    one.goals += 1
+                except ClientError:
+                    one.unanswered += 1
         time.sleep(LOOK)
 
 
@@ -206,6 +211,8 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
         "driven_ticks": more("driven_ticks"),
         "own_share": round(more("own_ticks") / max(1, more("driven_ticks")), 5),
         "stops": more("stops"),
+        "goals": sum(one.goals for one in robots),
+        "unanswered_goals": sum(one.unanswered for one in robots),
         "age_p50_ms": round(1e3 * sorted(one.get("age_p50_s", 0.0) for one in ages)[len(ages) // 2], 2),
         "worst_age_p99_ms": round(1e3 * max(one.get("age_p99_s", 0.0) for one in ages), 2),
     }
@@ -217,6 +224,7 @@ def main() -> int:
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--period", type=float, default=0.1, help="control period of each robot, s")
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the drive, s")
+    parser.add_argument("--settle", type=float, default=0.0, help="length of the drive before it is measured, s")
     parser.add_argument("--router", default=None, metavar="ENDPOINT", help='default: a port on loopback; "" for none')
     parser.add_argument(
         "--live", action="append", default=[], metavar="LINE", help="a line of the table [live]; repeats"
@@ -231,6 +239,7 @@ def main() -> int:
             robots = stack.enter_context(fleet(given.robots, given.period, router, given.live, folder))
             for one in robots:
                 one.client = stack.enter_context(join(f"{one.realm}/r1"))
+            drive(robots, given.settle)
             found = measure(robots, folder, given.seconds)
         except ClientError as error:
             print(f"fleet: {error}", file=sys.stderr)

@@ -138,11 +138,16 @@ def _options(group: Any, parameter: inspect.Parameter) -> Iterator[inspect.Param
         yield from _fields_of(group)
 
 
-def _fields_of(group: Any) -> Iterator[inspect.Parameter]:
+@functools.cache  # `navloom --help` asks this for every command
+def _fields_of(group: Any) -> tuple[inspect.Parameter, ...]:
     """The fields of a dataclass of options, as function parameters."""
     hints = get_type_hints(group, include_extras=True)
-    for field in fields(group):
-        default = inspect.Parameter.empty if field.default is MISSING else field.default
-        yield inspect.Parameter(
-            field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hints[field.name]
+    return tuple(
+        inspect.Parameter(
+            field.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if field.default is MISSING else field.default,
+            annotation=hints[field.name],
         )
+        for field in fields(group)
+    )

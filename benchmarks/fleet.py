@@ -56,7 +56,7 @@ class One:
         log: Output of that process.
         client: Connection to it.
         goals: Number of goals that it has received.
-        unanswered: Number of goals that were not answered in time.
+        failed: Number of goals that were refused or not answered in time.
     """
 
     realm: str
@@ -64,7 +64,7 @@ class One:
     log: Path
     client: Client | None = None
     goals: int = 0
-    unanswered: int = 0
+    failed: int = 0
 
 
 @contextmanager
@@ -128,14 +128,19 @@ def drive(robots: Sequence[One], seconds: float) -> None:
                     one.client.call("goal", "main", "submit", {"x": x, "y": y})
                     one.goals += 1
                 except ClientError:
-                    one.unanswered += 1
+                    one.failed += 1
         time.sleep(LOOK)
 
 
 def told(one: One) -> dict[str, Any]:
     """The report of a robot's platform."""
     assert one.client is not None
-    return next(found for found in one.client.describe() if found["role"] == "platform")
+    found = next((found for found in one.client.describe() if found["role"] == "platform"), None)
+    if found is None:
+        raise ClientError(
+            f"the platform of robot {one.realm} does not answer: fewer robots or a longer --period may fit"
+        )
+    return found
 
 
 def processes(folder: Path) -> list[int]:
@@ -212,7 +217,7 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
         "own_share": round(more("own_ticks") / max(1, more("driven_ticks")), 5),
         "stops": more("stops"),
         "goals": sum(one.goals for one in robots),
-        "unanswered_goals": sum(one.unanswered for one in robots),
+        "failed_goals": sum(one.failed for one in robots),
         "age_p50_ms": round(1e3 * sorted(one.get("age_p50_s", 0.0) for one in ages)[len(ages) // 2], 2),
         "worst_age_p99_ms": round(1e3 * max(one.get("age_p99_s", 0.0) for one in ages), 2),
     }

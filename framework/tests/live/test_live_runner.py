@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from navloom.messages import (
 )
 from navloom.navigation.goals import GoalMachine
 from navloom.transport.keyspace import KeySpace
+from toys import silent_bus
 
 PERIOD = 0.05
 KEYS = KeySpace("lab", "r1")
@@ -44,19 +44,6 @@ SWEEP = Sweep(
     0, 1, np.ones((1, 1)), np.zeros(1), np.zeros(1), np.zeros(1), "paper", 0.0, 0.0, 0.4, 0.02, 4.0
 )  # fmt: skip
 REPORT = StepReport("tick", (), (), True, 0, 0, 0, "", "")
-
-
-class Wire:
-    """Replaces the network: accepts everything and delivers nothing."""
-
-    def publication(self, key: str, quality: object, lossless: bool) -> Any:
-        return SimpleNamespace(is_heard=True, put=lambda data, label: None)
-
-    def serve(self, key: str, take: object, is_large: bool = False) -> None:
-        pass
-
-    def subscribe(self, key: str, receive: object, most: int) -> None:
-        pass
 
 
 class Clock:
@@ -81,7 +68,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def hosted(role: str, node: Any) -> Hosted:
-    return make_cell(SYSTEM, (role, NAMES[role]), node, Switchboard(Wire(), KEYS, lossless=False))  # type: ignore[arg-type]
+    return make_cell(SYSTEM, (role, NAMES[role]), node, Switchboard(silent_bus(), KEYS, lossless=False))
 
 
 def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:

@@ -228,6 +228,7 @@ def silent_bus() -> Any:
     return SimpleNamespace(
         publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
         serve=lambda *given, **more: None,
+        subscribe=lambda *given: None,
     )
 
 

@@ -60,12 +60,13 @@ class SectionedCommand(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse unknown options also where `ignore_unknown_options` lets negative numbers be arguments."""
-        known = [name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)]
-        for word in itertools.takewhile(lambda word: word != "--", args if ctx.ignore_unknown_options else ()):
-            name = word.partition("=")[0]
-            if name.startswith("--") and name not in known:
-                near = " or ".join(difflib.get_close_matches(name, known))
-                raise typer.BadParameter(f"no option {name}" + (f"; did you mean {near}?" if near else ""), ctx=ctx)
+        if ctx.ignore_unknown_options:
+            known = [name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)]
+            for word in itertools.takewhile(lambda word: word != "--", args):
+                name = word.partition("=")[0]
+                if name.startswith("--") and name not in known:
+                    near = " or ".join(difflib.get_close_matches(name, known))
+                    raise typer.BadParameter(f"no option {name}" + (f"; did you mean {near}?" if near else ""), ctx=ctx)
         return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:

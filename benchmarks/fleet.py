@@ -1,9 +1,10 @@
 """Several robots on one host behind one router: their memory, their share of the processors, and their deadlines.
 
-`python benchmarks/fleet.py [--robots N] [--period S] [--seconds S] [--settle S] [--router ENDPOINT] [--json]`
+`python benchmarks/fleet.py [--robots N] [--processes 2] [--period S] [--seconds S] [--settle S] [--json]`
 
-Each robot has its own realm and its own `navloom up` with the default four processes, and drives to and fro in the
-world `empty`. All share one router; `--router ""` runs without one. README.md beside this file explains the figures.
+Each robot has its own realm and its own `navloom up` with the default four processes or with two, and drives to and fro
+in the world `empty`. All share one router; `--router ""` runs without one. README.md beside this file explains the
+figures.
 """
 
 from __future__ import annotations
@@ -17,23 +18,30 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from driven import config
+from navloom.config.tables import LiveTable
 from navloom.operating.client import Client, ClientError
 from navloom.operating.joining import join
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 300.0, 30.0
 """Longest start of all robots, and longest shutdown of one, s."""
-GOALS = ((0.0, 6.0), (0.0, 0.0))
-"""Goals, visited in turn, map frame, m."""
-LOOK = 0.5
-"""Time between two readings of a robot, s."""
+PLACES = ((0.0, 6.0), (0.0, 0.0))
+"""Places that a goal passes in turn, map frame, m."""
+LEG = 10.0
+"""Shortest drive from one place to the next, s."""
+ANSWER = 30.0
+"""Longest wait for the answer to a goal, s."""
+BODY = ["platform", "localizer"]
+MIND = ["mapper", "planner", "goal", "reference", "controller", "avoider", "recovery", "gate"]
+PROCESSES: dict[int, dict[str, list[str]]] = {2: {"body": BODY, "mind": MIND}, 4: LiveTable().processes}
+"""Processes of a robot and their nodes, by the number of processes."""
 BESIDE = """
 [robot]
 realm = "{realm}"
@@ -55,20 +63,18 @@ class One:
         up: Process of its `navloom up`.
         log: Output of that process.
         client: Connection to it.
-        goals: Number of goals that it has received.
-        failed: Number of goals that were refused or not answered in time.
     """
 
     realm: str
     up: subprocess.Popen[bytes]
     log: Path
     client: Client | None = None
-    goals: int = 0
-    failed: int = 0
 
 
 @contextmanager
-def fleet(count: int, period: float, router: str, live: Sequence[str], folder: Path) -> Iterator[list[One]]:
+def fleet(
+    count: int, period: float, router: str, processes: Mapping[str, list[str]], live: Sequence[str], folder: Path
+) -> Iterator[list[One]]:
     """Running robots and their router; all are stopped at the end."""
     started: list[subprocess.Popen[bytes]] = []
     try:
@@ -78,7 +84,13 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
         for number in range(count):
             realm, path = f"f{number}", folder / f"f{number}.toml"
             # A robot without a named host starts no router: one is already running.
-            own = [f'router = "{router}"', 'router_host = "other"', _hosts()] if router else []
+            own = [f"processes = {_table(processes)}"]
+            if router:
+                own += [
+                    f'router = "{router}"',
+                    'router_host = "other"',
+                    f"hosts = {_table({'own': [*processes], 'other': []})}",
+                ]
             beside = BESIDE.format(realm=realm, deadline=max(0.1, 2.0 * period), live="\n".join([*own, *live]))
             path.write_text(config("empty", period, 1e6) + beside, "utf-8")
             log = folder / f"f{number}.log"
@@ -98,8 +110,9 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
                 process.wait()
 
 
-def _hosts() -> str:
-    return 'hosts = { own = ["robot", "think", "drive", "safe"], other = [] }'
+def _table(lists: Mapping[str, list[str]]) -> str:
+    """An inline table of TOML."""
+    return "{ " + ", ".join(f"{name} = {json.dumps(words)}" for name, words in lists.items()) + " }"
 
 
 def _start(words: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
@@ -116,20 +129,12 @@ def _await_up(one: One) -> None:
 
 
 def drive(robots: Sequence[One], seconds: float) -> None:
-    """Give each robot a new goal whenever it has none, for some seconds."""
-    limit = time.monotonic() + seconds
-    while time.monotonic() < limit:
-        for one in robots:
-            assert one.client is not None
-            feedback = one.client.last("goal", "main", "feedback")
-            if one.goals == 0 or (feedback is not None and not getattr(feedback, "goal_id", 0)):
-                x, y = GOALS[one.goals % 2]
-                try:
-                    one.client.call("goal", "main", "submit", {"x": x, "y": y})
-                    one.goals += 1
-                except ClientError:
-                    one.failed += 1
-        time.sleep(LOOK)
+    """Give each robot a goal that takes longer than this, s."""
+    legs = 1 + round(seconds / LEG)
+    *via, end = (PLACES[number % 2] for number in range(legs))
+    for one in robots:
+        assert one.client is not None
+        one.client.call("goal", "main", "submit", {"x": end[0], "y": end[1], "via": [list(at) for at in via]}, ANSWER)
 
 
 def told(one: One) -> dict[str, Any]:
@@ -192,10 +197,10 @@ def segments(pids: Sequence[int]) -> float:
 
 
 def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, Any]:
-    """Drive for some seconds and measure."""
+    """Measure for some seconds."""
     pids = processes(folder)
     before, began, used = [told(one) for one in robots], time.monotonic(), spent(pids)
-    drive(robots, seconds)
+    time.sleep(seconds)
     took, after = time.monotonic() - began, [told(one) for one in robots]
 
     def more(name: str) -> int:
@@ -216,8 +221,6 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
         "driven_ticks": more("driven_ticks"),
         "own_share": round(more("own_ticks") / max(1, more("driven_ticks")), 5),
         "stops": more("stops"),
-        "goals": sum(one.goals for one in robots),
-        "failed_goals": sum(one.failed for one in robots),
         "age_p50_ms": round(1e3 * sorted(one.get("age_p50_s", 0.0) for one in ages)[len(ages) // 2], 2),
         "worst_age_p99_ms": round(1e3 * max(one.get("age_p99_s", 0.0) for one in ages), 2),
     }
@@ -227,9 +230,10 @@ def main() -> int:
     """Exit code: 1 if a robot did not start."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, default=10)
+    parser.add_argument("--processes", type=int, choices=PROCESSES, default=4, help="of each robot")
     parser.add_argument("--period", type=float, default=0.1, help="control period of each robot, s")
-    parser.add_argument("--seconds", type=float, default=60.0, help="length of the drive, s")
-    parser.add_argument("--settle", type=float, default=0.0, help="length of the drive before it is measured, s")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the measurement, s")
+    parser.add_argument("--settle", type=float, default=0.0, help="length of the drive before the measurement, s")
     parser.add_argument("--router", default=None, metavar="ENDPOINT", help='default: a port on loopback; "" for none')
     parser.add_argument(
         "--live", action="append", default=[], metavar="LINE", help="a line of the table [live]; repeats"
@@ -241,10 +245,13 @@ def main() -> int:
         folder = Path(short)
         os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "rt")
         try:
-            robots = stack.enter_context(fleet(given.robots, given.period, router, given.live, folder))
+            robots = stack.enter_context(
+                fleet(given.robots, given.period, router, PROCESSES[given.processes], given.live, folder)
+            )
             for one in robots:
                 one.client = stack.enter_context(join(f"{one.realm}/r1"))
-            drive(robots, given.settle)
+            drive(robots, given.settle + given.seconds + ANSWER * len(robots))
+            time.sleep(given.settle)
             found = measure(robots, folder, given.seconds)
         except ClientError as error:
             print(f"fleet: {error}", file=sys.stderr)

@@ -13,7 +13,7 @@ import pytest
 from navloom.config import ConfigError, load_config, shipped_configs
 from navloom.config.loader import leaves
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_task
+from navloom.engine.checks import check_live, check_task
 from navloom.plugins import PluginError
 
 CommandLine = Callable[..., tuple[int, str, str]]
@@ -118,3 +118,15 @@ def test_a_damaged_config_gives_one_typed_error(name: str, tmp_path: Path) -> No
             for word in ("pydantic", "input should", "Extra inputs", "value_error", "validation error"):
                 assert word.lower() not in str(error).lower()
     assert refused > 30
+
+
+@pytest.mark.parametrize("limit", ["stop_deadline", "sensor_timeout"])
+def test_a_live_robot_whose_gate_would_stop_it_in_every_tick_is_refused(limit: str) -> None:
+    changes = ["run.period=0.2", "gate.stop_deadline=0.4", "gate.sensor_timeout=0.5"]
+    check_live(assemble(load_config("paper", changes)))
+    refused = assemble(load_config("paper", [*changes, f"gate.{limit}=0.2"]))
+    check_task(refused)  # lockstep has no time between two ticks
+    with pytest.raises(
+        ConfigError, match=rf"gate\.{limit}: is 0.2 s; expected more than run\.period = 0.2 s.*give 0.4 s"
+    ):
+        check_live(refused)

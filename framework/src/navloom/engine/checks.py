@@ -15,7 +15,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 
-__all__ = ["check_drive", "check_task", "is_real", "place_problem"]
+__all__ = ["check_drive", "check_live", "check_task", "is_real", "place_problem"]
 
 
 def is_real(system: System) -> bool:
@@ -55,6 +55,27 @@ def check_drive(system: System, *more: str) -> None:
     problems = [*more, *_places(system), *needed_sensors(system), *_delays(system), *_robot(system)]
     if problems:
         raise system.loaded.error(*problems)
+
+
+def check_live(system: System) -> None:
+    """Refuse a live robot that cannot drive (see `check_drive`), or whose gate would stop it in every tick.
+
+    Raises:
+        ConfigError: One line for each problem.
+    """
+    check_drive(system, *_limits(system))
+
+
+def _limits(system: System) -> Iterator[str]:
+    """Limits of the gate that no live robot of this period can hold: lockstep has no time between two ticks."""
+    config = system.config
+    period, gate = config.run.period, config.gate
+    for name, limit in (("stop_deadline", gate.stop_deadline), ("sensor_timeout", gate.sensor_timeout)):
+        if limit <= period:
+            yield (
+                f"gate.{name}: is {limit:g} s; expected more than run.period = {period:g} s, or a live robot stops in "
+                f"every tick; give {2.0 * period:g} s or more"
+            )
 
 
 def _places(system: System) -> Iterator[str]:

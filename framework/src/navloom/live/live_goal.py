@@ -18,9 +18,9 @@ __all__ = ["LiveGoal"]
 CHECK = 0.05
 """Shortest wait between two checks while no pose arrives, s."""
 WITHOUT_POSE = 0.2
-"""Time without a pose after which the goal steps without one, s."""
+"""Time without a pose after which the goal steps without one, s; at least two control periods."""
 PLATFORM_SILENCE = 1.0
-"""Silence of the platform after which a goal pauses, s."""
+"""Silence of the platform after which a goal pauses, s; at least two control periods."""
 BROKEN = 20
 """Number of consecutive failed steps of a plugin after which the goal ends with an error."""
 
@@ -37,19 +37,21 @@ class LiveGoal(LiveRunner):
         self.faults: dict[Source, tuple[int, str]] = {}
         self._platform = RestartWatch()
         self._has_platform_restarted = self._is_asked = False
+        self._longest = max(WITHOUT_POSE, 2.0 * period)
 
     def wait_time(self) -> float:
         """Longest wait for a message, s."""
-        left = WITHOUT_POSE + self._stepped_at - time.monotonic()
+        left = self._longest + self._stepped_at - time.monotonic()
         return min(super().wait_time(), max(CHECK, left))
 
     def act(self) -> None:
-        """Step with each pose; also without one after a request or when poses stay away."""
+        """Step with each pose; also without one when poses stay away, and once a tick after a request."""
         super().act()
-        silence = time.monotonic() - self._stepped_at
-        if (self._is_asked or silence > WITHOUT_POSE) and self.clock.is_known:
-            # Ticks advance by elapsed time, not ahead of the platform: poses of ticks already stepped are skipped.
-            self.step("tick", self.stepper.stepped + max(1, int(silence / self.period)))
+        stepped, silence = self.stepper.stepped, time.monotonic() - self._stepped_at
+        # The platform ignores requests of later ticks than its own, and poses of ticks already stepped are skipped.
+        is_asked = self._is_asked and stepped <= self.clock.tick
+        if (is_asked or silence > self._longest) and self.clock.is_known:
+            self.step("tick", stepped + max(1, int(silence / self.period)))
 
     def step(self, trigger: str, number: int) -> None:
         """One step of the goal's state machine, with the faults and silences that this process knows of."""
@@ -60,7 +62,7 @@ class LiveGoal(LiveRunner):
                 if isinstance(message, StepReport):
                     self._blame(source, message, envelope)
         self.goal.fault = self._trouble()
-        self.goal.is_lost = self.clock.silence_s() > PLATFORM_SILENCE
+        self.goal.is_lost = self.clock.silence_s() > max(PLATFORM_SILENCE, 2.0 * self.period)
         self._stepped_at, self._is_asked = time.monotonic(), False
         super().step(trigger, number)
 

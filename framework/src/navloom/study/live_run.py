@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from navloom.config import Loaded
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_drive
+from navloom.engine.checks import check_live
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
@@ -100,7 +100,7 @@ class LiveRun:
 
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
-        check_drive(self.system)
+        check_live(self.system)
         shares = spread(self.loaded.config, all_sources(self.system), self.host)
         self.judges = any(role == "platform" for share in shares.values() for role, _ in share)
         self._mailbox = Mailbox()

@@ -63,14 +63,14 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     """
     from navloom.cli.output import print_json
     from navloom.engine.build import assemble
-    from navloom.engine.checks import check_drive, check_task, is_real
+    from navloom.engine.checks import check_live, check_task, is_real
     from navloom.engine.making import try_plugins
     from navloom.hosting.network import network_of
 
     loaded = given.load()
     system = assemble(loaded)
     waits = is_real(system) or not loaded.config.navigation.drive
-    (check_drive if waits else check_task)(system)  # a robot that waits for goals needs none yet
+    (check_live if waits else check_task)(system)  # a robot that waits for goals needs none yet
     with redirect_stdout(sys.stderr):  # plugins may print
         try_plugins(system)
     network = network_of(loaded.config, loaded.config.live.router_host, insecure=True)

@@ -48,6 +48,7 @@ realm = "{realm}"
 
 [gate]
 stop_deadline = {deadline}
+sensor_timeout = {timeout}
 
 [live]
 {live}
@@ -91,7 +92,12 @@ def fleet(
                     'router_host = "other"',
                     f"hosts = {_table({'own': [*processes], 'other': []})}",
                 ]
-            beside = BESIDE.format(realm=realm, deadline=max(0.1, 2.0 * period), live="\n".join([*own, *live]))
+            beside = BESIDE.format(
+                realm=realm,
+                deadline=max(0.1, 2.0 * period),
+                timeout=max(0.5, 2.0 * period),
+                live="\n".join([*own, *live]),
+            )
             path.write_text(config("empty", period, 1e6) + beside, "utf-8")
             log = folder / f"f{number}.log"
             more = ["--host", "own"] if router else []

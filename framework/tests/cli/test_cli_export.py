@@ -24,6 +24,14 @@ ref = "empty"
 [platform]
 plugin = "sensors_sim"
 
+[[sensor]]
+name = "laser"
+kind = "pitched_laser"
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+
 [live]
 router = "tcp/127.0.0.1:7447"
 hosts = { base = ["robot", "safe"], brain = ["think", "drive"] }
@@ -59,6 +67,14 @@ def test_a_host_has_its_share_and_runs_it_from_the_configs_folder(tmp_path: Path
     unit = lines_of(tmp_path / "navloom-lab-r1-robot.service")
     assert unit["WorkingDirectory"] == str(tmp_path) and unit["User"] == "robot"
     assert shlex.split(unit["ExecStart"])[1:] == ["node", str(config), "robot", "--here"]
+
+
+def test_units_of_a_robot_that_cannot_drive_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(CONFIG + "\n[run]\nperiod = 0.2\n", "utf-8")
+    with pytest.raises(ConfigError, match=r"gate\.stop_deadline: is 0\.1 s; expected more than run\.period = 0\.2 s"):
+        run(str(config), "--host", "base", "--out", str(tmp_path / "units"))
+    assert not (tmp_path / "units").exists()
 
 
 def test_an_unknown_host_is_refused_by_name(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ def systemd(
     from navloom.cli.output import print_json
     from navloom.config import ConfigError, load_config
     from navloom.engine.build import assemble
+    from navloom.engine.checks import check_live
     from navloom.files import write_whole
     from navloom.hosting.network import network_of
     from navloom.hosting.systemd import UnitCommand, units
@@ -60,7 +61,9 @@ def systemd(
         user or getpass.getuser(),
         insecure,
     )
-    made = units(assemble(loaded), network_of(loaded.config, host, insecure), host, command)
+    system = assemble(loaded)
+    check_live(system)
+    made = units(system, network_of(loaded.config, host, insecure), host, command)
     out.mkdir(parents=True, exist_ok=True)
     for name, text in made.items():
         write_whole(out / name, text)

@@ -34,11 +34,13 @@ def node(
     """
     from navloom.cli.interrupts import ending
     from navloom.engine.build import assemble
+    from navloom.engine.checks import check_live
     from navloom.hosting.by_hand import share_by_hand
     from navloom.hosting.node_process import NodeProcess, leave
     from navloom.hosting.systemd import notify
 
     system = assemble(given.load())
+    check_live(system)
     with ending() as event, share_by_hand(system, names, connect, keys, insecure, here) as share:
         _warn(share.link)
         process = NodeProcess(system, share, event)

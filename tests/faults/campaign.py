@@ -38,6 +38,7 @@ OWN = ("ends", "disks")
 """Groups in which each trial starts a new robot."""
 COLUMNS: tuple[tuple[str, str, float], ...] = (
     ("ran_on", "ran on, ms", 1e3),
+    ("gap", "gap, ms", 1e3),
     ("zero", "zero, ms", 1e3),
     ("stood", "stood, ms", 1e3),
     ("left_driving", "left driving, s", 1.0),
@@ -123,7 +124,7 @@ def table(entries: Sequence[dict[str, Any]]) -> str:
     for name in dict.fromkeys(entry["fault"] for entry in entries):
         rows = [entry for entry in entries if entry["fault"] == name]
         good = [row for row in rows if not row["problem"]]
-        cells = [spread((row[key] for row in good), scale) for key, _, scale in COLUMNS]
+        cells = [spread((row.get(key) for row in good), scale) for key, _, scale in COLUMNS]
         kept = f"{sum(row['goal'] == 'kept' for row in good)} of {len(rows)}"
         lines.append(" | ".join([name, str(len(rows)), *cells, kept, str(sum(row["touched"] for row in rows))]))
     return "\n".join(f"| {line} |" for line in lines)

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fault_rig import SHARES, Note, Rig, until
-from motor_record import old_words, ran_on
+from motor_record import longest_gap, old_words, ran_on
 from outsider import FLOODED
 
 __all__ = [
@@ -74,6 +74,7 @@ class Outcome:
         fault: Name of the fault.
         ran_on: Longest time that the motors repeated one command, until another, a stop or the end of the look; None
             for the platform's own.
+        gap: Longest time without a command while the motors turned; None for the platform's own.
         zero: Time until the first stop command to the motors; None if there was none.
         stood: Time from then until the robot was stopped; None for a platform that died.
         way: Distance driven until it was stopped, m; None if unknown.
@@ -90,6 +91,7 @@ class Outcome:
 
     fault: str
     ran_on: float | None = None
+    gap: float | None = None
     zero: float | None = None
     stood: float | None = None
     way: float | None = None
@@ -162,7 +164,8 @@ def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) 
         outcome.fresh = first is not None and not first.turns and is_new
     else:
         # After a stop, commands come from a healthy node again; an avoider may repeat one for a second.
-        outcome.ran_on = ran_on([word for word in words if zero is None or word.time_ns <= zero.time_ns], end)
+        until_zero = [word for word in words if zero is None or word.time_ns <= zero.time_ns]
+        outcome.ran_on, outcome.gap = ran_on(until_zero, end), longest_gap(until_zero)
         outcome.old = old_words(motors.words, began)
         standing = motors.standing_after(zero.time_ns) if zero is not None else None
         if standing is not None and zero is not None:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["ADVANCE", "DRIVE", "RECORD", "START", "Line", "MotorRecord", "old_words", "ran_on"]
+__all__ = ["ADVANCE", "DRIVE", "RECORD", "START", "Line", "MotorRecord", "longest_gap", "old_words", "ran_on"]
 
 RECORD = "NAVLOOM_MOTOR_RECORD"
 """Environment variable: file of the record."""
@@ -87,6 +87,17 @@ def ran_on(words: Sequence[Line], end_ns: int) -> float:
             end = run[-1].time_ns if after[0].kind == START else after[0].time_ns
         longest = max(longest, end - run[0].time_ns)
     return longest * 1e-9
+
+
+def longest_gap(words: Sequence[Line]) -> float:
+    """Longest time from a command that turns the motors to the next entry, s; 0 without such a pair.
+
+    The platform writes a command only when a new one of the gate arrives. So a robot that turns in place at its limit
+    repeats one command for seconds without a gap, and one whose commands stay away has a gap.
+    """
+    return (
+        max((after.time_ns - word.time_ns for word, after in itertools.pairwise(words) if word.turns), default=0) * 1e-9
+    )
 
 
 def old_words(words: Sequence[Line], since_ns: int) -> int:

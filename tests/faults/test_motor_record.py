@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from motor_record import ADVANCE, DRIVE, START, Line, MotorRecord, old_words, ran_on
+from motor_record import ADVANCE, DRIVE, START, Line, MotorRecord, longest_gap, old_words, ran_on
 
 MS = 1_000_000
 REST = (float("nan"),) * 5
@@ -60,6 +60,13 @@ def test_a_record_is_read_as_it_grows_and_a_partial_entry_waits(tmp_path: Path) 
 )
 def test_the_longest_time_on_one_command_until_the_look(words: list[Line], expected: float) -> None:
     assert ran_on(words, 150 * MS) == pytest.approx(expected)
+
+
+def test_a_gap_is_the_time_without_a_command_while_the_motors_turn() -> None:
+    turning = [word(50 * number, 0.0, 1.0) for number in range(60)]
+    assert ran_on(turning, 3000 * MS) == pytest.approx(3.0) and longest_gap(turning) == pytest.approx(0.05)
+    assert longest_gap([word(0, 0.5), word(120, 0.5), word(170, 0.0), word(900, 0.5)]) == pytest.approx(0.12)
+    assert longest_gap([word(0, 0.5)]) == 0.0
 
 
 def test_an_old_command_that_comes_again_is_counted() -> None:

@@ -15,7 +15,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 
-__all__ = ["check_drive", "check_live", "check_task", "is_real", "place_problem"]
+__all__ = ["check_live", "check_task", "is_real", "place_problem"]
 
 
 def is_real(system: System) -> bool:
@@ -24,7 +24,10 @@ def is_real(system: System) -> bool:
 
 
 def check_task(system: System) -> None:
-    """Refuse a simulated run of a real robot, of a robot that cannot drive (see `check_drive`), or without a goal.
+    """Refuse a simulated run of a real robot, without a goal, or of a robot that cannot drive.
+
+    A robot cannot drive if a plugin lacks its sensors, if commands arrive stale, or if the start or goal is occupied in
+    the true world.
 
     Raises:
         ConfigError: One line for each problem.
@@ -37,7 +40,7 @@ def check_task(system: System) -> None:
         )
     gives_goal = any(event.do == "goal" for event in config.event)
     has_goal = gives_goal or (system.goal is not None and config.navigation.drive)
-    check_drive(
+    _check_drive(
         system,
         *(() if has_goal else (
             "navigation.goal: is missing, and the world names none; give one, as in goal = { x = 0.0, y = 7.6 }",
@@ -45,25 +48,20 @@ def check_task(system: System) -> None:
     )  # fmt: skip
 
 
-def check_drive(system: System, *more: str) -> None:
-    """Refuse a robot that cannot drive: a plugin without its sensors, commands that arrive stale, a start or goal that
-    is occupied in the true world.
-
-    Raises:
-        ConfigError: One line for each problem, after those in `more`.
-    """
+def _check_drive(system: System, *more: str) -> None:
+    """Refuse a robot that cannot drive. Raises ConfigError with one line for each problem, after those in `more`."""
     problems = [*more, *_places(system), *needed_sensors(system), *_delays(system), *_robot(system)]
     if problems:
         raise system.loaded.error(*problems)
 
 
 def check_live(system: System) -> None:
-    """Refuse a live robot that cannot drive (see `check_drive`), or whose gate would stop it in every tick.
+    """Refuse a live robot that cannot drive, as in `check_task`, or whose gate would stop it in every tick.
 
     Raises:
         ConfigError: One line for each problem.
     """
-    check_drive(system, *_limits(system))
+    _check_drive(system, *_limits(system))
 
 
 def _limits(system: System) -> Iterator[str]:

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from navloom.messages import Odometry, RangeScan, Sweep
 from navloom.recording.header import RecordingError
 from navloom.recording.reader import Recording
 from navloom_ros.bag_import import import_bag
+from navloom_ros.bags import messages as bag_messages
 from navloom_ros.frames import Mount, quaternion_matrix
 from typer.testing import CliRunner
 
@@ -284,3 +286,13 @@ def test_an_imported_log_gives_a_map_and_an_avoider_is_compared_with_the_driver(
     assert kept == {"result.json", "map.png", "map.yaml", "map.pgm", "avoider.png", "ticks.csv"}
     plain = run.invoke(app, ["replay", str(out)])
     assert plain.exit_code != 0 and "name what to try on it" in str(plain.exception)
+
+
+def test_a_bag_whose_connections_share_a_number_is_damaged(tmp_path: Path) -> None:
+    laser, words = (
+        SimpleNamespace(topic=topic, msgtype=kind)
+        for topic, kind in (("/scan", "sensor_msgs/msg/LaserScan"), ("/words", "std_msgs/msg/String"))
+    )
+    reader = SimpleNamespace(paths=[tmp_path / "a.bag"], messages=lambda connections: iter([(words, 0, b"")]))
+    with pytest.raises(RecordingError, match=r"a\.bag: damaged: .*a message of /words is of std_msgs/msg/String"):
+        list(bag_messages(reader, [laser]))

@@ -63,9 +63,13 @@ def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int
     """Connection, time of receipt, ns, and bytes of each message. Raises RecordingError if the bag is damaged."""
     if not connections:  # the reader would read all of them
         return
+    types = {connection.msgtype for connection in connections}
     try:
-        yield from reader.messages(connections=connections)
-    except MemoryError:
+        for connection, stamp_ns, raw in reader.messages(connections=connections):
+            if connection.msgtype not in types:  # two connections of the bag have one number
+                raise ValueError(f"a message of {connection.topic} is of {connection.msgtype}")
+            yield connection, stamp_ns, raw
+    except (MemoryError, RecordingError):
         raise
     except Exception as error:
         raise RecordingError(f"{reader.paths[0]}: damaged: {_words(error)}; copy the bag again") from None

@@ -14,8 +14,8 @@ __all__ = ["Census", "below"]
 SEGMENTS = "/dev/shm/"
 OFTEN = 0.2
 """Time between two observations of a robot's resources, s."""
-REAPED = 3.0
-"""Longest wait for the system to reap orphans, s."""
+REAPED = 20.0
+"""Longest wait for the host's init to reap orphans, s: on a busy host it took more than 3 s."""
 
 
 class Census(threading.Thread):

@@ -18,6 +18,8 @@ LOOK = 0.2
 """Interval of checking a heartbeat, s."""
 FIGHTING = 5
 """Fewest wake-ups in that time of a thread that waits for the GIL: it tries every 0.5 ms. A stopped one has none."""
+UNREAD = -1
+"""No count of wake-ups yet: it is read only while a heartbeat is missing, since reading it costs the most."""
 STOPPED = 0.5
 """Gap after which a thread that runs every 0.1 s must have waited for the GIL or been stopped, s."""
 
@@ -55,7 +57,7 @@ class HeartMonitor:
             os.ftruncate(self._file, PAGE)
             self._time = memoryview(mmap.mmap(self._file, PAGE)).cast("q")
             self.path = f"/proc/{os.getpid()}/fd/{self._file}"
-        self._last = self._switches = 0
+        self._last, self._switches = 0, UNREAD
         self._looked = self._silent = 0.0
 
     def reset(self) -> None:
@@ -81,10 +83,11 @@ class HeartMonitor:
             return self._silent
         spent, self._looked = min(now - self._looked, 2 * LOOK), now
         beat, before = self._time[0], self._switches
-        self._switches = _switches(pid)
         if beat != self._last or not beat:
-            self._last, self._silent = beat, 0.0
-        elif self._switches - before >= FIGHTING:
+            self._last, self._silent, self._switches = beat, 0.0, UNREAD
+            return 0.0
+        self._switches = _switches(pid)
+        if before != UNREAD and self._switches - before >= FIGHTING:
             self._silent += spent
         return self._silent
 

@@ -16,7 +16,7 @@ LIVES = 16
 """Most tokens that one instance may have at once; further ones are ignored."""
 AGAIN = 0.5
 """Shortest time between two calls of `meet` for one instance, s, even if it restarts all the time."""
-LOOK = 0.2
+LOOK = 1.0
 """Interval of checking for the end while no instance comes up, s."""
 
 

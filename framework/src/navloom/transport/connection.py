@@ -61,13 +61,13 @@ class Way:
         return self.publisher is not None and self.publisher.is_heard
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message, directly or by the sender's thread."""
+        """Send a message to its subscribers, directly or by the sender's thread."""
         publisher = self.publisher
-        if publisher is None:
+        if publisher is None or not publisher.is_heard:
             return
         if self._sender is None:
             publisher.put(data, label)
-        elif publisher.is_heard:
+        else:
             self._sender.hand(partial(publisher.put, data, label), len(data))
 
 

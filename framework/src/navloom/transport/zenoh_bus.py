@@ -27,10 +27,13 @@ class Publication:
     @property
     def is_heard(self) -> bool:
         """Whether another process subscribes, as far as is known; if not, nothing needs to be encoded."""
-        return any(way.is_heard for way in self._ways)
+        for way in self._ways:  # noqa: SIM110  `any` with a generator takes three times as long
+            if way.is_heard:
+                return True
+        return False
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message. A broken link loses it, as the stream's quality of service allows."""
+        """Send a message to its subscribers. A broken link loses it, as the stream's quality of service allows."""
         for way in self._ways:
             way.put(data, label)
 

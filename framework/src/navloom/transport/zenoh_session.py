@@ -9,18 +9,21 @@ import time
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
+from weakref import ref
 
 import zenoh
 
 __all__ = ["TIMED_OUT", "Answer", "Publisher", "Question", "Receive", "Replies", "Session", "SessionError"]
 
-RUNTIME = "(tx: (worker_threads: 3), rx: (worker_threads: 4))"
+RUNTIME = "(tx: (worker_threads: 3), rx: (worker_threads: 4), acc: (handover: rx), net: (handover: rx))"
 """Zenoh's threads, shared by all sessions of a process. By default one thread sends: closing a link whose other end
-reads nothing can block it for over 1 s, and with it all other links of the process."""
+reads nothing can block it for over 1 s, and with it all other links of the process. By default, each message also wakes
+two threads on arrival: one of the runtime that opened or accepted the link, which waits for its socket, and one that
+receives."""
 os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # Zenoh reads it when it is first used
 MEDIA = "application/x-navloom;"
 TIMED_OUT = "Timeout"
-"""Zenoh's reply in place of an answer that does not come in time."""
+"""Zenoh's reply in place of an answer that does not come in time; at most one for each query."""
 OVERDUE = 0.5
 """How long after its timeout a query ends in any case, s, even without word from Zenoh."""
 SessionError = zenoh.ZError
@@ -99,23 +102,31 @@ class Question:
 
 
 class Publisher:
-    """A stream declared in one session."""
+    """A stream declared in one session.
+
+    Attributes:
+        is_heard: Whether it has a subscriber, as last reported: asking for each message costs more than encoding it.
+    """
 
     def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
+        self.is_heard = False
+        this = ref(self)  # Zenoh holds the callback, and Python cannot see a circle that leads through Zenoh
+
+        def note(status: Any) -> None:
+            if (held := this()) is not None:
+                held.is_heard = bool(status.matching)
+
+        self._listener = publisher.declare_matching_listener(zenoh.handlers.Callback(note, indirect=False))
+        if publisher.matching_status.matching:  # it is never set to False here: a report may have come before this line
+            self.is_heard = True
 
     def put(self, data: bytes, label: str) -> None:
         """Send a message. A broken link loses it, as the stream's quality of service allows."""
-        with contextlib.suppress(zenoh.ZError):
+        try:  # noqa: SIM105  a context manager would cost as much as all the rest
             self._publisher.put(data, encoding=_encoding(label))
-
-    @property
-    def is_heard(self) -> bool:
-        """Whether it has a subscriber."""
-        try:
-            return bool(self._publisher.matching_status.matching)
         except zenoh.ZError:
-            return False
+            pass
 
 
 class Replies:
@@ -131,6 +142,7 @@ class Replies:
         self._came.put(None)
 
     def __iter__(self) -> Iterator[Answer]:
+        has_timed_out = False
         with contextlib.suppress(queue.Empty):
             while (reply := self._came.get(timeout=max(0.0, self._limit - time.monotonic()))) is not None:
                 if reply.ok is not None:
@@ -138,7 +150,10 @@ class Replies:
                     label = str(sample.encoding).removeprefix(MEDIA)
                     yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
                 elif reply.err is not None:
-                    yield Answer("", b"", "", reply.err.payload.to_string())
+                    refusal = reply.err.payload.to_string()
+                    if not (refusal == TIMED_OUT and has_timed_out):  # session and router may both report it
+                        yield Answer("", b"", "", refusal)
+                    has_timed_out = has_timed_out or refusal == TIMED_OUT
 
 
 class Session:

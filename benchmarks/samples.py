@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from navloom.messages import MapUpdate, Message, OccupancyGrid, Pose2D
 from navloom_benchmarks.samples import samples as bench_samples
-from navloom_benchmarks.samples import wire_size
+from navloom_benchmarks.samples import wire_bytes, wire_size
 
-__all__ = ["samples", "wire_size"]
+__all__ = ["samples", "wire_bytes", "wire_size"]
 
 
 def samples() -> dict[str, Message]:

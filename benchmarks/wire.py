@@ -26,7 +26,7 @@ from samples import samples, wire_size
 from trips import Driver, PeerError
 
 HERE = Path(__file__).resolve().parent
-PEERS = ("ours", "zenoh", "zenoh-thread", "zenoh-shared", "dora")
+PEERS = ("ours", "zenoh", "zenoh-thread", "zenoh-default", "zenoh-shared", "dora")
 START = 30.0
 """Longest start of an end, s."""
 END = 8.0
@@ -56,9 +56,10 @@ def started(command: Sequence[str], folder: Path, env: dict[str, str] | None = N
 
 def start_zenoh(peer: str, folder: Path, driver: Driver, socket: Path, stack: ExitStack) -> None:
     """Start both ends of a peer over Zenoh. Raises PeerError."""
+    env = {**os.environ, "ZENOH_RUNTIME": "()"} if peer == "zenoh-default" else None
     for part in ("echo", "ping"):
         command = [sys.executable, str(HERE / "zenoh_ends.py"), peer, part, str(folder), str(socket)]
-        process = stack.enter_context(started(command, folder))
+        process = stack.enter_context(started(command, folder, env))
         driver.wait_for(f"{peer} {part}", START, lambda process=process: process.poll() is None)  # type: ignore[misc]
 
 

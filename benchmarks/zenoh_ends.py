@@ -7,6 +7,7 @@ PART is `ping` or `echo`. Every peer uses the link and the settings of two proce
 | ours | `Outlet.publish`, mailbox and thread of the other process, decode, `Outlet.publish` of the answer, decode |
 | zenoh | a put of prepared bytes; a callback copies the received ones and immediately puts as many |
 | zenoh-thread | the same, but the callback queues the bytes and a thread answers, as in a node |
+| zenoh-default | as `zenoh-thread`, with Zenoh's default threads instead of those of the live runtime |
 | zenoh-shared | as `zenoh`, with shared memory |
 """
 
@@ -28,7 +29,7 @@ from navloom.transport.links import Link, peer_link, settings
 from navloom.transport.quality import quality_of
 from navloom.transport.zenoh_bus import Bus
 from navloom_benchmarks.bus import BACK, THERE, OurEnd
-from samples import samples, wire_size
+from samples import samples, wire_bytes
 from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end
 
 KEYS = KeySpace("bench", "r1")
@@ -96,8 +97,8 @@ class RawEnd:
     def __init__(
         self, session: Any, gives: tuple[str, str], takes: tuple[str, str], take: Callable[[Any], Any]
     ) -> None:
-        self.sizes = {name: wire_size(message) for name, message in samples().items()}
-        self.payloads = {name: bytes(size) for name, size in self.sizes.items()}
+        self.payloads = {name: wire_bytes(message) for name, message in samples().items()}
+        self.sizes = {name: len(payload) for name, payload in self.payloads.items()}
         self.publishers = {
             name: session.declare_publisher(
                 KEYS.port(*gives, DATA),
@@ -182,7 +183,7 @@ def main(peer: str, part: str, folder: str, socket: str) -> None:
     elif peer == "ours":
         our_echo(link, report)
     else:
-        raw_echo(link, peer == "zenoh-thread", report)
+        raw_echo(link, peer in ("zenoh-thread", "zenoh-default"), report)
 
 
 if __name__ == "__main__":

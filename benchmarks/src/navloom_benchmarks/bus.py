@@ -26,7 +26,7 @@ from navloom.transport.quality import quality_of
 from navloom.transport.zenoh_bus import Bus
 
 from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module
-from navloom_benchmarks.samples import samples, wire_size
+from navloom_benchmarks.samples import samples, wire_bytes, wire_size
 
 __all__ = ["BACK", "THERE", "OurEnd", "RawEnd", "bus"]
 
@@ -202,13 +202,13 @@ def _answer_until_the_end(ours: OurEnd) -> None:
 
 def _make_trips(ours: OurEnd, raw: dict[str, RawEnd]) -> None:
     messages = samples()
-    sizes = {name: wire_size(message) for name, message in messages.items()}
+    data = {name: wire_bytes(message) for name, message in messages.items()}
     print('"ready"', flush=True)
     for line in sys.stdin:
         peer, name, count = json.loads(line)
         found: list[Any] = []
         for _ in range(count):
-            found.append(ours.trip(messages[name]) if peer == "ours" else raw[peer].trip(bytes(sizes[name])))
+            found.append(ours.trip(messages[name]) if peer == "ours" else raw[peer].trip(data[name]))
         print(json.dumps(found), flush=True)
 
 

@@ -9,7 +9,7 @@ from navloom.messages import Command, Envelope, Message, Sweep, Twist2D
 from navloom.messages.codec import encode
 from numpy.typing import NDArray
 
-__all__ = ["ENVELOPE", "samples", "wire_size"]
+__all__ = ["ENVELOPE", "samples", "wire_bytes", "wire_size"]
 
 ENVELOPE = Envelope("bench/r1/platform/there/data", 1, 1, 0, 0, 0)
 
@@ -31,9 +31,14 @@ def samples(random: np.random.Generator | None = None) -> dict[str, Message]:
     }
 
 
+def wire_bytes(message: Message) -> bytes:
+    """An encoded message with its header. Raw peers send these: zeros would all be read from one page of memory."""
+    return encode(message, ENVELOPE)
+
+
 def wire_size(message: Message) -> int:
     """Size of an encoded message with its header, bytes."""
-    return len(encode(message, ENVELOPE))
+    return len(wire_bytes(message))
 
 
 def _kept(array: NDArray[Any]) -> NDArray[Any]:

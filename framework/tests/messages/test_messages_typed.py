@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgpack
@@ -30,6 +31,7 @@ from navloom.messages import (
     Twist2D,
     codec,
 )
+from navloom.messages.arrays import FORMS, recalling
 from navloom.messages.codec import CodecError, decode, encode, schema_label
 from navloom.messages.typed import _Reader
 
@@ -113,6 +115,42 @@ def test_a_table_that_was_seen_before_does_not_excuse_what_an_array_holds(bad: f
     decode(data, "navloom.RangeScan/1")
     with pytest.raises(CodecError, match=r"RangeScan\.ranges: holds "):
         decode(data[:-8] + struct.pack("<d", bad), "navloom.RangeScan/1")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_an_array_that_was_seen_before_does_not_excuse_what_it_holds_now(bad: float) -> None:
+    data = encode(SCAN, AT)
+    decode(data, "navloom.RangeScan/1")
+    start = data.index(SCAN.bearings.tobytes())
+    with pytest.raises(CodecError, match=r"RangeScan\.bearings: holds (nan|-?inf), expected finite numbers"):
+        decode(data[:start] + struct.pack("<d", bad) + data[start + 8 :], "navloom.RangeScan/1")
+
+
+def test_arrays_that_do_not_change_are_held_once_and_without_the_rest_of_their_message() -> None:
+    first, second, third = (
+        decode(encode(replace(SCAN, stamp_ns=stamp, ranges=ranges), AT), "navloom.RangeScan/1")[0]
+        for stamp, ranges in ((5, BEAMS + 1.0), (6, BEAMS + 2.0), (7, BEAMS + 2.0))
+    )
+    assert isinstance(first, RangeScan) and isinstance(second, RangeScan) and isinstance(third, RangeScan)
+    assert second.bearings is third.bearings and second.origins is third.origins
+    assert second.bearings.base == BEAMS.tobytes() and not second.bearings.flags.writeable
+    assert first.ranges.tolist() == (BEAMS + 1.0).tolist() and second.ranges.tolist() == (BEAMS + 2.0).tolist()
+
+
+def test_a_sensor_that_turns_is_read_as_it_stands() -> None:
+    for turn in (*range(40), 3, 3, 4):  # more often than arrays are compared
+        scan = replace(SCAN, bearings=BEAMS + turn)
+        back, _ = decode(encode(scan, AT), "navloom.RangeScan/1")
+        assert isinstance(back, RangeScan) and back.bearings.tolist() == (BEAMS + turn).tolist()
+
+
+def test_shapes_that_are_compared_are_bounded() -> None:
+    refused: list[int] = []
+    view = recalling(np.dtype("float64"), lambda array: refused.append(array.size))
+    for count in (*range(1, 100), *range(1, 100)):
+        data = np.arange(count, dtype=float).tobytes()
+        assert view((count,), data, 0).tolist() == list(range(count))
+    assert len(refused) == 2 * 99 - FORMS
 
 
 def test_arrays_of_other_sizes_than_their_message_agrees_on_are_refused_each_time() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,16 @@ from numpy.typing import NDArray
 from navloom.messages.bounds import ALIGNMENT
 from navloom.messages.kinds import DTYPES, MAX_ARRAYS, MessageError, brief
 
-__all__ = ["Memory", "memory_of", "views"]
+__all__ = ["Memory", "memory_of", "recalling", "views"]
 
 Memory = bytes | NDArray[np.uint8]
 """Memory that arrays are views of: bytes, or an array over another buffer, whose flags show if it can be written."""
+RECALLED = 8192
+"""Largest array that is compared with an earlier one, bytes."""
+FORMS = 16
+"""Most shapes of a field that are compared."""
+MISSES = 16
+"""After so many arrays of a shape in a row that differed from the one before, the shape is not compared any more."""
 
 
 def memory_of(data: bytes | memoryview) -> Memory:
@@ -61,3 +68,44 @@ def _view(entry: Any, memory: Memory, start: int) -> NDArray[Any]:
     if offset % ALIGNMENT or len(shape) > 8 or (count and offset + count * dtype.itemsize > len(memory) - start):
         raise ValueError
     return np.ndarray(shape, dtype, memory, start + offset if count else 0)
+
+
+def recalling(
+    dtype: np.dtype[Any], refuse: Callable[[NDArray[Any]], None] | None
+) -> Callable[[tuple[int, ...], Memory, int], NDArray[Any]]:
+    """A function (shape, all bytes, offset) -> array that returns the last array of the shape again if it is equal.
+
+    Most arrays of a scan do not change from one scan to the next: the origins and bearings of its beams. Comparing
+    their bytes costs less than checking their values again.
+
+    Args:
+        dtype: Element type.
+        refuse: Raises MessageError for values that the field does not allow; None if it allows all.
+    """
+    held: dict[tuple[int, ...], tuple[bytes, NDArray[Any], int]] = {}
+    changing: set[tuple[int, ...]] = set()
+
+    def view(shape: tuple[int, ...], memory: Memory, at: int) -> NDArray[Any]:
+        entry = held.get(shape)
+        if entry is not None and memory.__class__ is bytes:
+            block, last, misses = entry
+            if memory[at : at + len(block)] == block:
+                if misses:
+                    held[shape] = block, last, 0
+                return last
+        array: NDArray[Any] = np.ndarray(shape, dtype, memory, at)
+        if refuse is not None:
+            refuse(array)
+        if shape not in changing:
+            hold(shape, array, 0 if entry is None else entry[2] + 1)
+        return array
+
+    def hold(shape: tuple[int, ...], array: NDArray[Any], misses: int) -> None:
+        if array.nbytes <= RECALLED and misses < MISSES and (shape in held or len(held) < FORMS):
+            block = array.tobytes()  # a copy, so that the rest of the message is not held with it
+            held[shape] = block, np.ndarray(shape, dtype, block), misses
+        elif len(changing) < FORMS:
+            held.pop(shape, None)
+            changing.add(shape)
+
+    return view

@@ -178,7 +178,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
             held = held.copy()
             held.flags.writeable = False
         if refuse is not None and held.size:
-            refuse(cls, name, held, spec)
+            refuse(cls, name, spec, held)
         if held is value and held.size <= _BY_DOT:
             known[1], known[0] = known[0], held
         return held
@@ -215,10 +215,10 @@ _BY_SUM = 64
 """Largest array, in elements, for which a sum in Python is faster than a call of numpy."""
 
 
-def contents_check(spec: Array) -> Callable[[str, str, NDArray[Any], Array], None] | None:
+def contents_check(spec: Array) -> Callable[[str, str, Array, NDArray[Any]], None] | None:
     """A function that checks the values of a non-empty array of the declared type and shape; None if all values fit.
 
-    It takes class name, field, array and declaration, and raises MessageError.
+    It takes class name, field, declaration and array, and raises MessageError.
     """
     if np.dtype(spec.dtype).kind == "f":
         return _refuse_bad_numbers
@@ -233,12 +233,13 @@ def _is_plainly_fine(numbers: list[float], spec: Array) -> bool:
     return -math.inf < total < math.inf or (spec.infinite and total == math.inf)
 
 
-def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
+def _refuse_bad_numbers(cls: str, name: str, spec: Array, value: NDArray[Any]) -> None:
     """Refuse NaN, infinity unless the field allows +inf, and values below the smallest allowed one."""
     flat = value.ravel()  # a view: arrays are contiguous here
     if flat.size <= _BY_SUM and _is_plainly_fine(flat.tolist(), spec):
         return
-    if spec.at_least is not None and not np.minimum.reduce(flat) >= spec.at_least:
+    # The index of the smallest value, or of NaN: unlike a minimum it needs no ufunc, whose code is seldom in the cache.
+    if spec.at_least is not None and not flat.item(flat.argmin()) >= spec.at_least:
         bad = flat[~(flat >= spec.at_least)][0]
         raise MessageError(f"{cls}.{name}: holds {bad}, expected values >= {spec.at_least:g}, without NaN")
     if spec.infinite:
@@ -250,11 +251,11 @@ def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -
             raise MessageError(f"{cls}.{name}: holds {flat[~finite][0]}, expected finite numbers")
 
 
-def _refuse_beyond(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
+def _refuse_beyond(cls: str, name: str, spec: Array, value: NDArray[Any]) -> None:
     """Refuse integers below the smallest or above the largest allowed value."""
     least = -math.inf if spec.at_least is None else spec.at_least
     most = math.inf if spec.at_most is None else spec.at_most
-    for bad in (int(np.minimum.reduce(value, None)), int(np.maximum.reduce(value, None))):
+    for bad in (value.item(value.argmin()), value.item(value.argmax())):
         if not least <= bad <= most:
             raise MessageError(f"{cls}.{name}: holds {bad}, expected values from {least:g} to {most:g}")
 

@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import msgpack
@@ -19,7 +20,7 @@ import numpy as np
 from msgspec import Meta, Raw, defstruct
 from msgspec.msgpack import Decoder
 
-from navloom.messages.arrays import Memory, views
+from navloom.messages.arrays import Memory, recalling, views
 from navloom.messages.checks import Check, checker, contents_check
 from navloom.messages.envelope import Envelope
 from navloom.messages.kinds import Kind, Message, holds_array
@@ -32,7 +33,7 @@ SHORT, SHORT_LIST = 4096, 256
 Typed = Callable[[bytes | memoryview, Memory, int], tuple[Message, Envelope]]
 """(header, all bytes, offset of the arrays) -> message and envelope; raises for anything that it does not accept."""
 
-_Places = list[tuple[list[int], int]]
+_Places = list[tuple[tuple[int, ...], int]]
 """Shape and offset of each array."""
 _MOST_TABLES = 256
 """Most cached tables of arrays for each class; a run has few shapes."""
@@ -90,7 +91,6 @@ class _Reader:
         self.tables: dict[bytes, _Places] = {}
         self.names: dict[str, Any] = {
             "new": object.__new__,
-            "view": np.ndarray,
             "tables": self.tables,
             "learn": self.learn,
         }
@@ -122,11 +122,11 @@ class _Reader:
             if kind.array is not None and not kind.optional:
                 number = len(self.arrays)
                 self.arrays.append((made, name, checker(cls.__name__, kind)))
+                refuse = contents_check(kind.array)
+                bound = None if refuse is None else partial(refuse, cls.__name__, name, kind.array)
+                view = recalling(np.dtype(kind.array.dtype), bound)
                 lines += [f"shape, offset = places[{number}]"]
-                lines += [f"{held} = view(shape, {self.named(np.dtype(kind.array.dtype))}, memory, start + offset)"]
-                if (refuse := contents_check(kind.array)) is not None:
-                    given = f"{cls.__name__!r}, {name!r}, {held}, {self.named(kind.array)}"
-                    lines += [f"{self.named(refuse)}({given})"]
+                lines += [f"{held} = {self.named(view)}(shape, memory, start + offset)"]
                 found: Any = Literal[number]
             elif kind.message is not None and not kind.optional:
                 found = self.struct(kind.message, place, held, lines)
@@ -165,7 +165,7 @@ class _Reader:
             check(name, array, sizes.setdefault(made, {}))
         if len(self.tables) >= _MOST_TABLES:
             self.tables.clear()
-        places = self.tables[table] = [(shape, offset) for _, shape, offset in entries]
+        places = self.tables[table] = [(tuple(shape), offset) for _, shape, offset in entries]
         return places
 
 

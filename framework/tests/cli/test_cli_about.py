@@ -12,6 +12,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 
 import pytest
+from navloom.cli.built_in import BUILT_IN, BuiltIn, BuiltInCommand
 from navloom.cli.main import app
 from navloom.cli.shells.manual import page
 from navloom.cli.shells.tree import commands
@@ -69,6 +70,24 @@ def test_the_help_shows_the_first_sentence_of_every_command_whole(in_process: In
     rows = [line for line in out.partition("Commands:")[2].splitlines() if line]
     assert code == 0 and len(rows) > 30
     assert [row for row in rows if not re.fullmatch(r"  \S+ +\S.*[^.]\.", row)] == []
+
+
+@pytest.mark.parametrize("entry", BUILT_IN, ids=lambda entry: entry.name)
+def test_the_help_lists_a_command_with_the_first_sentence_of_its_own_help(entry: BuiltIn) -> None:
+    listed = BuiltInCommand(entry)
+    real = listed.made()
+    assert entry.help == listed.get_short_help_str(200) == real.get_short_help_str(200)
+    assert (real.name, real.hidden, real.deprecated) == (entry.name, False, False)
+
+
+@pytest.mark.parametrize(("words", "used"), [(["--help"], set()), (["worlds", "--help"], {"describing.worlds"})])
+def test_the_module_of_a_command_is_imported_when_the_command_is_used(words: list[str], used: set[str]) -> None:
+    code = "import atexit, sys; atexit.register(lambda: print(*sys.modules)); from navloom.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60, check=True)
+    imported = set(done.stdout.splitlines()[-1].split())
+    modules = {entry.source.partition(":")[0] for entry in BUILT_IN}
+    assert "navloom.cli.built_in" in imported
+    assert {one for one in modules if f"navloom.cli.{one}" in imported} == used
 
 
 def test_the_manual_page_has_every_command_with_every_option() -> None:

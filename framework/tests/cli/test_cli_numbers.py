@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import pytest
 import typer
-from navloom.cli.main import app
+from navloom.cli.built_in import BUILT_IN, BuiltInCommand
+from typer.core import TyperGroup
 
 CommandLine = Callable[..., tuple[int, str, str]]
 NEEDED = {
@@ -31,19 +33,19 @@ NEEDED = {
 BAD = {float: ["nan", "inf", "much"], int: ["nan", "1.5", ""]}
 
 
-def commands(app: typer.Typer, name: str = "") -> Iterator[tuple[str, Callable[..., None]]]:
-    """Every command, by its words."""
-    for group in app.registered_groups:
-        assert group.typer_instance is not None
-        yield from commands(group.typer_instance, f"{name} {group.name}".strip())
-    for one in app.registered_commands:
-        assert one.callback is not None
-        yield f"{name} {one.name or one.callback.__name__}".strip(), one.callback
+def commands(known: Any, name: str) -> Iterator[tuple[str, Callable[..., None]]]:
+    """A command, or every command of a group, by its words."""
+    if not isinstance(known, TyperGroup):
+        yield name, known.callback
+        return
+    for word, command in known.commands.items():
+        yield from commands(command, f"{name} {word}")
 
 
 def numbers() -> Iterator[tuple[str, str, str]]:
     """Every option and argument that is a number, with values that are not numbers."""
-    for name, callback in commands(app):
+    every = (commands(BuiltInCommand(entry).made(), entry.name) for entry in BUILT_IN)
+    for name, callback in itertools.chain.from_iterable(every):
         for key, hint in get_type_hints(callback, include_extras=True).items():
             annotated, *extra = get_args(hint) if hasattr(hint, "__metadata__") else (hint,)
             kind = next((kind for kind in BAD if annotated in (kind, kind | None)), None)

@@ -36,7 +36,7 @@ def exported(in_process: Command, *words: str) -> tuple[dict[str, Any], str]:
 def unknown_options(command: list[str]) -> list[str]:
     """Options that the command line does not have."""
     known: Any = typer.main.get_command(app)
-    found = known.commands[command[0]]
+    found = known.whole()[command[0]]
     options = {name for one in found.params for name in one.opts}
     return [word for word in command if word.startswith("--") and word not in options]
 

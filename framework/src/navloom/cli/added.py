@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar
 
-import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
-from navloom.cli.command import App, with_groups_within
+from navloom.cli.built_in import BUILT_IN, BuiltInCommand
+from navloom.cli.lazy import LazyCommand, made_by_typer
 from navloom.entry_kinds import CommandPoint, added_commands
 
 __all__ = ["Commands", "blamed"]
@@ -16,6 +16,10 @@ __all__ = ["Commands", "blamed"]
 
 class Commands(TyperGroup):
     """The commands of navloom, then those of entry points `command.NAME` whose names navloom does not use itself."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands.update((entry.name, BuiltInCommand(entry)) for entry in BUILT_IN)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help."""
@@ -26,15 +30,16 @@ class Commands(TyperGroup):
         return super().get_command(ctx, cmd_name) or self._added.get(cmd_name)
 
     def whole(self) -> dict[str, Any]:
-        """Every command with its options. Those of distributions are imported; a broken one appears as in the help."""
-        return {**self.commands, **{name: command.made_or_listed() for name, command in self._added.items()}}
+        """Every command, imported, with its options. A broken one of a distribution appears as in the help."""
+        lazy: dict[str, Any] = {**self.commands, **self._added}
+        return {name: command.made_or_listed() for name, command in lazy.items()}
 
     @cached_property
     def _added(self) -> dict[str, AddedCommand]:
         return {point.name: AddedCommand(point) for point in added_commands() if point.name not in self.commands}
 
 
-class AddedCommand(TyperCommand):
+class AddedCommand(LazyCommand):
     """A distribution's command: the help shows the distribution's summary; the module is imported when it is used."""
 
     used: ClassVar[CommandPoint | None] = None
@@ -44,41 +49,34 @@ class AddedCommand(TyperCommand):
         super().__init__(point.name, help=point.summary or f"Of {point.distribution}.")
         self._point = point
 
-    def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
-        """Import the real command and create its context."""
-        made = self._made()
-        AddedCommand.used = self._point
-        return made.make_context(info_name, args, parent=parent, **extra)
+    def made(self) -> Any:
+        """The command that its module registers. Raises PluginError."""
+        from navloom.plugins import Discovery, PluginError
+        from navloom.plugins.blame import raised_in
+
+        name = str(self.name)
+        given = Discovery().command(name)
+        try:
+            return made_by_typer(name, given)
+        except Exception as error:  # typer raises many kinds for annotations that no option can have
+            raise PluginError(
+                f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
+            ) from error
 
     def made_or_listed(self) -> Any:
         """The real command, or this one if it is broken."""
         from navloom.plugins import PluginError
 
         try:
-            return self._made()
+            return self.made()
         except PluginError:
             return self
 
-    def _made(self) -> Any:
-        """The command that its module registers, made by typer. Raises PluginError."""
-        from navloom.plugins import Discovery, PluginError
-        from navloom.plugins.blame import raised_in
-
-        name = str(self.name)
-        given = Discovery().command(name)
-        around = App(add_completion=False, rich_markup_mode=None)
-        around.callback()(lambda: None)
-        try:
-            if isinstance(given, typer.Typer):
-                around.add_typer(with_groups_within(given), name=name)
-            else:
-                around.command(name)(given)
-            made: Any = typer.main.get_command(around)
-        except Exception as error:  # typer raises many kinds for annotations that no option can have
-            raise PluginError(
-                f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
-            ) from error
-        return made.commands[name]
+    def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
+        """Make the real command and create its context; from then on, unexpected errors are blamed on it."""
+        made = self.made()
+        AddedCommand.used = self._point
+        return made.make_context(info_name, args, parent=parent, **extra)
 
 
 def blamed(error: Exception) -> str:

@@ -139,7 +139,7 @@ def _options(group: Any, parameter: inspect.Parameter) -> Iterator[inspect.Param
         yield from _fields_of(group)
 
 
-@functools.cache  # `navloom --help` asks this for every command
+@functools.cache  # `navloom man` asks this for every command
 def _fields_of(group: Any) -> tuple[inspect.Parameter, ...]:
     """The fields of a dataclass of options, as function parameters."""
     hints = get_type_hints(group, include_extras=True)

@@ -10,11 +10,6 @@ import sys
 
 from navloom.cli import about, added
 from navloom.cli.command import App
-from navloom.cli.describing import config, graph, messages, plugins, worlds
-from navloom.cli.live import doctor, echo, export, hz, keys, listing, metrics, nodes, operate, status, teleop, up
-from navloom.cli.recordings import import_log, record, replay, view
-from navloom.cli.shells import completion, manual
-from navloom.cli.study import check, compare, map, plan, report, run
 from navloom.cli.tracebacks import with_traceback
 from navloom.errors import NavloomError
 from navloom.logs import Level, set_up_logging
@@ -29,42 +24,6 @@ app = App(
     rich_markup_mode=None,
 )
 app.callback(invoke_without_command=True)(about.about)
-app.command("run")(run.run)
-app.command("compare", cls=compare.Variadic)(compare.compare)
-app.command("report")(report.report)
-app.command("up")(up.up)
-app.command("down")(up.down)
-app.command("goal", context_settings=operate.NUMBERS)(operate.goal)
-app.command("cancel")(operate.cancel)
-app.command("swap")(operate.swap)
-app.command("stop")(operate.stop)
-app.command("resume")(operate.resume)
-app.command("teleop", context_settings=operate.NUMBERS)(teleop.teleop)
-app.command("list")(listing.list_nodes)
-app.command("status")(status.status)
-app.command("echo")(echo.echo)
-app.command("hz")(hz.hz)
-app.command("metrics")(metrics.metrics)
-app.command("doctor")(doctor.doctor)
-app.command("node")(nodes.node)
-app.command("router")(nodes.router)
-app.add_typer(operate.params, name="params")
-app.command("record")(record.record)
-app.command("replay")(replay.replay)
-app.command("import")(import_log.import_log)
-app.command("view")(view.view)
-app.command("plan")(plan.plan)
-app.command("map")(map.map_recording)
-app.command("plugins")(plugins.plugins)
-app.command("messages")(messages.messages)
-app.command("check")(check.check)
-app.command("worlds")(worlds.worlds)
-app.command("graph")(graph.graph)
-app.command("completion")(completion.completion)
-app.command("man")(manual.man)
-app.add_typer(keys.app, name="keys")
-app.add_typer(export.app, name="export")
-app.add_typer(config.app, name="config")
 
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}

@@ -15,8 +15,8 @@ from navloom.cli.output import LOG
 __all__ = ["cancel", "goal", "params", "resume", "stop", "swap"]
 
 params = App(help="Parameters of a live robot's plugins.", no_args_is_help=True)
-NUMBERS = {"ignore_unknown_options": True}
-"""Lets -1.5 be a coordinate instead of an option."""
+NUMBERS = {"context_settings": {"ignore_unknown_options": True}}
+"""Settings of a command: lets -1.5 be a coordinate instead of an option."""
 
 
 def goal(

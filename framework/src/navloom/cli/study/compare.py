@@ -44,6 +44,10 @@ class Variadic(SectionedCommand):
         return super().parse_args(ctx, given)
 
 
+VARIADIC = {"cls": Variadic}
+"""Settings of the command: its options may take several values in a row."""
+
+
 def compare(
     config: ConfigName,
     *,

@@ -70,6 +70,17 @@ def test_streams_tokens_and_answers_return_after_a_restart_of_the_router(
         until(lambda: [found.data for found in second.ask("lab/r1/gate/main/describe")] == [b"here"])
 
 
+def test_a_process_that_subscribed_before_its_token_receives_the_next_message(clients: tuple[Bus, Bus, Bus]) -> None:
+    _, first, second = clients
+    for number in range(30):
+        key, heard = f"lab/r1/gate/n{number}/command", list[bytes | None]()
+        stream = first.publication(key, quality_of(Command))
+        first.watch(f"lab/r1/n{number}", lambda key, has_come, stream=stream: stream.put(b"now", "Command 1"))
+        second.subscribe(key, lambda key, data, label, heard=heard: heard.append(data))
+        second.announce(f"lab/r1/n{number}")
+        until(lambda heard=heard: heard == [b"now"])
+
+
 def test_a_query_ends_with_an_answer_a_time_out_or_the_end_of_the_session(clients: tuple[Bus, Bus, Bus]) -> None:
     _, first, second = clients
     held: list[Question] = []

@@ -104,22 +104,38 @@ class Question:
 class Publisher:
     """A stream declared in one session.
 
-    Attributes:
-        is_heard: Whether it has a subscriber, as last reported: asking for each message costs more than encoding it.
+    Args:
+        publisher: Zenoh's publisher.
+        arrivals: Number of tokens and queries that the session has received, see `Session`.
     """
 
-    def __init__(self, publisher: Any) -> None:
-        self._publisher = publisher
-        self.is_heard = False
+    def __init__(self, publisher: Any, arrivals: Callable[[], int]) -> None:
+        self._publisher, self._arrivals = publisher, arrivals
+        self._is_heard, self._asked = False, -1
         this = ref(self)  # Zenoh holds the callback, and Python cannot see a circle that leads through Zenoh
 
         def note(status: Any) -> None:
             if (held := this()) is not None:
-                held.is_heard = bool(status.matching)
+                held._is_heard = bool(status.matching)
 
         self._listener = publisher.declare_matching_listener(zenoh.handlers.Callback(note, indirect=False))
-        if publisher.matching_status.matching:  # it is never set to False here: a report may have come before this line
-            self.is_heard = True
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether it has a subscriber.
+
+        Zenoh reports changes a moment later, and asking it costs more than encoding a small message. So it is asked
+        only after a token or a query arrived: who sent that may have subscribed just before, and expects a message.
+        """
+        if self._is_heard:
+            return True
+        arrivals = self._arrivals()
+        if arrivals != self._asked:
+            self._asked = arrivals
+            with contextlib.suppress(zenoh.ZError):
+                if self._publisher.matching_status.matching:  # never set to False here: a report may come meanwhile
+                    self._is_heard = True
+        return self._is_heard
 
     def put(self, data: bytes, label: str) -> None:
         """Send a message. A broken link loses it, as the stream's quality of service allows."""
@@ -159,6 +175,9 @@ class Replies:
 class Session:
     """One session on a network, with its declarations, until it is closed.
 
+    It counts the tokens and queries that it receives. A token arrives after the subscriptions that its process declared
+    before, so from then on the publishers know them; a query usually does.
+
     Args:
         config: Zenoh's configuration, as JSON.
 
@@ -169,6 +188,7 @@ class Session:
     def __init__(self, config: str) -> None:
         self._session = zenoh.open(zenoh.Config.from_json5(config))
         self._held: list[Any] = []
+        self._arrivals = 0
 
     def close(self) -> None:
         """Leave the network."""
@@ -204,7 +224,8 @@ class Session:
                 congestion_control=_CONGESTION[congestion],
                 priority=_PRIORITY[priority],
                 allowed_destination=zenoh.Locality.REMOTE,
-            )
+            ),
+            lambda: self._arrivals,
         )
 
     def subscribe(self, key_expr: str, receive: Receive, most: int) -> None:
@@ -227,6 +248,7 @@ class Session:
         """Call `change` with each liveliness token that exists, appears or disappears."""
 
         def take(sample: Any) -> None:
+            self._arrivals += 1
             with contextlib.suppress(Exception):
                 change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
@@ -237,6 +259,7 @@ class Session:
         """Serve queries of a key. `take` is called on the network's thread and must only pass the query on."""
 
         def pass_on(query: Any) -> None:
+            self._arrivals += 1
             with contextlib.suppress(Exception):
                 take(Question(query))
 

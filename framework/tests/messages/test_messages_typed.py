@@ -118,7 +118,7 @@ def test_a_table_that_was_seen_before_does_not_excuse_what_an_array_holds(bad: f
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_an_array_that_was_seen_before_does_not_excuse_what_it_holds_now(bad: float) -> None:
+def test_bad_values_are_refused_after_good_ones_of_the_same_shape(bad: float) -> None:
     data = encode(SCAN, AT)
     decode(data, "navloom.RangeScan/1")
     start = data.index(SCAN.bearings.tobytes())
@@ -137,11 +137,21 @@ def test_arrays_that_do_not_change_are_held_once_and_without_the_rest_of_their_m
     assert first.ranges.tolist() == (BEAMS + 1.0).tolist() and second.ranges.tolist() == (BEAMS + 2.0).tolist()
 
 
-def test_a_sensor_that_turns_is_read_as_it_stands() -> None:
+def test_changing_bearings_are_read_as_sent() -> None:
     for turn in (*range(40), 3, 3, 4):  # more often than arrays are compared
         scan = replace(SCAN, bearings=BEAMS + turn)
         back, _ = decode(encode(scan, AT), "navloom.RangeScan/1")
         assert isinstance(back, RangeScan) and back.bearings.tolist() == (BEAMS + turn).tolist()
+
+
+def test_two_sensors_of_one_type_are_both_known_again() -> None:
+    refused: list[int] = []
+    view = recalling(np.dtype("float64"), lambda array: refused.append(array.size))
+    front, rear = BEAMS.tobytes(), (BEAMS + 1.0).tobytes()
+    for _ in range(40):
+        assert view((8,), front, 0).tobytes() == front and view((8,), rear, 0).tobytes() == rear
+        assert view((8,), np.frombuffer(rear, np.uint8), 0).tobytes() == rear  # of other memory: checked each time
+    assert len(refused) == 2 + 40
 
 
 def test_shapes_that_are_compared_are_bounded() -> None:

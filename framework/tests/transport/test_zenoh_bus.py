@@ -70,6 +70,19 @@ def test_streams_tokens_and_answers_return_after_a_restart_of_the_router(
         until(lambda: [found.data for found in second.ask("lab/r1/gate/main/describe")] == [b"here"])
 
 
+def test_the_first_message_after_a_declaration_reaches_a_reader_that_was_there(clients: tuple[Bus, Bus, Bus]) -> None:
+    _, first, second = clients
+    keys = [f"lab/r1/gate/n{number}/command" for number in range(30)]
+    heard: list[str] = []
+    for key in keys:
+        second.subscribe(key, lambda key, data, label: heard.append(key))
+    until(lambda: keys[0] in heard, lambda: first.publication(keys[0], quality_of(Command)).put(b"ready", "Command 1"))
+    heard.clear()
+    for key in keys[1:]:
+        first.publication(key, quality_of(Command)).put(b"now", "Command 1")
+    until(lambda: set(keys[1:]) <= set(heard))
+
+
 def test_a_process_that_subscribed_before_its_token_receives_the_next_message(clients: tuple[Bus, Bus, Bus]) -> None:
     _, first, second = clients
     for number in range(30):

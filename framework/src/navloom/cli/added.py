@@ -31,8 +31,8 @@ class Commands(TyperGroup):
 
     def whole(self) -> dict[str, Any]:
         """Every command, imported, with its options. A broken one of a distribution appears as in the help."""
-        lazy: dict[str, Any] = {**self.commands, **self._added}
-        return {name: command.made_or_listed() for name, command in lazy.items()}
+        own = {entry.name: BuiltInCommand(entry).made() for entry in BUILT_IN}
+        return own | {name: command.made_or_listed() for name, command in self._added.items()}
 
     @cached_property
     def _added(self) -> dict[str, AddedCommand]:

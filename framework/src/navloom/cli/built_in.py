@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -87,10 +86,6 @@ class BuiltInCommand(LazyCommand):
 
     def made(self) -> Any:
         """The real command, with its options."""
-        return self._made
-
-    @cached_property
-    def _made(self) -> Any:
         settings = _object(self._entry.settings) if self._entry.settings else {}
         return made_by_typer(self._entry.name, _object(self._entry.source), **settings)
 

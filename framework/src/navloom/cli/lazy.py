@@ -19,10 +19,6 @@ class LazyCommand(TyperCommand):
         """The real command, with its options."""
         raise NotImplementedError
 
-    def made_or_listed(self) -> Any:
-        """The real command, or this one if it is broken."""
-        return self.made()
-
     def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
         """Make the real command and create its context."""
         return self.made().make_context(info_name, args, parent=parent, **extra)

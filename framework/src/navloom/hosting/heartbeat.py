@@ -19,7 +19,8 @@ LOOK = 0.2
 FIGHTING = 5
 """Fewest wake-ups in that time of a thread that waits for the GIL: it tries every 0.5 ms. A stopped one has none."""
 UNREAD = -1
-"""No count of wake-ups yet: it is read only while a heartbeat is missing, since reading it costs the most."""
+"""Marks that no wake-ups were counted yet. They are read only while a heartbeat is missing, because reading them costs
+more than the rest of the check."""
 STOPPED = 0.5
 """Gap after which a thread that runs every 0.1 s must have waited for the GIL or been stopped, s."""
 

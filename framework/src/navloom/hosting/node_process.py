@@ -168,7 +168,7 @@ class NodeProcess:
             presence = Presence(keys, set(nodes), self._came)
             live = {source: self._live_runner(cell, clock, memory, presence) for source, cell in hosted.items()}
             self.runners = dict(live)
-            if self.share.attended and any(role == "platform" for role, _ in nodes):
+            if self.share.attended:  # the platform waits for it; all others learn of its subscriptions with the token
                 bus.watch(keys.process(ATTENDANT, LINKED), lambda key, alive: self._heard.set())
             monitor = MemoryReader(self.system, board, clock, memory, self._wake, self._is_over)
             fetching = threading.Thread(target=presence.follow, args=(board.fetch, self._is_over), daemon=True)

@@ -18,6 +18,8 @@ AGAIN = 0.5
 """Shortest time between two calls of `meet` for one instance, s, even if it restarts all the time."""
 LOOK = 1.0
 """Interval of checking for the end while no instance comes up, s."""
+PAUSE = 0.2
+"""Interval of looking for other instances while one has to wait, s."""
 
 
 class Presence:
@@ -70,7 +72,7 @@ class Presence:
                 early = met.get(source, -AGAIN) + AGAIN - time.monotonic()
                 if early > 0.0:
                     if self._arrivals.empty():
-                        time.sleep(min(early, LOOK))
+                        time.sleep(min(early, PAUSE))
                     self._arrivals.put(source)
                     continue
                 self._queued.discard(source)

@@ -15,12 +15,12 @@ __all__ = ["Memory", "memory_of", "recalling", "views"]
 
 Memory = bytes | NDArray[np.uint8]
 """Memory that arrays are views of: bytes, or an array over another buffer, whose flags show if it can be written."""
-RECALLED = 8192
-"""Largest array that is compared with an earlier one, bytes."""
+RECALLED = 32768
+"""Largest array that is compared with earlier ones, bytes."""
 FORMS = 16
-"""Most shapes of a field that are compared."""
+"""Most shapes of a field for which arrays are held."""
 MISSES = 16
-"""After so many arrays of a shape in a row that differed from the one before, the shape is not compared any more."""
+"""Consecutive arrays of a shape that differ from the held ones before the shape is no longer compared."""
 
 
 def memory_of(data: bytes | memoryview) -> Memory:
@@ -73,39 +73,48 @@ def _view(entry: Any, memory: Memory, start: int) -> NDArray[Any]:
 def recalling(
     dtype: np.dtype[Any], refuse: Callable[[NDArray[Any]], None] | None
 ) -> Callable[[tuple[int, ...], Memory, int], NDArray[Any]]:
-    """A function (shape, all bytes, offset) -> array that returns the last array of the shape again if it is equal.
+    """A function (shape, all bytes, offset) -> array that returns an earlier array of the shape again if it is equal.
 
-    Most arrays of a scan do not change from one scan to the next: the origins and bearings of its beams. Comparing
-    their bytes costs less than checking their values again.
+    Most arrays of a scan, such as the origins and bearings of its beams, are the same in every scan. Comparing their
+    bytes costs less than checking their values again. Two arrays are held of each shape, for two sensors of one type.
 
     Args:
         dtype: Element type.
         refuse: Raises MessageError for values that the field does not allow; None if it allows all.
     """
-    held: dict[tuple[int, ...], tuple[bytes, NDArray[Any], int]] = {}
+    held: dict[tuple[int, ...], tuple[_Known, int]] = {}
     changing: set[tuple[int, ...]] = set()
 
     def view(shape: tuple[int, ...], memory: Memory, at: int) -> NDArray[Any]:
-        entry = held.get(shape)
-        if entry is not None and memory.__class__ is bytes:
-            block, last, misses = entry
+        if memory.__class__ is not bytes or shape in changing:
+            return checked(shape, memory, at)
+        known, misses = held.get(shape, _NOTHING)
+        for block, earlier in known:
             if memory[at : at + len(block)] == block:
                 if misses:
-                    held[shape] = block, last, 0
-                return last
+                    held[shape] = known, 0
+                return earlier
+        array = checked(shape, memory, at)
+        hold(shape, array, known, misses + 1)
+        return array
+
+    def checked(shape: tuple[int, ...], memory: Memory, at: int) -> NDArray[Any]:
         array: NDArray[Any] = np.ndarray(shape, dtype, memory, at)
         if refuse is not None:
             refuse(array)
-        if shape not in changing:
-            hold(shape, array, 0 if entry is None else entry[2] + 1)
         return array
 
-    def hold(shape: tuple[int, ...], array: NDArray[Any], misses: int) -> None:
-        if array.nbytes <= RECALLED and misses < MISSES and (shape in held or len(held) < FORMS):
+    def hold(shape: tuple[int, ...], array: NDArray[Any], known: _Known, misses: int) -> None:
+        if array.nbytes <= RECALLED and misses <= MISSES and (known or len(held) < FORMS):
             block = array.tobytes()  # a copy, so that the rest of the message is not held with it
-            held[shape] = block, np.ndarray(shape, dtype, block), misses
+            held[shape] = ((block, np.ndarray(shape, dtype, block)), *known[:1]), misses
         elif len(changing) < FORMS:
-            held.pop(shape, None)
             changing.add(shape)
+            held.pop(shape, None)
 
     return view
+
+
+_Known = tuple[tuple[bytes, NDArray[Any]], ...]
+"""Bytes and array of the arrays that are held of a shape, newest first."""
+_NOTHING: tuple[_Known, int] = ((), 0)

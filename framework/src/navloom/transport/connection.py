@@ -61,13 +61,13 @@ class Way:
         return self.publisher is not None and self.publisher.is_heard
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message to its subscribers, directly or by the sender's thread."""
+        """Send a message, directly or by the sender's thread."""
         publisher = self.publisher
-        if publisher is None or not publisher.is_heard:
+        if publisher is None:
             return
-        if self._sender is None:
+        if self._sender is None:  # Zenoh itself finds out whether there is a subscriber, also in a new session
             publisher.put(data, label)
-        else:
+        elif publisher.is_heard:
             self._sender.hand(partial(publisher.put, data, label), len(data))
 
 

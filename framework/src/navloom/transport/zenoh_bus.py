@@ -33,7 +33,7 @@ class Publication:
         return False
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message to its subscribers. A broken link loses it, as the stream's quality of service allows."""
+        """Send a message. A broken link loses it, as the stream's quality of service allows."""
         for way in self._ways:
             way.put(data, label)
 

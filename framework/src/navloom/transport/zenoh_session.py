@@ -18,12 +18,12 @@ __all__ = ["TIMED_OUT", "Answer", "Publisher", "Question", "Receive", "Replies",
 RUNTIME = "(tx: (worker_threads: 3), rx: (worker_threads: 4), acc: (handover: rx), net: (handover: rx))"
 """Zenoh's threads, shared by all sessions of a process. By default one thread sends: closing a link whose other end
 reads nothing can block it for over 1 s, and with it all other links of the process. By default, each message also wakes
-two threads on arrival: one of the runtime that opened or accepted the link, which waits for its socket, and one that
-receives."""
+two threads on arrival: one that watches the socket, in the runtime that opened or accepted the link, and one that
+receives. `handover` makes the receiving threads do both, so a node that holds the GIL also delays new links."""
 os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # Zenoh reads it when it is first used
 MEDIA = "application/x-navloom;"
 TIMED_OUT = "Timeout"
-"""Zenoh's reply in place of an answer that does not come in time; at most one for each query."""
+"""Zenoh's reply when an answer does not come in time; `Replies` yields it at most once."""
 OVERDUE = 0.5
 """How long after its timeout a query ends in any case, s, even without word from Zenoh."""
 SessionError = zenoh.ZError
@@ -112,7 +112,7 @@ class Publisher:
     def __init__(self, publisher: Any, arrivals: Callable[[], int]) -> None:
         self._publisher, self._arrivals = publisher, arrivals
         self._is_heard, self._asked = False, -1
-        this = ref(self)  # Zenoh holds the callback, and Python cannot see a circle that leads through Zenoh
+        this = ref(self)  # Zenoh holds the callback, and Python's garbage collector cannot see a cycle through Zenoh
 
         def note(status: Any) -> None:
             if (held := this()) is not None:
@@ -124,22 +124,23 @@ class Publisher:
     def is_heard(self) -> bool:
         """Whether it has a subscriber.
 
-        Zenoh reports changes a moment later, and asking it costs more than encoding a small message. So it is asked
-        only after a token or a query arrived: who sent that may have subscribed just before, and expects a message.
+        The listener reports a change a few ms late, and asking Zenoh costs more than encoding a small message. So Zenoh
+        is asked only after a token or a query has arrived: its sender may have subscribed just before, and expects the
+        next message.
         """
         if self._is_heard:
             return True
         arrivals = self._arrivals()
         if arrivals != self._asked:
-            self._asked = arrivals
             with contextlib.suppress(zenoh.ZError):
-                if self._publisher.matching_status.matching:  # never set to False here: a report may come meanwhile
-                    self._is_heard = True
+                if self._publisher.matching_status.matching:
+                    return True  # only the listener sets `_is_heard`, so that no late answer replaces its report
+            self._asked = arrivals  # only now: another thread may ask meanwhile
         return self._is_heard
 
     def put(self, data: bytes, label: str) -> None:
         """Send a message. A broken link loses it, as the stream's quality of service allows."""
-        try:  # noqa: SIM105  a context manager would cost as much as all the rest
+        try:  # noqa: SIM105  a context manager costs more than the rest of this function
             self._publisher.put(data, encoding=_encoding(label))
         except zenoh.ZError:
             pass
@@ -167,16 +168,17 @@ class Replies:
                     yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
                 elif reply.err is not None:
                     refusal = reply.err.payload.to_string()
-                    if not (refusal == TIMED_OUT and has_timed_out):  # session and router may both report it
+                    if refusal != TIMED_OUT or not has_timed_out:  # the session and the router may both report it
                         yield Answer("", b"", "", refusal)
-                    has_timed_out = has_timed_out or refusal == TIMED_OUT
+                    has_timed_out |= refusal == TIMED_OUT
 
 
 class Session:
     """One session on a network, with its declarations, until it is closed.
 
-    It counts the tokens and queries that it receives. A token arrives after the subscriptions that its process declared
-    before, so from then on the publishers know them; a query usually does.
+    It counts the tokens and queries that it receives. A process declares its subscriptions before its token, on the
+    same link, so Zenoh knows them when the token arrives; the same usually holds for a query. A plain message does not
+    count: the reply to it may be lost if its sender has only just subscribed.
 
     Args:
         config: Zenoh's configuration, as JSON.

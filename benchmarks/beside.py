@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
@@ -21,9 +22,17 @@ def arguments(description: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("config", nargs="?", default="paper", help="path or shipped name (default paper)")
     parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
-    parser.add_argument("--beside", metavar="PYTHON", help="another interpreter, with a navloom of its own")
+    parser.add_argument(
+        "--beside", metavar="PYTHON", type=_interpreter, help="another interpreter, with a navloom of its own"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     return parser
+
+
+def _interpreter(text: str) -> str:
+    if shutil.which(text) is None:
+        raise argparse.ArgumentTypeError(f"{text}: not a program; expected an interpreter, such as .venv/bin/python")
+    return text
 
 
 def in_turns(

@@ -211,21 +211,40 @@ def recordings(folder: Path) -> list[bytes]:
     return [plain, plain, whole, plain[: len(plain) // 2]]
 
 
-def bag_seeds(folder: Path) -> dict[str, bytes]:
-    """Small bags of each kind, by file name."""
+def bag_seeds(folder: Path) -> dict[str, list[bytes]]:
+    """Small bags of each kind, by file name: with scans, and with a cloud, a sonar and odometry from transforms."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "plugins" / "ros" / "tests"))
     import ros_bags as bags
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
 
     bags.SECONDS, bags.BEAMS = 0.3, 9
-    found = {"x.bag": bags.room_bag(folder / "a.bag", 1).read_bytes()}
-    (database,) = bags.room_bag(folder / "b", 2).glob("*.db3")
-    found["x.db3"] = database.read_bytes()
+    found = {"x.bag": [bags.room_bag(folder / "a.bag", 1).read_bytes(), _sensor_bag(folder / "e.bag", 1).read_bytes()]}
+    found["x.db3"] = [
+        database.read_bytes()
+        for bag in (bags.room_bag(folder / "b", 2), _sensor_bag(folder / "f", 2))
+        for database in bag.glob("*.db3")
+    ]
     bags.Writer2 = lambda path, version: Writer2(path, version=version, storage_plugin=StoragePlugin.MCAP)
-    (recorded,) = bags.room_bag(folder / "c", 2).glob("*.mcap")
-    found["x.mcap"] = recorded.read_bytes()
+    found["x.mcap"] = [
+        recorded.read_bytes()
+        for bag in (bags.room_bag(folder / "c", 2), _sensor_bag(folder / "g", 2))
+        for recorded in bag.glob("*.mcap")
+    ]
     bags.Writer2 = Writer2
     with bags.Bag(folder / "d", 2) as bag:
         bag.put("/odom", bag.odometry(0.0, bags.START_NS), bags.START_NS)
     return found
+
+
+def _sensor_bag(path: Path, ros: int) -> Path:
+    import ros_bags as bags
+
+    points = [[2.0, y, z] for z in (0.0, 0.4) for y in (-0.2, 0.0, 0.2)]
+    with bags.Bag(path, ros) as bag:
+        bag.put("/tf_static", bag.transform("base_link", "laser", 0.2, 0.0, bags.START_NS), bags.START_NS)
+        for x, stamp_ns in bags.times():
+            bag.put("/tf", bag.transform("odom", "base_link", x, 0.1, stamp_ns), stamp_ns)
+            bag.put("/cloud", bag.cloud(points, 2, stamp_ns), stamp_ns)
+            bag.put("/sonar", bag.range(1.5, stamp_ns), stamp_ns)
+    return path

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import os
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -35,6 +38,16 @@ def one_bag(folder: Path, fill: Any) -> Path:
     with bags.Bag(path, 2) as bag:
         bag.put("/odom", bag.odometry(0.0, bags.START_NS), bags.START_NS)
         fill(bag)
+    return path
+
+
+def bare_database(bag: Path, *changes: str) -> Path:
+    """The database of a ROS 2 bag after SQL statements; the bag's description, which has checksums, is deleted."""
+    (bag / "metadata.yaml").unlink()
+    (path,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(path)) as database, database:
+        for change in changes:
+            assert database.execute(change).rowcount > 0
     return path
 
 
@@ -127,6 +140,77 @@ def test_a_cloud_without_rows_is_put_into_a_raster_where_the_nearest_counts(tmp_
     assert sweep.ranges.shape == (1, 21) and np.isfinite(sweep.ranges).sum() == 2
     assert sweep.ranges[0, [0, 20]].tolist() == pytest.approx([2.0, 3.0], abs=1e-5)
     assert np.degrees(sweep.bearings[[0, 20]]).tolist() == pytest.approx([0.25, 10.25])
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"width": 0}, "it has no points"),
+        ({"height": 2**32 - 1, "row_step": 1}, "its 12 bytes do not hold 4294967295 rows of 1 points"),
+        ({"point_step": 8}, "its 12 bytes do not hold 1 rows of 1 points, 8 bytes each"),
+        ({"data": np.zeros(11, dtype=np.uint8)}, "its 11 bytes do not hold 1 rows of 1 points, 12 bytes each"),
+        ({"fields": 9}, "its field x has datatype 9, expected 1 to 8"),
+    ],
+)
+def test_a_cloud_that_contradicts_itself_is_skipped_with_the_reason(
+    tmp_path: Path, change: dict[str, Any], reason: str
+) -> None:
+    def fill(bag: bags.Bag) -> None:
+        good = bag.cloud(cloud_points(np.radians([0.5]), np.radians([0.25])), 1, bags.START_NS, "base_link")
+        bad = bag.cloud(cloud_points(np.radians([0.5]), np.radians([0.25])), 1, bags.START_NS, "base_link")
+        if "fields" in change:
+            change["fields"] = [bag.type("sensor_msgs/msg/PointField")(name, 0, change["fields"], 1) for name in "xyz"]
+        bag.put("/cloud", good, bags.START_NS)
+        bag.put("/cloud", dataclasses.replace(bad, **change), bags.START_NS + 1)
+
+    found = import_bag(one_bag(tmp_path, fill), tmp_path / "a.mcap", mounts={"cloud": HERE})
+    (cloud,) = (topic for topic in found.topics if topic.name == "/cloud")
+    assert cloud.messages == 1 and [text[: len(reason)] for text in cloud.skipped] == [reason]
+
+
+def test_a_range_of_a_bag_without_definitions_is_read_as_the_releases_that_wrote_such_bags_did(
+    tmp_path: Path,
+) -> None:
+    def fill(bag: bags.Bag) -> None:
+        bag.put("/sonar", bag.range(1.5, bags.START_NS, "base_link"), bags.START_NS)
+
+    database = bare_database(one_bag(tmp_path, fill), "UPDATE schema SET schema_version = 3")
+    found = import_bag(database, tmp_path / "a.mcap", mounts={"sonar": HERE})
+    assert [topic.messages for topic in found.topics if topic.name == "/sonar"] == [1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("float32 angle_increment", "float32 angle_incrxment", "sensor_msgs/msg/LaserScan.*'angle_increment'"),
+        ("float32 range_max", "float64 range_max", "sensor_msgs/msg/LaserScan.*'range_max'"),
+        ("string frame_id", "string frame_it", "std_msgs/msg/Header.*'frame_id'"),
+    ],
+)
+def test_a_bag_that_redefines_a_message_type_is_refused(tmp_path: Path, old: str, new: str, named: str) -> None:
+    text = "encoded_message_definition"
+    database = bare_database(
+        bags.room_bag(bag_path(tmp_path, 2), 2),
+        f"UPDATE message_definitions SET {text} = replace({text}, {old!r}, {new!r})",
+        "UPDATE topics SET type_description_hash = ''",
+    )
+    with pytest.raises(RecordingError, match=f"defines {named}"):
+        import_bag(database, tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("UPDATE topics SET name = x'00ff' WHERE name = '/scan'", "the name or type of a topic is not text"),
+        ("UPDATE messages SET timestamp = -1", "a message of /[a-z_]+ has the time -1; copy the bag again"),
+        ("UPDATE messages SET timestamp = 'noon'", r"room\.db3: not a bag that can be read"),
+    ],
+)
+def test_a_database_with_values_of_another_type_is_refused(tmp_path: Path, change: str, reason: str) -> None:
+    database = bare_database(bags.room_bag(bag_path(tmp_path, 2), 2), change)
+    with pytest.raises(RecordingError, match=reason):
+        import_bag(database, tmp_path / "a.mcap")
+    assert not (tmp_path / "a.mcap").exists()
 
 
 def test_a_transform_from_odom_is_odometry_where_there_is_no_topic(tmp_path: Path) -> None:

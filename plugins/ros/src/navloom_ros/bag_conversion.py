@@ -155,16 +155,25 @@ def _points(message: Any) -> Floats:
     fields = {field.name: field for field in message.fields}
     if not {"x", "y", "z"} <= set(fields):
         raise ConversionError(f"it has fields {', '.join(fields) or 'none'}, expected x, y and z")
+    unknown = next((name for name in "xyz" if fields[name].datatype not in _NUMBERS), None)
+    if unknown is not None:
+        raise ConversionError(f"its field {unknown} has datatype {fields[unknown].datatype}, expected 1 to 8")
     order = ">" if message.is_bigendian else "<"
-    kinds = [order + _NUMBERS[fields[name].datatype] for name in "xyz"]
-    kind = np.dtype(
-        {"names": list("xyz"), "formats": kinds, "offsets": [fields[name].offset for name in "xyz"],
-         "itemsize": int(message.point_step)}
-    )  # fmt: skip
+    kinds = [np.dtype(order + _NUMBERS[fields[name].datatype]) for name in "xyz"]
+    offsets = [int(fields[name].offset) for name in "xyz"]
+    height, width, size = int(message.height), int(message.width), int(message.point_step)
+    step = int(message.row_step) or width * size
+    if not height * width:
+        raise ConversionError("it has no points")
     data = np.asarray(message.data, dtype=np.uint8).tobytes()
-    width, step = int(message.width), int(message.row_step) or int(message.width) * int(message.point_step)
-    rows = [np.frombuffer(data, kind, width, row * step) for row in range(int(message.height))]
-    cloud = np.concatenate(rows) if rows else np.empty(0, kind)
+    ends = [offset + kind.itemsize for offset, kind in zip(offsets, kinds, strict=True)]
+    overlap = height > 1 and width * size > step  # some drivers leave row_step wrong if there is one row
+    if max(ends) > size or overlap or (height - 1) * step + width * size > len(data):
+        raise ConversionError(
+            f"its {len(data)} bytes do not hold {height} rows of {width} points, {size} bytes each, every {step} bytes"
+        )
+    kind = np.dtype({"names": list("xyz"), "formats": kinds, "offsets": offsets, "itemsize": size})
+    cloud = np.concatenate([np.frombuffer(data, kind, width, row * step) for row in range(height)])
     return np.column_stack([cloud[name].astype(np.float64) for name in "xyz"])
 
 

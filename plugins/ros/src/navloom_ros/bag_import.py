@@ -33,7 +33,7 @@ from navloom_ros.bag_conversion import (
     range_reading,
     yaw_of,
 )
-from navloom_ros.bags import deserialized, messages, opened
+from navloom_ros.bags import check_definitions, deserialized, messages, opened
 from navloom_ros.frames import BASES, FrameTree, Mount, quaternion_matrix
 from navloom_ros.times import ns_of
 
@@ -186,6 +186,7 @@ class _Work:
         self.frame_of: dict[str, str] = {}
         self.child = ""
         wanted = [c for c in self.reader.connections if c.msgtype in {_ODOMETRY, *_TRANSFORMS, *_CONVERT}]
+        check_definitions(self.reader, {c.msgtype for c in wanted})
         for connection, _, raw in messages(self.reader, wanted):
             if connection.msgtype in _TRANSFORMS:
                 message = deserialized(self.reader, raw, connection)

@@ -10,7 +10,7 @@ import json
 import resource
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any
@@ -19,8 +19,10 @@ from navloom.inputs.bounds import BAG_MB, YAML_MB, bytes_of, open_file, read_fil
 from navloom.inputs.texts import yaml_of
 from navloom.recording.header import RecordingError
 
-__all__ = ["deserialized", "messages", "opened"]
+__all__ = ["check_definitions", "deserialized", "messages", "opened"]
 
+STANDARD = "ros2_humble"
+"""ROS release whose message types apply to a bag without definitions. Later releases write them into each bag."""
 INFORMATION = "rosbag2_bagfile_information"
 """Top-level key of a ROS 2 bag's metadata.yaml."""
 PIECE = 1 << 20
@@ -48,8 +50,10 @@ def opened(bag: Path) -> Iterator[Any]:
         path = _checked(path, folder)
         stack.enter_context(_bounded_memory(bag))
         try:
-            reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+            reader = AnyReader([path], default_typestore=get_typestore(Stores(STANDARD)))
             stack.enter_context(reader)
+            if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
+                raise ValueError("the name or type of a topic is not text")
         except MemoryError:
             raise
         except Exception as error:  # rosbags raises its own, those of its parsers, and assertions
@@ -57,6 +61,34 @@ def opened(bag: Path) -> Iterator[Any]:
                 f"{bag}: not a bag that can be read ({_words(error)}); expected F.bag or a ROS 2 bag's folder"
             ) from None
         yield reader
+
+
+def check_definitions(reader: Any, types: Iterable[str]) -> None:
+    """Check that the bag defines message types with ROS's own fields, or more.
+
+    Raises:
+        RecordingError: A type, or one that it contains, is not defined, lacks a field, or has one of another type.
+    """
+    from rosbags.interfaces import Nodetype
+    from rosbags.typesys import Stores, get_typestore
+
+    standard, defined = get_typestore(Stores(STANDARD)).fielddefs, reader.typestore.fielddefs
+    left = sorted(types)
+    checked: set[str] = set()
+    while left:
+        name = left.pop()
+        checked.add(name)
+        _, given = defined.get(name, ((), ()))
+        _, expected = standard["tf2_msgs/msg/TFMessage" if name == "tf/msg/tfMessage" else name]
+        for field, kind in expected:
+            if dict(given).get(field) != kind:
+                raise RecordingError(
+                    f"{reader.paths[0]}: defines {name} without ROS's field {field!r}, or with another type of it; "
+                    "copy the bag again"
+                )
+            node, inner = kind if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1][0]
+            if node == Nodetype.NAME and inner not in checked:
+                left.append(inner)
 
 
 def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
@@ -68,6 +100,8 @@ def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int
         for connection, stamp_ns, raw in reader.messages(connections=connections):
             if connection.msgtype not in types:  # two connections of the bag have one number
                 raise ValueError(f"a message of {connection.topic} is of {connection.msgtype}")
+            if not isinstance(stamp_ns, int) or not 0 <= stamp_ns < 2**63:
+                raise ValueError(f"a message of {connection.topic} has the time {str(stamp_ns)[:40]}")
             yield connection, stamp_ns, raw
     except (MemoryError, RecordingError):
         raise

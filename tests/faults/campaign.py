@@ -39,6 +39,7 @@ OWN = ("ends", "disks")
 COLUMNS: tuple[tuple[str, str, float], ...] = (
     ("ran_on", "ran on, ms", 1e3),
     ("gap", "gap, ms", 1e3),
+    ("paused", "machine paused, ms", 1e3),
     ("zero", "zero, ms", 1e3),
     ("stood", "stood, ms", 1e3),
     ("left_driving", "left driving, s", 1.0),

@@ -75,6 +75,7 @@ class Outcome:
         ran_on: Longest time that the motors repeated one command, until another, a stop or the end of the look; None
             for the platform's own.
         gap: Longest time without a command while the motors turned; None for the platform's own.
+        paused: Longest pause of the machine itself meanwhile, see `Pauses`; None if it cannot be seen.
         zero: Time until the first stop command to the motors; None if there was none.
         stood: Time from then until the robot was stopped; None for a platform that died.
         way: Distance driven until it was stopped, m; None if unknown.
@@ -92,6 +93,7 @@ class Outcome:
     fault: str
     ran_on: float | None = None
     gap: float | None = None
+    paused: float | None = None
     zero: float | None = None
     stood: float | None = None
     way: float | None = None
@@ -154,6 +156,7 @@ def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) 
     zero = motors.zero_after(began)
     words = motors.between(began - BEFORE, end)
     outcome.touched = motors.touched
+    outcome.paused = rig.pauses.longest(began - BEFORE, end)
     if zero is not None:
         outcome.zero = (zero.time_ns - began) * 1e-9
     if fault.is_platform:

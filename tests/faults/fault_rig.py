@@ -23,6 +23,7 @@ from motor_record import RECORD, MotorRecord
 from navloom.hosting.directory import DirectoryError, RobotFolder
 from navloom.operating.client import ClientError, Refused
 from navloom.operating.navigator import Navigator
+from pauses import Pauses
 
 __all__ = ["FULL", "HALL", "SHARES", "Driver", "Note", "Rig", "is_running", "rig", "until"]
 
@@ -210,6 +211,7 @@ class Rig:
         driver: Thread that keeps the robot driving.
         up: Process of `navloom up`.
         census: Processes and other resources that the robot has on this host.
+        pauses: Pauses of the machine.
 
     Args:
         folder: Folder of all files.
@@ -240,6 +242,7 @@ class Rig:
         self.log = folder / "up.log"
         self.driver = Driver(lambda: self.motors.place)
         self.census = Census(folder)
+        self.pauses = Pauses(folder)
         self._outsiders: dict[str, subprocess.Popen[str]] = {}
 
     def start(self) -> None:
@@ -252,6 +255,7 @@ class Rig:
         assert self.up.poll() is None, self.log.read_text("utf-8")
         self.driver.start()
         self.census.start()
+        self.pauses.start()
 
     def said(self, text: str) -> bool:
         """Whether `navloom up` has printed a text."""
@@ -360,6 +364,7 @@ class Rig:
         """End every process, in whatever state."""
         self.driver.ending.set()
         self.census.ending.set()
+        self.pauses.end()
         self._end_outsiders()
         pids = [*self.pids().values()]
         if hasattr(self, "up") and self.up.poll() is None:

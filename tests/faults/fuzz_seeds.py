@@ -9,7 +9,8 @@ import sys
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+from unittest.mock import patch
 
 import numpy as np
 import zstandard
@@ -218,22 +219,20 @@ def bag_seeds(folder: Path) -> dict[str, list[bytes]]:
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
 
-    bags.SECONDS, bags.BEAMS = 0.3, 9
-    found = {"x.bag": [bags.room_bag(folder / "a.bag", 1).read_bytes(), _sensor_bag(folder / "e.bag", 1).read_bytes()]}
-    found["x.db3"] = [
-        database.read_bytes()
-        for bag in (bags.room_bag(folder / "b", 2), _sensor_bag(folder / "f", 2))
-        for database in bag.glob("*.db3")
-    ]
-    bags.Writer2 = lambda path, version: Writer2(path, version=version, storage_plugin=StoragePlugin.MCAP)
-    found["x.mcap"] = [
-        recorded.read_bytes()
-        for bag in (bags.room_bag(folder / "c", 2), _sensor_bag(folder / "g", 2))
-        for recorded in bag.glob("*.mcap")
-    ]
-    bags.Writer2 = Writer2
-    with bags.Bag(folder / "d", 2) as bag:
-        bag.put("/odom", bag.odometry(0.0, bags.START_NS), bags.START_NS)
+    def mcap_writer(path: Path, version: Literal[8, 9]) -> Writer2:
+        return Writer2(path, version=version, storage_plugin=StoragePlugin.MCAP)
+
+    found = {}
+    with patch.multiple(bags, SECONDS=0.3, BEAMS=9):
+        plain = bags.room_bag(folder / "a.bag", 1), _sensor_bag(folder / "sensors.bag", 1)
+        found["x.bag"] = [bag.read_bytes() for bag in plain]
+        made = bags.room_bag(folder / "b", 2), _sensor_bag(folder / "sensors", 2)
+        found["x.db3"] = [database.read_bytes() for bag in made for database in bag.glob("*.db3")]
+        with patch.object(bags, "Writer2", mcap_writer):
+            made = bags.room_bag(folder / "c", 2), _sensor_bag(folder / "sensors_mcap", 2)
+        found["x.mcap"] = [recorded.read_bytes() for bag in made for recorded in bag.glob("*.mcap")]
+        with bags.Bag(folder / "d", 2) as bag:
+            bag.put("/odom", bag.odometry(0.0, bags.START_NS), bags.START_NS)
     return found
 
 

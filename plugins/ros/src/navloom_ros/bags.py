@@ -86,9 +86,9 @@ def check_definitions(reader: Any, types: Iterable[str]) -> None:
                     f"{reader.paths[0]}: defines {name} without ROS's field {field!r}, or with another type of it; "
                     "copy the bag again"
                 )
-            node, inner = kind if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1][0]
-            if node == Nodetype.NAME and inner not in checked:
-                left.append(inner)
+            element: Any = kind if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1][0]  # of an array, its items'
+            if element[0] == Nodetype.NAME and element[1] not in checked:
+                left.append(element[1])
 
 
 def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:

@@ -28,7 +28,7 @@ ARITHMETIC = {
 }  # fmt: skip
 UNWRAPPED = {"wrap", "abs", "clip", "min", "max", "floor", "ceil", "round", "sqrt", "minimum", "maximum", "hypot"}
 """Functions that a mutant drops: their first argument remains, and for `min` and `max` also the last."""
-SKIPPED = (ast.JoinedStr, ast.Raise, ast.AnnAssign, ast.Import, ast.ImportFrom, ast.Assert)
+SKIPPED = (ast.JoinedStr, ast.Raise, ast.Import, ast.ImportFrom, ast.Assert)
 FACTOR = 1.3
 """A constant grows by it, or shrinks by its square root's cube, about 1.5, so that no result stays the same."""
 
@@ -109,6 +109,8 @@ def _changes(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
         children = [item for item in node.body if not isinstance(item, ast.AnnAssign)]
     elif isinstance(node, SKIPPED) or _is_guard(node):
         return
+    elif isinstance(node, ast.AnnAssign):
+        children = [] if node.value is None else [node.value]
     else:
         children = [child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr_context)]
     if isinstance(node, ast.stmt):
@@ -238,7 +240,7 @@ def _of_constant(
 
 def _within_bounds(old: float, field: ast.AnnAssign, rng: random.Random) -> float:
     words = field.value.keywords if isinstance(field.value, ast.Call) else []
-    bounds = {word.arg: ast.literal_eval(word.value) for word in words if word.arg in ("gt", "ge", "lt", "le")}
+    bounds = {word.arg: word.value.value for word in words if isinstance(word.value, ast.Constant)}
     low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
     if isinstance(old, int):
         more, less = old + max(1, round(0.3 * old)), old - max(1, round(old / 3.0))

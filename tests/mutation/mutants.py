@@ -1,6 +1,6 @@
 """Mutants of a module: small changes of its source, found in its syntax tree.
 
-Not changed are texts, annotations, decorators, `raise` statements, and functions named `warm_up`, which only compile.
+Not changed are texts, annotations, type aliases, decorators, `raise` statements, and functions named `warm_up`, which only compile.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ ARITHMETIC = {
 UNWRAPPED = {"wrap", "abs", "clip", "min", "max", "floor", "ceil", "round", "sqrt", "minimum", "maximum", "hypot"}
 """Functions that a mutant drops: their first argument remains, and for `min` and `max` also the last."""
 SKIPPED = (ast.JoinedStr, ast.Raise, ast.Import, ast.ImportFrom, ast.Assert)
+OF_TYPES = ("NDArray[", "tuple[", "Literal[", "TypeVar(", "Callable[")
+"""How the value of a type alias begins, which only annotations use."""
 FACTOR = 1.3
 """A constant grows by it, or shrinks by its square root's cube, about 1.5, so that no result stays the same."""
 
@@ -122,9 +124,12 @@ def _changes(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
 
 
 def _is_guard(node: ast.AST) -> bool:
+    """Whether a statement is of names and types only."""
     if isinstance(node, ast.If):
         return "TYPE_CHECKING" in ast.unparse(node.test)
-    return isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).startswith("__")
+    return isinstance(node, ast.Assign) and (
+        ast.unparse(node.targets[0]).startswith("__") or ast.unparse(node.value).startswith(OF_TYPES)
+    )
 
 
 def _of_statement(node: ast.stmt) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Mutants of a module: small changes of its source, found in its syntax tree.
 
-Not changed are texts, annotations, type aliases, decorators, `raise` statements, and functions named `warm_up`, which only compile.
+Not changed are texts, annotations, type aliases, decorators, `raise` statements, and functions
+named `warm_up`, which only compile.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The numbers that section III.C prints, each through the shipped preset: echoes in, command out.
 
-Each echo marks one cell of 0.1 m, whose centre is at an odd multiple of 0.05 m. A cell in the direction of sector s
-(5 degrees each) and at a distance d adds m = 1 - d / 2.26 to it, and the smoothing spreads that over 11 sectors with the
-weights 1 to 6 to 1. From four times m on, a sector is blocked.
+Each echo marks one cell of 0.1 m, whose centre is at an odd multiple of 0.05 m. A cell in a sector (5 degrees) and at a
+distance d adds m = 1 - d / 2.26 to it. The smoothing spreads that over 11 sectors with the weights 1 to 6 to 1, and from
+four times m on, a sector is blocked.
 """
 
 import math

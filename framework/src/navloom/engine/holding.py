@@ -27,7 +27,7 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
         table.update(part.params.model_dump(mode="json"))
         if not isinstance(part.table, NodeTable):  # its name is the node's, not the instance's
             table["name"] = part.table.instance
-        if preset := part.table.preset or own_preset(part.cls):
+        if preset := part.table.preset or own_preset(part.cls.presets):
             table["preset"] = preset
             listed = part.cls.presets[preset].settings
             presets |= {f"{part.place}.{key}": f"preset {preset}" for key in listed}

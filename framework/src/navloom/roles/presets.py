@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from navloom.roles.base import Role
+from typing import Any
 
 __all__ = ["Preset", "instance_name", "named_plugin", "own_preset"]
 
@@ -30,9 +27,9 @@ class Preset:
         return {key: value for key, (value, _) in self.settings.items()}
 
 
-def own_preset(plugin: type[Role]) -> str | None:
-    """Name of the preset that is a plugin's defaults, and holds where a config names none; None if there is none."""
-    return next((name for name, preset in plugin.presets.items() if not preset.settings), None)
+def own_preset(presets: Mapping[str, Preset]) -> str | None:
+    """Name of the preset that is the defaults, and holds where a config names none; None if there is none."""
+    return next((name for name, preset in presets.items() if not preset.settings), None)
 
 
 def named_plugin(text: str) -> tuple[str, str | None]:

@@ -131,7 +131,7 @@ def _print_params(cls: Any, name: str, schema: dict[str, Any]) -> None:
     from navloom.cli.output import print_table
     from navloom.roles.presets import own_preset
 
-    own = own_preset(cls)
+    own = own_preset(cls.presets)
     others = {preset: given.settings for preset, given in cls.presets.items() if preset != own}
     rows = [
         (key, default, *(_shown(settings.get(key)) for settings in others.values()), allowed, meaning)

@@ -32,6 +32,8 @@ UNWRAPPED = {"wrap", "abs", "clip", "min", "max", "floor", "ceil", "round", "sqr
 SKIPPED = (ast.JoinedStr, ast.Raise, ast.Import, ast.ImportFrom, ast.Assert)
 OF_TYPES = ("NDArray[", "tuple[", "Literal[", "TypeVar(", "Callable[")
 """How the value of a type alias begins, which only annotations use."""
+NUMBER = 1.6
+"""What replaces the only word of a constant that may be a number too."""
 FACTOR = 1.3
 """A constant grows by it, or shrinks by its square root's cube, about 1.5, so that no result stays the same."""
 
@@ -211,6 +213,7 @@ def constants_of(path: Path, rng: random.Random) -> list[Mutant]:
     for node in ast.walk(source.tree):
         for key, value in zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ():
             if isinstance(key, ast.Constant) and key.value in fields:
+                value = value.elts[0] if isinstance(value, ast.Tuple) else value  # the value, and where it is printed
                 found += _of_constant(source, str(key.value), value, fields[key.value][0], rng)
     return sorted(found, key=lambda mutant: mutant.edits)
 
@@ -235,8 +238,8 @@ def _of_constant(
     elif isinstance(old, int | float):
         others = [_within_bounds(old, field, rng)]
     elif isinstance(old, str):
-        words = (node.value for node in ast.walk(field.annotation) if isinstance(node, ast.Constant))
-        others = [word for word in words if word != old]
+        words = (getattr(node, "value", None) for node in ast.walk(field.annotation))
+        others = [word for word in words if isinstance(word, str) and word != old] or [NUMBER]
     else:
         others = []
     for other in others:

@@ -11,8 +11,8 @@ __all__ = ["Tree"]
 
 OF_PROCESSES = ("live", "hosts", "faults", "strangers", "hostile")
 """Folders of `tests` whose tests start many processes; they count only where they import the module itself."""
-UNSTEADY = ("_speed.py", "_benchmark.py")
-"""Ends of test files whose results depend on how busy the machine is."""
+LEFT_OUT = ("_speed.py", "_benchmark.py", "_readme.py")
+"""Ends of test files that do not count: they depend on how busy the machine is, or compare tables of texts."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tree:
         """All test files."""
         folders = (self.top / "framework/tests", self.top / "tests", *sorted(self.top.glob("plugins/*/tests")))
         found = (path for folder in folders for path in sorted(folder.rglob("test_*.py")))
-        return [path for path in found if not path.name.endswith(UNSTEADY)]
+        return [path for path in found if not path.name.endswith(LEFT_OUT)]
 
     def files(self, name: str) -> list[Path]:
         """Files that a name stands for: a plugin's folder, a module or package, or a path below the top."""

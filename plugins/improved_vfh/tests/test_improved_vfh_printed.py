@@ -1,8 +1,8 @@
 """The numbers that section III.C prints, each through the shipped preset: echoes in, command out.
 
 Each echo marks one cell of 0.1 m, whose centre is at an odd multiple of 0.05 m. A cell in a sector (5 degrees) and at a
-distance d adds m = 1 - d / 2.26 to it. The smoothing spreads that over 11 sectors with the weights 1 to 6 to 1, and from
-four times m on, a sector is blocked.
+distance d adds m = 1 - d / 2.263 to it. The smoothing spreads that over 11 sectors with the weights 1 to 6 to 1,
+divided by 11. A sector is blocked from 0.53 * 6 / 11 on.
 """
 
 import math
@@ -13,7 +13,6 @@ from avoider_scans import SQUARE, given
 from navloom import RangeScan
 from navloom.testing import context, make, robot
 from navloom_improved_vfh.adapter import ImprovedVfh
-from navloom_improved_vfh.params import paper_literal
 
 EVERYWHERE = np.arange(0.0, 360.0, 5.0)
 
@@ -21,7 +20,8 @@ EVERYWHERE = np.arange(0.0, 360.0, 5.0)
 def printed(**limits):
     """The preset of the paper on its robot, 0.8 x 0.8 m, whose own limits are out of the way."""
     limits = {"max_linear": 2.0, "max_angular": math.pi, **limits}
-    return make(ImprovedVfh, context(robot(footprint=SQUARE, **limits), role="avoider"), **paper_literal())
+    within = context(robot(footprint=SQUARE, **limits), role="avoider")
+    return make(ImprovedVfh, within, **ImprovedVfh.presets["printed"].values())
 
 
 def cones(directions, ranges, heading=0.0, half_angle=0.021, range_min=0.1):

@@ -166,7 +166,7 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     add("--change", nargs="+", default=[], metavar="NAME=VALUE", help="set constants of the presets, each alone")
     add("--together", action="store_true", help="make all changes of --change at once")
     add("--seed", type=int, default=1, help="of the choice of lines and of the direction of constants (default: 1)")
-    add("--slowest", type=float, default=4.0, metavar="S", help="leave out tests that take longer, s (default: 4)")
+    add("--slowest", type=float, default=2.0, metavar="S", help="leave out tests that take longer, s (default: 2)")
     add(
         "--tiers",
         type=int,

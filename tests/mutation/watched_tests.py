@@ -37,7 +37,7 @@ class Outcomes:
     ran_long: bool = False
 
 
-BUDGET = 60.0
+BUDGET = 20.0
 """Time after which a run without a mutant starts no further test, s: the tests that it did not reach are left out."""
 
 

@@ -9,48 +9,17 @@ import math
 
 import numpy as np
 import pytest
-from avoider_scans import SQUARE, given
-from navloom import RangeScan
-from navloom.testing import context, make, robot
-from navloom_improved_vfh.adapter import ImprovedVfh
-
-EVERYWHERE = np.arange(0.0, 360.0, 5.0)
+from improved_vfh_scenes import EVERYWHERE, cones, drive, posts, preset, ring, tick
 
 
-def printed(**limits):
-    """The preset of the paper on its robot, 0.8 x 0.8 m, whose own limits are out of the way."""
-    limits = {"max_linear": 2.0, "max_angular": math.pi, **limits}
-    within = context(robot(footprint=SQUARE, **limits), role="avoider")
-    return make(ImprovedVfh, within, **ImprovedVfh.presets["printed"].values())
-
-
-def cones(directions, ranges, heading=0.0, half_angle=0.021, range_min=0.1):
-    """A scan of narrow cones from the robot's centre; directions in the pose frame and heading in degrees, m."""
-    bearings = np.radians(np.asarray(directions, np.float64) - heading)
-    n = bearings.size
-    return RangeScan(
-        0, np.zeros((n, 2)), bearings, np.full(n, half_angle), np.zeros(n), np.broadcast_to(ranges, n).astype(float),
-        range_min, 4.0,
-    )  # fmt: skip
-
-
-def drive(avoider, scan, heading=0.0, x=0.05, target=0.0):
-    """Forward speed, m/s, and turn rate, degrees per second, for a target 5 m off in a direction; degrees."""
-    place = (x + 5.0 * math.cos(math.radians(target)), 5.0 * math.sin(math.radians(target)))
-    answer = avoider.avoid(given(scan, x=x, heading=math.radians(heading), target=place))
-    return answer.twist.vx, math.degrees(answer.twist.wz)
+def printed():
+    """The shipped preset of the paper."""
+    return preset("printed")
 
 
 def gate(heading=0.0, x=0.05, middle=0.45):
-    """Two posts, 0.3 m apart, with the cell centres (middle - x, +-0.15) in axes of the pose frame."""
-    side = math.degrees(math.atan2(0.15, middle - x))
-    return cones([side, -side], math.hypot(middle - x, 0.15), heading)
-
-
-def ring(*openings, heading=0.0, width=40.0):
-    """Echoes 0.637 m away in all directions but those of the openings; degrees, pose frame."""
-    closed = [d for d in EVERYWHERE + 2.5 if all(abs((d - o + 180.0) % 360.0 - 180.0) > width for o in openings)]
-    return cones(closed, 0.637, heading)
+    """Two posts, 0.3 m apart, with the cell centres (middle, +-0.15) in the pose frame."""
+    return posts((middle, 0.15), (middle, -0.15), x=x, heading=heading)
 
 
 def test_v_is_5_times_d30_beyond_0_4_m_measured_from_the_centre():
@@ -107,3 +76,85 @@ def test_without_a_slot_it_rotates_by_100_degrees_to_the_side_of_the_target():
     assert drive(avoider, free, heading=99.5, target=60.0) == (0.0, pytest.approx(25.0))
     assert drive(avoider, free, heading=100.5, target=60.0) == (pytest.approx(0.5 / 2.5), pytest.approx(-25.0))
     assert drive(printed(), ring(), target=-60.0)[1] == pytest.approx(-25.0)
+
+
+def test_the_histogram_sums_the_cells_of_a_sector_and_smooths_them():
+    """Cells at (0.40, 0.15) and (0.90, 0.35), both between 20 and 25 degrees, sector 4: 0.8112 + 0.5732 = 1.3844.
+
+    Each is an axis cell, c = 3, and m = 1 - d / 2.2627 with d = 0.4272 and 0.9657.
+    """
+    told = tick(printed(), posts((0.45, 0.15), (0.95, 0.35))).diagnostics
+    expected = {(4 + i) % 72: 1.3844 * (6 - abs(i)) / 11.0 for i in range(-5, 6)}
+    found = {int(k): float(told.histogram[k]) for k in np.flatnonzero(told.histogram)}
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_sector_is_blocked_from_the_threshold_on():
+    """0.53 * 6 / 11 = 0.2891. The post in sector 4 leaves 0.8112 * 4 / 11 = 0.2950 in sectors 2 and 6 and
+    0.8112 * 3 / 11 = 0.2212 beyond: blocked from 10 to 35 degrees."""
+    told = tick(printed(), posts((0.45, 0.15))).diagnostics
+    assert told.threshold == pytest.approx(0.53 * 6.0 / 11.0)
+    assert np.degrees(told.slots).tolist() == [[pytest.approx(35.0), pytest.approx(370.0)]]
+
+
+def test_an_arc_cell_weighs_4_where_an_axis_cell_weighs_9():
+    """A reading 0.85 m ahead of a cone of 30 degrees: one cell of 3 and arc cells of 2 beside it."""
+    told = tick(printed(), cones([3.0], 0.87, half_angle=math.radians(15.0)), x=0.0).diagnostics
+    alone = tick(printed(), posts((0.85, 0.05), x=0.0), x=0.0).diagnostics
+    (row, column), *more = np.argwhere(told.window == 3)
+    assert not more and alone.window[row, column] == 3 and (told.window == 2).sum() == 4
+    cells = [(0.05 + 0.1 * (c - 16), 0.05 + 0.1 * (r - 16), told.window[r, c]) for r, c in np.argwhere(told.window)]
+    mass = sum(float(c) ** 2 / 9.0 * (1.0 - math.hypot(x, y) / (1.6 * math.sqrt(2.0))) for x, y, c in cells)
+    assert told.histogram.sum() == pytest.approx(mass * 36.0 / 11.0)
+
+
+def test_another_scan_sets_all_other_squares_to_0():
+    avoider = printed()
+    assert tick(avoider, posts((0.85, 0.25))).diagnostics.window.sum() == 3
+    told = tick(avoider, posts((0.85, -0.25))).diagnostics
+    assert told.window.sum() == 3 and told.window[13, 24] == 3  # y -0.25 in row 16 - 3, x 0.85 in column 16 + 8
+
+
+def test_a_slot_wider_than_18_sectors_is_entered_9_sectors_inside_its_edge():
+    """Blocked from 10 to 35 degrees: the candidates are 35 + 45 and 10 - 45 degrees; the target is straight ahead."""
+    assert math.degrees(tick(printed(), posts((0.45, 0.15))).diagnostics.chosen) == pytest.approx(-35.0)
+
+
+def test_a_slot_of_20_sectors_is_wide():
+    """It is entered 45 degrees inside the edge on the side of the target, not in its middle."""
+    told = tick(printed(), ring(90.0, width=62.0), target=60.0).diagnostics
+    (slot,) = np.degrees(told.slots).tolist()
+    assert slot[1] - slot[0] == pytest.approx(100.0) and math.degrees(told.chosen) == pytest.approx(slot[0] + 45.0)
+
+
+def test_obstacles_behind_the_target_count():
+    """Blocked from 10 to 35 degrees by a post that is 0.2 m behind the target."""
+    told = tick(printed(), posts((0.45, 0.15)), target=20.0, distance=0.2).diagnostics
+    assert math.degrees(told.chosen) == pytest.approx(-35.0)
+
+
+def test_the_direction_chosen_last_is_not_preferred():
+    avoider = printed()
+    assert drive(avoider, ring(90.0, -90.0), target=1.0)[1] == pytest.approx(25.0)
+    assert drive(avoider, ring(90.0, -90.0), target=-1.0)[1] == pytest.approx(-25.0)
+
+
+def test_it_drives_while_it_turns_to_a_slot_far_off_the_heading():
+    """The opening is 90 degrees to the left; nothing is within 0.5 m, so V = 0.5 / 2.5."""
+    assert drive(printed(), ring(90.0), target=90.0)[0] == pytest.approx(0.2)
+
+
+def test_a_laser_marks_cells_of_0_1_m_too_and_its_readings_are_not_averaged():
+    told = tick(printed(), cones([1.4, 2.4, 3.4], [1.0, 1.06, 1.0], half_angle=0.0), x=0.0).diagnostics
+    assert told.window.shape == (33, 33)
+    assert sorted(np.argwhere(told.window == 3).tolist()) == [[16, 25], [16, 26]]  # x from 0.9 and from 1.0 m on
+
+
+def test_readings_at_the_least_range_count_there_only():
+    told = tick(printed(), cones([2.0], 1.08, range_min=1.08), x=0.0).diagnostics
+    assert np.argwhere(told.window).tolist() == [[16, 26]]
+
+
+def test_an_arc_is_drawn_whole_where_a_neighbour_sees_through_it():
+    told = tick(printed(), cones([0.0, 10.0], [0.95, math.inf], half_angle=math.radians(12.5))).diagnostics
+    assert np.count_nonzero(told.window) == 7

@@ -9,12 +9,13 @@ import math
 
 import numpy as np
 import pytest
-from improved_vfh_scenes import EVERYWHERE, cones, drive, posts, preset, ring, tick
+from avoider_posts import EVERYWHERE, cones, drive, posts, preset, ring, tick
+from navloom_improved_vfh.adapter import ImprovedVfh
 
 
 def printed():
     """The shipped preset of the paper."""
-    return preset("printed")
+    return preset(ImprovedVfh, "printed")
 
 
 def gate(heading=0.0, x=0.05, middle=0.45):

@@ -8,14 +8,15 @@ import math
 
 import numpy as np
 import pytest
-from improved_vfh_scenes import EVERYWHERE, SLIM, cones, drive, posts, preset, ring, tick
+from avoider_posts import EVERYWHERE, SLIM, cones, drive, posts, preset, ring, tick
+from navloom_improved_vfh.adapter import ImprovedVfh
 
 GAP = (0.75, 0.35), (0.75, -0.35)
 """Posts at 25 degrees on both sides and sqrt(0.685) m away: a slim robot drives between them."""
 
 
 def robust(**given):
-    return preset("robust", **given)
+    return preset(ImprovedVfh, "robust", **given)
 
 
 def between(avoider, off=0.0, middle=0.75, x=0.0):

@@ -6,27 +6,26 @@ import numpy as np
 from avoider_scans import SQUARE, given
 from navloom import RangeScan
 from navloom.testing import context, make, robot
-from navloom_improved_vfh.adapter import ImprovedVfh
 
 EVERYWHERE = np.arange(0.0, 360.0, 5.0)
 SLIM = SQUARE * (1.0, 0.375)
 """A footprint for posts beside the robot: 0.8 m long, 0.3 m wide."""
 
 
-def preset(name, footprint=SQUARE, period=0.05, changes=None, **limits):
-    """The plugin with a shipped preset, on the paper's robot, whose own limits are out of the way."""
+def preset(method, name, footprint=SQUARE, period=0.05, changes=None, **limits):
+    """An avoider with one of its shipped presets, on the paper's robot, whose own limits are out of the way."""
     limits = {"max_linear": 2.0, "max_angular": math.pi, **limits}
     within = context(robot(footprint=footprint, **limits), role="avoider", period=period)
-    return make(ImprovedVfh, within, **{**ImprovedVfh.presets[name].values(), **(changes or {})})
+    return make(method, within, **{**method.presets[name].values(), **(changes or {})})
 
 
-def cones(directions, ranges, heading=0.0, half_angle=0.021, range_min=0.1):
-    """A scan of narrow cones from the robot's centre; directions in the pose frame and heading in degrees, m."""
+def cones(directions, ranges, heading=0.0, half_angle=0.021, range_min=0.1, origin=(0.0, 0.0)):
+    """A scan of narrow cones; directions in the pose frame and heading in degrees, m; origin in the base frame, m."""
     bearings = np.radians(np.asarray(directions, np.float64) - heading)
     n = bearings.size
+    found = np.broadcast_to(ranges, n).astype(np.float64)
     return RangeScan(
-        0, np.zeros((n, 2)), bearings, np.full(n, half_angle), np.zeros(n), np.broadcast_to(ranges, n).astype(float),
-        range_min, 4.0,
+        0, np.tile(origin, (n, 1)), bearings, np.full(n, half_angle), np.zeros(n), found, range_min, 4.0
     )  # fmt: skip
 
 

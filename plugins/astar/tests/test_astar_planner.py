@@ -102,6 +102,58 @@ def test_segments_are_dilated_by_two_cells() -> None:
     assert path.traversable.cells.tolist() == [[0, 0, 100, 100, 100]]
 
 
+def test_t_of_the_printed_slope_test_is_the_robots_size_in_cells() -> None:
+    """0.8 m are two cells: a wall along x = 2.0 m occupies all columns within two cells of it."""
+    wall = np.array([[2.0, 0.0, 2.0, 0.4]])
+    given = asked(np.full((1, 1), -1), (0.0, 0.0), (4.0, 0.0), segments=wall)
+    for params, columns in (({}, 5), ({"paper_raster_t": 1.0}, 3)):
+        failure = make(raster="paper", inflation="none", **params).plan(given)
+        assert failure.kind == "no_path"
+        assert failure.place.x == pytest.approx(2.0 - 0.4 * (columns // 2 + 1))
+
+
+def test_cells_are_obstacles_from_50_percent_on() -> None:
+    cells = np.zeros((20, 20))
+    cells[5, 5], cells[15, 15] = 49, 50
+    path = make(inflation="none").plan(asked(cells, (0.05, 0.05), (1.95, 0.05)))
+    assert np.argwhere(path.traversable.cells).tolist() == [[15, 15]]
+
+
+def test_unknown_ground_is_free_and_costs_its_length_again_where_it_costs() -> None:
+    """10 unknown cells on the way. Round them, by 20 or 28 diagonal steps, it is 8.3 or 11.6 cells farther."""
+    for rows, params, is_straight in (
+        (30, {}, True),
+        (30, {"unknown": "cost"}, False),
+        (34, {"unknown": "cost"}, True),
+    ):
+        cells = np.zeros((41, 41))
+        cells[:rows, 15:25] = -1
+        path = make(inflation="none", **params).plan(asked(cells, (0.05, 2.05), (4.05, 2.05)))
+        assert bool(path.length == pytest.approx(4.0)) is is_straight, params
+
+
+def test_a_gap_is_squeezed_through_with_the_inscribed_radius_and_0_05_m() -> None:
+    """A gap of 19 cells in a wall: the wall begins 9.5 cells from its middle, 0.456 m or 0.442 m; 0.45 m are needed."""
+    for resolution, is_passed in ((0.048, True), (0.0465, False)):
+        cells = np.zeros((81, 81))
+        cells[:31, 40] = cells[50:, 40] = 100
+        ends = (10.5 * resolution, 40.5 * resolution), (70.5 * resolution, 40.5 * resolution)
+        answer = make().plan(asked(cells, *ends, resolution=resolution))
+        assert isinstance(answer, Path) is is_passed
+
+
+def test_start_and_goal_outside_the_map_are_refused() -> None:
+    failure = make(inflation="none").plan(asked(np.zeros((10, 10)), (0.05, 0.05), (1.05, 0.05)))
+    assert failure.kind == "outside_map"
+
+
+def test_the_grid_ends_where_its_contents_end() -> None:
+    """Without a margin: the cells of the wall and of the start, 0.4 m wide."""
+    wall = np.array([[2.0, 0.0, 2.0, 0.0]])
+    path = make(inflation="none").plan(asked(np.empty((0, 0)), (0.0, 0.0), (0.4, 0.0), segments=wall))
+    assert path.traversable.cells.shape == (1, 6)
+
+
 def test_a_point_robot_is_not_inflated() -> None:
     """As `navloom plan` asks with size 0,0: a corridor one cell wide is free."""
     cells = np.full((3, 9), 100)

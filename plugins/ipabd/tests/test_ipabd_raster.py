@@ -16,9 +16,11 @@ from navloom_ipabd.raster import Lattice, mark_occupied, mark_seen, merge_cells,
 UNIT = Lattice.covering((0.0, 0.0, 4.0, 3.0), 1.0, (0.0, 0.0))
 
 
-def drawn(segments: list[list[float]], method: str = "distance", lattice: Lattice = UNIT) -> list[list[int]]:
+def drawn(
+    segments: list[list[float]], method: str = "distance", lattice: Lattice = UNIT, paper_t: float = 0.8
+) -> list[list[int]]:
     cells = lattice.unknown()
-    mark_occupied(cells, lattice, np.array(segments), method)
+    mark_occupied(cells, lattice, np.array(segments), method, paper_t)
     return [[int(column), int(row)] for row, column in np.argwhere(cells == 100)]
 
 
@@ -64,6 +66,16 @@ def test_the_printed_test_does_not_end_with_the_segment() -> None:
 
 def test_the_printed_test_survives_horizontal_lines() -> None:
     assert drawn([[1.0, 2.0, 2.0, 2.0]], "paper") == [[0, 2], [1, 2], [2, 2], [3, 2], [4, 2]]
+
+
+def test_t_of_the_printed_slope_test() -> None:
+    """From (0, 0) to (3, 2) the slope is 1.5: |m / n - 1.5| <= T. In row 1 that takes m = 1 and 2 from T = 0.5 on, in
+    row 2 m = 3 at once and 2 and 4 from T = 0.5 on, in row 3 m = 4 from T = 0.17 on and m = 3 from T = 0.5 on."""
+    line = [[0.0, 0.0, 3.0, 2.0]]
+    assert [cell for cell in drawn(line, "paper", paper_t=0.2) if cell[1]] == [[3, 2], [4, 3]]
+    assert [cell for cell in drawn(line, "paper", paper_t=0.5) if cell[1]] == [
+        [1, 1], [2, 1], [2, 2], [3, 2], [4, 2], [3, 3], [4, 3],
+    ]  # fmt: skip
 
 
 def test_segments_outside_of_the_lattice_are_left_out() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,6 +65,33 @@ def test_the_command_is_law_6_and_carries_the_errors():
     assert command.twist.vx == pytest.approx(0.3 * math.sqrt(0.75) - 0.2)
     assert command.twist.vy == 0.0
     assert command.twist.wz == pytest.approx(0.1 * math.pi + 0.3 * 0.1 * math.sqrt(3.0) * 3.0 / math.pi)
+
+
+def test_by_default_k1_is_1_and_k3_is_0_6() -> None:
+    """0.1 m behind its reference and 0.5 rad to the left of its heading, on the path: e = (0.1, 0, -0.5)."""
+    ahead = seen(0.0, 0.0, 0.5)
+    error = replace(
+        ahead, reference=replace(ahead.reference, pose=Pose2D(0.1 * math.cos(0.5), 0.1 * math.sin(0.5), 0.0))
+    )
+    twist = make().control(error).twist
+    assert (twist.vx, twist.wz) == (pytest.approx(0.3 * math.cos(0.5) + 0.1), pytest.approx(-0.3))
+
+
+def test_it_turns_in_place_from_60_degrees_on_until_20() -> None:
+    for heading, is_turning in ((59.0, False), (61.0, True)):
+        assert (make().control(seen(0.0, 0.0, math.radians(heading))).twist.vx == 0.0) is is_turning
+    tracker = make()
+    assert [tracker.control(seen(0.0, 0.0, math.radians(h))).twist.vx == 0.0 for h in (61, 21, 19, 21)] == [
+        True, True, False, False,
+    ]  # fmt: skip
+
+
+def test_the_errors_are_those_of_a_reference_off_the_axis() -> None:
+    """The robot at (1, 2) looks along y; the reference at (0.5, 2.4) and 100 degrees: ahead 0.4 m, to the left 0.5 m."""
+    ahead = seen(1.0, 2.0, math.radians(90.0))
+    reference = replace(ahead.reference, pose=Pose2D(0.5, 2.4, math.radians(100.0)))
+    command = make().control(replace(ahead, reference=reference))
+    assert (command.e1, command.e2, command.e3) == pytest.approx((0.4, 0.5, math.radians(10.0)))
 
 
 def test_a_robot_that_faces_away_turns_in_place_and_then_follows():

@@ -87,7 +87,7 @@ def test_it_turns_in_place_from_60_degrees_on_until_20() -> None:
 
 
 def test_the_errors_are_those_of_a_reference_off_the_axis() -> None:
-    """The robot at (1, 2) looks along y; the reference at (0.5, 2.4) and 100 degrees: ahead 0.4 m, to the left 0.5 m."""
+    """The robot at (1, 2) looks along y; the reference at (0.5, 2.4) and 100 degrees: 0.4 m ahead, 0.5 m left."""
     ahead = seen(1.0, 2.0, math.radians(90.0))
     reference = replace(ahead.reference, pose=Pose2D(0.5, 2.4, math.radians(100.0)))
     command = make().control(replace(ahead, reference=reference))

@@ -31,7 +31,7 @@ def crossing(episode: Episode, y: float = 5.3) -> float:
 
 def test_it_reaches_d() -> None:
     episode = as_described()
-    assert episode.result.outcome == "succeeded"
+    assert episode.summary()["truly_reached"]
     assert np.hypot(episode.result.place.x, episode.result.place.y - 7.6) <= 0.2
     assert episode.summary()["collisions"] == 0
 
@@ -62,7 +62,7 @@ def test_obstacle_o_is_passed_with_clearance_and_the_trajectory_met_again() -> N
 
 def test_without_the_obstacle_the_avoider_never_takes_over(paper: Run) -> None:
     episode = paper("world.ref=paper_gates")
-    assert episode.result.outcome == "succeeded"
+    assert episode.summary()["truly_reached"]
     assert [engaged for _, engaged in episode.recorder.engaged] == [False]
     # The robot starts 28° off the first segment and swings onto it; from the third metre on it is on the trajectory.
     assert max(map(abs, episode.recorder.cross_tracks[200:])) < 0.05
@@ -96,7 +96,7 @@ def test_the_printed_filter_order_maps_nothing_and_leads_through_the_girder(pape
 
 def seed_outcome(seed: int) -> tuple[int, str, int]:
     episode = run_episode(load_config("paper", seed=seed))
-    return seed, episode.result.outcome, episode.summary()["collisions"]
+    return seed, episode.trail.outcome, episode.summary()["collisions"]
 
 
 def campaign(seeds: range) -> list[tuple[int, str, int]]:
@@ -120,9 +120,18 @@ def test_at_least_95_of_100_seeds_reach_d_and_none_touches() -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_with_wheel_and_track_wrong_by_5_percent_it_still_arrives(paper: Run, sign: int) -> None:
+    """The law's wheels do not drive as commanded, but the odometry is calibrated.
+
+    With odometry that is wrong by 5 % too, the pose drifts by 0.4 m, and no law can tell: the robot only believes that
+    it arrives.
+    """
+    radius, track = 0.05 * sign, -0.05 * sign
     episode = paper(
         "world.ref=paper_gates",
-        f"platform.wheel_radius_error={0.05 * sign}",
-        f"platform.half_track_error={-0.05 * sign}",
+        f"platform.wheel_radius_error={radius}",
+        f"platform.half_track_error={track}",
+        f"platform.odometry_right_radius_error={radius}",
+        f"platform.odometry_left_radius_error={radius}",
+        f"platform.odometry_half_track_error={track}",
     )
-    assert episode.result.outcome == "succeeded" and episode.summary()["collisions"] == 0
+    assert episode.summary()["truly_reached"] and episode.summary()["collisions"] == 0

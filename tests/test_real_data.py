@@ -87,7 +87,7 @@ def is_long(world: World, start: Place, goal: Place, least: float) -> bool:
 
 
 def drive(file: Path, start: Place, goal: Place, seed: int, localizer: str, folder: Path) -> tuple[str, int, float]:
-    """Outcome, contacts and least clearance of one drive."""
+    """Outcome by ground truth, contacts and least clearance of one drive."""
     heading = math.degrees(start.heading)
     path = folder / f"{file.stem}-{seed}-{localizer}.toml"
     path.write_text(
@@ -96,8 +96,9 @@ def drive(file: Path, start: Place, goal: Place, seed: int, localizer: str, fold
         ),
         "utf-8",
     )
-    summary = run_episode(load_config(str(path))).summary()
-    return summary["outcome"], summary["collisions"], summary["min_clearance_m"]
+    episode = run_episode(load_config(str(path)))
+    summary = episode.summary()
+    return episode.trail.outcome, summary["collisions"], summary["min_clearance_m"]
 
 
 def test_one_drive_through_a_real_house(data: Path, tmp_path: Path) -> None:

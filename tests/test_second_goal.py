@@ -24,5 +24,6 @@ def test_a_goal_that_the_avoider_leaves_beside_the_path_is_reached_without_a_rec
     config.write_text(PAPER.read_text("utf-8") + SECOND, "utf-8")
     episode = run_episode(load_config(str(config)))
     assert [result.outcome for result in episode.log.results] == ["succeeded", "succeeded"]
+    assert episode.summary()["truly_reached"]
     assert episode.recorder.recoveries == 0
     assert episode.log.ticks * 0.05 - 34.0 < 45.0  # s; 56 s if it recovers after 15 s without progress

@@ -108,7 +108,7 @@ def test_wheels_alone_drive_compare_and_take_a_plugin(tmp_path: Path) -> None:
     run("install navloom[all]", *pip, "install", "-q", "--find-links", "dist", "navloom[all]")
     sizes["navloom[all]"] = size("alone")
     navloom = alone("navloom")
-    assert json.loads(run("run paper", navloom, "run", "paper", "--json"))["outcome"] == "succeeded"
+    assert json.loads(run("run paper", navloom, "run", "paper", "--json"))["truly_reached"]
     assert "navloom-vfh" in run("plugins", navloom, "plugins")
     study = ("--worlds", "door:2.0", "--seeds", "0:2", "--jobs", 1, "--out", "study")
     run("compare", navloom, "compare", "paper", "--vary", "avoider=improved_vfh,vff", *study)
@@ -123,6 +123,6 @@ def test_wheels_alone_drive_compare_and_take_a_plugin(tmp_path: Path) -> None:
     run("install a plugin", *pip, "install", "-q", "--no-deps", "./mine")
     assert "gain" in run("plugins", navloom, "plugins", "controller.proportional")
     driven = run("run a plugin", navloom, "run", "building", "--set", "controller.plugin=proportional", "--json")
-    assert json.loads(driven)["outcome"] == "succeeded"
+    assert json.loads(driven)["truly_reached"]
     print("\n" + json.dumps({"sizes": sizes, "seconds": {what: round(s, 1) for what, s in took.items()}}, indent=1))
     shutil.rmtree(tmp_path / "alone")

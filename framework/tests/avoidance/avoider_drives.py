@@ -22,6 +22,7 @@ from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
 from navloom.engine.making import make_plugins
 from navloom.study.recorder import Recorder
+from navloom.study.trail import TRUTH_MARGIN
 from navloom.worlds.barn import barn_world
 from navloom.worlds.small import clutter_world
 from numpy.typing import NDArray
@@ -50,12 +51,17 @@ UP = 0.5 * math.pi
 """Heading along the y axis, rad."""
 
 
+DRIFT = 0.04
+"""Error of the robot's place as a share of its way: nothing corrects its odometry here, whatever the avoider does."""
+
+
 @dataclass(frozen=True)
 class Ending:
     """How a drive ended.
 
     Attributes:
-        word: reached, trapped, contact or timeout.
+        word: reached, missed (it reports success, but is farther from its goal than DRIFT allows), trapped, contact or
+            timeout.
         gap: Smallest distance of the footprint to an obstacle, m.
         seconds: Duration, s.
         track: (n, 2) positions, m, map frame.
@@ -122,10 +128,13 @@ def drive(
     make_plugins(system)
     recorder = Recorder()
     (result,) = lockstep_of(system, [recorder]).run(round(20 * limit) + 2).results
-    words = {"succeeded": "reached", "collision": "contact", "stuck": result.reason, "timeout": "timeout"}
+    words = {"succeeded": "reached", "collision": "contact", "stuck": result.reason}
+    word, driven = words.get(result.outcome, result.outcome), recorder.driven
+    allowed = system.goal_tolerance + TRUTH_MARGIN + DRIFT * float(np.hypot(*np.diff(driven, axis=0).T).sum())
+    if word == "reached" and math.dist(driven[-1], (goal.x, goal.y)) > allowed:
+        word = "missed"
     gap = math.inf if recorder.min_clearance is None else recorder.min_clearance
-    word = words.get(result.outcome, result.outcome)
-    return Ending(word, gap, recorder.truth[-1][0], recorder.driven)
+    return Ending(word, gap, recorder.truth[-1][0], driven)
 
 
 def empty_map(world: World) -> OccupancyGrid:

@@ -145,7 +145,7 @@ def test_a_full_disk_costs_neither_the_answer_nor_files_that_fit(in_process: Run
         code, said, errors = in_process("run", config, "--out", str(out), "--json")
     found = json.loads(said)
     missing = {"trace.bin": TOO_LARGE, "run.png": TOO_LARGE, "map.pgm": TOO_LARGE, "map.yaml": "without map.pgm"}
-    assert code == 1 and found["outcome"] == "succeeded" and found["written"]["out"]["missing"] == missing
+    assert code == 1 and found["truly_reached"] and found["written"]["out"]["missing"] == missing
     assert (
         f"navloom: --out {out}: not written: trace.bin ({TOO_LARGE}), run.png ({TOO_LARGE}), map.pgm ({TOO_LARGE}), "
         "map.yaml (without map.pgm); complete there: result.json\n"
@@ -184,7 +184,7 @@ def test_the_viewers_file_is_not_overwritten_and_a_full_disk_is_exit_1(
     with no_file_over(20_000):
         code, said, errors = in_process("run", config, "--rerun", str(rerun), "--json")
     found = json.loads(said)
-    assert code == 1 and found["outcome"] == "succeeded" and found["written"]["rerun"]["complete"] is False
+    assert code == 1 and found["truly_reached"] and found["written"]["rerun"]["complete"] is False
     size = rerun.stat().st_size
     assert f"--rerun {rerun}: " in errors and f"it is cut short, and its first {size} bytes can be viewed" in errors
     code, _, errors = in_process("run", config, "--rerun", str(rerun))

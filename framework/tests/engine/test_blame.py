@@ -431,7 +431,7 @@ def drive(folder: FilePath, *overrides: str, more: str = "") -> Episode:
 
 def test_without_a_case_the_plugins_reach_the_goal(tmp_path: FilePath) -> None:
     episode = drive(tmp_path)
-    assert (episode.result.outcome, episode.log.faults) == ("succeeded", [])
+    assert (episode.summary()["truly_reached"], episode.log.faults) == (True, [])
 
 
 def test_the_table_covers_every_role_with_at_least_25_wrong_answers() -> None:
@@ -460,7 +460,7 @@ def test_the_plugin_that_made_a_wrong_answer_is_blamed_by_its_line(tmp_path: Fil
 def test_a_shadow_that_writes_into_the_footprint_breaks_alone(tmp_path: FilePath) -> None:
     more = '[[alternative]]\nname = "shady"\nrole = "controller"\nplugin = "vandal"\nshadow = true\n'
     episode = drive(tmp_path, more=more)
-    assert episode.result.outcome == "succeeded"
+    assert episode.summary()["truly_reached"]
     (fault,) = episode.log.faults
     assert re.fullmatch(
         rf"controller shady failed: ValueError: assignment destination is read-only \({re.escape(SOURCE)}:\d+\)", fault
@@ -549,7 +549,7 @@ def test_a_command_of_ten_times_a_limit_gives_a_warning(
 
 def test_a_plugin_that_keeps_no_context_drives_as_before(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(WrongController, "__init__", lambda self, params, context: setattr(self, "params", params))
-    assert drive(tmp_path).result.outcome == "succeeded"
+    assert drive(tmp_path).summary()["truly_reached"]
 
 
 def test_a_world_scheme_that_breaks_is_blamed_by_name_and_line() -> None:

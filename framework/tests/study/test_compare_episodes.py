@@ -164,7 +164,7 @@ def test_a_study_writes_one_row_for_each_episode_in_the_requested_order(
     assert [(r["method"], r["world"], int(r["seed"])) for r in rows] == [
         (key.method, key.world, key.seed) for key in study.keys
     ]
-    assert {row["outcome"] for row in rows} == {"succeeded"}
+    assert {row["outcome"] for row in rows} == {"succeeded"}  # by ground truth in a study
     assert result.files == ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails")
 
 

@@ -13,6 +13,7 @@ from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
 from navloom.engine.making import make_plugins
 from navloom.study.recorder import Recorder
+from navloom.study.trail import trail_of
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,7 @@ class Drive:
     """Results of a drive.
 
     Attributes:
-        outcome: Outcome of the goal.
+        outcome: Outcome of the goal by ground truth.
         seconds: Duration, s.
         rms, most: RMS and largest cross-track error of the real robot after the first 3 m, m.
         track: (n, 5) time, s, true x, y, m, heading, rad, and speed, m/s.
@@ -121,15 +122,15 @@ def drive(
     planner = system.parts[("planner", system.config.planner.instance)]
     planner.plugin = GivenPath(points)
     recorder = Recorder()
-    (result,) = lockstep_of(system, [recorder]).run(4802).results
+    log = lockstep_of(system, [recorder]).run(4802)
+    (result,) = log.results
     track = np.array(recorder.truth)[:, :5]
     samples = recorder.trajectories[0].samples
     off = cross_tracks(samples, track[:, 1:3])
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(track[:, 1:3], axis=0).T))))
     settled = off[driven >= 3.0]
-    return Drive(
-        result.outcome, float(track[-1, 0]), math.sqrt(float((settled**2).mean())), float(settled.max()), track
-    )
+    outcome, seconds = trail_of(system, recorder, log, result).outcome, float(track[-1, 0])
+    return Drive(outcome, seconds, math.sqrt(float((settled**2).mean())), float(settled.max()), track)
 
 
 def cross_tracks(samples: Floats, points: Floats) -> Floats:

@@ -67,7 +67,7 @@ def test_a_room_without_a_way_out_is_reported_as_a_trap(avoider: str) -> None:
 @EACH
 def test_driving_from_the_start_it_passes_obstacle_o(avoider: str) -> None:
     found = run_episode(load_config("paper", [f'avoider={{plugin="{avoider}"}}'])).summary()
-    assert (found["outcome"], found["collisions"], found["recoveries"]) == ("succeeded", 0, 0)
+    assert (found["truly_reached"], found["collisions"], found["recoveries"]) == (True, 0, 0)
 
 
 @pytest.mark.slow

@@ -87,6 +87,7 @@ def swap_while_driving(robot: Up, swaps: int, goal: tuple[float, float]) -> tupl
 
 
 def check(listener: Listener, outcome: str, span: tuple[int, int], swaps: int, is_alone: bool) -> None:
+    """`outcome` is the live robot's own: no truth is on the wire."""
     ticks = {tick for tick, _ in listener.commands}
     asked = set(range(span[0], span[1] + 1))
     stepped = listener.stepped & asked

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_astar.grids import RasterMap
+from navloom_astar.grids import RasterMap, grid_of_cells
 from navloom_astar.inflation import disc_reach, grow
 from navloom_astar.planning import Found, GoalOccupied, GridPlanner, NoPath, OutsideMap, Settings, StartOccupied
 
@@ -138,6 +138,7 @@ def test_typed_failures_name_the_place() -> None:
     given = raster("....", ".##.", "....")
     assert plan(given, (0.5, 0.5), (2.5, 1.5)) == GoalOccupied((2.5, 1.5), "the goal (2.50, 1.50) is in an obstacle")
     assert plan(given, (1.5, 1.5), (0.5, 0.5)) == StartOccupied((1.5, 1.5), "the start (1.50, 1.50) is in an obstacle")
+    assert (GoalOccupied.kind, StartOccupied.kind, NoPath.kind) == ("goal_occupied", "start_occupied", "no_path")
     outside = plan(given, (0.5, 0.5), (4.5, 0.5))
     assert outside == OutsideMap((4.5, 0.5), "the goal (4.50, 0.50) is outside the map")
     assert plan(given, (0.5, -0.1), (0.5, 0.5)).kind == "outside_map"
@@ -173,6 +174,13 @@ def test_a_map_can_be_enlarged_by_unknown_cells_to_hold_an_unseen_goal(heading):
     assert isinstance(GridPlanner(Settings(**settings), (0.0, 0.0)).plan(start, goal, NOTHING, frame), NoPath)
     far = GridPlanner(Settings(**settings), (0.0, 0.0)).plan(start, (1e5, 1e5), NOTHING, frame)
     assert isinstance(far, OutsideMap)
+
+
+def test_a_billionth_of_a_cell_beyond_the_edge_is_rounding() -> None:
+    grid = grid_of_cells(raster("...", "..."), 50)
+    assert [grid.cell_at((x, 1.0)) for x in (-1.2e-9, -0.9e-9, 3.0 + 0.9e-9, 3.0 + 1.2e-9)] == [
+        None, (1, 0), (1, 2), None,
+    ]  # fmt: skip
 
 
 def test_the_outer_edge_belongs_to_the_map() -> None:
@@ -300,8 +308,6 @@ def test_paths_keep_to_traversable_cells_off_the_start(seed: int, radius: float,
 
 
 def _two_free(given: RasterMap, rng: np.random.Generator) -> list[tuple[float, float]]:
-    from navloom_astar.grids import grid_of_cells
-
     cells = np.argwhere(given.cells == 0)
     chosen = cells[rng.integers(len(cells), size=2)]
     return [tuple(point) for point in grid_of_cells(given, 50).centres(chosen).tolist()]

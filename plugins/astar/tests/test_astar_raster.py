@@ -82,6 +82,19 @@ def test_the_printed_slope_test() -> None:
     assert {m for _, m in drawn((3.0, 1.0, 3.0, 2.0), method="paper", paper_t=1.0)} == {2, 3, 4}
 
 
+def test_the_printed_test_takes_both_rows_beside_a_level_segment_and_half_a_cell_beyond_its_ends() -> None:
+    assert drawn((1.5, 2.5, 3.5, 2.5), method="paper") == [
+        (2, 1),
+        (2, 2),
+        (2, 3),
+        (2, 4),
+        (3, 1),
+        (3, 2),
+        (3, 3),
+        (3, 4),
+    ]
+
+
 @pytest.mark.parametrize("method", ["distance", "supercover", "paper"])
 def test_the_order_of_the_ends_does_not_matter_where_it_should_not(method: str) -> None:
     there, back = (1.2, 2.0, 5.7, 2.0), (5.7, 2.0, 1.2, 2.0)

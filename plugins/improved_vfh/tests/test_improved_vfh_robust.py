@@ -214,6 +214,22 @@ def test_after_1_s_without_room_to_move_it_turns_the_other_way():
     assert signs == ["right"] * 5 + ["left"] * 2
 
 
+def test_the_fourth_time_without_room_after_a_search_is_the_last():
+    """The search counts as the first of four attempts, and every fifth tick of 0.25 s as another: the 20th gives up."""
+    scan = posts((0.35, 0.45), (0.35, -0.45), (-0.35, 0.45), (-0.35, -0.45), (0.45, 0.05), (0.45, -0.05), x=0.0)
+    avoider = robust(period=0.25)
+    told = [tick(avoider, scan, ring(distance=0.8, width=0.0), x=0.0, target=-90.0).status for _ in range(20)]
+    assert told == ["steering"] * 19 + ["trapped"]
+
+
+def test_after_a_trap_the_side_of_the_next_rotation_is_that_of_the_new_target():
+    """It rotated to the left, gave up, and is sent to the right."""
+    avoider, wall = robust(period=0.5), ring(distance=0.8, width=0.0)
+    told = [tick(avoider, wall, x=0.0, target=90.0) for _ in range(61)]
+    assert (told[0].twist.wz > 0.0, told[-1].status) == (True, "trapped")
+    assert tick(avoider, wall, x=0.0, target=-90.0).twist.wz < 0.0
+
+
 def trapped(avoider, scan, period):
     """Seconds until it gives up."""
     for count in range(1, 1000):

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from avoider_posts import EVERYWHERE, cones, drive, posts, preset, tick
+from navloom import Claim
 from navloom_vff.adapter import Vff
 
 FREE = cones(EVERYWHERE, math.inf, half_angle=0.0)
@@ -32,6 +33,10 @@ def direction(push, factor, pull):
     """Of the sum of the forces; degrees."""
     x, y = math.cos(math.radians(pull)) + factor * push[0], math.sin(math.radians(pull)) + factor * push[1]
     return math.degrees(math.atan2(y, x))
+
+
+def test_it_claims_to_stop_where_all_is_closed():
+    assert Vff.claims == {Claim.STOPS_WHEN_CLOSED}
 
 
 @BOTH
@@ -163,6 +168,22 @@ def test_after_4_s_without_progress_it_follows_the_wall_at_145_degrees_to_its_pu
     away = math.degrees(math.atan2(-0.75, -0.45))
     expected = direction((-push * 0.45 / d, -push * 0.75 / d), 0.25 + 0.75 * 0.45 / d, away + 145.0)
     assert math.degrees(told[-1].chosen) == pytest.approx(expected)
+
+
+def test_progress_and_turning_back_to_the_target_begin_the_4_s_anew():
+    """8 ticks of 0.5 s, then one 0.2 m nearer to the target, or turned away from it: nine more before it follows."""
+    for place in ({"distance": 4.8}, {"heading": -65.0}):
+        avoider = vff("robust", period=0.5)
+        twist = obedient(avoider, SIDE, 8, x=0.0, target=30.0)[-1].twist
+        answer = tick(avoider, SIDE, twist=(twist.vx, twist.wz), **{"x": 0.0, "target": 30.0} | place)
+        told = ["following" in answer.diagnostics.why]
+        for _ in range(9):
+            twist = answer.twist
+            answer = tick(
+                avoider, SIDE, twist=(twist.vx, twist.wz), x=0.0, target=30.0, distance=place.get("distance", 5.0)
+            )
+            told.append("following" in answer.diagnostics.why)
+        assert told == [False] * 9 + [True], place
 
 
 def test_as_printed_looking_away_from_the_target_is_a_trap_at_once_until_it_looks_back():

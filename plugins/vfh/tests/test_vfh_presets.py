@@ -272,7 +272,9 @@ def test_a_turn_in_place_keeps_0_12_m_for_a_tick_and_0_2_s(method):
     for x, turn in ((0.09, -12.5), (0.13, -25.0)):
         avoider = preset(method, "robust", max_angular=math.radians(25.0))
         scans = ring(distance=0.8, width=0.0), posts((0.35, -0.55), x=x)
-        assert drive_after(avoider, *scans, x=x, target=-90.0) == (0.0, pytest.approx(turn))
+        answer = sure(avoider, *scans, x=x, target=-90.0)
+        assert (answer.twist.vx, math.degrees(answer.twist.wz)) == (0.0, pytest.approx(turn))
+        assert ("reduced by what is on the arc" in answer.diagnostics.why) is (turn == -12.5)
 
 
 @ROBUST

@@ -33,6 +33,8 @@ from watched_tests import Outcomes, run_tests
 TOP = Path(__file__).resolve().parents[2]
 PAPER = ("improved_vfh", "vfh", "vff", "ipabd", "astar", "lyapunov_tracker")
 LIBRARIES = ("numpy", "scipy.ndimage", "numba", "pydantic", "pytest", "hypothesis")
+COMPILING = 90.0
+"""Time that a test may take to compile kernels, s."""
 SLACK = 20.0
 """Time that a run of tests may take beyond three times that of the same tests without a mutant, s."""
 
@@ -78,7 +80,7 @@ class Course:
             chosen = {name: took for passed in sound for name, took in passed.items()}
             if not chosen:
                 continue
-            limit = 3.0 * sum(chosen.values()) + SLACK
+            limit = 3.0 * sum(chosen.values()) + SLACK + (0.0 if is_pure else 2.0 * COMPILING)
             files = [test for test, passed in zip(tests, sound, strict=True) if passed]
             outcomes = self._run(mutant.path, mutant.source(), files, chosen, is_pure, limit)
             if outcomes is None:
@@ -92,7 +94,7 @@ class Course:
         uncached = self.tree.uncached(path)
         key = uncached[0], is_pure, test
         if key not in self._known:
-            outcomes = self._run(path, None, [test], None, is_pure, 120.0)
+            outcomes = self._run(path, None, [test], None, is_pure, 120.0 if is_pure else 2.0 * COMPILING)
             passed = outcomes.passed if outcomes else {}
             if not is_pure:
                 plain = self._baseline(path, test, True)
@@ -117,7 +119,14 @@ class Course:
                     tell_children(Path(scratch), name, source, uncached, is_pure)
                     sys.path[:0] = [str(root) for root in self.tree.roots]
                     install(name, source, uncached, is_pure)
-                    outcomes = run_tests(self.tree.top, tests, chosen, self.slowest, Path(scratch, "output.txt"))
+                    outcomes = run_tests(
+                        self.tree.top,
+                        tests,
+                        chosen,
+                        self.slowest,
+                        0.0 if is_pure else COMPILING,
+                        Path(scratch, "output.txt"),
+                    )
                     answer.write_text(json.dumps(asdict(outcomes)), "utf-8")
                 finally:
                     os._exit(0)

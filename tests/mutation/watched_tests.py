@@ -48,8 +48,8 @@ class RanLong(BaseException):
 class Watch:
     """A pytest plugin that chooses, orders, times and limits tests."""
 
-    def __init__(self, chosen: dict[str, float] | None, slowest: float) -> None:
-        self.chosen, self.slowest, self.outcomes = chosen, slowest, Outcomes()
+    def __init__(self, chosen: dict[str, float] | None, slowest: float, compiling: float) -> None:
+        self.chosen, self.slowest, self.compiling, self.outcomes = chosen, slowest, compiling, Outcomes()
         self._last = math.inf if chosen is not None else time.monotonic() + BUDGET
 
     def pytest_configure(self) -> None:
@@ -71,7 +71,7 @@ class Watch:
             self.outcomes.failed = self.outcomes.failed or item.nodeid
             raise RanLong(item.nodeid)
 
-        usual = self.slowest if self.chosen is None else 5.0 + 10.0 * self.chosen[item.nodeid]
+        usual = self.compiling + (self.slowest if self.chosen is None else 5.0 + 10.0 * self.chosen[item.nodeid])
         before = signal.signal(signal.SIGALRM, stop)
         signal.setitimer(signal.ITIMER_REAL, usual)
         try:
@@ -93,7 +93,7 @@ class Watch:
 
 
 def run_tests(
-    top: Path, tests: list[Path], chosen: dict[str, float] | None, slowest: float, output: Path
+    top: Path, tests: list[Path], chosen: dict[str, float] | None, slowest: float, compiling: float, output: Path
 ) -> Outcomes:  # fmt: skip
     """Run tests, in a process of their own.
 
@@ -101,11 +101,12 @@ def run_tests(
         top: Folder of the checkout. tests: Files.
         chosen: Tests to run, and how long they take without a mutant, s; the run ends with the first that fails.
             None: all tests, to the last; those that take longer than `slowest`, s, count as failed.
+        compiling: Time that any test may take to compile kernels, s.
         output: File for what pytest prints.
     """
     os.chdir(top)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    watch = Watch(chosen, slowest)
+    watch = Watch(chosen, slowest, compiling)
     with output.open("w") as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)

@@ -60,8 +60,8 @@ class Verdict:
 class Course:
     """Runs tests against mutants, and remembers how the tests do without one."""
 
-    def __init__(self, tree: Tree, slowest: float, tiers: int) -> None:
-        self.tree, self.slowest, self.tiers = tree, slowest, tiers
+    def __init__(self, tree: Tree, slowest: float, tiers: int, compiles: bool) -> None:
+        self.tree, self.slowest, self.tiers, self.compiles = tree, slowest, tiers, compiles
         self._known: dict[tuple[str, bool, Path], dict[str, float]] = {}
 
     def verdict(self, mutant: Mutant) -> Verdict:
@@ -73,9 +73,9 @@ class Course:
         return Verdict(place, change, mutant.kind, result, by, round(time.monotonic() - began, 1))
 
     def _failures(self, mutant: Mutant) -> Iterator[tuple[str, str]]:
-        """Run all tests with kernels in plain Python, then those that need or are quicker with compiled ones."""
+        """Run tests with kernels in plain Python, then those that pass with compiled ones only."""
         tiers = [tests for tests in self.tree.tiers(mutant.path)[: self.tiers] if tests]
-        for is_pure, tests in itertools.product((True, False), tiers):
+        for is_pure, tests in itertools.product((True, False) if self.compiles else (True,), tiers):
             sound = [self._baseline(mutant.path, test, is_pure) for test in tests]
             chosen = {name: took for passed in sound for name, took in passed.items()}
             if not chosen:
@@ -183,6 +183,11 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
         choices=(1, 2, 3),
         help="1: tests of the module; 2: of its distribution too; 3: all that reach it (default: 2)",
     )
+    add(
+        "--compiled",
+        action="store_true",
+        help="try survivors again with compiled kernels, in tests that need them; it takes minutes each",
+    )
     add("--only", default="", metavar="TEXT", help="only mutants whose place and change contain it")
     add("--json", type=Path, metavar="FILE", help="write every verdict to a file")
     add("--list", action="store_true", help="print the mutants and run nothing")
@@ -238,7 +243,7 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0
     for library in LIBRARIES:
         importlib.import_module(library)
-    course, verdicts = Course(tree, given.slowest, given.tiers), list[Verdict]()
+    course, verdicts = Course(tree, given.slowest, given.tiers, given.compiled), list[Verdict]()
     for mutant in mutants:
         verdict = course.verdict(mutant)
         verdicts.append(verdict)

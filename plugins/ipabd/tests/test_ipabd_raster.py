@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from navloom_ipabd.errors import SettingError
 from navloom_ipabd.lines import distances_to_segments
-from navloom_ipabd.pressure import Bins
+from navloom_ipabd.mapping import Outline, _extent_of
+from navloom_ipabd.pressure import Barriers, Bins
 from navloom_ipabd.raster import Lattice, mark_occupied, mark_seen, merge_cells, move_cells
 
 UNIT = Lattice.covering((0.0, 0.0, 4.0, 3.0), 1.0, (0.0, 0.0))
@@ -147,3 +148,22 @@ def test_a_map_of_too_many_cells_is_refused() -> None:
 def test_an_unknown_method_is_refused() -> None:
     with pytest.raises(SettingError, match="'distance', 'supercover' or 'paper'"):
         drawn([[0.0, 0.0, 1.0, 1.0]], "slope")
+
+
+@pytest.mark.parametrize(
+    ("anchor", "sensor", "segment", "seen", "extent"),
+    [
+        ((-5.0, 7.0), (0.1, -0.1, 0.0), [0.2, 0.3, -0.2, -0.3], 0.0, (-5.0, -0.3, 0.2, 7.0)),
+        ((0.0, 0.0), (4.0, -6.0, 0.0), [0.2, 0.3, -0.2, -0.3], 0.0, (-0.2, -6.0, 4.0, 0.3)),
+        ((0.0, 0.0), (0.1, -0.1, 0.0), [9.0, -8.0, -0.2, 0.3], 0.0, (-0.2, -8.0, 9.0, 0.3)),
+        ((0.0, 0.0), (0.1, -0.1, 0.0), [0.2, 0.3, -7.0, 6.0], 0.0, (-7.0, -0.1, 0.2, 6.0)),
+        ((0.0, 0.0), (0.1, -0.1, math.pi / 2), [0.2, 0.3, -0.2, -0.3], 5.0, (-0.2, -0.3, 0.2, 4.9)),
+        ((0.0, 0.0), (0.1, -0.1, 0.0), [0.2, 0.3, -0.2, -0.3], 5.0, (-0.2, -0.3, 5.1, 0.3)),
+    ],
+    ids=["anchor", "sensor", "first end", "second end", "seen ahead", "seen along x"],
+)
+def test_the_map_holds_anchor_sensor_segments_and_what_was_seen(anchor, sensor, segment, seen, extent) -> None:
+    bins = Bins(0.0, math.radians(1.0), 1)
+    barriers = Barriers(bins, np.array([math.inf]), np.full((1, 3), math.nan), np.array([seen]), {})
+    shown = Outline(np.array([segment]), sensor, barriers)
+    assert _extent_of(shown, np.array([seen]), anchor) == pytest.approx(extent)

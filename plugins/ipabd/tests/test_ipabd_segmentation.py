@@ -97,3 +97,11 @@ def test_no_points_no_objects() -> None:
 def test_an_incidence_below_the_step_is_refused() -> None:
     with pytest.raises(SettingError, match=r"incidence: got 1° with a bearing step of 2°"):
         adaptive_threshold(np.array([1.0]), math.radians(2.0), DEGREE, 0.02)
+
+
+def test_an_incidence_of_nearly_90_degrees_is_accepted() -> None:
+    """2 sin 1 / sin 84 = 0.0351 m."""
+    step, incidence = math.radians(1.0), math.radians(85.0)
+    assert adaptive_threshold(np.array([2.0]), step, incidence, 0.0) == pytest.approx(0.0351, abs=1e-4)
+    with pytest.raises(SettingError, match="90"):
+        adaptive_threshold(np.array([2.0]), step, math.radians(90.0), 0.0)

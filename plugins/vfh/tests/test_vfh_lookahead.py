@@ -161,3 +161,14 @@ def test_a_full_tree_gives_the_best_so_far():
 
 def test_without_candidates_there_is_no_way():
     assert search(cells_of((1.0, 0.0)), (4.0, 0.0), 3, roots=[])[1] == -1
+
+
+def test_a_sector_at_the_threshold_is_free_whatever_was_in_the_work_array():
+    """A cell of full certainty half the reach away: 1 - 0.5^2 = 0.75."""
+    density, blocked = np.empty(72), np.ones(72)
+    slots, directions = np.empty((37, 2), np.int64), np.empty(111)
+    count = candidates(
+        np.array([[0.5, 0.0, 15.0]]), (0.0, 0.0, 0.0), (5.0, 0.0), 0.0, 0.4, 1.0, math.inf, 0.75, 3.0, 18, density,
+        blocked, slots, directions,
+    )  # fmt: skip
+    assert (count, directions[0]) == (1, 0.0)

@@ -302,3 +302,18 @@ def drive_after(avoider, *scans, **place):
     """Speed and turn rate, degrees a second, once the scans have full certainty."""
     answer = sure(avoider, *scans, **place)
     return answer.twist.vx, math.degrees(answer.twist.wz)
+
+
+STOPPED_BY_POSTS = {"threshold": 99.0, "min_speed": 0.0, "slow_density": 0.01}
+
+
+def test_a_turn_slower_than_0_01_rad_a_second_counts_as_no_movement():
+    """Two posts ahead stop it, and twice the angle to the target is its turn rate. After 1 s it turns away."""
+    wall = posts((0.55, 0.05), (0.55, -0.05), x=0.0)
+    for turn, ends in ((0.0115, 0.0115), (0.009, -math.radians(25.0))):
+        limits = {"period": 0.25, "max_angular": math.radians(25.0), "changes": STOPPED_BY_POSTS}
+        avoider, twist = preset(Vfh, "robust", **limits), (0.0, 0.0)
+        for _ in range(8):
+            answer = tick(avoider, wall, x=0.0, target=math.degrees(0.5 * turn), twist=twist)
+            twist = (answer.twist.vx, answer.twist.wz)
+        assert twist == (0.0, pytest.approx(ends)), turn

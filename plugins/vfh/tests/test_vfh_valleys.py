@@ -94,3 +94,7 @@ def test_turn_rate_is_the_gain_times_the_shorter_way_round_within_its_limit():
     limit = math.radians(25.0)
     assert turn_rate(math.radians(-175.0), math.radians(175.0), 2.0, limit) == pytest.approx(math.radians(20.0))
     assert turn_rate(math.radians(-30.0), 0.0, 2.0, limit) == -limit
+
+
+def test_a_free_circle_is_driven_to_the_target_wrapped():
+    assert valley_direction((0, 72), 72, 18, 4.0) == pytest.approx(4.0 - 2.0 * math.pi)

@@ -97,7 +97,8 @@ class Tree:
                 tiers[1].append(test)
             elif test.parent.name not in OF_PROCESSES and (imported & through or word in test.read_text("utf-8")):
                 tiers[2].append(test)
-        return tiers
+        # Presets reach the tests by way of the plugin that has them, so no test is nearer to them than another.
+        return [[*tiers[0], *tiers[1]], [], tiers[2]] if stem == "params" else tiers
 
     def _folder_of_tests(self, path: Path) -> Path:
         root = next(root for root in self.roots if root in path.parents)

@@ -159,3 +159,9 @@ def test_readings_at_the_least_range_count_there_only():
 def test_an_arc_is_drawn_whole_where_a_neighbour_sees_through_it():
     told = tick(printed(), cones([0.0, 10.0], [0.95, math.inf], half_angle=math.radians(12.5))).diagnostics
     assert np.count_nonzero(told.window) == 7
+
+
+def test_a_far_cell_counts_in_full_however_wide_its_arc_would_be():
+    """1.5508 m: m = 1 - 1.5508 / 2.2627 = 0.3146, and 6 / 11 of it are left in its own sector."""
+    told = tick(printed(), posts((1.55, 0.05), x=0.0), x=0.0).diagnostics
+    assert told.histogram[0] == pytest.approx(0.3146 * 6.0 / 11.0, abs=1e-4)

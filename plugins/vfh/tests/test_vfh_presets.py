@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from avoider_posts import EVERYWHERE, cones, drive, posts, preset, ring, tick
 from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar
+from navloom_vfh.lookahead import TOTAL
 
 FREE = cones(EVERYWHERE, math.inf, half_angle=0.0)
 ALL = [(method, name) for method in (Vfh, VfhPlus, VfhStar) for name in ("robust", "printed")]
@@ -188,13 +189,73 @@ def test_the_density_ahead_slows_it_down_and_4_stops_it(method, name):
     assert answer.twist.vx == pytest.approx(0.78 * (1.0 - m / 4.0))
 
 
-@EACH_AFTER
-def test_vfh_plus_enters_a_slot_wider_than_16_sectors_8_sectors_inside_its_edge(method, name):
-    """Blocked sectors end at an edge; the candidate is 40 degrees beyond it."""
+@EACH
+def test_a_wide_slot_is_entered_half_s_max_inside_its_edge(method, name):
+    """VFH: 18 sectors, so 45 degrees beyond the edge; VFH+: 16 sectors, 40 degrees."""
     told = sure(preset(method, name), posts((0.85, 0.05), x=0.0), x=0.0).diagnostics
     (slot,) = np.degrees(told.slots)
-    gap = min(abs(math.degrees(told.chosen) - edge) for edge in (slot[0] + 40.0, slot[1] - 40.0 - 360.0))
-    assert gap < 1e-6
+    half = 45.0 if method is Vfh else 40.0
+    assert min(abs(math.degrees(told.chosen) - edge) for edge in (slot[0] + half, slot[1] - half - 360.0)) < 1e-6
+
+
+@EACH
+def test_a_slot_as_wide_as_s_max_and_two_sectors_more_is_wide(method, name):
+    """It is entered half of s_max inside the edge on the side of the target, not in its middle."""
+    widest = 18 if method is Vfh else 16
+    answers = []
+    for width in np.arange(45.0, 90.0, 2.5):
+        told = sure(preset(method, name), ring(90.0, width=width, distance=0.9), target=10.0, times=15).diagnostics
+        (slot,) = np.degrees(told.slots)
+        answers.append((round((slot[1] - slot[0]) / 5.0), math.degrees(told.chosen) - slot[0]))
+    wide = [offset for sectors, offset in answers if widest < sectors <= widest + 4]
+    assert wide and wide == pytest.approx([2.5 * widest] * len(wide))
+
+
+@pytest.mark.parametrize("name", ["robust", "printed"])
+def test_the_target_weighs_5_and_heading_and_last_direction_2_each(name):
+    """Openings at +-90 degrees, heading -30, where the last direction was too. The left one costs 5 (90 - t) + 4 * 120,
+    the right one 5 (90 + t) + 4 * 60: equal at t = 24."""
+    for target, turn in ((23.0, -120.0), (25.0, 120.0)):
+        avoider = preset(VfhPlus, name, changes={"arc_check": False})
+        scan = ring(90.0, -90.0, heading=-30.0, width=60.0, distance=1.0)
+        for _ in range(15):
+            avoider._method._previous = math.radians(-30.0)
+            answer = tick(avoider, scan, heading=-30.0, target=target)
+        assert np.degrees(answer.diagnostics.slots).round(6).tolist() == [[55.0, 125.0], [235.0, 305.0]]
+        assert math.degrees(answer.twist.wz) == pytest.approx(turn)
+
+
+STAR = pytest.mark.parametrize("name", ["robust", "printed"])
+
+
+@STAR
+def test_vfh_star_looks_5_steps_of_half_a_metre_ahead(name):
+    """A target 1.2 m away is within a step of the second place, 1.0 m on: the third step leads there."""
+    assert ", 5 steps ahead" in tick(preset(VfhStar, name), FREE).diagnostics.why
+    assert ", 3 steps ahead" in tick(preset(VfhStar, name), FREE, distance=1.2).diagnostics.why
+    assert preset(VfhStar, name)._method.nodes.shape[0] == 400
+
+
+@STAR
+def test_a_projected_step_weighs_5_1_and_1_and_counts_0_8_of_the_one_before(name):
+    """At 2.0944 m/s and 120 degrees a second the circle has a radius of 1 m, and a step of 0.5 m turns by 0.5 rad.
+
+    The target is 5 m to the left. The first step costs 2 * 1.5708 for the heading and as much for the last direction.
+    It leads to (0.4794, 0.1224); from there the target is at 1.6688 rad, the step leads to 0.75 rad, and the heading is
+    0.5 rad: 0.8 (5 * 0.9188 + 1.1688 + 0.0980) = 4.6885.
+    """
+    avoider = preset(VfhStar, name, changes={"look_ahead": 2, "max_speed": 3.0}, max_linear=3.0)
+    tick(avoider, FREE, x=0.0, target=90.0, twist=(math.radians(120.0), 0.0))
+    method = avoider._method
+    assert method.nodes[method.way_end, TOTAL] == pytest.approx(2.0 * math.pi + 4.6885, abs=1e-3)
+
+
+@EACH
+def test_as_printed_the_command_is_sent_as_it_is(method, name):
+    """The turn in place beside a post, which by default is halved: see below."""
+    avoider = preset(method, name, max_angular=math.radians(25.0))
+    answer = sure(avoider, ring(distance=0.8, width=0.0), posts((0.35, -0.55), x=0.09), x=0.09, target=-90.0)
+    assert math.degrees(answer.twist.wz) == pytest.approx(-25.0 if name == "printed" else -12.5)
 
 
 @EACH_AFTER

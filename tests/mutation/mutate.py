@@ -25,7 +25,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from mutant_import import install, tell_children
+from mutant_import import VARIABLE, install, tell_children
 from mutants import Mutant, constants_of, lines_of, preset_change, sampled
 from nearest_tests import Tree
 from watched_tests import Outcomes, run_tests
@@ -113,6 +113,7 @@ class Course:
             answer = Path(scratch, "outcomes.json")
             child = os.fork()
             if child == 0:
+                signal.signal(signal.SIGTERM, signal.SIG_DFL)
                 os.setsid()
                 die_with_parent()
                 try:
@@ -130,7 +131,10 @@ class Course:
                     answer.write_text(json.dumps(asdict(outcomes)), "utf-8")
                 finally:
                     os._exit(0)
-            ended = wait(child, limit)
+            try:
+                ended = wait(child, limit)
+            finally:
+                end_all(scratch)
             if answer.exists():
                 return Outcomes(**json.loads(answer.read_text("utf-8")))
             return Outcomes({}, "the test process ended") if ended else None
@@ -142,6 +146,14 @@ def die_with_parent() -> None:
 
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+
+
+def end_all(scratch: str) -> None:
+    """End the processes that a test left, such as a live robot: they know the scratch folder from their environment."""
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if f"{VARIABLE}={scratch}/".encode() in path.read_bytes():
+                os.kill(int(path.parent.name), signal.SIGKILL)
 
 
 def wait(child: int, limit: float) -> bool:
@@ -236,6 +248,7 @@ def summary(verdicts: Sequence[Verdict]) -> str:
 def main(words: Sequence[str] | None = None) -> int:
     """Exit code 0: every mutant was noticed; 1: some were not."""
     given = arguments(words)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the scratch folder is removed
     tree = Tree(given.top.resolve())
     mutants = mutants_of(given, tree)
     if given.list:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -97,3 +99,25 @@ def test_the_same_seed_changes_the_same_lines() -> None:
         for seed in ("4", "4", "5")
     ]  # fmt: skip
     assert len(lists[0]) == 7 and lists[0] == lists[1] != lists[2]
+
+
+def test_a_run_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
+    """Neither a process nor a file: the mutant of the first line is under test when the run is ended."""
+    command = [sys.executable, str(SCRIPT), "--modules", "vff", "--lines", "3"]
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as run:
+        deadline = time.monotonic() + 60.0
+        while not list(tmp_path.glob("mutant*/mutant.json")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        run.terminate()
+        assert run.wait(20.0) == 143
+    assert list(tmp_path.iterdir()) == []
+    assert not [path for path in Path("/proc").glob("[0-9]*/environ") if str(tmp_path).encode() in read(path)]
+
+
+def read(path: Path) -> bytes:
+    """Contents, or nothing where the process has ended or is another user's."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return b""

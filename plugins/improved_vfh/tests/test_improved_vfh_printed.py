@@ -13,9 +13,9 @@ from avoider_posts import EVERYWHERE, cones, drive, posts, preset, ring, tick
 from navloom_improved_vfh.adapter import ImprovedVfh
 
 
-def printed():
+def printed(**limits):
     """The shipped preset of the paper."""
-    return preset(ImprovedVfh, "printed")
+    return preset(ImprovedVfh, "printed", **limits)
 
 
 def gate(heading=0.0, x=0.05, middle=0.45):
@@ -129,9 +129,13 @@ def test_a_slot_of_20_sectors_is_wide():
 
 
 def test_obstacles_behind_the_target_count():
-    """Blocked from 10 to 35 degrees by a post that is 0.2 m behind the target."""
-    told = tick(printed(), posts((0.45, 0.15)), target=20.0, distance=0.2).diagnostics
-    assert math.degrees(told.chosen) == pytest.approx(-35.0)
+    """A post 1.05 m away, 0.65 m behind the target, farther than half the robot's width."""
+    assert tick(printed(), posts((1.05, 0.05), x=0.0), x=0.0, distance=0.4).diagnostics.histogram.any()
+
+
+def test_a_robot_that_brakes_badly_is_as_fast():
+    """0.02 m/s^2 would stop only 0.106 m/s in the 0.28 m before the posts."""
+    assert drive(printed(max_deceleration=0.02), gate())[0] == pytest.approx(5.0 * (math.sqrt(0.1825) - 0.4))
 
 
 def test_the_direction_chosen_last_is_not_preferred():
@@ -152,7 +156,7 @@ def test_a_laser_marks_cells_of_0_1_m_too_and_its_readings_are_not_averaged():
 
 
 def test_readings_at_the_least_range_count_there_only():
-    told = tick(printed(), cones([2.0], 1.08, range_min=1.08), x=0.0).diagnostics
+    told = tick(printed(), cones([2.0], 1.03, range_min=1.03), x=0.0).diagnostics
     assert np.argwhere(told.window).tolist() == [[16, 26]]
 
 

@@ -71,7 +71,7 @@ def test_the_last_0_1_m_before_an_echo_are_not_taken_off(method):
 def test_as_printed_a_beam_takes_off_all_cells_before_its_echo(method, name):
     avoider = preset(method, name)
     tick(avoider, posts((0.95, 0.05), x=0.0), x=0.0)
-    window = tick(avoider, cones([6.14], 0.99), x=0.0).diagnostics.window
+    window = tick(avoider, cones([6.14], 0.945), x=0.0).diagnostics.window
     assert window[window.shape[0] // 2, window.shape[0] // 2 + 9] == (3 if name == "robust" else 2)
 
 

@@ -70,9 +70,9 @@ def test_a_track_may_miss_an_end_of_the_sweep_by_0_2_s(mapper):
 
 @BOTH
 def test_frames_are_placed_where_the_robot_was(mapper):
-    """It drives from -1 to 0 m while the two frames look at a post 3 and 2 m ahead of it."""
-    track = ((0, -1.0, 0.0, 0.0), (1_000_000_000, 0.0, 0.0, 0.0))
-    update = seen(make(mapper), [[3.0], [2.0]], track=track, times=(0.0, 1.0))
+    """It drives back from 1 to 0 m while the two frames look at a post 1 and 2 m ahead of it."""
+    track = ((0, 1.0, 0.0, 0.0), (1_000_000_000, 0.0, 0.0, 0.0))
+    update = seen(make(mapper), [[1.0], [2.0]], track=track, times=(0.0, 1.0))
     assert update.segments[:, 0] == pytest.approx(np.full(len(update.segments), 2.0))
 
 

@@ -190,7 +190,7 @@ def test_as_printed_looking_away_from_the_target_is_a_trap_at_once_until_it_look
     """By default the forces must lead away too, and it follows until it is past the obstacle."""
     for name, is_following in (("printed", [True, False]), ("robust", [False, False])):
         avoider = vff(name)
-        told = [tick(avoider, SIDE, x=0.0, target=t).diagnostics.why for t in (95.0, 85.0)]
+        told = [tick(avoider, SIDE, x=0.0, target=t).diagnostics.why for t in (91.0, 89.0)]
         assert ["following" in why for why in told] == is_following
 
 

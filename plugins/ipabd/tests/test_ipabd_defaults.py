@@ -148,3 +148,13 @@ def test_the_printed_slope_test_takes_0_8():
         grid = seen(make(raster="paper"), [far, far], bearings=[-4.0, 4.0]).grid
         start = round(-grid.origin.x / 0.4 - 0.5)
         assert sorted({int(column) - start for _, column in np.argwhere(grid.cells == 100)}) == columns
+
+
+def test_a_line_occupies_the_cells_whose_centres_it_passes():
+    """y = x - 1.12 m is y = x - 2.8 cells: 0.14 cells from the centres (4, 1) to (8, 5), 0.57 from those beside them."""
+    bearings = np.arange(17.0, 34.0, 2.0)
+    angles = np.radians(bearings)
+    grid = seen(make(), 1.12 / (np.cos(angles) - np.sin(angles)), bearings=bearings).grid
+    start = np.round([-grid.origin.y / 0.4 - 0.5, -grid.origin.x / 0.4 - 0.5]).astype(int)
+    found = [(int(column), int(row)) for row, column in np.argwhere(grid.cells == 100) - start]
+    assert found == [(4, 1), (5, 2), (6, 3), (7, 4), (8, 5)]

@@ -151,10 +151,18 @@ def test_the_printed_slope_test_takes_0_8():
 
 
 def test_a_line_occupies_the_cells_whose_centres_it_passes():
-    """y = x - 1.12 m is y = x - 2.8 cells: 0.14 cells from the centres (4, 1) to (8, 5), 0.57 from those beside them."""
+    """y = x - 1.12 m is y = x - 2.8 cells: 0.14 cells from the centres (4, 1) to (8, 5), 0.57 from their neighbours."""
     bearings = np.arange(17.0, 34.0, 2.0)
     angles = np.radians(bearings)
     grid = seen(make(), 1.12 / (np.cos(angles) - np.sin(angles)), bearings=bearings).grid
     start = np.round([-grid.origin.y / 0.4 - 0.5, -grid.origin.x / 0.4 - 0.5]).astype(int)
     found = [(int(column), int(row)) for row, column in np.argwhere(grid.cells == 100) - start]
     assert found == [(4, 1), (5, 2), (6, 3), (7, 4), (8, 5)]
+
+
+@BOTH
+@pytest.mark.parametrize(("geometry", "y"), [("paper", 2.0 * math.cos(0.3) * 0.5), ("rigid_pitch", 1.0)])
+def test_points_are_placed_as_the_sweep_says(mapper, geometry, y):
+    """2 m away, pitched by 0.3 rad, 30 degrees to the left: y = R cos(alpha) sin(beta), or R sin(beta)."""
+    update = seen(make(mapper), [2.0], bearings=[30.0], pitches=np.array([0.3]), geometry=geometry)
+    assert update.segments[0, 1] == pytest.approx(y)

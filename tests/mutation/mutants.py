@@ -238,13 +238,24 @@ def _of_constant(
     elif isinstance(old, int | float):
         others = [_within_bounds(old, field, rng)]
     elif isinstance(old, str):
-        words = (getattr(node, "value", None) for node in ast.walk(field.annotation))
-        others = [word for word in words if isinstance(word, str) and word != old] or [NUMBER]
+        others = [word for word in _words(source, field.annotation) if word != old] or [NUMBER]
     else:
         others = []
     for other in others:
         mutant = source.mutant(value, repr(other), "constant")
         yield Mutant(source.path, mutant.line, "constant", f"{name}={mutant.before}", repr(other), mutant.edits)
+
+
+def _words(source: _Source, annotation: ast.expr) -> list[str]:
+    """Choices of a field: those that its type names, or an alias of it in the same package."""
+    names = {node.id for node in ast.walk(annotation) if isinstance(node, ast.Name)}
+    types = [annotation]
+    for path in sorted(source.path.parent.glob("*.py")):
+        for node in ast.parse(path.read_bytes()).body:
+            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in names:
+                types.append(node.value)
+    nodes = (node for one in types for node in ast.walk(one))
+    return [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
 
 
 def _within_bounds(old: float, field: ast.AnnAssign, rng: random.Random) -> float:

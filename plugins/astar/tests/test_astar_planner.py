@@ -112,6 +112,19 @@ def test_t_of_the_printed_slope_test_is_the_robots_size_in_cells() -> None:
         assert failure.place.x == pytest.approx(2.0 - 0.4 * (columns // 2 + 1))
 
 
+def test_by_default_an_outline_occupies_the_cells_whose_centres_it_passes() -> None:
+    """y = x - 1.12 m is y = x - 2.8 cells: 0.14 cells from the centres (4, 1) to (8, 5), 0.57 from their neighbours."""
+    wall = np.array([[1.6, 0.48, 3.2, 2.08]])
+    path = make(inflation="none").plan(asked(np.empty((0, 0)), (0.0, 0.0), (0.4, 0.0), segments=wall))
+    assert [(int(c), int(r)) for r, c in np.argwhere(path.traversable.cells)] == [
+        (4, 1),
+        (5, 2),
+        (6, 3),
+        (7, 4),
+        (8, 5),
+    ]
+
+
 def test_cells_are_obstacles_from_50_percent_on() -> None:
     cells = np.zeros((20, 20))
     cells[5, 5], cells[15, 15] = 49, 50

@@ -27,8 +27,8 @@ class PlannerOnGrid(Planner[AstarParams]):
 
     def __init__(self, params: AstarParams, context: Context) -> None:
         super().__init__(params, context)
-        start = context.start
-        self._planner = GridPlanner(params.settings(context.robot.footprint), (start.x, start.y), type(self).search)
+        anchor = params.anchor_at((context.start.x, context.start.y))
+        self._planner = GridPlanner(params.settings(context.robot.footprint), anchor, type(self).search)
 
     @classmethod
     def warm_up(cls) -> None:

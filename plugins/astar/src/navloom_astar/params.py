@@ -25,6 +25,10 @@ class AstarParams(Params):
     cell: Annotated[float, Field(gt=0.0)] | Literal["third_of_chassis"] = Field(
         0.40, description="edge of a cell of the grid that outlines are drawn on, m"
     )
+    anchor: tuple[float, float] | Literal["start", "lowest"] = Field(
+        "start",
+        description="a cell centre of the grid of outlines, m, map frame; lowest: the lowest x and y of all outlines",
+    )
     raster: RasterMethod = Field("distance", description="which cells an outline occupies")
     paper_raster_t: float | None = Field(
         None, gt=0.0, description="T of the printed slope test, cells; default: the robot's size"
@@ -57,6 +61,12 @@ class AstarParams(Params):
     escape_start: float | None = Field(
         None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times (its reach + a cell)"
     )
+
+    def anchor_at(self, start: tuple[float, float]) -> tuple[float, float] | None:
+        """x, y of a cell centre, m, map frame; None: the lowest x and y of the outlines. `start` is S."""
+        if self.anchor == "lowest":
+            return None
+        return start if self.anchor == "start" else self.anchor
 
     def settings(self, footprint: NDArray[np.float64]) -> Settings:
         """Settings of the pure modules, with words such as "inscribed" resolved to lengths.

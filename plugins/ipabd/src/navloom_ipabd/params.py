@@ -9,7 +9,7 @@ from navloom import Params
 from pydantic import Field
 
 from navloom_ipabd.mapping import MapSettings
-from navloom_ipabd.rules import FilterOrder, Filters
+from navloom_ipabd.rules import FilterOrder, Filters, HeightFrame
 from navloom_ipabd.segmentation import Segmentation, SegmentationMethod
 
 __all__ = ["IpabdParams", "UnionParams"]
@@ -22,6 +22,9 @@ class IpabdParams(Params):
         "as_sweep", description="how ranges become points; as_sweep: as the sweep states"
     )
     filter_order: FilterOrder = Field("before_min", description="floor and height filter before or after the minimum")
+    height_frame: HeightFrame = Field(
+        "floor", description="where z is 0 in the filters: at the floor, or at the sensor (eq. (1) as printed)"
+    )
     floor_tolerance: float = Field(
         0.06, ge=0.0, description="largest distance from the floor of points that count as floor, m"
     )
@@ -69,6 +72,7 @@ class IpabdParams(Params):
         filters = Filters(
             floor_tolerance=self.floor_tolerance,
             z_limit=robot_height if self.z_limit is None else self.z_limit,
+            frame=self.height_frame,
             order=self.filter_order,
             min_range=self.min_range,
             max_range_tolerance=self.max_range_tolerance,

@@ -134,6 +134,6 @@ def test_with_wheel_and_track_wrong_by_5_percent_it_ends_within_half_a_metre_of_
         f"platform.half_track_error={-0.05 * sign}",
     )
     summary = episode.summary()
-    # It believes to have arrived, 0.25 m or 0.37 m from D: law (6) corrects the way to an estimate that is wrong itself.
+    # It believes to have arrived, 0.25 m or 0.37 m from D: law (6) follows an estimate that is wrong itself.
     assert summary["outcome"] == "succeeded" and summary["collisions"] == 0
     assert summary["goal_error_m"] < 0.5

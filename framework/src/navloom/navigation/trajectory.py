@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from navloom.navigation import fillets, sight
 
-__all__ = ["SpeedLimits", "SmoothPath", "free_samples", "keep_corners", "make_trajectory", "sample_path", "speed_profile", "warm_up"]
+__all__ = [
+    "SpeedLimits",
+    "SmoothPath",
+    "free_samples",
+    "keep_corners",
+    "make_trajectory",
+    "sample_path",
+    "speed_profile",
+    "warm_up",
+]
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]

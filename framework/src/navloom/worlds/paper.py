@@ -72,5 +72,5 @@ def paper_gates_blocked_bc() -> World:
 
 
 def paper_gates_obstacle() -> World:
-    """With the obstacle of Fig. 11 on the path to gate B. It appears after the sweep, in which 135 rays would meet it."""
+    """With the obstacle of Fig. 11, which appears on the path to gate B after the sweep: 135 rays would meet it."""
     return _gates("paper_gates_obstacle", (*_OBSTACLES, _OBSTACLE_O))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 from navloom.geometry.solids import overlaps
-from navloom.geometry.world import Box, World
+from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import OccupancyGrid
 from navloom.report.plotting import GREY, OKABE_ITO, new_figure
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from navloom_hoang2013.runs import GATE_LINE, Drive, gates_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["COLUMN", "cells_of", "cloud_figure", "draw_kinds", "draw_places", "draw_world", "grid_figure",
+__all__ = ["COLUMN", "cells_of", "cloud_figure", "draw_kinds", "draw_places", "draw_world", "grid_figure", "is_drawn",
            "legend_below", "map_figure", "plan_axes", "set_room", "union_figure"]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -55,12 +55,17 @@ def set_room(axes: Any) -> None:
     axes.set_ylabel("y, m")
 
 
+def is_drawn(obstacle: Obstacle, shows_o: bool = False) -> TypeGuard[Box]:
+    """Whether figures show an obstacle's outline: that of every box but the ceiling, and O only where asked for."""
+    return isinstance(obstacle, Box) and obstacle.name != "ceiling" and (shows_o or not obstacle.appears_after_sweep)
+
+
 def draw_world(axes: Any, world: World, height: float, shows_o: bool = False) -> None:
     """Draw the outlines of boxes in the room: solid if a box hinders a robot of `height`, m, dotted if it is above."""
     from matplotlib.patches import Rectangle
 
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Box) and (shows_o or not obstacle.appears_after_sweep):
+        if is_drawn(obstacle, shows_o):
             hinders = overlaps(obstacle.z, (0.0, height))
             axes.add_patch(
                 Rectangle(
@@ -162,7 +167,7 @@ def _frame(axes: Any) -> None:
 def _wires(axes: Any, world: World) -> None:
     """Draw the edges of the true boxes."""
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Box) and not obstacle.appears_after_sweep:
+        if is_drawn(obstacle):
             (x0, x1), (y0, y1), (z0, z1) = obstacle.x, obstacle.y, obstacle.z
             ring = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
             for z in (z0, z1):

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from navloom_improved_vfh.params import paper_literal
-from navloom_vff.params import paper_literal as printed_forces
+from navloom_improved_vfh.params import PRINTED, ImprovedVfhParams
 from numpy.typing import NDArray
 
 from navloom_hoang2013.errata import ROOM, Variant
@@ -30,27 +29,32 @@ BLIND = ("navigation.handover=never", "gate.monitor=false")
 """Settings with which nobody avoids, so that an obstacle is approached from afar to contact."""
 FROM_AFAR = ("navigation.start={x=-1.2,y=-1.4,heading_deg=59.04}", "navigation.goal={x=2.4,y=4.6}", *BLIND)
 """Settings of a straight drive from 4.5 m before O into O."""
-WIDE = ("avoider.window=81", "avoider.reach=5.66")
-"""A window of 81 cells of 0.1 m reaches 4 m to the sides; its corners are sqrt(2) * 40 cells away."""
+WIDE = "avoider.window=81"
+"""A window of 81 cells of 0.1 m reaches 4 m to the sides."""
 
 
-def _set(params: dict[str, object]) -> tuple[str, ...]:
+def _preset(name: str) -> str:
+    return f"avoider.plugin=improved_vfh@{name}"
+
+
+def _printed_keys() -> tuple[str, ...]:
+    """Each setting in which the printed avoider differs from the robust one."""
+    default = ImprovedVfhParams()
     return tuple(
-        f"avoider.{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in params.items()
+        f"avoider.{key}={str(value).lower() if isinstance(value, bool) else value}"
+        for key, value in PRINTED.values().items()
+        if getattr(default, key) != value
     )
 
 
-PRINTED = _set(paper_literal())
-AVOIDERS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("printed", PRINTED),
-    ("robust", ()),
-)
+KEYS = _printed_keys()
+AVOIDERS = (("printed", (_preset("printed"),)), ("robust", (_preset("robust"),)))
 """Both presets of the avoider as settings."""
 RANGES = (
     *AVOIDERS,
-    ("printed, window of 81 cells", (*PRINTED, *WIDE)),
+    ("printed, window of 81 cells", (_preset("printed"), WIDE)),
 )
-METHODS = (("virtual forces", ("avoider.plugin=vff", *_set(printed_forces()))), ("Improved VFH", PRINTED))
+METHODS = (("virtual forces", "avoider.plugin=vff@printed"), ("Improved VFH", _preset("printed")))
 """Methods as printed that section I compares at doors."""
 DOORS = (1.2, 1.6, 2.0, 2.4)
 """Widths of the doors, m."""
@@ -156,7 +160,7 @@ def steps_of_readings() -> int:
         len(SHAPES)
         + len(OFFS) * len(IN_PLACE)
         + 2 * len(AVOIDERS)
-        + len(PRINTED)
+        + len(KEYS)
         + len(RANGES)
         + len(METHODS) * len(DOORS)
     )
@@ -187,10 +191,10 @@ def readings_of(seed: int | None, say: Callable[[str], None]) -> DriveReadings:
         say(f"range, {name}")
         return reach_of(name, settings, seed)
 
-    def through(method: str, settings: tuple[str, ...], width: float) -> Door:
+    def through(method: str, setting: str, width: float) -> Door:
         say(f"{method} at a door of {width:g} m")
         there = (f"world.ref=door:{width:g}", "navigation.goal={x=0,y=6}")
-        return Door(method, width, drive(*there, *settings, seed=seed))
+        return Door(method, width, drive(*there, setting, seed=seed))
 
     robust = AVOIDERS[1][1]
     return DriveReadings(
@@ -198,9 +202,9 @@ def readings_of(seed: int | None, say: Callable[[str], None]) -> DriveReadings:
         turns=tuple(turned(off, above) for off in OFFS for above, _ in IN_PLACE),
         avoiders=tuple(run(name, *settings) for name, settings in AVOIDERS),
         tallies=tuple(tally(name, settings) for name, settings in AVOIDERS),
-        alone=tuple(run(setting, *robust, setting) for setting in PRINTED),
+        alone=tuple(run(setting, *robust, setting) for setting in KEYS),
         ranges=tuple(reach(name, settings) for name, settings in RANGES),
-        doors=tuple(through(method, settings, width) for method, settings in METHODS for width in DOORS),
+        doors=tuple(through(method, setting, width) for method, setting in METHODS for width in DOORS),
     )
 
 

@@ -57,8 +57,8 @@ def _introduction(made: Reproduction) -> dict[str, Finding]:
         method: [f"{door.width:g}" for door in made.readings.doors if door.method == method and door.passed]
         for method in dict.fromkeys(door.method for door in made.readings.doors)
     }
-    doors = "; ".join(f"{method} passes {', '.join(widths) or 'none'} m" for method, widths in passed.items())
-    blocked = not passed["virtual forces"] and bool(passed["Improved VFH"])
+    doors = "; ".join(f"{method}: doors of {', '.join(widths) or 'no'} m" for method, widths in passed.items())
+    blocked = set(passed["virtual forces"]) < set(passed["Improved VFH"])
     active = made.readings.range_of(made.run)
     return {
         "I-1": Finding(f"{counts['kept']} pixels for {columns} bearings", counts["kept"] == columns),
@@ -87,8 +87,7 @@ def _collecting(made: Reproduction) -> dict[str, Finding]:
                           beams == 101 and bool(np.allclose(bearing, np.arange(40.0, 141.0)))),
         "II.A-5": Finding(f"{pixels:,} of {frames * beams:,} rays return", pixels == 9494),
         "II.A-6": Finding(f"{steps.mean():.3f}° every {1e3 * times.mean():.1f} ms; the steps of the height on a wall "
-                          "grow "
-                          f"{grows:.2f} times", grows < 1.01),
+                          f"grow {grows:.2f} times", grows < 1.01),
         "II.A-7": Finding(f"{sweep.z:g} m", sweep.z == 0.4),
         "II.A-8": Finding(f"{slant:.3f} m slant, {floor:.3f} m level", abs(slant - 4.58) < 0.01),
         "II.A-9": Finding(f"{sonars}", sonars == 8),
@@ -150,8 +149,7 @@ def _planning(made: Reproduction) -> dict[str, Finding]:
     return {
         "III.A-8": Finding(f"{made.run.path.length:.2f} m on the grid; {optimal:.2f} m for a disc in the true room"),
         "III.A-9": Finding(f"cells: {_cm(planned)} off at most, {planned['sim_time_s']:.1f} s, {plans[1]} plans; "
-                           "rounded: "
-                           f"{_cm(rounded)}, {rounded['sim_time_s']:.1f} s, {plans[0]} plan"),
+                           f"rounded: {_cm(rounded)}, {rounded['sim_time_s']:.1f} s, {plans[0]} plan"),
     }  # fmt: skip
 
 
@@ -266,11 +264,9 @@ def _drives(made: Reproduction) -> dict[str, Finding]:
     x, y = obstacle.centre
     return {
         "IV.C-1": Finding(f"{100.0 * free['cross_track_rms_m']:.1f} cm rms, {off.max():.1f} cm at most, "
-                          f"{late.max():.1f} cm "
-                          "in the second half", bool(late.max() < 5.0)),
+                          f"{late.max():.1f} cm in the second half", bool(late.max() < 5.0)),
         "IV.C-2": Finding(f"{100.0 * share:.0f} % of the time in 0.19 to 0.41 m/s; median {np.median(speeds):.2f}, at "
-                          "most "
-                          f"{speeds.max():.2f} m/s", share > 0.9),
+                          f"most {speeds.max():.2f} m/s", share > 0.9),
         "IV.D-1": Finding(f"{np.ptp(obstacle.x):.1f} × {np.ptp(obstacle.y):.1f} × {obstacle.z[1]:g} m at ({x:g}, "
                           f"{y:g})"),
         "IV.D-2": Finding(f"the avoider drives from {since:.2f} to {until:.2f} s; {run['min_clearance_m']:.2f} m "

@@ -94,9 +94,8 @@ def _map_plates(made: Reproduction) -> tuple[Plate, ...]:
     return (
         Plate("figure-06", "Fig. 6, the 3D image.",
               f"{cloud.classes.size - counts['no return']:,} pixels of {cloud.classes.size:,} rays from S. Gate A is "
-              "under a "
-              f"girder lower than the robot ({z_limit:g} m), gate B under a higher one, corridor C is open. Grey "
-              "edges: the true room without its ceiling; its sizes are ours, since the paper's figures are lost.",
+              f"under a girder lower than the robot ({z_limit:g} m), gate B under a higher one, corridor C is open. "
+              "Grey edges: the true room without its ceiling; its sizes are ours, since the paper's figures are lost.",
               lambda: cloud_figure(run, cloud, z_limit)),
         Plate("figure-07", "Fig. 7, the union map.",
               f"All {cloud.classes.size - counts['no return']:,} pixels pressed onto the plane (step 1). Floor, "
@@ -147,17 +146,27 @@ def _drive_plates(made: Reproduction) -> tuple[Plate, ...]:
                   f"{choice.time:.2f} s: for the first time the direction to the target is blocked, and the chosen "
                   f"one is {abs(off):.0f}° to the {'left' if off > 0.0 else 'right'} of it. Above: the sonars, the "
                   "certainty window, and the polar histogram as a ring, dark where it is blocked. Below: the same "
-                  "histogram from the heading. The robot's width is in it, so that it is wider than O.",
+                  f"histogram from the heading. {_width_words(run)}",
                   lambda: choice_figure(run))
         )  # fmt: skip
     plates.append(
         Plate("figure-12", "Fig. 12, the drive.",
               "Eight moments from start to end, evenly spaced, in place of the paper's images. O (black) appears once "
-              "the "
-              "sweep has ended.",
+              "the sweep has ended.",
               lambda: strip_figure(run))
     )  # fmt: skip
     return tuple(plates)
+
+
+def _width_words(run: Drive) -> str:
+    """What makes the blocked part of the histogram wider than O."""
+    system = run.episode.system
+    params = system.parts[("avoider", system.config.avoider.instance)].params
+    if params.enlargement == "none":
+        return (
+            f"Smoothing over {params.smoothing} sectors to each side makes it wider than O; the robot is a point in it."
+        )
+    return "The robot's width is in it, so that it is wider than O."
 
 
 def _errata_plates(errata: Errata) -> tuple[Plate, ...]:
@@ -188,17 +197,14 @@ def _errata_plates(errata: Errata) -> tuple[Plate, ...]:
               lambda: grid_rules_figure(errata)),
         Plate("errata-height", "z = 0.",
               "Step 3 removes z = 0, \"corresponding to the floor\". z of eq. (1) is 0 at the sensor, and the floor "
-              "is at "
-              "z = -0.4 m. As printed (b), the floor stays and is the nearest obstacle of every bearing, an arc 4.57 m "
-              f"ahead: {length_of(errata.heights[1].drive)}. Counted from the floor (a): "
+              "is at z = -0.4 m. As printed (b), the floor stays and is the nearest obstacle of every bearing, an arc "
+              f"4.57 m ahead: {length_of(errata.heights[1].drive)}. Counted from the floor (a): "
               f"{length_of(errata.heights[0].drive)}.",
               lambda: height_figure(errata)),
         Plate("errata-anchor", "Where the cells begin.",
               "Cells with centres at S plus multiples of 40 cm (a), and counted from the lowest x and y of the "
-              "outlines as "
-              "printed (b), both grown by two cells. S and D then lie beside the centres of their cells, and the plan "
-              "is "
-              f"{length_of(errata.anchors[1].drive)} instead of {length_of(errata.anchors[0].drive)}.",
+              "outlines as printed (b), both grown by two cells. S and D then lie beside the centres of their cells, "
+              f"and the plan is {length_of(errata.anchors[1].drive)} instead of {length_of(errata.anchors[0].drive)}.",
               lambda: anchor_figure(errata)),
         Plate("errata-gain", "Gain k3.",
               f"Law (6) from {BESIDE:g} m beside a line at {SPEED:g} m/s, k1 = 1, nothing limited. The lateral poles "
@@ -210,34 +216,30 @@ def _errata_plates(errata: Errata) -> tuple[Plate, ...]:
 
 def _reading_plates(readings: DriveReadings) -> tuple[Plate, ...]:
     printed, robust = readings.tallies
+    wide = readings.ranges[2].passes.episode.summary()
     return (
         Plate("errata-path", "From cells to a trajectory.",
               "The paper does not say how the path of A* becomes q_r(t). Pruned and rounded (a); along the cells (b), "
-              "where "
-              "θr jumps by 45° at corners and ωr stays 0: law (6) swings onto each leg. Where the robot misses D so, "
-              "the goal "
-              "node plans once more; the figure shows the first plan.",
+              "where θr jumps by 45° at corners and ωr stays 0: law (6) swings onto each leg, and where the robot "
+              "misses D so, the goal node plans again. The figure shows the first plan.",
               lambda: shapes_figure(readings)),
         Plate("errata-turn", "Turning in place.",
               "Starts off the heading of the first leg, noise-free, in an empty world. Law (6) alone drives off the "
-              "line, "
-              "and backwards where e3 exceeds 90°: from 135° on, the command gate does not let it reverse into what no "
-              "sensor sees. With a turn in place first, every start arrives.",
+              "line, and backwards where e3 exceeds 90°: from 135° on, the command gate does not let it reverse into "
+              "what no sensor sees. With a turn in place first, every start arrives.",
               lambda: turns_figure(readings)),
         Plate("errata-avoider", "Improved VFH as printed, and robust.",
-              f"Above: tracks of 20 seeds round O, red where the avoider drives in the run shown. Middle: the "
-              "histogram "
-              "where it first turns away (green: to the target, red: chosen). Below: distance to the nearest obstacle. "
-              f"As printed, {printed.reached} of 20 truly reach D with {printed.median('clearance'):.2f} m of "
-              "clearance "
-              f"(median); robust, {robust.reached} with {robust.median('clearance'):.2f} m. None touches anything.",
+              "Above: tracks of 20 seeds round O, red where the avoider drives in the run shown. Middle: the histogram "
+              "where it first turns away (green: to the target, red: chosen; dotted: threshold). Below: distance to "
+              f"the nearest obstacle. As printed, {printed.reached} of 20 truly reach D with "
+              f"{printed.median('clearance'):.2f} m of clearance (median) and {printed.touched} touch; robust, "
+              f"{robust.reached} with {robust.median('clearance'):.2f} m and {robust.touched}.",
               lambda: avoiders_figure(readings)),
         Plate("errata-range", "From 0.3 to 4 m.",
               "A straight drive at O that nobody avoids. The avoider acts where the density (solid) exceeds its "
-              "threshold "
-              "(dotted). The sonars hear O from 4 m on; VFH's window of 33 cells of 0.1 m ends 1.6 m to the sides. "
-              "With 81 "
-              f"cells the experiment ends so: {readings.ranges[2].passes.episode.summary()['outcome']}.",
+              "threshold (dotted), from the dashed line on. The sonars hear O from 4 m on; VFH's window of 33 cells of "
+              "0.1 m ends 1.6 m to the sides. With 81 cells the experiment ends "
+              f"{wide['goal_error_m']:.2f} m from D, with {wide['collisions']} contacts.",
               lambda: range_figure(readings)),
     )  # fmt: skip
 
@@ -248,10 +250,10 @@ def _calibration_plates(calibrations: tuple[Calibration, ...]) -> tuple[Plate, .
     return (
         Plate("errata-calibration", "Robot parameters partially unknown.",
               "Drives without O, 20 seeds a point, with a wheel radius or half track that differs from the one that "
-              "the "
-              "robot assumes. Where odometry knows the true value (dotted), law (6) does not notice. Where odometry is "
-              "wrong as well (solid), it follows a wrong estimate: no feedback corrects that. Dashed: what counts as "
-              "reached, 0.3 m.",
+              "the robot assumes. Where odometry knows the true value (dotted), law (6) does not notice. Where "
+              "odometry is wrong as well (solid), the robot follows a wrong estimate, which no feedback corrects. "
+              "Dashed: what "
+              "counts as reached, 0.3 m.",
               lambda: calibration_figure(calibrations)),
     )  # fmt: skip
 

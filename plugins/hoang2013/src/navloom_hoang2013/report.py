@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
+from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
@@ -95,11 +96,21 @@ def _end(summary: dict[str, Any]) -> str:
 
 def _statements(statements: Sequence[Statement]) -> str:
     rows = [
-        (s.id, s.printed, s.ours, s.verdict, s.why, ", ".join(s.inactive), s.code, s.test.rpartition("::")[2], s.figure)
-        for s in statements
+        (
+            statement.id,
+            statement.printed,
+            f"{statement.ours}\n{statement.why}" if statement.why else statement.ours,
+            statement.verdict,
+            "\n".join(statement.inactive),
+            f"{statement.code}\n{statement.test.rpartition('::')[2]}",
+            statement.figure,
+        )
+        for statement in statements
     ]
-    names = ("", "printed", "ours", "verdict", "why", "key of the printed reading", "code", "test", "figure")
-    return html.table(names, rows, text=range(len(names)))
+    names = ("", "printed", "ours, and why", "verdict", "key of the printed reading", "code, and test", "figure")
+    tally = Counter(statement.verdict for statement in statements)
+    counts = ", ".join(f"{number} {verdict}" for verdict, number in tally.most_common())
+    return html.table(names, rows, f"{len(statements)} statements: {counts}", text=range(len(names)))
 
 
 def _errata_sections(made: Reproduction, figures: dict[str, str]) -> list[html.Section]:
@@ -215,8 +226,7 @@ def _calibration_part(made: Reproduction, figures: dict[str, str]) -> str:
     if not made.calibrations:
         return html.paragraph(
             "Not run. `navloom paper --campaigns` drives 720 times with wheel radius and half track wrong by 1 to 10 "
-            "%, in "
-            "some minutes."
+            "%, in some minutes."
         )
     rows = [
         (

@@ -203,7 +203,8 @@ def _errata_plates(errata: Errata) -> tuple[Plate, ...]:
               lambda: height_figure(errata)),
         Plate("errata-anchor", "Where the cells begin.",
               "Cells with centres at S plus multiples of 40 cm (a), and counted from the lowest x and y of the "
-              "outlines as printed (b), both grown by two cells. S and D then lie beside the centres of their cells, "
+              "outlines as printed (b), both grown by two cells (grey; blue: outlines). S and D then lie beside the "
+              "centres of their cells, "
               f"and the plan is {length_of(errata.anchors[1].drive)} instead of {length_of(errata.anchors[0].drive)}.",
               lambda: anchor_figure(errata)),
         Plate("errata-gain", "Gain k3.",

@@ -36,7 +36,7 @@ AROUND_O = (-0.3, 2.9, 0.3, 4.3)
 def shapes_figure(readings: DriveReadings) -> Figure:
     """The drive without O along the rounded path, and along the planned cells."""
     figure, panels = new_figure(COLUMN, 66.0, 1, 2)
-    for axes, variant, title in zip(panels, readings.shapes, ("a: rounded", "b: along the cells"), strict=True):
+    for axes, variant, title in zip(panels, readings.shapes, ("a: rounded", "b: along cells"), strict=True):
         run = variant.drive
         assert run.trajectory is not None
         set_room(axes)
@@ -69,15 +69,14 @@ def turns_figure(readings: DriveReadings) -> Figure:
             axes.plot(100.0 * way[:, 0], way[:, 1], color=colour, linewidth=1.2, label=f"{off}° off")
             if not summary["truly_reached"]:
                 axes.plot(100.0 * way[-1, 0], way[-1, 1], "x", color=colour, markersize=5)
-                axes.annotate(summary["outcome"], (100.0 * way[-1, 0], way[-1, 1]), (-4, 5), color=colour, fontsize=6,
-                              textcoords="offset points", ha="right")  # fmt: skip
+        axes.plot([], [], "x", color=GREY, markersize=5, label="stuck")
         axes.set_title(title, fontsize=7.5, loc="left")
         axes.set_xlim(-40.0, 40.0)
         axes.set_ylim(-0.2, 7.8)
         axes.set_xlabel("beside the line, cm")
     panels[0].set_ylabel("along the line, m")
     handles, labels = panels[1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=7, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=7, frameon=False, columnspacing=1.0)
     return figure
 
 

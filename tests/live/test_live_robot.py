@@ -140,12 +140,12 @@ def test_an_operator_sets_parameters_swaps_stops_drives_and_cancels(tmp_path: Pa
             assert refused.returncode == 1 and "is stopped: by an operator; `navloom resume`" in refused.stderr
             resumed = len(robot.said)
             assert robot.run("resume").returncode == 0
-            robot.wait_for("controller lyapunov_tracker@printed drives", after=resumed)
+            robot.wait_for("controller lyapunov_tracker drives", after=resumed)
             # an operator drives, then the robot drives itself again
             by_hand = len(robot.said)
             assert robot.run("teleop", "--vx", "-0.2", "--for", "0.5").returncode == 0
             after = robot.wait_for("an operator drives", after=by_hand)
-            robot.wait_for("controller lyapunov_tracker@printed drives", after=after)
+            robot.wait_for("controller lyapunov_tracker drives", after=after)
             # pre-empted, then cancelled
             second = navigator.go(-3.0, 0.0)
             assert handle.wait(30).outcome == "cancelled"
@@ -197,7 +197,7 @@ def test_a_killed_process_restarts_and_the_goal_is_reached(tmp_path: Path) -> No
     with up(str(config)) as robot:
         robot.wait_for("every node is there")
         with _navigator(robot) as navigator:
-            navigator.set_parameters("controller", "lyapunov_tracker@printed", ["k3 = 1.5"])
+            navigator.set_parameters("controller", "lyapunov_tracker", ["k3 = 1.5"])
             handle = navigator.go(4.2, 0.0)
             assert next(f for f in handle.updates(timeout=60) if f.state == "driving" and 0.0 < f.distance < 4.0)
             victim = next(node for node in navigator.client.describe() if node["role"] == "controller")
@@ -205,10 +205,10 @@ def test_a_killed_process_restarts_and_the_goal_is_reached(tmp_path: Path) -> No
             os.kill(victim["pid"], signal.SIGKILL)
             robot.wait_for("process drive was ended by SIGKILL; it restarts in", after=seen)
             stopped = robot.wait_for("stopped: ", after=seen)
-            robot.wait_for("controller lyapunov_tracker@printed drives", after=stopped)
+            robot.wait_for("controller lyapunov_tracker drives", after=stopped)
             assert handle.wait(60).outcome == "succeeded"
             # parameters that were set survive the process
-            assert navigator.get_parameters("controller", "lyapunov_tracker@printed")["k3"] == 1.5
+            assert navigator.get_parameters("controller", "lyapunov_tracker")["k3"] == 1.5
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,18 @@ def as_described() -> Episode:
     return run_episode(load_config("paper"))
 
 
+def test_every_role_of_the_paper_is_as_printed_but_the_origin_of_the_grid() -> None:
+    system = as_described().system
+    differ = {}
+    for role in ("mapper", "planner", "controller", "avoider"):
+        table = system.config.role_table(role)
+        assert table.preset == "printed", role
+        part = system.parts[(role, table.instance)]
+        printed = type(part.plugin).presets["printed"].values()
+        differ |= {f"{role}.{key}": value for key, value in printed.items() if getattr(part.params, key) != value}
+    assert differ == {"planner.anchor": "lowest"}
+
+
 def crossing(episode: Episode, y: float = 5.3) -> float:
     """x where the plan crosses the gates' wall, m."""
     points = episode.recorder.plans[0].points

@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
@@ -220,8 +221,33 @@ def test_the_printed_slope_test_closes_the_room_or_opens_gate_a(made: Reproducti
     assert len(plans) == 12
 
 
+def _words_of_the_statements(made: Reproduction) -> list[str]:
+    statements = statements_of(made)
+    verdicts = Counter(statement.verdict for statement in statements)
+    return [f"There are {len(statements)}:", *(f"| {verdict} | {number} |" for verdict, number in verdicts.items())]
+
+
+def _words_of_the_drives(made: Reproduction) -> list[str]:
+    run, free = made.run.episode.summary(), made.free.episode.summary()
+    printed, robust = made.readings.tallies
+    acts = [f"{reach.acts_from:.2f} m" for reach in made.readings.ranges if reach.acts_from is not None]
+    rounded, planned = (variant.drive.episode.summary() for variant in made.readings.shapes)
+    lowest = length_of(made.errata.anchors[1].drive).replace(", gate", " through gate")
+    return [
+        f"{run['goal_error_m']:.2f} m from D with the obstacle, and {free['goal_error_m']:.2f} m without it",
+        f"{printed.reached} of 20 seeds truly reach D, {printed.median('clearance'):.2f} m from O (median), no contact",
+        f"robust: {robust.reached} of 20, {robust.median('clearance'):.2f} m, no contact",
+        f"acts from {acts[0]} before O, counted from the robot's centre; robust, from {acts[1]}",
+        f"33 cells: from {acts[0]} | 81 cells: from {acts[2]}",
+        f"along the cells: up to {100.0 * planned['cross_track_max_m']:.0f} cm off, D is missed at first, "
+        f"{planned['sim_time_s']:.1f} s | pruned and rounded: up to {100.0 * rounded['cross_track_max_m']:.0f} cm off, "
+        f"{rounded['sim_time_s']:.1f} s",
+        f"from x_min and y_min: {lowest}",
+    ]
+
+
 def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
-    page = (Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8")
+    page = " ".join((Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8").split())
     first, printed = made.errata.orders
     plans = {variant.name: length_of(variant.drive) for variant in made.errata.grids}
     bare = plans["0.40 m, the printed test, not grown"].replace(", gate", " through gate")
@@ -236,6 +262,8 @@ def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
         f"not inflated: {bare} |",
         f"| {third} | 40 cm",
         f"from 0.3 m beside a line it settles in {settled[0.6]:.1f} s; with k3 = 2 in {settled[2.0]:.1f} s",
+        *_words_of_the_statements(made),
+        *_words_of_the_drives(made),
     ):
         assert words in page, words
 

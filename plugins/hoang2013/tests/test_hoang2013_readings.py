@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from navloom_hoang2013.drive_readings import DOORS, KEYS, OFFS
 from navloom_hoang2013.errata import length_of
 from navloom_hoang2013.plates import Reproduction
 from navloom_hoang2013.runs import away_from, box, moving_speeds
-from navloom_hoang2013.seeds import driven
+from navloom_hoang2013.seeds import LEVELS, PARAMETERS, calibrations, driven
 from navloom_hoang2013.strips import FRAMES, moments_of
 from navloom_lyapunov_tracker.law import tracking_error
 
@@ -112,3 +113,14 @@ def test_law_6_copes_with_wrong_wheels_only_if_odometry_knows_them() -> None:
     # Of 9.4 m that odometry counts, wheels 10 % smaller drive 8.5 m. The robot believes that it arrived either way.
     assert (blind.believed, blind.reached) == (3, 0) and blind.median("goal_error") > 0.4
     assert known.reached >= 2 and known.median("goal_error") < 0.3
+
+
+@pytest.mark.slow
+def test_the_docs_state_what_the_campaign_gives() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8")
+    found = {(entry.parameter, entry.error, entry.knows): entry.tally for entry in calibrations(lambda text: None)}
+    for level in LEVELS:
+        tallies = [found[parameter, level, knows] for parameter, _ in PARAMETERS for knows in (False, True)]
+        cells = " | ".join(f"{tally.reached} ({tally.median('goal_error'):.2f} m)" for tally in tallies)
+        assert f"| {100.0 * level:{'+' if level else ''}.0f} % | {cells} |" in page, level
+    assert all(tally.believed == 20 and tally.touched == 0 for tally in found.values())

@@ -55,6 +55,10 @@ def row(made: Reproduction, number: str) -> Statement:
         ("II.A-5", "9,494 of 9,494 rays return", "as printed"),  # 94 * 101
         ("II.A-7", "0.4 m", "as printed"),
         ("II.A-8", "4.589 m slant, 4.572 m level", "erratum"),  # 0.4 / sin 5°, 0.4 / tan 5°
+        ("II.A-9", "8, from 0.3 to 4 m", "as printed"),
+        ("III.A-4", "2 cells; 0 contacts", "as printed"),  # the dilation; contacts of the drive with O
+        ("III.B-3", "least v_r 0.20 m/s", "as printed"),
+        ("IV.A-1", "S (0, 0), D (0, 7.6)", "as printed"),
         ("IV.A-2", "1.2 m", "as printed"),
         ("IV.A-5", "9,494", "as printed"),
         ("IV.B-1", "40 × 40 cm²", "as printed"),
@@ -70,6 +74,9 @@ def test_a_number_of_the_table(made: Reproduction, number: str, ours: str, verdi
 @pytest.mark.parametrize(
     ("number", "ours"),
     [
+        ("III.C-1", "values 2, 3 in the window"),
+        ("III.C-2", "reset of the window"),
+        ("III.C-3", "72 sectors; sum, smoothed"),
         ("III.C-4", "within 100°"),
         ("III.C-5", "100°, at most 4 times"),
         ("III.C-7", "90°; loyalty 0°"),

@@ -77,6 +77,7 @@ def _collecting(made: Reproduction) -> dict[str, Finding]:
     slant = math.hypot(floor, sweep.z)
     scan = made.run.choice.scan if made.run.choice is not None else None
     sonars = 0 if scan is None else len(scan.ranges)
+    heard = "" if scan is None else f", from {scan.range_min:g} to {scan.range_max:g} m"
     seen = rays_towards(sweep, START, box(made.run.world, "obstacle O"))
     grows = 1.0 / math.cos(sweep.pitches[-1]) ** 2
     return {
@@ -90,7 +91,7 @@ def _collecting(made: Reproduction) -> dict[str, Finding]:
                           f"grow {grows:.2f} times", grows < 1.01),
         "II.A-7": Finding(f"{sweep.z:g} m", sweep.z == 0.4),
         "II.A-8": Finding(f"{slant:.3f} m slant, {floor:.3f} m level", abs(slant - 4.58) < 0.01),
-        "II.A-9": Finding(f"{sonars}", sonars == 8),
+        "II.A-9": Finding(f"{sonars}{heard}", sonars == 8),
         "II.A-10": Finding(f"{seen} rays would meet O, 0 do; the avoider sees it", made.run.choice is not None),
     }  # fmt: skip
 

@@ -172,7 +172,7 @@ def calibration_figure(calibrations: Sequence[Calibration]) -> Figure:
         for knows, style in ((False, "-"), (True, ":")):
             rows = [entry for entry in calibrations if (entry.parameter, entry.knows) == (parameter, knows)]
             percent = [100.0 * entry.error for entry in rows]
-            label = f"{parameter}, odometry {'right' if knows else 'wrong'}"
+            label = f"{parameter.split()[-1]}, odometry {'right' if knows else 'wrong'}"
             drives = [entry.tally.reached for entry in rows]
             reached.plot(percent, drives, style, color=colour, marker="o", markersize=3, label=label)
             error.plot(percent, [entry.tally.median("goal_error") for entry in rows], style, color=colour, marker="o",
@@ -180,7 +180,7 @@ def calibration_figure(calibrations: Sequence[Calibration]) -> Figure:
     error.axhline(0.3, color=OKABE_ITO[6], linewidth=0.8, linestyle="--")
     reached.set_ylabel("truly reach D, of 20")
     reached.set_ylim(-0.5, 20.5)
-    error.set_ylabel("distance from D, median, m")
+    error.set_ylabel("from D, median, m")
     error.set_ylim(0.0, None)
     error.set_xlabel("true value against the one the robot assumes, %")
     for axes in panels:

@@ -10,7 +10,17 @@ from navloom.config import load_config
 from navloom.study.episode import run_episode
 from numpy.typing import NDArray
 
-__all__ = ["LEVELS", "SEEDS", "Calibration", "Result", "Tally", "calibrations", "driven", "steps_of_campaigns"]
+__all__ = [
+    "LEVELS",
+    "PARAMETERS",
+    "SEEDS",
+    "Calibration",
+    "Result",
+    "Tally",
+    "calibrations",
+    "driven",
+    "steps_of_campaigns",
+]
 
 Floats = NDArray[np.float64]
 SEEDS = range(20)

@@ -6,9 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
+from navloom.geometry.world import Box
 from numpy.typing import NDArray
 
-from navloom_hoang2013.cloud import CLASSES, on_floor, rays_towards
+from navloom_hoang2013.cloud import CLASSES, Cloud, on_floor, rays_towards
 from navloom_hoang2013.errata import length_of
 from navloom_hoang2013.plates import Reproduction
 from navloom_hoang2013.runs import START, Drive, box, crossing, gates_of, moving_speeds
@@ -78,7 +79,8 @@ def _collecting(made: Reproduction) -> dict[str, Finding]:
     scan = made.run.choice.scan if made.run.choice is not None else None
     sonars = 0 if scan is None else len(scan.ranges)
     heard = "" if scan is None else f", from {scan.range_min:g} to {scan.range_max:g} m"
-    seen = rays_towards(sweep, START, box(made.run.world, "obstacle O"))
+    obstacle = box(made.run.world, "obstacle O")
+    would, did = rays_towards(sweep, START, obstacle), _pixels_on(made.cloud, obstacle)
     grows = 1.0 / math.cos(sweep.pitches[-1]) ** 2
     return {
         "II.A-1": Finding(f"{frames}", frames == 94),
@@ -92,8 +94,16 @@ def _collecting(made: Reproduction) -> dict[str, Finding]:
         "II.A-7": Finding(f"{sweep.z:g} m", sweep.z == 0.4),
         "II.A-8": Finding(f"{slant:.3f} m slant, {floor:.3f} m level", abs(slant - 4.58) < 0.01),
         "II.A-9": Finding(f"{sonars}{heard}", sonars == 8),
-        "II.A-10": Finding(f"{seen} rays would meet O, 0 do; the avoider sees it", made.run.choice is not None),
+        "II.A-10": Finding(f"{would} rays would meet O, {did} did; the sonars hear it", made.run.choice is not None),
     }  # fmt: skip
+
+
+def _pixels_on(cloud: Cloud, box: Box, noise: float = 0.05) -> int:
+    """Number of pixels within `noise`, m, of a box."""
+    points = cloud.points.reshape(-1, 3)
+    low, high = np.array([box.x, box.y, box.z]).T
+    with np.errstate(invalid="ignore"):
+        return int(((points >= low - noise) & (points <= high + noise)).all(axis=1).sum())
 
 
 def _mapping(made: Reproduction) -> dict[str, Finding]:

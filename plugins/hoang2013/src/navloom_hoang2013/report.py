@@ -101,7 +101,7 @@ def _statements(statements: Sequence[Statement]) -> str:
             statement.printed,
             f"{statement.ours}\n{statement.why}" if statement.why else statement.ours,
             statement.verdict,
-            "\n".join(statement.inactive),
+            "\n".join(f"{key} {'(not active)' if key in statement.inactive else ''}".strip() for key in statement.keys),
             f"{statement.code}\n{statement.test.rpartition('::')[2]}",
             statement.figure,
         )

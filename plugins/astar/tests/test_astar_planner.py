@@ -125,6 +125,36 @@ def test_by_default_an_outline_occupies_the_cells_whose_centres_it_passes() -> N
     ]
 
 
+PRINTED = AStar.presets["printed"].values()
+
+
+def test_as_printed_the_grid_begins_at_the_lowest_outline_and_is_dilated_by_two_cells() -> None:
+    """A post at 2.1 m is a cell centre, so that centres are at 0.1 m, 0.5 m, ...; the last three cells are too near."""
+    post = np.array([[2.1, 0.0, 2.1, 0.0]])
+    grid = make(**PRINTED).plan(asked(np.full((1, 1), -1), (0.0, 0.0), (0.5, 0.0), segments=post)).traversable
+    assert (grid.resolution, grid.origin.x) == (0.4, pytest.approx(-0.1))
+    assert grid.cells.tolist() == [[0, 0, 0, 100, 100, 100]]
+
+
+def test_as_printed_a_line_occupies_the_cells_whose_centres_it_passes() -> None:
+    """The line of the test above, from the centre of its lowest cell on."""
+    wall = np.array([[1.6, 0.4, 3.2, 2.0]])
+    given = asked(np.empty((0, 0)), (0.0, 0.0), (0.4, 0.0), segments=wall + [0.0, 0.08, 0.0, 0.08])
+    grid = make(**PRINTED | {"inflation": "none", "anchor": (0.0, 0.0)}).plan(given).traversable
+    assert [(int(c), int(r)) for r, c in np.argwhere(grid.cells)] == [(4, 1), (5, 2), (6, 3), (7, 4), (8, 5)]
+
+
+def test_as_printed_unknown_ground_is_free_and_only_outlines_are_obstacles() -> None:
+    """Straight over three unknown cells, and through what the map's own cells call an obstacle."""
+    cells = np.zeros((11, 11))
+    cells[:2, 4:7] = -1
+    cells[0, 8] = 100
+    far = np.array([[4.2, 4.2, 4.2, 4.2]])
+    for segments in (far, NOTHING):
+        path = make(**PRINTED).plan(asked(cells, (0.2, 0.2), (4.2, 0.2), resolution=0.4, segments=segments))
+        assert isinstance(path, Path) and path.length == pytest.approx(4.0)
+
+
 def test_cells_are_obstacles_from_50_percent_on() -> None:
     cells = np.zeros((20, 20))
     cells[5, 5], cells[15, 15] = 49, 50

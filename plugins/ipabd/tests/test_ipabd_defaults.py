@@ -10,11 +10,15 @@ from navloom import Context, InputError, MapperInput, Pose2D, PoseTrack, RobotSp
 from navloom_ipabd.adapter import Ipabd, Union
 
 HERE = ((0, 0.0, 0.0, 0.0), (1_000_000_000, 0.0, 0.0, 0.0))
-BOTH = pytest.mark.parametrize("mapper", [Ipabd, Union], ids=["ipabd", "union"])
+PRINTED = "ipabd@printed"
+BOTH = pytest.mark.parametrize("mapper", [Ipabd, PRINTED, Union], ids=["ipabd", PRINTED, "union"])
+OUTLINES = pytest.mark.parametrize("mapper", [Ipabd, PRINTED], ids=["ipabd", PRINTED])
 
 
 def make(mapper=Ipabd, **params):
     """A mapper of a robot 1.2 m high."""
+    if mapper == PRINTED:
+        mapper, params = Ipabd, Ipabd.presets["printed"].values() | params
     corners = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = RobotSpec(corners, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
     context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
@@ -40,7 +44,7 @@ def counts(update):
 
 @BOTH
 def test_points_within_0_06_m_of_the_floor_are_floor(mapper):
-    low, high = (counts(seen(make(mapper, **({} if mapper is Ipabd else {"keeps_floor": False})), [2.0], height=z))
+    low, high = (counts(seen(make(mapper, **({"keeps_floor": False} if mapper is Union else {})), [2.0], height=z))
                  for z in (0.059, 0.061))  # fmt: skip
     assert (low, high) == ({"floor": 1}, {"kept": 1})
 
@@ -98,14 +102,15 @@ def test_the_map_of_the_last_sweep_is_kept(mapper):
     assert first.segments[0].tolist() in second.segments.tolist()
 
 
-def segments(ranges, **params):
+def segments(ranges, mapper=Ipabd, **params):
     """Number of objects that a row of beams one degree apart is parted into; two points make one segment."""
-    return len(seen(make(**params), ranges).segments)
+    return len(seen(make(mapper, **params), ranges).segments)
 
 
-def test_an_object_ends_where_the_distance_exceeds_the_adaptive_threshold():
+@OUTLINES
+def test_an_object_ends_where_the_distance_exceeds_the_adaptive_threshold(mapper):
     """2 sin 1 / sin 9 + 3 * 0.02 = 0.2831 m; 2.27 m is 0.2726 m from 2 m, 2.29 m is 0.2924 m from it."""
-    assert (segments([2.0, 2.27]), segments([2.0, 2.29])) == (1, 2)
+    assert (segments([2.0, 2.27], mapper), segments([2.0, 2.29], mapper)) == (1, 2)
 
 
 def test_near_by_the_noise_decides():
@@ -133,12 +138,14 @@ def test_two_columns_may_be_missing_within_an_object():
     assert (segments([2.0, inf, inf, 2.0]), segments([2.0, inf, inf, inf, 2.0])) == (1, 2)
 
 
-def test_lines_are_within_0_06_m_of_their_points():
+@OUTLINES
+def test_lines_are_within_0_06_m_of_their_points(mapper):
     """Points at -4, 0 and 4 degrees, the middle one 0.085 or 0.095 m behind the chord of the others: their line passes
     a third of that behind the chord, so the middle one is 0.0567 or 0.0633 m off it."""
     side = 2.0 / math.cos(math.radians(4.0))
-    found = [len(seen(make(), [side, 2.0 + deep, side], bearings=[-4.0, 0.0, 4.0]).segments) for deep in (0.085, 0.095)]
-    assert found == [1, 2]
+    for deep, count in ((0.085, 1), (0.095, 2)):
+        update = seen(make(mapper), [side, 2.0 + deep, side], bearings=[-4.0, 0.0, 4.0])
+        assert len(update.segments) == count
 
 
 def test_the_printed_slope_test_takes_0_8():
@@ -166,4 +173,13 @@ def test_a_line_occupies_the_cells_whose_centres_it_passes():
 def test_points_are_placed_as_the_sweep_says(mapper, geometry, y):
     """2 m away, pitched by 0.3 rad, 30 degrees to the left: y = R cos(alpha) sin(beta), or R sin(beta)."""
     update = seen(make(mapper), [2.0], bearings=[30.0], pitches=np.array([0.3]), geometry=geometry)
-    assert update.segments[0, 1] == pytest.approx(y)
+    assert update.segments[0, 1] == pytest.approx(math.cos(0.3) if mapper == PRINTED else y)
+
+
+@OUTLINES
+def test_a_wall_behind_visible_floor_is_kept(mapper):
+    """The laser looks down to the floor 1 m away, and level to a wall 3 m away."""
+    update = seen(
+        make(mapper), [[math.hypot(1.0, 0.4)], [3.0]], pitches=np.array([-math.atan(0.4), 0.0]), times=(0.0, 0.5)
+    )
+    assert counts(update) == {"floor": 1, "kept": 1}

@@ -67,7 +67,8 @@ def test_the_command_is_law_6_and_carries_the_errors():
     assert command.twist.wz == pytest.approx(0.1 * math.pi + 0.3 * 0.1 * math.sqrt(3.0) * 3.0 / math.pi)
 
 
-def test_by_default_k1_is_1_and_k3_is_0_6() -> None:
+@pytest.mark.parametrize("name", ["robust", "printed"])
+def test_k1_is_1_and_k3_is_0_6(name: str) -> None:
     """0.1 m behind its reference and 0.5 rad to the left of its heading, on the path: e = (0.1, 0, -0.5)."""
     ahead = seen(0.0, 0.0, 0.5)
     error = replace(
@@ -106,7 +107,7 @@ def test_a_robot_that_faces_away_turns_in_place_and_then_follows():
 
 
 def test_the_printed_law_drives_backwards_when_it_faces_away():
-    command = make(turn_in_place_above_deg=180.0).control(seen(0.0, 0.0, math.radians(170.0)))
+    command = make(**LyapunovTracker.presets["printed"].values()).control(seen(0.0, 0.0, math.radians(170.0)))
     assert command.twist.vx == pytest.approx(0.3 * math.cos(math.radians(170.0)))
 
 

@@ -74,7 +74,7 @@ def test_k1_is_1_and_k3_is_0_6(name: str) -> None:
     error = replace(
         ahead, reference=replace(ahead.reference, pose=Pose2D(0.1 * math.cos(0.5), 0.1 * math.sin(0.5), 0.0))
     )
-    twist = make().control(error).twist
+    twist = make(**LyapunovTracker.presets[name].values()).control(error).twist
     assert (twist.vx, twist.wz) == (pytest.approx(0.3 * math.cos(0.5) + 0.1), pytest.approx(-0.3))
 
 

@@ -125,6 +125,17 @@ def test_by_default_an_outline_occupies_the_cells_whose_centres_it_passes() -> N
     ]
 
 
+@pytest.mark.parametrize("planner", [AStar, Dijkstra, JumpPoint])
+def test_all_planners_find_the_shortest_path(planner: type) -> None:
+    """7 cells up or down in 39: 14 diagonal steps."""
+    cells = np.zeros((40, 60))
+    cells[20, 30] = 100
+    robot = RobotSpec(BOX, 1.2, 0.05, 0.3, 0.5, 0.4, 0.5, 1.0)
+    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
+    path = planner(AstarParams(), context).plan(asked(cells, (1.05, 2.05), (4.95, 2.05)))
+    assert path.length == pytest.approx(0.1 * (25 + 14 * math.sqrt(2.0)))
+
+
 PRINTED = AStar.presets["printed"].values()
 
 
@@ -183,6 +194,14 @@ def test_a_gap_is_squeezed_through_with_the_inscribed_radius_and_0_05_m() -> Non
         ends = (10.5 * resolution, 40.5 * resolution), (70.5 * resolution, 40.5 * resolution)
         answer = make().plan(asked(cells, *ends, resolution=resolution))
         assert isinstance(answer, Path) is is_passed
+
+
+def test_beside_the_way_through_a_gap_three_cells_are_left_to_smooth_it() -> None:
+    """Cells of 0.02 m. The wall begins 0.55 m from the middle, so that five cells on each side are wide enough."""
+    cells = np.zeros((161, 161))
+    cells[:53, 80] = cells[108:, 80] = 100
+    path = make().plan(asked(cells, (0.21, 1.61), (3.01, 1.61), resolution=0.02))
+    assert np.flatnonzero(path.traversable.cells[:, 80] == 0).tolist() == list(range(77, 84))
 
 
 def test_start_and_goal_outside_the_map_are_refused() -> None:

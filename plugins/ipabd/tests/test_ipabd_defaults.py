@@ -81,8 +81,13 @@ def test_frames_are_placed_where_the_robot_was(mapper):
 
 
 @BOTH
-def test_cells_are_0_4_m_wide(mapper):
-    assert seen(make(mapper), [2.0]).grid.resolution == 0.4
+def test_cells_are_0_4_m_wide_along_the_axes_of_the_map(mapper):
+    grid = seen(make(mapper), [2.0]).grid
+    assert (grid.resolution, grid.origin.heading) == (0.4, 0.0)
+
+
+def test_both_mappers_take_sweeps_only():
+    assert Ipabd.accepts == Union.accepts == (Sweep,)
 
 
 @BOTH

@@ -18,10 +18,11 @@ from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
 from navloom.engine.nodes.node import Node
 from navloom.engine.system import System
+from navloom.hosting.added_instances import AddedInstances
 from navloom.hosting.forking import keep_from_children
 from navloom.hosting.heartbeat import StopDetector
 from navloom.hosting.process_warnings import ProcessWarnings
-from navloom.hosting.services import Services
+from navloom.hosting.services import Handler, Services
 from navloom.live.barrier import BarrierEnded
 from navloom.live.barrier_runner import BarrierRunner
 from navloom.live.cell import Source
@@ -162,6 +163,7 @@ class NodeProcess:
             self.runners = {source: self._barrier_runner(cell) for source, cell in hosted.items()}
             runs: dict[str, Callable[[], None]] = {}
             live: dict[Source, LiveRunner] = {}
+            extend: Handler | None = None
         else:
             memory.learn(self.known)
             self._recollect(bus, keys, memory)
@@ -177,9 +179,10 @@ class NodeProcess:
                     runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
             self._restore(live, memory)
             runs = {"memory": monitor.run}
+            extend = AddedInstances(self.system, hosted, live, board, monitor).extend
         services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board, self.warnings)
         board.connect()
-        services.offer()
+        services.offer(extend)
         if self.share.barrier:
             self._await_others(bus, keys, alive)
         else:

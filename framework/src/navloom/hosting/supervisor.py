@@ -140,6 +140,7 @@ class Supervisor:
         self._cannot_write = ""
         self._write_again = math.inf
         self._chores_at = 0.0
+        self._added: deque[ProcessTask] = deque()
         self._nursery: Nursery | None = None
         if Nursery.is_possible() and any(task.module == NODE for task in tasks):
             self._nursery = Nursery(folder.path / "nursery.log", mark(folder.path))
@@ -154,9 +155,27 @@ class Supervisor:
         for child in self.children.values():
             self._start(child, READY)
 
+    def add(self, task: ProcessTask) -> None:
+        """Start one more process at the next `poll`, or one that stays down once more. From any thread."""
+        self._added.append(task)
+
+    def _start_added(self) -> None:
+        while self._added:
+            task = self._added.popleft()
+            child = self.children.get(task.name)
+            if child is None:
+                child = Worker(task, ProcessLog(self._folder.path / f"{task.name}.log"), HeartMonitor())
+                self.children = {**self.children, task.name: child}  # other threads iterate over it
+                self._keeper.watch(task.name)
+            elif child.state != "failed":
+                continue
+            child.crashes.clear()
+            self._start(child, READY)
+
     def poll(self, restarts: bool = True) -> list[Worker]:
         """Check all processes, and restart those whose wait is over. Returns those that ended since the last call."""
         fallen = []
+        self._start_added()
         now = time.monotonic()
         if now >= self._chores_at:
             self._chores_at = now + CHORES

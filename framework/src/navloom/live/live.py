@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from navloom.engine.nodes.node import Outputs, Tick
 from navloom.live.cell import Feed, Source
-from navloom.live.cells import Hosted
+from navloom.live.cells import Hosted, Widening
 from navloom.live.mailbox import Inlet
 from navloom.live.restarts import BACKWARDS
 from navloom.live.run_clock import RunClock
@@ -67,6 +67,21 @@ class LiveRunner:
         """Schedule a call between two steps, on the node's own thread."""
         self._changes.append(change)
         self.cell.mailbox.ring()
+
+    def admit(self, more: Widening) -> None:
+        """Read an instance that was added to the robot, too. On the node's own thread."""
+        cell = self.cell
+        cell.feeds += more.feeds
+        cell.reports |= more.reports
+        cell.faults |= more.faults
+        self._all_feeds = (self.selection, *cell.feeds)
+        self._ringing |= {feed.inlet for feed in more.feeds if self.rings(feed)}
+        for inlet in (*(feed.inlet for feed in more.feeds), *more.reports.values()):
+            inlet.rings = inlet in self._ringing
+        if more.is_awaited:
+            self._siblings.add(more.source)
+            self._parts[more.source] = [feed for feed in more.feeds if not feed.wire.delayed]
+        cell.recall({}, cell.epoch)  # a long step may have delayed this until after the instance became active
 
     def run(self) -> None:
         """Step until the process ends."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "ATTENDANT", "FAULT", "LARGEST", "LINKED", "STEP", "KeySpace"]
+__all__ = ["ALIVE", "ATTENDANT", "FAULT", "LARGEST", "LINKED", "STEP", "SUPERVISOR", "KeySpace"]
 
 ALIVE = "alive"
 """Key part of an instance's liveliness tokens."""
@@ -16,6 +16,8 @@ LINKED = "linked"
 """Liveliness token of a process that has declared all streams that it reads."""
 ATTENDANT = "attendant"
 """Process name under which a recorder announces that it listens; no process has this name."""
+SUPERVISOR = "supervisor"
+"""Process name under which `navloom up` serves requests that concern the robot's processes."""
 LARGEST = 64 * 2**20
 """Largest message, bytes; a larger one is counted and not copied."""
 

@@ -13,6 +13,8 @@ from navloom.avoidance.histogram import (
     sector_density,
     slot_directions,
     smooth,
+    smoothing_gain,
+    window_reach,
 )
 
 N = 72
@@ -77,12 +79,26 @@ def test_full_arc_weighs_by_its_distance_and_not_by_its_cells_only_when_normalis
     assert (np.diff(means) < 0.0).all() == per_arc_cell
 
 
-def test_smoothing_keeps_the_level_and_spreads_one_sector_as_a_triangle():
+def test_smoothing_divides_by_2_l_plus_1_and_spreads_one_sector_as_a_triangle():
+    """l = 5: the weights 1, 2, ..., 6, ..., 2, 1 sum to 36, and VFH divides by 11."""
     smoothed = np.zeros(N)
     smooth(np.full(N, 0.7), 5, smoothed)
-    np.testing.assert_allclose(smoothed, 0.7)
+    np.testing.assert_allclose(smoothed, 0.7 * 36.0 / 11.0)
     smooth(blocked(0), 5, smoothed)
-    np.testing.assert_allclose(smoothed[[0, 1, 5, 6, 67]], np.array([6, 5, 1, 0, 1]) / 36.0)
+    np.testing.assert_allclose(smoothed[[0, 1, 5, 6, 67]], np.array([6, 5, 1, 0, 1]) / 11.0)
+
+
+def test_gain_is_the_level_after_smoothing_of_one_sector_and_of_all():
+    for half_width in (0, 1, 5):
+        for is_enlarged, rough in ((False, blocked(7)), (True, np.ones(N))):
+            smoothed = np.zeros(N)
+            smooth(rough, half_width, smoothed)
+            assert smoothed[7] == pytest.approx(smoothing_gain(half_width, is_enlarged))
+
+
+def test_reach_of_the_window_ends_in_the_middle_of_its_corner_cell():
+    """33 cells of 0.1 m: 16 cells to the side and 16 ahead."""
+    assert window_reach(33, 0.1) == pytest.approx(math.hypot(1.6, 1.6))
 
 
 def test_enlargement_shades_arcsin_of_radius_over_distance():

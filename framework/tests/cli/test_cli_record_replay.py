@@ -29,14 +29,14 @@ def test_a_recorded_run_is_replayed_bit_for_bit(recorded: Path) -> None:
     found = json.loads(done.stdout)
     assert done.exit_code == 0 and found["same"] and found["complete"] and found["first_difference"] is None
     by_node = {one["node"]: one for one in found["nodes"]}
-    assert by_node["avoider improved_vfh"]["messages"] > 60 and by_node["gate main"]["messages"] > 50
+    assert by_node["avoider improved_vfh@printed"]["messages"] > 60 and by_node["gate main"]["messages"] > 50
     assert found["recorder"]["dropped"] == {} and found["recorder"]["messages"] == len(list(Recording(recorded).raw()))
 
 
 def test_another_avoider_is_compared_and_drawn(recorded: Path, tmp_path: Path) -> None:
     done = RUN.invoke(app, ["replay", str(recorded), "--avoider", "vff", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    assert "avoider vff on what improved_vfh was given" in done.stdout and "ticks that differ: " in done.stdout
+    assert "avoider vff on what improved_vfh@printed was given" in done.stdout and "ticks that differ: " in done.stdout
     assert (tmp_path / "avoider.png").read_bytes().startswith(b"\x89PNG")
     (summary,) = json.loads((tmp_path / "result.json").read_text())
     rows = (tmp_path / "ticks.csv").read_text().splitlines()

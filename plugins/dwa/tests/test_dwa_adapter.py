@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from navloom import Discovery, RangeScan, Twist2D
 from navloom_dwa import avoidance, contact, critics, field, objective, points, rollout, window
 from navloom_dwa.adapter import Dwa, split_scans
-from navloom_dwa.params import DwaParams, fox_1997
+from navloom_dwa.params import DwaParams
 from pydantic import ValidationError
 
 
@@ -176,7 +176,7 @@ def test_no_tick_compiles_after_warm_up(avoider):
         avoidance.insert_beams, avoidance.occupied_cells,
     )  # fmt: skip
     before = [len(kernel.signatures) for kernel in kernels]
-    for method in (avoider, make(Dwa, **fox_1997())):
+    for method in (avoider, make(Dwa, **Dwa.presets["printed"].values())):
         stand(method, ring(0.58), 60)
         method.avoid(given(sonars([0.5] * 8)))
         method.avoid(given(sonars([0.5] * 8), laser(np.full(101, 1.0))))
@@ -195,7 +195,7 @@ def test_no_tick_compiles_after_warm_up(avoider):
     st.booleans(),
 )
 def test_commands_are_finite_and_within_the_limits(ranges, heading, target, speed, is_1997):
-    avoider = make(Dwa, **(fox_1997() if is_1997 else {}))
+    avoider = make(Dwa, **(Dwa.presets["printed"].values() if is_1997 else {}))
     for k in range(4):
         answer = avoider.avoid(given(sonars(ranges), heading=heading, target=target, twist=(speed, 0.0), time=0.05 * k))
         assert -0.15 <= answer.twist.vx <= 0.5 + 1e-6
@@ -207,9 +207,3 @@ def test_unknown_keys_and_wrong_values_are_refused():
     for wrong in ({"alfa": 0.2}, {"arcs": 1}, {"shape": "point"}, {"horizon": 0.0}):
         with pytest.raises(ValidationError):
             DwaParams(**wrong)
-
-
-def test_the_papers_parameters_change_every_key_they_name():
-    default = DwaParams()
-    literal = DwaParams(**fox_1997())
-    assert all(getattr(default, key) != getattr(literal, key) for key in fox_1997())

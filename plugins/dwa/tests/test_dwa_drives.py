@@ -7,21 +7,15 @@ from functools import partial
 import avoider_drives
 import numpy as np
 import pytest
-from avoider_drives import BARN, BOTH_KINDS, BOUNDS, CROSSTALK, LASER, UP, all_of, assignments, told, way_past
+from avoider_drives import BARN, BOTH_KINDS, BOUNDS, CROSSTALK, LASER, UP, all_of, told, way_past
 from navloom import Box, Place, World
 from navloom.config import load_config
 from navloom.study.episode import run_episode
-from navloom_dwa.params import fox_1997
 
 NEEDS_BARN = pytest.mark.skipif(not BARN.is_file(), reason="NAVLOOM_DATA names no folder with barn/barn_dev.npz")
 drive, field = partial(avoider_drives.drive, avoider="dwa"), partial(avoider_drives.field, avoider="dwa")
 door, dead_end = partial(avoider_drives.door, avoider="dwa"), partial(avoider_drives.dead_end, avoider="dwa")
 sudden, barn = partial(avoider_drives.sudden, avoider="dwa"), partial(avoider_drives.barn, avoider="dwa")
-
-
-def literal(**changed: object) -> list[str]:
-    """The parameters of the paper as TOML assignments."""
-    return assignments(fox_1997() | changed)
 
 
 @BOTH_KINDS
@@ -163,5 +157,6 @@ def test_the_objective_of_1997(sensors: str) -> None:
     rows = [(seed,) for seed in range(20)]
     words = told("1997, fields", all_of(field, rows, sensors=sensors, params=['objective="1997"']))
     assert set(words) <= {"reached", "trapped"}
-    told("as in the paper, fields", all_of(field, rows, sensors=sensors, params=literal()))
+    printed = [partial(avoider_drives.field, avoider="dwa@printed")]
+    told("as printed, fields", all_of(printed[0], rows, sensors=sensors))
     told("1997, door 1.6 m", all_of(door, [(1.6, k) for k in range(10)], params=['objective="1997"']), way_past)

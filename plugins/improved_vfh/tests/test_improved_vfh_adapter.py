@@ -8,7 +8,7 @@ from avoider_scans import given, laser, make, sonars
 from navloom import Discovery, Twist2D
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.adapter import ImprovedVfh
-from navloom_improved_vfh.params import ImprovedVfhParams, paper_literal
+from navloom_improved_vfh.params import ImprovedVfhParams
 from pydantic import ValidationError
 
 
@@ -96,9 +96,3 @@ def test_unknown_keys_and_wrong_values_are_refused():
     for wrong in ({"treshold": 0.2}, {"window": 3}, {"enlargement": "circle"}):
         with pytest.raises(ValidationError):
             ImprovedVfhParams(**wrong)
-
-
-def test_paper_literal_changes_every_key_it_names():
-    default = ImprovedVfhParams()
-    literal = ImprovedVfhParams(**paper_literal())
-    assert all(getattr(default, key) != getattr(literal, key) for key in paper_literal())

@@ -12,7 +12,6 @@ from navloom import Discovery, Twist2D
 from navloom.avoidance import certainty, clearance, himm
 from navloom_vfh import costs, lookahead, survey, turning
 from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar
-from navloom_vfh.params import paper_literal
 from pydantic import ValidationError
 
 ALL = (Vfh, VfhPlus, VfhStar)
@@ -183,7 +182,7 @@ def test_no_tick_compiles_after_warm_up(method):
     st.booleans(),
 )
 def test_commands_are_finite_and_within_the_limits(method, ranges, heading, target, speed, is_literal):
-    avoider = make(method, **(paper_literal(method.name) if is_literal else {}))
+    avoider = make(method, **(method.presets["printed"].values() if is_literal else {}))
     for _ in range(4):
         answer = avoider.avoid(given(sonars(ranges), heading=heading, target=target, twist=(speed, 0.0)))
         assert 0.0 <= answer.twist.vx <= 0.5
@@ -195,9 +194,3 @@ def test_unknown_keys_and_wrong_values_are_refused():
     for method, wrong in ((Vfh, {"treshold": 0.2}), (VfhPlus, {"window": 3}), (VfhStar, {"look_ahead": 0})):
         with pytest.raises(ValidationError):
             method.Params(**wrong)
-
-
-@EACH
-def test_paper_literal_changes_every_key_it_names(method):
-    default, literal = method.Params(), method.Params(**paper_literal(method.name))
-    assert all(getattr(default, key) != getattr(literal, key) for key in paper_literal(method.name))

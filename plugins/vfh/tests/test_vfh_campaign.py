@@ -12,7 +12,6 @@ from avoider_drives import (
     PAIRS,
     UP,
     all_of,
-    assignments,
     dead_end,
     door,
     drive,
@@ -24,20 +23,16 @@ from avoider_drives import (
 from navloom import Box, Place, World
 from navloom.config import load_config
 from navloom.study.episode import run_episode
-from navloom_vfh.params import paper_literal
 
 NAMES = ("vfh", "vfh_plus", "vfh_star")
 EACH = pytest.mark.parametrize("avoider", NAMES)
-
-
-def literal(name: str, **changed: object) -> list[str]:
-    """The parameters of one printed text as TOML assignments."""
-    return assignments(paper_literal(name) | changed)
+PRESET = pytest.mark.parametrize("preset", ["printed", "robust"])
 
 
 @EACH
-def test_a_field_is_crossed(avoider: str) -> None:
-    assert field(1, avoider=avoider).word == "reached"
+@PRESET
+def test_a_field_is_crossed(avoider: str, preset: str) -> None:
+    assert field(1, avoider=f"{avoider}@{preset}").word == "reached"
 
 
 @EACH
@@ -131,15 +126,9 @@ def test_an_obstacle_that_appears_close_ahead_is_not_touched(avoider: str, senso
 
 @pytest.mark.slow
 @EACH
-def test_the_check_of_its_way_keeps_the_printed_text_from_touching(avoider: str) -> None:
-    rows = [(seed,) for seed in range(24)]
-    words = told(f"printed text, {avoider}", all_of(field, rows, avoider=avoider, params=literal(avoider)))
-    if avoider == "vfh":  # treats the robot as a point
-        assert words["contact"] > 0 and words["reached"] <= 2
-    else:
-        assert words["reached"] == 24
-    checked = all_of(field, rows, avoider=avoider, params=literal(avoider, arc_check=True))
-    assert told(f"the same with arc check, {avoider}", checked)["contact"] == 0
+def test_as_printed_fields_are_crossed(avoider: str) -> None:
+    words = told(f"as printed, {avoider}", all_of(field, [(seed,) for seed in range(24)], avoider=f"{avoider}@printed"))
+    assert words["reached"] >= 22
 
 
 @pytest.mark.slow

@@ -57,18 +57,37 @@ def sector_density(
 
 @njit(cache=True, nogil=True)
 def smooth(density: NDArray[np.float64], half_width: int, smoothed: NDArray[np.float64]) -> None:
-    """VFH smoothing over 2 l + 1 sectors: weights l + 1 - |i|, divided by their sum (l + 1)^2 so that the level stays.
+    """VFH smoothing: h'_k = sum of (l + 1 - |i|) h_k+i for |i| <= l, divided by 2 l + 1 (Borenstein & Koren 1991).
 
     Args:
         density: (sectors,). half_width: l, sectors; 0 copies. smoothed: (sectors,), output.
     """
     sectors = density.size
-    total = (half_width + 1.0) * (half_width + 1.0)
+    total = 2.0 * half_width + 1.0
     for k in range(sectors):
         value = 0.0
         for i in range(-half_width, half_width + 1):
             value += (half_width + 1.0 - abs(i)) * density[(k + i) % sectors]
         smoothed[k] = value / total
+
+
+def smoothing_gain(half_width: int, is_enlarged: bool) -> float:
+    """Factor by which smooth() changes the density of one obstacle in its middle.
+
+    A threshold times this factor blocks the same obstacle for any l.
+
+    Args:
+        half_width: l, sectors.
+        is_enlarged: The obstacle fills all 2 l + 1 sectors, which gives (l + 1)^2 / (2 l + 1). A point obstacle fills
+            one, which gives (l + 1) / (2 l + 1).
+    """
+    middle = half_width + 1.0
+    return (middle * middle if is_enlarged else middle) / (2.0 * half_width + 1.0)
+
+
+def window_reach(window: int, cell: float) -> float:
+    """d_max of VFH, m: sqrt(2) (ws - 1) / 2 cells, from the middle of the window to that of its corner cell."""
+    return 0.5 * math.sqrt(2.0) * (window - 1) * cell
 
 
 @njit(cache=True, nogil=True)

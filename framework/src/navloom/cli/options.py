@@ -86,6 +86,14 @@ PluginFiles = Annotated[
         callback=_use_files,
     ),
 ]
+Shadows = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--shadow",
+        metavar="ROLE=A,B",
+        help="Run these plugins beside the active one, as avoider=vff,vfh@printed; repeats.",
+    ),
+]
 Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")]
 Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, also of shadows.")]
 RobotName = Annotated[
@@ -170,15 +178,16 @@ class ConfigOptions:
 
 @dataclass(frozen=True)
 class RunOptions(ConfigOptions):
-    """A config with changes, and the seed of its random streams."""
+    """A config with changes, the seed of its random streams, and plugins in shadow."""
 
     seed: Seed = None
+    shadow: Shadows = None
 
     def load(self, say: Callable[[str], None] | None = None) -> Loaded:
         """Read it, and say which parameters were dropped with a replaced plugin. Raises ConfigError."""
         from navloom.config import load_config
 
-        loaded = load_config(self.config, self.set_ or (), self.seed)
+        loaded = load_config(self.config, self.set_ or (), self.seed, self.shadow or ())
         for notice in loaded.notices() if say is not None else ():
             say(notice)  # type: ignore[misc]
         return loaded

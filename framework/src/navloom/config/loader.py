@@ -7,6 +7,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import islice
@@ -16,6 +17,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from navloom.config.lines import line_of
+from navloom.config.presets import instance_of, params_of, split_preset
 from navloom.config.problems import ConfigError, check_params, problems_of
 from navloom.config.schema import Config
 from navloom.config.tables import DEFAULT_PLUGINS, ROLE_TABLES
@@ -24,6 +26,7 @@ from navloom.inputs.texts import refuse_deep_toml, refuse_deep_tree, shortened, 
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles.base import RESERVED_KEYS
+from navloom.roles.presets import named_plugin
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
 
@@ -34,7 +37,7 @@ SHOWN = 50
 LONGEST_KEY = 1000
 """Longest key of a `--set`, in characters."""
 
-Source = Literal["default", "file", "--set"]
+Source = Literal["default", "file", "--set", "--shadow"]
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,16 @@ def shipped_configs() -> dict[str, str]:
     return {entry.name.removesuffix(".toml"): entry.read_text("utf-8") for entry in sorted(found, key=lambda e: e.name)}
 
 
-def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None = None) -> Loaded:
-    """Read a config by path or shipped name, apply `a.b=value` overrides, and check it.
+def load_config(
+    reference: str, overrides: Iterable[str] = (), seed: int | None = None, shadows: Iterable[str] = ()
+) -> Loaded:
+    """Read a config by path or shipped name, apply `a.b=value` overrides, add shadows, and check it.
+
+    Args:
+        reference: Path, or name of a shipped config.
+        overrides: Values of `--set`.
+        seed: Value of `--seed`.
+        shadows: Values of `--shadow`, as `avoider=vff,vfh@printed`.
 
     Raises:
         ConfigError: The file is missing or not TOML, or a value does not fit.
@@ -115,12 +126,16 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
         raise ConfigError(f"--seed {seed}: expected a whole number of 0 to {2**63 - 1}")
     text, base = _read(reference)
     tree = toml_of(text, reference, ConfigError)
+    _split_presets(tree)
     sources: dict[str, Source] = {place: "file" for place, _ in leaves(tree)}
     dropped: list[str] = []
     changes = list(overrides) + ([f"run.seed={seed}"] if seed is not None else [])
     # A change of plugin drops the old one's parameters, so it must come before the new one's parameters.
     for change in sorted(changes, key=lambda text: not text.partition("=")[0].endswith(".plugin")):
         _override(tree, change, sources, dropped)
+    _split_presets(tree)
+    for text in shadows:
+        _add_shadows(tree, text, sources)
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
@@ -135,8 +150,10 @@ def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, S
     first = list(islice(problems, SHOWN + 1))
     for problem in first[:SHOWN]:
         place = problem.partition(": ")[0]
-        if any(known == place or known.startswith(f"{place}.") for known in sources if sources[known] == "--set"):
-            lines.append((math.inf, f"--set {problem}"))
+        options = {option for known, option in sources.items()
+                   if option.startswith("--") and (known == place or known.startswith(f"{place}."))}  # fmt: skip
+        if options:
+            lines.append((math.inf, f"{min(options)} {problem}"))
         else:
             line = line_of(text, place) if text and " " not in place else None
             lines.append((line or 0, f"{name}:{line}: {problem}" if line else f"{name}: {problem}"))
@@ -161,7 +178,7 @@ def _problems_of_params(tree: dict[str, Any]) -> list[str]:
             continue
         try:
             params = {key: value for key, value in table.items() if key not in RESERVED_KEYS}
-            check_params(discovery.plugin(role, plugin).Params, params, place)
+            params_of(discovery.plugin(role, plugin), table.get("preset"), params, place)
         except PluginError as error:
             found.append(f"{place}.plugin: {error}")
         except ConfigError as error:
@@ -211,17 +228,59 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
         raise ConfigError(f"--set {_brief(change)}: {'.'.join(keys[:-1])} is a list; name one of its tables")
     where = ".".join(_numbered(tree, keys))
     of_instance = (len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] in ("alternative", "node")
-    names_plugin = keys[-1] == "plugin" and of_instance
-    if names_plugin and table.get("plugin") != value:
-        for old in [key for key in table if key not in RESERVED_KEYS]:
-            dropped.append(f"{where.removesuffix('.plugin')}.{old}")
-            del table[old]
-            sources.pop(dropped[-1], None)
+    if keys[-1] == "plugin" and of_instance and isinstance(value, str):
+        value, preset = named_plugin(value)
+        if (table.get("plugin"), table.get("preset")) != (value, preset):
+            for old in [key for key in table if key not in RESERVED_KEYS or key == "preset"]:
+                dropped.append(f"{where.removesuffix('.plugin')}.{old}")
+                del table[old]
+                sources.pop(dropped[-1], None)
+        if preset is not None:
+            table["preset"] = preset
+            sources[f"{where.removesuffix('plugin')}preset"] = "--set"
     table[keys[-1]] = value
     for old in [place for place in sources if place.startswith(where + ".")]:
         del sources[old]
     for leaf, _ in leaves(value, where):
         sources[leaf] = "--set"
+
+
+def _split_presets(tree: dict[str, Any]) -> None:
+    """Give the preset in `plugin = "vfh@printed"` a key of its own; a table that names two is left for the check."""
+    places = [tree.get(role) for role in ROLE_TABLES] + _tables(tree, "node") + _tables(tree, "alternative")
+    for table in places:
+        if isinstance(table, dict):
+            with suppress(ValueError):
+                table.update(split_preset(table))
+
+
+def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) -> None:
+    """Add an alternative in shadow for each name of `avoider=vff,vfh@printed`; one that the config has runs too."""
+    role, _, names = (part.strip() for part in text.partition("="))
+    wanted = [name.strip() for name in names.split(",")]
+    nodes = [str(table.get("name")) for table in _tables(tree, "node")]
+    if not role or not all(wanted):
+        raise ConfigError(f"--shadow {_brief(text)}: expected ROLE=NAME,NAME, as in --shadow avoider=vff,vfh@printed")
+    if role not in (*ROLE_TABLES, *nodes) or role == "platform":
+        known = [known for known in (*ROLE_TABLES, *nodes) if known != "platform"]
+        raise ConfigError(f"--shadow {_brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
+    tables = tree.setdefault("alternative", [])
+    if not isinstance(tables, list) or tables != _tables(tree, "alternative"):
+        return  # the check of the whole config refuses it
+    active = next((table for table in _tables(tree, "node") if table.get("name") == role), None) or tree.get(role, {})
+    if isinstance(active, dict) and (name := instance_of({"plugin": DEFAULT_PLUGINS.get(role), **active})) in wanted:
+        raise ConfigError(f"--shadow {_brief(text)}: {name} is the active {role}; name others, or another preset of it")
+    for name in wanted:
+        own = (n for n, table in enumerate(tables) if table.get("role") == role and instance_of(table) == name)
+        number = next(own, None)
+        if number is None:
+            number = len(tables)
+            plugin, preset = named_plugin(name)
+            tables.append({"role": role, "plugin": plugin, **({} if preset is None else {"preset": preset})})
+        tables[number]["shadow"] = True
+        for leaf, _ in leaves(tables[number], f"alternative.{number}"):
+            sources.setdefault(leaf, "--shadow")
+        sources[f"alternative.{number}.shadow"] = "--shadow"
 
 
 def _enter(table: Any, key: str, place: str, change: str) -> Any:

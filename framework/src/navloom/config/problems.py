@@ -40,6 +40,7 @@ _EXPECTED = {
 
 _PATTERNS = {
     r"^[A-Za-z0-9_-]+$": "letters, digits, _ and -",
+    r"^[A-Za-z0-9_-]+(@[A-Za-z0-9_-]+)?$": "letters, digits, _ and -, and after an @ those of a preset",
     r"^[a-z][A-Za-z0-9_]*$": "a lower-case letter, then letters, digits and _",
 }
 """Patterns of names, as text."""

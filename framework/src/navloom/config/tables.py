@@ -8,8 +8,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, model_validator
 
+from navloom.config.presets import split_preset
 from navloom.roles import ROLES
 from navloom.roles.base import StrictModel
+from navloom.roles.presets import instance_name
 
 __all__ = [
     "DEFAULT_PLUGINS",
@@ -48,6 +50,8 @@ TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
 """Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""
+INSTANCE = r"^[A-Za-z0-9_-]+(@[A-Za-z0-9_-]+)?$"
+"""Pattern of names of instances: that of a plugin with a preset is `vfh@printed`."""
 LONGEST_NAME = 48
 """Longest name, in characters: a key has five names, and at most 255 bytes."""
 
@@ -146,10 +150,9 @@ class MapTable(Table):
 class RoleTable(OpenTable):
     """A role's plugin; all other keys are its parameters."""
 
-    plugin: str = Field(min_length=1)
-    name: str | None = Field(
-        default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
-    )
+    plugin: str = Field(min_length=1, description="name of the plugin, or NAME@PRESET")
+    preset: str | None = Field(default=None, min_length=1, description="set of its parameters; default: its defaults")
+    name: str | None = Field(default=None, max_length=LONGEST_NAME, pattern=INSTANCE, description="of the instance")
     sensors: list[str] | None = Field(default=None, description="sensors that it reads; default: all that it supports")
     inputs: dict[str, str] | None = Field(
         default=None, description="stream of each input, as people.tracks; default: the only stream that fits"
@@ -160,10 +163,15 @@ class RoleTable(OpenTable):
         default=None, ge=0.0, description="avoider: rate of its diagnostics; default 2; 0: none"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _has_one_preset(cls, given: Any) -> Any:
+        return split_preset(given) if isinstance(given, dict) else given
+
     @property
     def instance(self) -> str:
-        """Name of the instance: `name`, or the plugin's name."""
-        return self.name or self.plugin
+        """Name of the instance: `name`, or the plugin's name with its preset."""
+        return self.name or instance_name(self.plugin, self.preset)
 
 
 class NodeTable(RoleTable):
@@ -176,8 +184,8 @@ class NodeTable(RoleTable):
 
     @property
     def instance(self) -> str:
-        """Name of the instance: the plugin's name, since `name` is the node's."""
-        return self.plugin
+        """Name of the instance: the plugin's name with its preset, since `name` is the node's."""
+        return instance_name(self.plugin, self.preset)
 
 
 class AlternativeTable(RoleTable):

@@ -9,19 +9,28 @@ from navloom.config.loader import leaves
 from navloom.config.tables import NodeTable
 from navloom.engine.system import System
 from navloom.roles import Platform
+from navloom.roles.presets import own_preset
 
 __all__ = ["holding"]
 
 
 def holding(system: System) -> list[tuple[str, Any, str]]:
-    """Place, value and source (default, file, --set or world) of every value, plugins' own defaults included."""
+    """Place, value and source of every value, plugins' own defaults included.
+
+    Sources are default, file, --set, --shadow, world, and `preset NAME` for a value that comes from a preset.
+    """
     loaded = system.loaded
     tree: dict[str, Any] = loaded.config.model_dump(mode="json")
+    presets: dict[str, str] = {}
     for part in system.parts.values():
         table = _table(tree, part.place)
         table.update(part.params.model_dump(mode="json"))
         if not isinstance(part.table, NodeTable):  # its name is the node's, not the instance's
             table["name"] = part.table.instance
+        if preset := part.table.preset or own_preset(part.cls.presets):
+            table["preset"] = preset
+            listed = part.cls.presets[preset].settings
+            presets |= {f"{part.place}.{key}": f"preset {preset}" for key in listed}
         if part.streams:
             table["inputs"] = {name: str(port) for name, port in part.streams.items()}
         if part.role != "platform":
@@ -35,7 +44,10 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
     if system.map is not None and tree["map"] is None:
         tree["map"] = {"ref": "world", "resolution": 0.05}
     worlds = _of_world(system, tree["navigation"])
-    return [(place, value, worlds.get(place) or loaded.sources.get(place, "default")) for place, value in leaves(tree)]
+    return [
+        (place, value, worlds.get(place) or loaded.sources.get(place) or presets.get(place, "default"))
+        for place, value in leaves(tree)
+    ]
 
 
 def _of_world(system: System, navigation: dict[str, Any]) -> dict[str, str]:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from navloom.config import ConfigError, check_params
+from navloom.config import ConfigError
+from navloom.config.presets import params_of
 from navloom.config.problems import Gathered
 from navloom.config.schema import Config
 from navloom.config.tables import RoleTable
@@ -58,7 +59,7 @@ def find_parts(config: Config, discovery: Discovery, problems: Gathered) -> dict
                 found = discovery.role(role, table.plugin) if role in ROLES else node_plugin(discovery, table.plugin)
             except PluginError as error:
                 raise PluginError(f"{place}.plugin: {error}") from None
-            params = check_params(found.Params, table.params, place)
+            params = params_of(found, table.preset, table.params, place)
             parts[(role, table.instance)] = Part(place, role, table, found, params)
     return parts
 

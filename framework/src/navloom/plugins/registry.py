@@ -158,6 +158,13 @@ def _wrong_part(plugin: type[Role]) -> str:
             f"its Params has a field {' and '.join(taken)}, which is a key of the framework in a role's table: "
             f"no config could set it; rename it, as publish_rate_hz; taken are {', '.join(RESERVED_KEYS)}"
         )
+    for name, preset in plugin.presets.items():
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+            return f"its preset {name!r}: expected a name of lower case letters, digits and _"
+        try:
+            plugin.Params.model_validate(preset.values())
+        except ValueError as error:
+            return f"its preset {name!r} does not fit its Params: {' '.join(str(error).split())}"
     settings: Mapping[str, type[Params]] = getattr(plugin, "sensor_settings", {})
     for kind, model in settings.items():
         if taken := [name for name in ("name", "kind") if name in _keys_of(model)]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
+from navloom.config.presets import instance_of
 from navloom.config.schema import Config
 from navloom.config.tables import ROLE_TABLES
 from navloom.engine.build import assemble
@@ -22,6 +23,7 @@ from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
 from navloom.recording.shadows import Disagreement
 from navloom.recording.shelf import Shelf
+from navloom.roles.presets import named_plugin
 
 __all__ = ["Substitute", "substitute", "substitute_config"]
 
@@ -84,12 +86,14 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         raise ConfigError(
             f"--node {role}={name}: the recording's config has no [[node]] {role!r}{nearest(role, list(nodes))}"
         )
-    chosen = next((one for one in tables if one["role"] == role and name in (one.get("name"), one["plugin"])), None)
+    plugin, preset = named_plugin(name)
+    own = [one for one in tables if one["role"] == role]
+    chosen = next((one for one in own if name in (instance_of(one), instance_of({**one, "name": None}))), None)
     if chosen is not None:
         table = {key: value for key, value in chosen.items() if key not in ("role", "shadow")}
     else:
         old = nodes.get(role) or tree.get(role, {})
-        same = old.get("plugin") == name
+        same = (old.get("plugin"), old.get("preset")) == (plugin, preset)
         table = {**{key: value for key, value in old.items() if same or key in RESERVED}, "plugin": name}
         if not same:
             table.pop("sensors", None)

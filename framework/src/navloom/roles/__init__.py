@@ -9,6 +9,7 @@ from navloom.roles.localizer import Localizer, LocalizerInput
 from navloom.roles.mapper import Mapper, MapperInput
 from navloom.roles.planner import Planner, PlannerInput
 from navloom.roles.platform import Platform, PlatformInput, PlatformOutput
+from navloom.roles.presets import Preset
 from navloom.roles.recovery import Recovery, RecoveryInput
 
 ROLES: dict[str, type[Role]] = {
@@ -53,6 +54,7 @@ __all__ = [
     "Platform",
     "PlatformInput",
     "PlatformOutput",
+    "Preset",
     "Recovery",
     "RecoveryInput",
     "RobotSpec",

@@ -17,6 +17,7 @@ from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles.claims import Claim
+from navloom.roles.presets import Preset
 
 if TYPE_CHECKING:  # the default keeps `class Mine(Avoider)` valid under mypy --strict
     import typing_extensions
@@ -27,8 +28,8 @@ else:
 
 __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
 
-RESERVED_KEYS = ("plugin", "name", "sensors", "inputs", "rate_hz", "latency", "diagnostics_rate_hz", "role", "shadow",
-                 "required")  # fmt: skip
+RESERVED_KEYS = ("plugin", "preset", "name", "sensors", "inputs", "rate_hz", "latency", "diagnostics_rate_hz", "role",
+                 "shadow", "required")  # fmt: skip
 """Keys of a role's table that the framework reads itself; no plugin can have a parameter of such a name."""
 
 
@@ -170,6 +171,7 @@ class Role(ABC, Generic[P]):
         is_bridge: It passes on messages of a system outside the robot, such as a ROS node. Like a platform that is a
             driver, it may have threads and sockets.
         Params: Class of its parameters.
+        presets: Named sets of its parameters. One without settings is the name of the defaults.
         claims: Claims beyond the purpose of its role; `navloom check` requires them.
         disclaims: Claims of its role's purpose that it does not meet, each with the reason; `navloom check` shows them
             without judging them.
@@ -184,6 +186,7 @@ class Role(ABC, Generic[P]):
     needs_sensor: ClassVar[bool] = False
     is_bridge: ClassVar[bool] = False
     Params: ClassVar[type[Params]] = Params
+    presets: ClassVar[Mapping[str, Preset]] = MappingProxyType({})
     claims: ClassVar[Collection[Claim]] = ()
     disclaims: ClassVar[Mapping[Claim, str]] = MappingProxyType({})
 

@@ -14,6 +14,7 @@ from navloom.config.tables import ROLE_TABLES, AlternativeTable
 from navloom.engine.system import System
 from navloom.plugins import Discovery
 from navloom.plugins.registry import NODE
+from navloom.roles.presets import named_plugin
 
 __all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
 
@@ -82,7 +83,8 @@ def _split(text: str) -> list[str]:
 def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], discovery: Discovery) -> list[Method]:
     """Every combination of the variations' values, in the given order; the last variation changes fastest.
 
-    The values of a role are plugins or names of `[[alternative]]` tables of that role, which replace the role's table.
+    The values of a role are plugins, with a preset as in `vfh@printed` or without, or names of `[[alternative]]` tables
+    of that role, which replace the role's table.
     The same holds for a `[[node]]`, under its name. Alternatives that no event names are left out: in a study nothing
     runs beside the method.
 
@@ -166,7 +168,7 @@ def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list
             return [f"{role}={toml_value(table)}"]
         return [f"node.{role}.{key}={toml_value(entry)}" for key, entry in table.items()]
     kind = NODE if is_node else role
-    if value not in discovery.names(kind):
+    if named_plugin(value)[0] not in discovery.names(kind):
         raise ConfigError(
             f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name is installed"
             f"{discovery.instead_of(kind, value, [*spare, active.instance])}"

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from navloom.config import ConfigError, Loaded
+from navloom.config.presets import instance_of
 from navloom.config.schema import Config
+from navloom.config.tables import INSTANCE
 from navloom.study.methods import Method
 
 __all__ = ["METHOD", "OpenLoop", "open_loop_of"]
@@ -47,7 +49,7 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
     base = next(method for method in methods if method.name == baseline)
     tree = base.loaded.config.model_dump(mode="json", exclude_unset=True)
     tables, shadows, left_out = list(tree.get("alternative", [])), {}, {}
-    taken = {(table["role"], table.get("name") or table["plugin"]) for table in tables}
+    taken = {(table["role"], instance_of(table)) for table in tables}
     for number, method in enumerate(methods):
         if method is base:
             continue
@@ -58,7 +60,7 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
                 f"differs in {', '.join(differs)}: only one role other than platform, or one node, can be shadowed"
             )
             continue
-        name = method.name if re.fullmatch(r"[A-Za-z0-9_-]+", method.name) else f"method_{number}"
+        name = method.name if re.fullmatch(INSTANCE, method.name) else f"method_{number}"
         if (role, name) in taken or name in shadows or name == base.loaded.config.role_table(role).instance:
             name = f"shadow_{number}"
         table = method.loaded.config.role_table(role).model_dump(mode="json", exclude_unset=True)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from navloom.config import ConfigError, check_params
+from navloom.config import ConfigError
 from navloom.config.loader import parse_override
+from navloom.config.presets import params_of
 from navloom.engine.build import grid_of
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
@@ -20,6 +21,7 @@ from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRe
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.blame import raised_in
 from navloom.roles import Context, InputError, Planner, PlannerInput, RobotSpec, Role
+from navloom.roles.presets import named_plugin
 
 __all__ = ["blamed", "map_update", "plan_once"]
 
@@ -76,9 +78,10 @@ def plan_once(
     """
     _check_sizes(size, resolution)
     discovery = discovery or Discovery()
-    cls = discovery.role("planner", planner)
+    name, preset = named_plugin(planner)
+    cls = discovery.role("planner", name)
     assert issubclass(cls, Planner)
-    params = check_params(cls.Params, dict(map(parse_override, changes)), "--set")
+    params = params_of(cls, preset, dict(map(parse_override, changes)), "--set")
     world: World = discovery.world(reference, base)
     for name, (x, y) in (("--from", start), ("--to", goal)):
         _check_inside(name, x, y, world)

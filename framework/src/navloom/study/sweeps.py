@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.config import ConfigError, check_params
+from navloom.config import ConfigError
 from navloom.config.loader import parse_override
+from navloom.config.presets import params_of
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.inputs.npz import Arrays
 from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery
 from navloom.roles import Context, Mapper, MapperInput, RobotSpec
+from navloom.roles.presets import named_plugin
 from navloom.study.planning import blamed
 
 __all__ = ["MappedSweep", "SweepRecording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
@@ -164,9 +166,10 @@ def map_sweep(
     Raises:
         ConfigError, PluginError: The request is wrong, or the mapper fails; InputError: it cannot use the sweep.
     """
-    cls = (discovery or Discovery()).role("mapper", mapper)
+    name, preset = named_plugin(mapper)
+    cls = (discovery or Discovery()).role("mapper", name)
     assert issubclass(cls, Mapper)
-    params: Any = check_params(cls.Params, dict(map(parse_override, changes)), "--set")
+    params: Any = params_of(cls, preset, dict(map(parse_override, changes)), "--set")
     robot = RobotSpec(rectangle(0.8, 0.8), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
     context = Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0))
     end_ns = round(float(sweep.frame_times.max()) * 1e9)

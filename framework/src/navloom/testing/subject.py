@@ -11,12 +11,14 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from navloom.config import ConfigError, check_params
+from navloom.config import ConfigError
+from navloom.config.presets import params_of
 from navloom.entry_kinds import OTHERS
 from navloom.inputs.texts import toml_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.roles import ROLES, Role, verb_of
+from navloom.roles.presets import named_plugin
 
 __all__ = ["CHECKED", "CheckRequest", "Subject", "discovery_of", "find", "schema_of"]
 
@@ -28,7 +30,7 @@ class CheckRequest(NamedTuple):
     """The plugin to check, as plain values, since each process loads it again.
 
     Attributes:
-        name: As `avoider.vff`.
+        name: As `avoider.vff`, or `avoider.vff@printed` with a preset.
         params: TOML assignments of its parameters, as `gain=2.0`.
         seed: Of everything random in the checks.
     """
@@ -133,11 +135,12 @@ def find(request: CheckRequest) -> Subject:
             + (f"; there are no checks for a {kind}" if kind in OTHERS else nearest(kind, list(CHECKED)) or known)
         )
     discovery = discovery_of(request)
+    name, preset = named_plugin(name) if kind in ROLES or kind == NODE else (name, None)
     thing = _loaded(discovery, kind, name)
     point = ("scheme", name.partition(":")[0]) if kind == "world" and ":" in name else (kind, name)
     info = next((one for one in discovery.infos() if (one.role, one.name) == point), None)
     owner = f"{info.distribution} {info.version}".strip() if info is not None else ""
-    return Subject(kind, name, thing, owner, _params(thing, request) if isinstance(thing, type) else None)
+    return Subject(kind, name, thing, owner, _params(thing, preset, request) if isinstance(thing, type) else None)
 
 
 def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
@@ -170,16 +173,17 @@ def schema_of(discovery: Discovery, name: str) -> str:
     return name if name in known or not fitting else fitting[0]
 
 
-def _params(cls: type, request: CheckRequest) -> Any:
-    """A plugin's parameters: its defaults, with the changes of the request."""
+def _params(cls: type, preset: str | None, request: CheckRequest) -> Any:
+    """A plugin's parameters: those of the preset or its defaults, with the changes of the request."""
     if not issubclass(cls, Role):
         if request.params:
             raise ConfigError(f"--set {request.params[0]}: {request.name} has no parameters")
         return None
     given = toml_of("\n".join(request.params), "--set", ConfigError)
     required = {name: field for name, field in cls.Params.model_fields.items() if field.is_required()}
-    made = {name: _some(field) for name, field in required.items() if name not in given}
-    return check_params(cls.Params, {**made, **given}, request.name)
+    set_by_preset = cls.presets[preset].settings if preset is not None and preset in cls.presets else {}
+    made = {name: _some(field) for name, field in required.items() if name not in {*given, *set_by_preset}}
+    return params_of(cls, preset, {**made, **given}, request.name)
 
 
 def _some(field: FieldInfo) -> Any:

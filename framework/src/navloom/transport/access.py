@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navloom.config.tables import INSTANCE
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.transport.keyspace import ALIVE
@@ -68,6 +69,7 @@ LARGE_ROLES = ("mapper", "planner", "platform")
 """Roles whose streams or answers have no size limit: maps, paths and scans."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
+_INSTANCE = re.compile(INSTANCE)
 _ALL = (
     "put",
     "delete",
@@ -153,7 +155,7 @@ def _check(path: Path, identity: Identity) -> None:
     if identity.kind not in KINDS:
         raise AccessError(f"{path}: {identity.name} is of kind {identity.kind!r}, expected one of {', '.join(KINDS)}")
     role, _, name = identity.instance.partition(".")
-    if identity.kind == "shadow" and not (_NAME.fullmatch(role) and _NAME.fullmatch(name)):
+    if identity.kind == "shadow" and not (_NAME.fullmatch(role) and _INSTANCE.fullmatch(name)):
         raise AccessError(f"{path}: shadow {identity.name} is for instance {identity.instance!r}, expected ROLE.NAME")
 
 

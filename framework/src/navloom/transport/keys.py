@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from navloom.config.tables import ROLE_TABLES, TAKEN
+from navloom.config.tables import INSTANCE, ROLE_TABLES, TAKEN
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.transport.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
@@ -237,7 +237,7 @@ def _check_identity(identity: Identity) -> None:
     role, _, instance = identity.instance.partition(".")
     shadowed = [role for role in ROLE_TABLES if role != "platform"]
     is_node = re.fullmatch(r"[a-z][A-Za-z0-9_]*", role) and role not in TAKEN
-    if not (role in shadowed or is_node) or not re.fullmatch(r"[A-Za-z0-9_-]+", instance):
+    if not (role in shadowed or is_node) or not re.fullmatch(INSTANCE, instance):
         raise KeysError(
             f"--instance {identity.instance or '(none)'}: a shadow is one instance, expected ROLE.NAME, as "
             f"avoider.forces; roles are {', '.join(shadowed)}, and the names of a config's [[node]] tables"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navloom_dwa import warming
 from navloom_dwa.avoidance import Decision, DynamicWindow, Given
-from navloom_dwa.params import DwaParams
+from navloom_dwa.params import PRINTED, ROBUST, DwaParams
 from navloom_dwa.view import arc_directions, cost_by_direction, free_directions, occupied_picture
 
 __all__ = ["Dwa", "split_scans"]
@@ -25,6 +25,7 @@ class Dwa(Avoider[DwaParams]):
     """Sends the best reachable velocity that can stop in time (Fox, Burgard & Thrun 1997; critics of Nav2's DWB)."""
 
     name = "dwa"
+    presets = {"robust": ROBUST, "printed": PRINTED}
     claims = {Claim.FOOTPRINT, Claim.MIRROR}
 
     def __init__(self, params: DwaParams, context: Context) -> None:

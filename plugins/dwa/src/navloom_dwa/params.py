@@ -1,8 +1,8 @@
-"""Parameters of the dynamic window. Defaults are engineering choices; `fox_1997()` lists the paper's values."""
+"""Parameters of the dynamic window, and its presets: the paper's values, and the defaults, which are ours."""
 
-from typing import Any, Literal
+from typing import Literal
 
-from navloom import Params
+from navloom import Params, Preset
 from pydantic import Field
 
 
@@ -28,13 +28,13 @@ class DwaParams(Params):
         0.0, ge=0.0, le=20.0, description="Highest speed of a wheel's rim, m/s: |v| + half track |w|; 0 is no limit."
     )
     shape: Literal["polygon", "disc"] = Field(
-        "polygon", description="Contact on arcs is that of the footprint, or of the disc that encloses it (paper)."
+        "polygon", description="Contact on arcs is that of the footprint, or of the disc that encloses it."
     )
     farthest: float = Field(4.0, gt=0.0, le=20.0, description="Obstacles farther along an arc do not count, m.")
     laser_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and laser points, m.")
     sonar_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and sonar cell centres, m.")
-    reacts: bool = Field(True, description="Assume braking one tick later. Paper: false.")
-    roll_check: bool = Field(True, description="Roll the chosen command forward with its ramps. Paper: false.")
+    reacts: bool = Field(True, description="Assume braking one tick later.")
+    roll_check: bool = Field(True, description="Roll the chosen command forward with its ramps.")
     memory: float = Field(20.0, ge=0.0, le=3600.0, description="How long points out of a laser's sight count, s.")
     reach: float = Field(4.0, ge=0.5, le=20.0, description="Laser points farther away than this are dropped, m.")
     spacing: float = Field(0.03, ge=0.005, le=0.2, description="One remembered point is kept in a square of this, m.")
@@ -79,6 +79,9 @@ class DwaParams(Params):
     alpha: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the heading.")
     beta: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the distance to the next obstacle.")
     gamma: float = Field(0.2, ge=0.0, le=100.0, description="1997: weight of the speed.")
+    rotates_away: bool = Field(
+        False, description="Turn in place away from the obstacle when blocked, until the way ahead is free."
+    )
     back_up: float = Field(0.4, ge=0.0, le=3.0, description="Distance to back up when blocked, m; 0: never.")
     back_speed: float = Field(0.15, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
     back_ups: int = Field(4, ge=0, le=50, description="How often it backs up without progress.")
@@ -93,14 +96,30 @@ class DwaParams(Params):
     sectors: int = Field(72, ge=8, le=360, description="Directions of the costs in the diagnostics.")
 
 
-def fox_1997() -> dict[str, Any]:
-    """Parameters with which the plugin follows the paper, for comparison with the defaults."""
-    return {
-        "objective": "1997",
-        "shape": "disc",
-        "memory": 0.0,
-        "agreement": 0.0,
-        "reacts": False,
-        "roll_check": False,
-        "back_up": 0.0,
-    }
+ROBUST = Preset("ours: the critics of Nav2's DWB, the true footprint, braking with the motors' lag")
+
+PRINTED = Preset(
+    "Fox, Burgard & Thrun 1997",
+    {
+        "objective": ("1997", "G = sigma(alpha heading + beta dist + gamma velocity)"),
+        "window_time": (0.25, "a cycle of 0.25 s"),
+        "max_speed": (0.95, "95 cm/s"),
+        "max_turn_deg": (90.0, "90 deg/s"),
+        "turn_acceleration_deg": (60.0, "60 deg/s^2"),
+        "shape": ("disc", "the robot is a disc"),
+        "farthest": (4.0, "the distance of no obstacle is not printed; decided: 4 m"),
+        "reacts": (False, "not in the paper: braking starts at once"),
+        "roll_check": (False, "not in the paper: the command is sent as it is"),
+        "memory": (0.0, "not in the paper: the obstacles of the newest readings"),
+        "agreement": (0.0, "not in the paper"),
+        "alpha": (2.0, "alpha = 2.0, as the literature quotes it"),
+        "beta": (0.2, "beta = 0.2, as the literature quotes it"),
+        "gamma": (0.2, "gamma = 0.2, as the literature quotes it"),
+        "cone_window": (81, "the paper uses every reading; decided: the range of the sonars, 4 m"),
+        "cone_reach": (4.0, "the paper uses every reading; decided: the range of the sonars, 4 m"),
+        "rotates_away": (True, "a robot that stops before an obstacle rotates away until it can drive"),
+        "blocked_patience": (0.5, "not printed; decided: half a second"),
+        "back_ups": (50, "not printed; decided: until the time without progress is over"),
+        "back_up": (0.0, "not in the paper: it never backs up"),
+    },
+)

@@ -9,7 +9,7 @@ from navloom.avoidance.beams import Beams
 from navloom.avoidance.robot import Robot
 
 from navloom_dwa.avoidance import DynamicWindow, Given
-from navloom_dwa.params import DwaParams, fox_1997
+from navloom_dwa.params import PRINTED, DwaParams
 
 
 def warm_up() -> None:
@@ -20,7 +20,7 @@ def warm_up() -> None:
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0, half_track=0.3)
     bearings = np.linspace(-1.0, 1.0, 3)
-    for params in (DwaParams(blocked_patience=0.01), DwaParams(**fox_1997())):
+    for params in (DwaParams(blocked_patience=0.01), DwaParams(**PRINTED.values())):
         for is_writeable in (True, False):
             method = DynamicWindow(params, robot, 0.05)
             arrays = np.zeros((3, 2)), bearings.copy(), np.full(3, 0.2), np.full(3, 0.6)

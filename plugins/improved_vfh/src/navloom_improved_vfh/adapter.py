@@ -14,7 +14,7 @@ from navloom.avoidance.smoothing import warm_up_smoothing
 
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.avoidance import Avoidance
-from navloom_improved_vfh.params import ImprovedVfhParams
+from navloom_improved_vfh.params import PRINTED, ROBUST, ImprovedVfhParams
 
 __all__ = ["ImprovedVfh"]
 
@@ -23,6 +23,7 @@ class ImprovedVfh(Avoider[ImprovedVfhParams]):
     """Steers around the obstacles that range sensors see, towards the target (Hoang et al. 2013, III.C)."""
 
     name = "improved_vfh"
+    presets = {"robust": ROBUST, "printed": PRINTED}
     claims = {Claim.FOOTPRINT, Claim.MIRROR}
 
     def __init__(self, params: ImprovedVfhParams, context: Context) -> None:
@@ -55,6 +56,6 @@ class ImprovedVfh(Avoider[ImprovedVfhParams]):
         slots[:, 1] = slots[:, 0] + method.slots[: method.slot_count, 1] * alpha
         corner = method.origin * method.cell
         return AvoiderDiagnostics(
-            method.grid, method.cell, float(corner[0]), float(corner[1]), method.density, p.threshold,
+            method.grid, method.cell, float(corner[0]), float(corner[1]), method.density, method.threshold,
             slots, decision.direction, decision.why,
         )  # fmt: skip

@@ -10,7 +10,14 @@ from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
 from navloom.avoidance.clearance import free_command, nearest_ahead
 from navloom.avoidance.decision import Decision
-from navloom.avoidance.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
+from navloom.avoidance.histogram import (
+    enlarged_density,
+    free_slots,
+    sector_density,
+    slot_directions,
+    smooth,
+    smoothing_gain,
+)
 from navloom.avoidance.method import Method
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, RotationSearch, Trap
@@ -119,6 +126,7 @@ class Avoidance(Method):
 
     Attributes:
         cell: Side of a cell of the window, m. radius: Enlargement radius, m; negative for no enlargement.
+        threshold: Density that blocks a sector.
         arc_margin: Margin between footprint and cell centres, m.
         arc_floor: Smaller margin that is kept where a cell is already within arc_margin, m.
     """
@@ -135,6 +143,8 @@ class Avoidance(Method):
         self._slow = math.radians(params.slow_on_deg), math.radians(params.slow_off_deg)
         self._window, self._case = math.radians(params.slot_window_deg), math.radians(params.case_limit_deg)
         self._loyalty, self._pivot = math.radians(params.loyalty_deg), math.radians(params.pivot_deg)
+        is_smoothed = params.enlargement == "none"
+        self.threshold = params.threshold * (smoothing_gain(params.smoothing, False) if is_smoothed else 1.0)
         n = params.sectors
         self.density = np.zeros(n)
         self.slots = np.zeros((n // 2 + 1, 2), np.int64)
@@ -213,8 +223,8 @@ class Avoidance(Method):
         bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
         horizon = distance + max(self.radius, self.half_width) if p.stops_at_target else math.inf
         count, self.slot_count, candidates, d30, run = survey(
-            self.grid, self.origin, self.cell, pose, self.edges, p.clears_footprint, p.reach, horizon, self.radius,
-            p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing,
+            self.grid, self.origin, self.cell, pose, self.edges, p.clears_footprint, p.d_max, horizon, self.radius,
+            p.smoothing, p.normalisation == "arc", self.threshold, p.widest_slot, p.inset, bearing,
             (*self._front, self.arc_margin), self._cells, self.density, self.slots, self._directions,
         )  # fmt: skip
         directions = self._directions[:candidates].tolist()

@@ -12,6 +12,11 @@ from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_err
 from navloom_trackers import fierro_lewis, kanayama, pure_pursuit, ramsete
 from navloom_trackers.limits import DriveLimits, within_limits, within_reach
 from navloom_trackers.params import (
+    FIERRO_LEWIS_PRINTED,
+    KANAYAMA_PRINTED,
+    PURE_PURSUIT_PRINTED,
+    RAMSETE_PRINTED,
+    ROBUST,
     FierroLewisParams,
     KanayamaParams,
     PurePursuitParams,
@@ -68,6 +73,7 @@ class Kanayama(_Tracker[KanayamaParams]):
     """Tracking law of Kanayama et al. 1990, eq. (8)."""
 
     name = "kanayama"
+    presets = {"robust": ROBUST, "printed": KANAYAMA_PRINTED}
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, reference = self.params, given.reference
@@ -82,6 +88,7 @@ class FierroLewis(_Tracker[FierroLewisParams]):
     """Kinematic law of Fierro & Lewis 1997, with the lag of their velocity loop."""
 
     name = "fierro_lewis"
+    presets = {"robust": ROBUST, "printed": FIERRO_LEWIS_PRINTED}
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, reference, twist = self.params, given.reference, given.estimate.twist
@@ -103,6 +110,7 @@ class Ramsete(_Tracker[RamseteParams]):
     """The nonlinear tracker of De Luca, Oriolo and Vendittelli 2001."""
 
     name = "ramsete"
+    presets = {"robust": ROBUST, "printed": RAMSETE_PRINTED}
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, law = self.params, (given.reference.speed, given.reference.turn_rate, self.params.zeta, self.params.b)
@@ -115,6 +123,7 @@ class PurePursuit(_Tracker[PurePursuitParams]):
     """Regulated pure pursuit, Macenski et al. 2023."""
 
     name = "pure_pursuit"
+    presets = {"robust": ROBUST, "printed": PURE_PURSUIT_PRINTED}
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, reference, pose = self.params, given.reference, given.estimate.pose

@@ -1,13 +1,24 @@
-"""Parameters of the trackers."""
+"""Parameters of the trackers, and their presets: the papers' values, and the defaults, which are ours."""
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Any, Self
 
-from navloom import Params
+from navloom import Params, Preset
 from pydantic import Field, model_validator
 
-__all__ = ["FierroLewisParams", "KanayamaParams", "PurePursuitParams", "RamseteParams", "TrackerParams"]
+__all__ = [
+    "FIERRO_LEWIS_PRINTED",
+    "KANAYAMA_PRINTED",
+    "PURE_PURSUIT_PRINTED",
+    "RAMSETE_PRINTED",
+    "ROBUST",
+    "FierroLewisParams",
+    "KanayamaParams",
+    "PurePursuitParams",
+    "RamseteParams",
+    "TrackerParams",
+]
 
 
 class TrackerParams(Params):
@@ -38,7 +49,7 @@ class TrackerParams(Params):
 class KanayamaParams(TrackerParams):
     """Gains of eq. (8) of Kanayama et al. 1990."""
 
-    k_x: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s (10 in the paper).")
+    k_x: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s.")
     k_y: float = Field(64.0, gt=0.0, le=1000.0, description="Gain of the lateral error, 1/m².")
     k_theta: float | None = Field(
         None, gt=0.0, le=100.0, description="Gain of the heading error, 1/m; left out: critical, 2 sqrt(k_y)."
@@ -48,7 +59,7 @@ class KanayamaParams(TrackerParams):
 class FierroLewisParams(TrackerParams):
     """Gains of the kinematic law and of the velocity loop, Fierro & Lewis 1997."""
 
-    k1: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s (10 in the paper).")
+    k1: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s.")
     k2: float = Field(5.0, gt=0.0, le=1000.0, description="Gain of the lateral error, 1/m².")
     k3: float = Field(4.0, gt=0.0, le=100.0, description="Gain of the heading error, 1/m.")
     k4: float = Field(40.0, gt=0.0, le=1000.0, description="Rate at which the velocity follows, 1/s.")
@@ -82,3 +93,58 @@ class PurePursuitParams(TrackerParams):
                 f"{self.max_look_ahead:g} m"
             )
         return self
+
+
+ROBUST = Preset("ours: an angle of approach, and turns in place")
+
+PLAIN: dict[str, tuple[Any, str]] = {
+    "turn_in_place_above_deg": (180.0, "not in the paper: the law alone turns the robot"),
+    "approach_deg": (90.0, "not in the paper: the law alone leads back to the path"),
+    "may_reverse": (True, "not restricted in the paper"),
+}
+"""What the papers leave out, and the defaults add."""
+
+KANAYAMA_PRINTED = Preset(
+    "Kanayama, Kimura, Miyazaki & Noguchi 1990",
+    {
+        "k_x": (10.0, "K_x = 10 /s"),
+        "k_y": (64.0, "K_y = 6.4e-3 /cm^2"),
+        "k_theta": (16.0, "K_theta = 0.16 /cm, critical by eq. (20)"),
+        **PLAIN,
+    },
+)
+
+FIERRO_LEWIS_PRINTED = Preset(
+    "Fierro & Lewis 1997",
+    {
+        "k1": (10.0, "k_1 = 10"),
+        "k2": (5.0, "k_2 = 5"),
+        "k3": (4.0, "k_3 = 4"),
+        "k4": (40.0, "not known to us; decided: faster than a tick"),
+        **PLAIN,
+    },
+)
+
+RAMSETE_PRINTED = Preset(
+    "De Luca, Oriolo & Vendittelli 2001",
+    {
+        "b": (16.0, "b > 0; decided: 16, which settles in 2.4 s from 0.3 m"),
+        "zeta": (0.7, "zeta in (0, 1); decided: 0.7"),
+        **PLAIN,
+    },
+)
+
+PURE_PURSUIT_PRINTED = Preset(
+    "Macenski, Singh, Martin & Gines 2023, with the values that their controller in Nav2 ships",
+    {
+        "turn_in_place_above_deg": (45.0, "rotate_to_heading_min_angle = 0.785 rad"),
+        "approach_deg": (90.0, "not in the paper: the arc to the point alone leads back to the path"),
+        "look_ahead_time": (1.5, "lookahead_time = 1.5 s"),
+        "min_look_ahead": (0.3, "min_lookahead_dist = 0.3 m"),
+        "max_look_ahead": (0.9, "max_lookahead_dist = 0.9 m"),
+        "slow_radius": (0.9, "regulated_linear_scaling_min_radius = 0.9 m"),
+        "min_arc_speed": (0.25, "regulated_linear_scaling_min_speed = 0.25 m/s"),
+        "approach_distance": (0.6, "approach_velocity_scaling_dist = 0.6 m"),
+        "min_approach_speed": (0.05, "min_approach_linear_velocity = 0.05 m/s"),
+    },
+)

@@ -10,7 +10,7 @@ from navloom.avoidance.robot import Robot
 
 from navloom_vff import avoidance
 from navloom_vff.avoidance import ForceField
-from navloom_vff.params import VffParams
+from navloom_vff.params import PRINTED, ROBUST, VffParams
 
 __all__ = ["Vff"]
 
@@ -22,6 +22,7 @@ class Vff(Avoider[VffParams]):
     """Steers by the pull of the target and the push of obstacles in the range scans (Borenstein & Koren 1989)."""
 
     name = "vff"
+    presets = {"robust": ROBUST, "printed": PRINTED}
     claims = {Claim.STOPS_WHEN_CLOSED}
 
     def __init__(self, params: VffParams, context: Context) -> None:

@@ -59,7 +59,9 @@ class ForceField(Method):
         super().__init__(robot, period)
         self.params = params
         self.radius = disc_radius(robot.footprint, params.disc)
-        self.constant = force_constant(params.balance)
+        # A point has no body: its distances are from the centre, and the body begins at its half width.
+        body = 0.0 if self.radius > 0.0 else disc_radius(robot.footprint, "inscribed")
+        self.constant = force_constant(body + params.balance)
         self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
         self.max_speed = min(params.max_speed, robot.max_linear)
         self.histogram = np.zeros(params.sectors)

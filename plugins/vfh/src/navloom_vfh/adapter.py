@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance
 from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance, VfhStarAvoidance
-from navloom_vfh.params import HistogramParams, VfhParams, VfhPlusParams, VfhStarParams
+from navloom_vfh.params import (
+    ROBUST,
+    VFH_PLUS_PRINTED,
+    VFH_PRINTED,
+    VFH_STAR_PRINTED,
+    HistogramParams,
+    VfhParams,
+    VfhPlusParams,
+    VfhStarParams,
+)
 
 __all__ = ["Vfh", "VfhPlus", "VfhStar"]
 
@@ -68,6 +77,7 @@ class Vfh(_HistogramAvoider[VfhParams]):
     """Steers through the valley of the polar histogram nearest to the target (Borenstein & Koren 1991)."""
 
     name = "vfh"
+    presets = {"robust": ROBUST, "printed": VFH_PRINTED}
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhAvoidance
 
@@ -76,6 +86,7 @@ class VfhPlus(_HistogramAvoider[VfhPlusParams]):
     """Steers to the cheapest opening that the robot's size and turning circle allow (Ulrich & Borenstein 1998)."""
 
     name = "vfh_plus"
+    presets = {"robust": ROBUST, "printed": VFH_PLUS_PRINTED}
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhPlusAvoidance
 
@@ -84,6 +95,7 @@ class VfhStar(_HistogramAvoider[VfhStarParams]):
     """Steers to the opening with the cheapest path beyond it, found by A* look-ahead (Ulrich & Borenstein 2000)."""
 
     name = "vfh_star"
+    presets = {"robust": ROBUST, "printed": VFH_STAR_PRINTED}
     claims = {Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhStarAvoidance
 

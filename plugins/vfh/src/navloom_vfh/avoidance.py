@@ -73,15 +73,19 @@ class HistogramAvoidance(Method):
         density: (sectors,), polar histogram of the last tick.
         slots: Its free slots, first sector and number of sectors; `slot_count` rows are valid.
         threshold: Density that blocks a sector.
+        gain: Factor of the smoothing on the density of an obstacle; 1 without smoothing.
+        reach: Distance at which a cell's magnitude falls to 0, m.
     """
 
     threshold: float
+    gain = 1.0
 
     def __init__(self, params: HistogramParams, robot: Robot, period: float) -> None:
         super().__init__(robot, period)
         self.common = params
         disc = disc_radius(robot.footprint, params.disc)
         self.radius = disc + params.safety_distance if disc > 0.0 else 0.0
+        self.reach = params.d_max
         self.slack = max(self.radius, disc_radius(robot.footprint, "inscribed"))
         self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
         self.max_speed = min(params.max_speed, robot.max_linear)
@@ -145,7 +149,7 @@ class HistogramAvoidance(Method):
         p = self.common
         turn = turn_rate(direction, view.pose[2], p.turn_gain, self.max_turn)
         least = min(p.min_speed, self.max_speed)
-        speed = forward_speed(choice.ahead, p.slow_density, turn, self.max_turn, self.max_speed, least)
+        speed = forward_speed(choice.ahead, p.slow_density * self.gain, turn, self.max_turn, self.max_speed, least)
         return self._send(view, choice, least if choice.must_slow else speed, turn, direction, choice.why)
 
     def _send(

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from navloom.avoidance.histogram import smoothing_gain
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.steering import wrap
 
@@ -25,14 +26,15 @@ class VfhAvoidance(HistogramAvoidance):
 
     def __init__(self, params: VfhParams, robot: Robot, period: float) -> None:
         self.params = params
-        self.threshold = params.threshold
         super().__init__(params, robot, period)
+        self.gain = smoothing_gain(params.smoothing, self.radius > 0.0)
+        self.threshold = params.threshold * self.gain
 
     def choose(self, view: View) -> Choice:
         p = self.params
         count, self.slot_count, ahead = survey_valleys(
-            (self.grid, self.origin, p.cell), view.pose, self.edges, self.radius, p.reach, view.horizon, p.smoothing,
-            p.threshold, self._cells, self.density, self.slots,
+            (self.grid, self.origin, p.cell), view.pose, self.edges, self.radius, self.reach, view.horizon,
+            p.smoothing, self.threshold, self._cells, self.density, self.slots,
         )  # fmt: skip
         cells = self._cells[:count]
         valleys = [(first, width) for first, width in self.slots[: self.slot_count].tolist()]
@@ -80,7 +82,7 @@ class VfhPlusAvoidance(HistogramAvoidance):
         """Numbers of cells and candidates for a turning circle, m; whether the circle is too wide; density ahead."""
         p = self.params
         count, self.slot_count, found, must_slow, ahead = survey_openings(
-            (self.grid, self.origin, p.cell), view.pose, self.edges, self.radius, p.reach, view.horizon,
+            (self.grid, self.origin, p.cell), view.pose, self.edges, self.radius, self.reach, view.horizon,
             (p.threshold_low, p.threshold_high), circle, float(p.mask_certainty), p.widest_slot, view.bearing,
             self._cells, self.density, self.blocked, self.slots, self._directions,
         )  # fmt: skip
@@ -145,7 +147,7 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         target = (view.distance * math.cos(toward), view.distance * math.sin(toward))
         self.way_end, self.node_count, self.expanded = look_ahead(
             cells, self._directions[:found] - heading, target, self.previous(view) - heading,
-            self.weights, self.later, p.discount, p.look_ahead, p.step, circle, self.radius, p.reach,
+            self.weights, self.later, p.discount, p.look_ahead, p.step, circle, self.radius, self.reach,
             self.slack if p.stops_at_target else math.inf, p.threshold_high, float(p.mask_certainty), p.sectors,
             p.widest_slot, self.nodes,
         )  # fmt: skip

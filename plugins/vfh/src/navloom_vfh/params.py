@@ -1,8 +1,9 @@
-"""Parameters of the three methods. Defaults are engineering choices; `paper_literal()` lists the papers' values."""
+"""Parameters of the three methods, and their presets: the papers' values, and the defaults, which are ours."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from navloom import Params
+from navloom import Params, Preset
+from navloom.avoidance.histogram import window_reach
 from pydantic import Field, model_validator
 
 
@@ -13,9 +14,9 @@ class HistogramParams(Params):
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in VFH).")
     count_up: int = Field(3, ge=1, le=15, description="Added to the cell of a reading (HIMM: 3, VFH: 1).")
     count_down: int = Field(1, ge=0, le=15, description="Taken off the cells before it (HIMM: 1, VFH: 0).")
-    clear_margin: float = Field(0.1, ge=0.0, le=0.5, description="Not counted down before an echo, m. Paper: 0.")
+    clear_margin: float = Field(0.1, ge=0.0, le=0.5, description="Not counted down before an echo, m.")
     blind_depth: float = Field(
-        0.1, ge=0.0, le=1.0, description="A reading at range_min counts this far before it too, m. Paper: 0."
+        0.1, ge=0.0, le=1.0, description="A reading at range_min counts this far before it too, m."
     )
     agreement: float = Field(
         0.1, ge=0.0, le=1.0, description="Neighbouring readings of a laser this near to each other are averaged, m."
@@ -27,14 +28,18 @@ class HistogramParams(Params):
     safety_distance: float = Field(
         0.1, ge=0.0, le=2.0, description="d_s: added to the disc's radius, m; a point stays a point."
     )
-    reach: float = Field(1.6, gt=0.2, le=8.0, description="Distance at which a cell's magnitude falls to 0, m.")
-    stops_at_target: bool = Field(True, description="Cells farther than target and disc do not count. Paper: false.")
+    reach: Annotated[float, Field(gt=0.2, le=8.0)] | Literal["window"] = Field(
+        1.6, description="Distance at which a cell's magnitude falls to 0, m; window: d_max of VFH, its corner."
+    )
+    stops_at_target: bool = Field(True, description="Cells farther than target and disc do not count.")
     widest_slot: int = Field(18, ge=2, le=72, description="s_max, sectors: a wider opening is followed along its edge.")
     turn_gain: float = Field(2.0, gt=0.0, le=50.0, description="Turn rate per heading error, 1/s; period * gain < 2.")
     max_turn_deg: float = Field(120.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
     max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit also applies.")
     min_speed: float = Field(0.04, ge=0.0, le=1.0, description="V_min, m/s: least speed that the density slows to.")
-    slow_density: float = Field(4.0, gt=0.0, le=100.0, description="h_m: density ahead that slows to V_min.")
+    slow_density: float = Field(
+        4.0, gt=0.0, le=100.0, description="h_m: density ahead, before smoothing, that slows to V_min."
+    )
     rotation_deg: float = Field(
         100.0, gt=0.0, le=360.0, description="Size of one rotation when nothing is free, degrees."
     )
@@ -47,17 +52,24 @@ class HistogramParams(Params):
     target_shift: float = Field(0.5, gt=0.0, le=5.0, description="Movement beyond which a target counts as new, m.")
     release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Movement after which the trap is left, m.")
     release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turn after which the trap is left, degrees.")
-    arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
+    arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free.")
     arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and cell centres, m.")
     turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
     creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave a corner without room to turn, m/s.")
 
+    @property
+    def d_max(self) -> float:
+        """The reach, m."""
+        return window_reach(self.window, self.cell) if self.reach == "window" else self.reach
+
 
 class VfhParams(HistogramParams):
-    """Borenstein & Koren 1991. A value that the paper prints is the default, or the description names it."""
+    """Borenstein & Koren 1991."""
 
     smoothing: int = Field(1, ge=0, le=12, description="l, sectors: half width of the smoothing.")
-    threshold: float = Field(0.3, gt=0.0, le=100.0, description="Density from which a sector is blocked.")
+    threshold: float = Field(
+        0.3, gt=0.0, le=100.0, description="Density of an obstacle, before smoothing, that blocks its sector."
+    )
 
 
 class VfhPlusParams(HistogramParams):
@@ -112,20 +124,75 @@ class VfhStarParams(VfhPlusParams):
         return self
 
 
-def paper_literal(name: str) -> dict[str, Any]:
-    """Parameters with which one of the three methods follows the printed text, for comparison with the defaults.
+ROBUST = Preset("ours: for a robot with a size, sonars or a laser")
 
-    Args:
-        name: vfh, vfh_plus or vfh_star.
-    """
-    literal: dict[str, Any] = {
-        "clear_margin": 0.0,
-        "blind_depth": 0.0,
-        "agreement": 0.0,
-        "stops_at_target": False,
-        "arc_check": False,
-        "creep": 0.0,
-    }
-    if name == "vfh":
-        literal |= {"count_up": 1, "count_down": 0, "disc": "point", "reach": 2.26, "smoothing": 5}
-    return literal
+AS_VFH = "as VFH 1991, on which the method builds"
+PLAIN: dict[str, tuple[Any, str]] = {
+    "clear_margin": (0.0, "not in the paper"),
+    "blind_depth": (0.0, "not in the paper"),
+    "agreement": (0.0, "not in the paper"),
+    "stops_at_target": (False, "not in the paper: every cell of the window counts"),
+    "arc_check": (False, "not in the paper: the command is sent as it is"),
+    "creep": (0.0, "not in the paper"),
+}
+"""What the papers leave out, and the defaults add."""
+
+VFH_PRINTED = Preset(
+    "Borenstein & Koren 1991",
+    {
+        "cell": (0.1, "squares of 10 cm"),
+        "window": (33, "active window of 33 x 33"),
+        "count_up": (1, "a reading adds 1 to one cell"),
+        "count_down": (0, "readings only add"),
+        "disc": ("point", "the robot is a point; the smoothing stands in for its width"),
+        "sectors": (72, "alpha = 5 deg"),
+        "reach": ("window", "a - b d_max = 0, d_max = sqrt(2) (ws - 1) / 2"),
+        "smoothing": (5, "l = 5"),
+        "threshold": (0.3, "not printed; decided: as for a robot with a size"),
+        "widest_slot": (18, "s_max = 18"),
+        "turn_gain": (2.0, "not printed; decided: as by default"),
+        "max_turn_deg": (120.0, "Omega_max = 120 deg/s"),
+        "max_speed": (0.78, "V_max = 0.78 m/s"),
+        "min_speed": (0.04, "V_min = 4 cm/s"),
+        "slow_density": (4.0, "h_m is not printed; decided: as by default"),
+        **PLAIN,
+    },
+)
+
+VFH_PLUS_PRINTED = Preset(
+    "Ulrich & Borenstein 1998",
+    {
+        "cell": (0.1, AS_VFH),
+        "window": (33, AS_VFH),
+        "sectors": (72, "alpha = 5 deg"),
+        "count_up": (3, "not printed; decided: HIMM, by one of the authors"),
+        "count_down": (1, "not printed; decided: HIMM, by one of the authors"),
+        "disc": ("inscribed", "r_r; a square robot turns within its half width only where there is room"),
+        "safety_distance": (0.1, "d_s is not printed; decided: one cell"),
+        "reach": (1.6, "half the window, (ws - 1) / 2 cells"),
+        "widest_slot": (16, "s_max = 16"),
+        "threshold_low": (0.2, "tau_low is not printed; decided: as by default"),
+        "threshold_high": (0.4, "tau_high is not printed; decided: as by default"),
+        "target_weight": (5.0, "mu_1 = 5"),
+        "heading_weight": (2.0, "mu_2 = 2"),
+        "previous_weight": (2.0, "mu_3 = 2"),
+        "max_turn_deg": (120.0, AS_VFH),
+        "max_speed": (0.78, AS_VFH),
+        "min_speed": (0.04, AS_VFH),
+        **PLAIN,
+    },
+)
+
+VFH_STAR_PRINTED = Preset(
+    "Ulrich & Borenstein 2000",
+    {
+        **VFH_PLUS_PRINTED.settings,
+        "window": (81, "not printed; decided: n_g steps and the reach of VFH+ fit into it"),
+        "look_ahead": (5, "n_g: goal depths of 1 to 10 were tried; decided: 5"),
+        "step": (0.5, "d_s depends on the robot; decided: about its half width"),
+        "discount": (0.8, "lambda = 0.8"),
+        "projected_target_weight": (5.0, "mu_1' = 5"),
+        "projected_heading_weight": (1.0, "mu_2' = 1"),
+        "projected_previous_weight": (1.0, "mu_3' = 1"),
+    },
+)

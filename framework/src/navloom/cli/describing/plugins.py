@@ -107,17 +107,45 @@ def _show(name: str, discovery: Discovery, as_json: bool) -> None:
     schema = cls.Params.model_json_schema()
     kinds = kinds_of(cls)
     if as_json:
-        print_json({"role": role, "name": own, "api": cls.api, "params": schema, **streams_of(cls), **kinds})
+        presets = {
+            preset: {"about": given.about, "settings": {key: {"value": v, "why": why} for key, (v, why) in
+                                                        given.settings.items()}}
+            for preset, given in cls.presets.items()
+        }  # fmt: skip
+        print_json({"role": role, "name": own, "api": cls.api, "params": schema, "presets": presets,
+                    **streams_of(cls), **kinds})  # fmt: skip
         return
     summary = (cls.__doc__ or "").strip().splitlines()
     typer.echo(f"{role}.{own}: {summary[0] if summary else ''}")
     for what, streams in streams_of(cls).items():
         typer.echo(f"{what} {', '.join(f'{name} ({carries})' for name, carries in streams.items()) or 'nothing'}")
-    print_table(("parameter", "default", "allowed", "meaning"), rows_of(schema))
+    _print_params(cls, own, schema)
     for kind, one in kinds.get("sensor_kinds", {}).items():
         typer.echo(f"sensor of kind {kind} gives {one['message']}")
         if one["settings"] is not None:
             print_table(("setting", "default", "allowed", "meaning"), rows_of(one["settings"]))
+
+
+def _print_params(cls: Any, name: str, schema: dict[str, Any]) -> None:
+    """The parameters, with the value of each preset beside the default."""
+    from navloom.cli.output import print_table
+    from navloom.roles.presets import own_preset
+
+    own = own_preset(cls.presets)
+    others = {preset: given.settings for preset, given in cls.presets.items() if preset != own}
+    rows = [
+        (key, default, *(_shown(settings.get(key)) for settings in others.values()), allowed, meaning)
+        for key, default, allowed, meaning in rows_of(schema)
+    ]
+    print_table(("parameter", own or "default", *others, "allowed", "meaning"), rows)
+    for preset, given in cls.presets.items():
+        defaults = ", the default" if preset == own else ""
+        typer.echo(f'preset {preset}{defaults}: {given.about}; in a config, plugin = "{name}@{preset}"')
+
+
+def _shown(setting: tuple[Any, str] | None) -> str:
+    """The value of a preset; empty where it is the default's."""
+    return "" if setting is None else str(setting[0])
 
 
 def _new(kind_and_name: Sequence[str], where: Path, discovery: Discovery, as_json: bool) -> None:

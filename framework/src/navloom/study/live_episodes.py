@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -16,7 +15,10 @@ from navloom.study.live_run import LiveRun
 from navloom.study.rows import EpisodeTask, Row, lost_row, row_of
 from navloom.study.worldset import placed
 
-__all__ = ["run_live"]
+__all__ = ["NAME", "run_live"]
+
+NAME = "compare"
+"""Name of the robot that drives the episodes. Two live studies at once would slow each other: the second is refused."""
 
 
 def run_live(
@@ -54,7 +56,7 @@ def run_live(
 
 
 def _own_robot(loaded: Loaded) -> Loaded:
-    """The config under a name of its own, so that a robot of the user may be up at the same time."""
+    """The config under the robot's name NAME, so that a robot of the user may be up at the same time."""
     tree = loaded.config.model_dump(mode="json", exclude_unset=True)
-    tree["robot"] = {**tree.get("robot", {}), "name": f"compare-{os.getpid()}"}
+    tree["robot"] = {**tree.get("robot", {}), "name": NAME}
     return replace(loaded, config=Config.model_validate(tree))

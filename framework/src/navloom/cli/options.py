@@ -37,6 +37,7 @@ __all__ = [
     "RobotName",
     "RobotOptions",
     "RunOptions",
+    "Shadows",
     "ViewOptions",
     "ViewerOptions",
     "a_number",

@@ -256,11 +256,8 @@ def _split_presets(tree: dict[str, Any]) -> None:
 
 def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) -> None:
     """Add an alternative in shadow for each name of `avoider=vff,vfh@printed`; one that the config has runs too."""
-    role, _, names = (part.strip() for part in text.partition("="))
-    wanted = [name.strip() for name in names.split(",")]
+    role, wanted = parse_shadows(text)
     nodes = [str(table.get("name")) for table in _tables(tree, "node")]
-    if not role or not all(wanted):
-        raise ConfigError(f"--shadow {_brief(text)}: expected ROLE=NAME,NAME, as in --shadow avoider=vff,vfh@printed")
     if role not in (*ROLE_TABLES, *nodes) or role == "platform":
         known = [known for known in (*ROLE_TABLES, *nodes) if known != "platform"]
         raise ConfigError(f"--shadow {_brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
@@ -310,6 +307,15 @@ def _numbered(tree: Any, keys: list[str]) -> list[str]:
             out.append(key)
             tree = tree.get(key) if isinstance(tree, dict) else None
     return out
+
+
+def parse_shadows(text: str) -> tuple[str, list[str]]:
+    """Role and names of `avoider=vff,vfh@printed`, a value of `--shadow`. Raises ConfigError if it is malformed."""
+    role, _, names = (part.strip() for part in text.partition("="))
+    wanted = [name.strip() for name in names.split(",")]
+    if not role or not all(wanted):
+        raise ConfigError(f"--shadow {_brief(text)}: expected ROLE=NAME,NAME, as in --shadow avoider=vff,vfh@printed")
+    return role, wanted
 
 
 def parse_override(change: str) -> tuple[str, Any]:

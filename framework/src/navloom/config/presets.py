@@ -10,7 +10,7 @@ from navloom.plugins.registry import nearest
 from navloom.roles import Role
 from navloom.roles.presets import instance_name, named_plugin
 
-__all__ = ["instance_of", "params_of", "split_preset"]
+__all__ = ["instance_of", "params_of", "preset_values", "split_preset"]
 
 
 def split_preset(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -30,6 +30,20 @@ def instance_of(table: Mapping[str, Any]) -> str:
     return str(table.get("name") or instance_name(str(table.get("plugin")), table.get("preset")))
 
 
+def preset_values(plugin: type[Role], preset: str | None, place: str) -> dict[str, Any]:
+    """Parameters of a plugin's preset; none for None.
+
+    Raises:
+        ConfigError: There is no such preset; the text begins with `place`.
+    """
+    if preset is None:
+        return {}
+    if preset not in plugin.presets:
+        known = nearest(preset, list(plugin.presets)) if plugin.presets else "; it has none"
+        raise ConfigError(f'{place}: {plugin.role}.{plugin.name} has no preset "{preset}"{known}')
+    return plugin.presets[preset].values()
+
+
 def params_of(plugin: type[Role], preset: str | None, given: Mapping[str, Any], place: str) -> Any:
     """A plugin's parameters: those of its preset, unless they are given.
 
@@ -42,10 +56,4 @@ def params_of(plugin: type[Role], preset: str | None, given: Mapping[str, Any], 
     Raises:
         ConfigError: The plugin has no such preset, keys are unknown, or values do not fit.
     """
-    values: dict[str, Any] = {}
-    if preset is not None:
-        if preset not in plugin.presets:
-            known = nearest(preset, list(plugin.presets)) if plugin.presets else "; it has none"
-            raise ConfigError(f'{place}.preset: {plugin.role}.{plugin.name} has no preset "{preset}"{known}')
-        values = plugin.presets[preset].values()
-    return check_params(plugin.Params, {**values, **given}, place)
+    return check_params(plugin.Params, {**preset_values(plugin, preset, f"{place}.preset"), **given}, place)

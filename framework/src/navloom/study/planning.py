@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from navloom.config import ConfigError
+from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
-from navloom.config.presets import params_of
+from navloom.config.presets import preset_values
 from navloom.engine.build import grid_of
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
@@ -81,7 +81,11 @@ def plan_once(
     name, preset = named_plugin(planner)
     cls = discovery.role("planner", name)
     assert issubclass(cls, Planner)
-    params = params_of(cls, preset, dict(map(parse_override, changes)), "--set")
+    params = check_params(
+        cls.Params,
+        {**preset_values(cls, preset, f"--planner {planner}"), **dict(map(parse_override, changes))},
+        "--set",
+    )
     world: World = discovery.world(reference, base)
     for name, (x, y) in (("--from", start), ("--to", goal)):
         _check_inside(name, x, y, world)

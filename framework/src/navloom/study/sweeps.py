@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.config import ConfigError
+from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
-from navloom.config.presets import params_of
+from navloom.config.presets import preset_values
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.inputs.npz import Arrays
@@ -169,7 +169,11 @@ def map_sweep(
     name, preset = named_plugin(mapper)
     cls = (discovery or Discovery()).role("mapper", name)
     assert issubclass(cls, Mapper)
-    params: Any = params_of(cls, preset, dict(map(parse_override, changes)), "--set")
+    params: Any = check_params(
+        cls.Params,
+        {**preset_values(cls, preset, f"--mapper {mapper}"), **dict(map(parse_override, changes))},
+        "--set",
+    )
     robot = RobotSpec(rectangle(0.8, 0.8), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
     context = Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0))
     end_ns = round(float(sweep.frame_times.max()) * 1e9)

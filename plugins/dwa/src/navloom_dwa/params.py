@@ -96,7 +96,7 @@ class DwaParams(Params):
     sectors: int = Field(72, ge=8, le=360, description="Directions of the costs in the diagnostics.")
 
 
-ROBUST = Preset("ours: the critics of Nav2's DWB, the true footprint, braking with the motors' lag")
+ROBUST = Preset("our choice: the critics of Nav2's DWB, the true footprint, braking with the motors' lag")
 
 PRINTED = Preset(
     "Fox, Burgard & Thrun 1997",

@@ -127,7 +127,7 @@ class ImprovedVfhParams(Params):
         return window_reach(self.window, self.cell) if self.reach == "window" else self.reach
 
 
-ROBUST = Preset("ours: the robot has a size, and brakes")
+ROBUST = Preset("our choice: the robot has a size, and brakes")
 
 PRINTED = Preset(
     "Hoang et al. 2013, III.C; where it inherits from VFH, Borenstein & Koren 1991",

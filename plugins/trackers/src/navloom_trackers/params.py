@@ -95,7 +95,7 @@ class PurePursuitParams(TrackerParams):
         return self
 
 
-ROBUST = Preset("ours: an angle of approach, and turns in place")
+ROBUST = Preset("our choice: an angle of approach, and turns in place")
 
 PLAIN: dict[str, tuple[Any, str]] = {
     "turn_in_place_above_deg": (180.0, "not in the paper: the law alone turns the robot"),

@@ -67,7 +67,7 @@ class VffParams(Params):
     sectors: int = Field(72, ge=8, le=360, description="Sectors of the force by direction in the diagnostics.")
 
 
-ROBUST = Preset("ours: the robot has a size, follows walls until past them, and slows for turns")
+ROBUST = Preset("our choice: the robot has a size, follows walls until past them, and slows for turns")
 
 PRINTED = Preset(
     "Borenstein & Koren 1989; certainty by HIMM, by the same authors",

@@ -124,7 +124,7 @@ class VfhStarParams(VfhPlusParams):
         return self
 
 
-ROBUST = Preset("ours: for a robot with a size, sonars or a laser")
+ROBUST = Preset("our choice: for a robot with a size, sonars or a laser")
 
 AS_VFH = "as VFH 1991, on which the method builds"
 PLAIN: dict[str, tuple[Any, str]] = {

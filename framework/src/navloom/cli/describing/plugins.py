@@ -139,8 +139,9 @@ def _print_params(cls: Any, name: str, schema: dict[str, Any]) -> None:
     ]
     print_table(("parameter", own or "default", *others, "allowed", "meaning"), rows)
     for preset, given in cls.presets.items():
-        defaults = ", the default" if preset == own else ""
-        typer.echo(f'preset {preset}{defaults}: {given.about}; in a config, plugin = "{name}@{preset}"')
+        typer.echo(f"preset {preset}{' (the default)' if preset == own else ''}: {given.about}")
+    if others:
+        typer.echo(f'in a config, plugin = "{name}@{next(iter(others))}"')
 
 
 def _shown(setting: tuple[Any, str] | None) -> str:

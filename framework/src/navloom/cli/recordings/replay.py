@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, MapOptions, PluginFiles, a_number
+from navloom.cli.options import AsJson, MapOptions, PluginFiles, Shadows, a_number
 from navloom.cli.output import LOG, log_of
 from navloom.cli.tracebacks import with_traceback_of
 
@@ -37,6 +37,7 @@ def replay(
         list[str] | None,
         typer.Option("--node", metavar="NODE=NAME", help="Another plugin in a [[node]] of the config; repeats."),
     ] = None,
+    shadow: Shadows = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
@@ -71,25 +72,29 @@ def replay(
 
     from navloom.cli.recordings.import_log import replay_imported
     from navloom.config import ConfigError
+    from navloom.config.loader import parse_shadows
     from navloom.recording.excerpt import excerpt_of
     from navloom.recording.reader import Recording
     from navloom.recording.worldfiles import with_world
 
     given = {"avoider": avoider, "controller": controller, "planner": planner, "mapper": mapper, "localizer": localizer}
-    stand_ins = {role: name for role, name in given.items() if name is not None}
+    stand_ins = [(role, name) for role, name in given.items() if name is not None]
     for text in node or ():
         owner, equals, name = text.partition("=")
         if not equals or not owner or not name:
             raise ConfigError(f"--node {text}: expected NODE=NAME, as in --node people=nearest_tracker")
-        stand_ins[owner] = name
+        stand_ins.append((owner, name))
+    for text in shadow or ():
+        role, names = parse_shadows(text)
+        stand_ins += [(role, name) for name in names]
     if sum((bool(stand_ins), live, check)) > 1:
         raise ConfigError("--check, --live and another plugin are three ways to replay: choose one")
     is_part = only is not None or until is not None or pdb
     if is_part and (live or stand_ins):
         raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
     for change in set_ or ():
-        if change.partition(".")[0] not in stand_ins:
-            tried = ", ".join(stand_ins) or "none has"
+        if change.partition(".")[0] not in dict(stand_ins):
+            tried = ", ".join(dict(stand_ins)) or "none has"
             raise ConfigError(f"--set {change}: expected ROLE.KEY=V, with a ROLE that has another plugin here: {tried}")
     recording = Recording(file)
     tell_reading(recording)
@@ -105,7 +110,9 @@ def replay(
     with TemporaryDirectory() as folder:
         loaded = with_world(recording, recording.header.loaded(), Path(folder))
         if is_imported:
-            replay_imported(recording, loaded, stand_ins, set_ or (), out, as_json, place)
+            if shadow:
+                raise ConfigError("--shadow: an imported log has no plugins; name one for each role, as --avoider vff")
+            replay_imported(recording, loaded, dict(stand_ins), set_ or (), out, as_json, place)
         elif stand_ins:
             _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
         else:
@@ -198,7 +205,12 @@ def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
 
 
 def _substitute(
-    recording: Any, loaded: Any, stand_ins: dict[str, str], changes: Sequence[str], out: Path | None, as_json: bool
+    recording: Any,
+    loaded: Any,
+    stand_ins: Sequence[tuple[str, str]],
+    changes: Sequence[str],
+    out: Path | None,
+    as_json: bool,
 ) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.recordings.substitute_output import can_draw, tell_substitute
@@ -209,19 +221,21 @@ def _substitute(
     from navloom.report.results import OutFolder
     from navloom.report.substitute_figure import draw_substitute
 
-    for role in stand_ins:
+    roles = [role for role, _ in stand_ins]
+    for role in dict.fromkeys(roles):
         refuse_missing(recording, loaded.config, role)
     results = []
     pictures: dict[str, bytes] = {}
-    with OutFolder(out, ("result.json", "ticks.csv", *(f"{role}.png" for role in stand_ins))) as folder:
+    names = [role if roles.count(role) == 1 else f"{role}-{name}" for role, name in stand_ins]
+    with OutFolder(out, ("result.json", "ticks.csv", *(f"{name}.png" for name in names))) as folder:
         draws = out is not None and can_draw()
         with stage(as_json) as (say, progress):
-            for role, name in stand_ins.items():
+            for (role, name), picture in zip(stand_ins, names, strict=True):
                 changed = substitute_config(loaded, role, name, changes)
                 found, recorded = substitute(recording, changed, role, say, progress), loaded.config.role_table(role)
                 results.append((found, recorded.instance))
                 if draws:
-                    pictures[f"{role}.png"] = draw_substitute(found, recorded.instance)
+                    pictures[f"{picture}.png"] = draw_substitute(found, recorded.instance)
         table = shadow_table([found.found for found, _ in results])
         summaries = [found.summary() for found, _ in results]
         folder.write({"result.json": json_bytes(summaries), "ticks.csv": table, **pictures})

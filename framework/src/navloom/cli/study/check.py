@@ -167,9 +167,10 @@ def _refuse_missing(name: str) -> None:
     """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
+    from navloom.roles.presets import named_plugin
     from navloom.testing.subject import CHECKED, CheckRequest, discovery_of, schema_of
 
-    kind, _, plugin = name.partition(".")
+    kind, _, plugin = named_plugin(name)[0].partition(".")
     scheme, colon, _ = plugin.partition(":")
     if kind == "scheme" and colon:
         raise PluginError(f"{name}: expected scheme.{scheme}, or world.{plugin} for the world that it reads")

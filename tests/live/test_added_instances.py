@@ -17,6 +17,23 @@ from test_live_swaps import CONFIG, Listener
 
 BARE = CONFIG.partition("[[alternative]]")[0].format(speed=0.2, handover="when_blocked")
 """The robot of the swaps, without an alternative."""
+BROKEN = '''
+from navloom import Avoider, hookimpl
+
+class Broken(Avoider):
+    """Fails when it is made."""
+    name = "broken"
+
+    def __init__(self, params, context):
+        raise RuntimeError("no such device")
+
+    def avoid(self, given):
+        raise NotImplementedError
+
+@hookimpl
+def navloom_register(registry):
+    registry.add(Broken)
+'''
 SOON = 30.0
 
 
@@ -94,5 +111,35 @@ def test_the_other_processes_know_it_after_their_restart(robot: Up) -> None:
 def test_a_method_that_is_not_installed_is_refused_with_the_nearest_name(robot: Up) -> None:
     with Navigator() as navigator, pytest.raises(Refused) as refused:
         navigator.swap("avoider", "vfff")
-    assert str(refused.value) == "avoider vfff: plugin: no plugin 'avoider.vfff' is installed; did you mean 'vff'?"
+    assert str(refused.value) == (
+        "there is no avoider 'vfff'; there are improved_vfh; it cannot be added: plugin: no plugin 'avoider.vfff' is "
+        "installed; did you mean 'vff'?"
+    )
     assert len(robot.json("list")) == 10
+
+
+def test_a_method_that_does_not_start_is_refused_with_its_reason_and_the_robot_drives_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config, plugin = tmp_path / "bare.toml", tmp_path / "broken.py"
+    config.write_text(BARE, "utf-8")
+    plugin.write_text(BROKEN, "utf-8")
+    with up(str(config), "--plugin", str(plugin)) as robot:
+        robot.wait_for("every node is there")
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", robot.environment["NAVLOOM_RUNTIME_DIR"])
+        with Navigator() as navigator:
+            handle = begin(navigator, 2.0)
+            for _ in range(2):
+                with pytest.raises(Refused, match=r"avoider broken does not start.*no such device"):
+                    navigator.swap("avoider", "broken")
+            assert handle.wait(60).outcome == "succeeded"
+        assert sum("avoider-broken ended with code 2: it stays down" in line for line in robot.said) == 2
+
+
+def test_the_swap_of_a_recorded_robot_says_that_the_method_is_not_recorded(tmp_path: Path) -> None:
+    config = tmp_path / "bare.toml"
+    config.write_text(BARE, "utf-8")
+    with up(str(config), "--record", str(tmp_path / "run.mcap")) as robot:
+        robot.wait_for("every node is there")
+        said = robot.run("swap", "avoider", "vff", "--timeout", "0.1").stderr
+        assert "avoider vff will not be in the recording" in said

@@ -33,15 +33,17 @@ def extended(system: System, loaded: Loaded, source: Source) -> System:
         if other == source:
             continue
         if more := sorted(_reads(spec) - _reads(system.wiring[other])):
+            ports = ", ".join(dict.fromkeys(port for port, _ in more))
             raise ConfigError(
                 f"{role} {name} reads what no {role} of the running robot reads, so {' '.join(other)} would have to "
-                f"read {', '.join(more)} too, which it learns only at its start"
+                f"watch {ports} too, which it learns only at its start: start the robot with `--shadow {role}={name}`"
             )
     return found
 
 
-def _reads(spec: NodeSpec) -> set[str]:
-    return {f"{given.role}.{given.port}" for given in spec.inputs}
+def _reads(spec: NodeSpec) -> set[tuple[str, str]]:
+    """Stream and name of each input: the gate may read a scan for its monitor, and again because an avoider needs it."""
+    return {(f"{given.role}.{given.port}", given.name) for given in spec.inputs}
 
 
 def admit_part(system: System, loaded: Loaded, source: Source) -> None:

@@ -21,13 +21,13 @@ from navloom.hosting.network import Network
 from navloom.hosting.node_process import Share
 from navloom.hosting.supervisor import NODE, Supervisor, node_task
 from navloom.live.cell import Source
-from navloom.plugins.registry import nearest
+from navloom.plugins.registry import close_to, nearest
 from navloom.transport.keyspace import ATTENDANT, LINKED, SUPERVISOR, KeySpace
 from navloom.transport.once import REQUEST, Once
 from navloom.transport.questions import Desk, QuestionError, read_question
 from navloom.transport.zenoh_bus import Bus, Question
 
-__all__ = ["Additions"]
+__all__ = ["AdditionError", "Additions", "refuse_addition"]
 
 ANSWER = 2.0
 """Longest wait for a process to take in an instance, s: it assembles no plugin for it."""
@@ -106,13 +106,13 @@ class Additions:
             "is_new": is_new,
             "state": "" if child is None else child.state,
             "why": "" if child is None else child.why,
-            "last_words": "" if child is None or not child.why else self.supervisor.tail(child),
+            "last_words": "" if child is None or not child.why else self.supervisor.tail(child, 1),
             "is_recorded": is_recorded,
         }
 
     def _add(self, source: Source) -> None:
         role, name = source
-        self._refuse(role, name)
+        refuse_addition(self.system, source, self.barrier)
         process = _process_of(source, self.system.config)
         table = {"role": role, "plugin": name, "name": name, "shadow": True}
         try:
@@ -131,24 +131,6 @@ class Additions:
         self.gained(system, shares, source)
         self.supervisor.add(node_task(loaded, share))
         self.say(f"{role}: starting {name} in shadow")
-
-    def _refuse(self, role: str, name: str) -> None:
-        """Refuse what cannot be added. Raises AdditionError with the reason and the remedy."""
-        config = self.system.config
-        remedy = f"`navloom up {self.system.loaded.name} --shadow {role}={name}`"
-        roles = sorted({owner for owner, _ in self.system.parts} - {"platform"})
-        if role not in roles:
-            raise AdditionError(f"{role!r} is no role that can be swapped{nearest(role, roles)}")
-        if self.barrier:
-            raise AdditionError(
-                f"{role} {name}: a robot under --barrier gains no instance, since each node waits for those it started "
-                f"with; start it with {remedy.removesuffix('`')} --barrier`"
-            )
-        if len(config.live.hosts) > 1:
-            raise AdditionError(
-                f"{role} {name}: a robot on several hosts gains no instance while it runs; start each host with "
-                f"{remedy.removesuffix('`')} --host NAME`"
-            )
 
     def _extend_processes(self, given: dict[str, Any], sha256: str) -> None:
         """Let every running process know of the instance. Raises AdditionError if one does not answer."""
@@ -172,6 +154,29 @@ class Additions:
         return {"refusal": refusal}
 
 
+def refuse_addition(system: System, source: Source, barrier: bool) -> None:
+    """Refuse an instance that this robot cannot gain while it runs.
+
+    Raises:
+        AdditionError: With the reason, and the command that starts the robot with it.
+    """
+    role, name = source
+    start = f"start it with `navloom up {system.loaded.name} --shadow {role}={name}"
+    roles = sorted({owner for owner, _ in system.parts} - {"platform"})
+    if role not in roles:
+        raise AdditionError(f"{role!r} is no role that can be swapped{nearest(role, roles)}")
+    if barrier:
+        raise AdditionError(
+            f"{role} {name}: a robot under --barrier gains no instance, since each node waits for those that it "
+            f"started with: {start} --barrier`"
+        )
+    if len(system.config.live.hosts) > 1:
+        raise AdditionError(
+            f"{role} {name}: a robot on several hosts gains no instance while it runs: {start} --host NAME` on each "
+            "host"
+        )
+
+
 def _process_of(source: Source, config: Config) -> str:
     """A free name for the process of an added instance."""
     name = re.sub(r"[^A-Za-z0-9_-]", "-", "-".join(source))
@@ -181,7 +186,11 @@ def _process_of(source: Source, config: Config) -> str:
 
 
 def _plain(text: str, system: System, source: Source) -> str:
-    """A problem of the added table without its place in a file that does not have it."""
-    place = f"alternative.{len(system.config.alternative)}"
-    lines = [line.removeprefix(f"{system.loaded.name}: ").removeprefix(f"{place}.") for line in text.splitlines()]
-    return f"{' '.join(source)}: " + "; ".join(lines)
+    """Why an instance cannot be added: without the place of its table, which is in no file."""
+    role, name = source
+    there = [known for owner, known in system.parts if owner == role]
+    place = re.compile(rf"^.*?alternative\.{len(system.config.alternative)}\.")
+    close = close_to(name, there)
+    lines = "; ".join(place.sub("", line) for line in text.splitlines())
+    has = f"there is no {role} {name!r}; there are {', '.join(there)}{close}"
+    return f"{has}{' ' if close else '; '}it cannot be added: {lines}"

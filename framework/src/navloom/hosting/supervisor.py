@@ -33,6 +33,8 @@ from navloom.transport.links import Link
 __all__ = ["Worker", "Supervisor", "ProcessTask", "node_task", "router_task"]
 
 NODE = "navloom.hosting.node_main"
+UNFIT = 2
+"""Exit code of a process that cannot run what it is asked to."""
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
 """Wait before the first restart, and longest wait before a later one, s."""
 HEALTHY = 5.0
@@ -95,6 +97,7 @@ class Worker:
         log: Its log.
         heart: Its heartbeat, if it must give one.
         spec: File descriptor of its start parameters, in memory; -1 for none.
+        is_added: It was added to a robot that was up: the others go on without it if it does not start.
     """
 
     task: ProcessTask
@@ -110,6 +113,7 @@ class Worker:
     why: str = ""
     verdict: str = ""
     spec: int = -1
+    is_added: bool = False
 
 
 class Supervisor:
@@ -165,6 +169,7 @@ class Supervisor:
             child = self.children.get(task.name)
             if child is None:
                 child = Worker(task, ProcessLog(self._folder.path / f"{task.name}.log"), HeartMonitor())
+                child.is_added = True
                 self.children = {**self.children, task.name: child}  # other threads iterate over it
                 self._keeper.watch(task.name)
             elif child.state != "failed":
@@ -327,11 +332,13 @@ class Supervisor:
         child.crashes.append(now)
         while child.crashes and now - child.crashes[0] > self._live.restart_window:
             child.crashes.popleft()
-        if len(child.crashes) > self._live.restart_limit:
+        is_unfit = child.is_added and code == UNFIT and not child.heart.has_beaten  # a restart would change nothing
+        if is_unfit or len(child.crashes) > self._live.restart_limit:
             child.state = "failed"
+            many = f", {len(child.crashes)} times within {self._live.restart_window:g} s"
             self._say(
-                f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
-                f"it stays down. Its last message: {self.tail(child)}"
+                f"process {name} {child.why}{'' if is_unfit else many}: it stays down. "
+                f"Its last message: {self.tail(child)}"
             )
             self._write_down()
             return

@@ -47,7 +47,8 @@ def start_in_shadow(client: Client, role: str, name: str, say: Callable[[str], N
     while not client.lives(role, name):
         now = time.monotonic()
         if now > limit:
-            raise Refused(f"{role} {name} has not started within {STARTS:g} s; `navloom doctor` says why")
+            why = f": its process {answer['why']}" if answer["why"] else ""
+            raise Refused(f"{role} {name} has not started within {STARTS:g} s{why}; `navloom doctor` says more")
         if now - asked > ASK:
             asked, answer = now, client.call_supervisor("add", request)
             if answer["state"] == "failed":

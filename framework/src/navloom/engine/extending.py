@@ -42,7 +42,7 @@ def extended(system: System, loaded: Loaded, source: Source) -> System:
 
 
 def _reads(spec: NodeSpec) -> set[tuple[str, str]]:
-    """Stream and name of each input: the gate may read a scan for its monitor, and again because an avoider needs it."""
+    """Stream and name of each input: the gate may read one scan for its monitor and again for an avoider."""
     return {(f"{given.role}.{given.port}", given.name) for given in spec.inputs}
 
 

@@ -43,6 +43,7 @@ def drive(world: World, start: Place, goal: Place, seed: int, seconds: float = 1
                 f"navigation.start={{x={x},y={y},heading_deg={heading}}}",
                 'sensor=[{name="sonars",kind="sonar_ring"}]',
                 'mapper={plugin="known_map"}',
+                "avoider.plugin=improved_vfh",
             ],
         )
     )

@@ -115,7 +115,9 @@ def plugins_page() -> str:
         "Plugins and their context",
         "A plugin is made as `cls(params, context)`. `params` is an instance of its `Params`, checked against the "
         "config; `context` is a `Context`.",
-        public("Context", "RobotSpec", "SensorSpec", "Params", "Preset", "Role", "Extra", "Extras", "Claim", "InputError"),
+        public(
+            "Context", "RobotSpec", "SensorSpec", "Params", "Preset", "Role", "Extra", "Extras", "Claim", "InputError"
+        ),
     )
 
 

@@ -136,10 +136,18 @@ def test_a_method_that_does_not_start_is_refused_with_its_reason_and_the_robot_d
         assert sum("avoider-broken ended with code 2: it stays down" in line for line in robot.said) == 2
 
 
-def test_the_swap_of_a_recorded_robot_says_that_the_method_is_not_recorded(tmp_path: Path) -> None:
-    config = tmp_path / "bare.toml"
+def test_a_recording_has_the_instance_and_replays_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config, recorded = tmp_path / "bare.toml", tmp_path / "run.mcap"
     config.write_text(BARE, "utf-8")
-    with up(str(config), "--record", str(tmp_path / "run.mcap")) as robot:
+    with up(str(config), "--record", str(recorded)) as robot:
         robot.wait_for("every node is there")
-        said = robot.run("swap", "avoider", "vff", "--timeout", "0.1").stderr
-        assert "avoider vff will not be in the recording" in said
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", robot.environment["NAVLOOM_RUNTIME_DIR"])
+        with Navigator() as navigator:
+            handle = begin(navigator, 1.6)
+            navigator.swap("avoider", "vff")
+            assert handle.wait(60).outcome == "succeeded"
+        robot.end()
+        checked = robot.json("replay", str(recorded), "--check")
+    nodes = {tuple(one["source"]): one for one in checked["nodes"]}
+    assert nodes["avoider", "vff"]["steps"] > 0
+    assert checked["same"] is True, checked

@@ -22,7 +22,7 @@ from navloom.hosting.node_process import Share
 from navloom.hosting.supervisor import NODE, Supervisor, node_task
 from navloom.live.cell import Source
 from navloom.plugins.registry import close_to, nearest
-from navloom.transport.keyspace import ATTENDANT, LINKED, SUPERVISOR, KeySpace
+from navloom.transport.keyspace import ATTENDANT, GAINED, LINKED, SUPERVISOR, KeySpace
 from navloom.transport.once import REQUEST, Once
 from navloom.transport.questions import Desk, QuestionError, read_question
 from navloom.transport.zenoh_bus import Bus, Question
@@ -89,8 +89,7 @@ class Additions:
             given: Its `role`, and its `instance`: a plugin or plugin@preset, which becomes its name.
 
         Returns:
-            `is_new`; `state` and `why` of its process, both empty if the config named it; `is_recorded`, whether a
-            recorder is running, which does not record it.
+            `is_new`; `state` and `why` of its process and `last_words` of its log, all empty if the config named it.
         """
         source = str(given["role"]), str(given["instance"])
         with self._lock:
@@ -101,13 +100,11 @@ class Additions:
         if child is not None and child.state == "failed" and given.get("again"):
             self.supervisor.add(child.task)
             child = None
-        is_recorded = bool(self.bus.alive(self.keys.process(ATTENDANT, LINKED), 0.5)) if is_new else False
         return {
             "is_new": is_new,
             "state": "" if child is None else child.state,
             "why": "" if child is None else child.why,
             "last_words": "" if child is None or not child.why else self.supervisor.tail(child, 1),
-            "is_recorded": is_recorded,
         }
 
     def _add(self, source: Source) -> None:
@@ -121,7 +118,9 @@ class Additions:
         except NavloomError as error:
             raise AdditionError(_plain(str(error), self.system, source)) from None
         shares = {**self.shares, process: (source,)}
-        share = Share(process, (source,), self.network.added(self.folder, shares, process), False, self.started_ns)
+        link = self.network.added(self.folder, shares, process)
+        is_recorded = bool(self.bus.alive(self.keys.process(ATTENDANT, LINKED), 0.5))
+        share = Share(process, (source,), link, False, self.started_ns, is_recorded, joins=True)
         for child in self.supervisor.children.values():  # a process that restarts from now on knows the instance
             if child.task.module == NODE:
                 child.task = replace(child.task, given={**child.task.given, "loaded": loaded.to_json()})
@@ -129,6 +128,7 @@ class Additions:
         self.bus.bring_here("/".join(source), f"process/{process}")
         self.system, self.shares, self._added[source] = system, shares, process
         self.gained(system, shares, source)
+        self.bus.announce(self.keys.process(process, GAINED))
         self.supervisor.add(node_task(loaded, share))
         self.say(f"{role}: starting {name} in shadow")
 

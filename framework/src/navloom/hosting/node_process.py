@@ -51,6 +51,9 @@ LONG = 30.0
 """Longest step of a patient role, s."""
 RECOLLECT = 0.5
 """How long to query other processes for the robot's memory while some do not answer, s."""
+JOINED = 2.0
+"""How long a process that joins a recorded robot waits for the recorder, s: longer than the recorder takes to see it,
+see `joining.FOLLOW`."""
 ATTENDED = 20.0
 """How long after the robot's start its platform may wait for a recorder, s."""
 
@@ -66,6 +69,7 @@ class Share:
         barrier: Ticks run under the barrier instead of by the wall clock.
         start_ns: Platform host's monotonic clock at run clock 0, ns.
         attended: A recorder joins the robot: the platform begins once it listens.
+        joins: The process joins a robot that is up: if that is attended, it begins once the recorder listens to it.
     """
 
     name: str
@@ -74,6 +78,7 @@ class Share:
     barrier: bool = False
     start_ns: int = 0
     attended: bool = False
+    joins: bool = False
 
 
 @dataclass(eq=False)
@@ -188,6 +193,8 @@ class NodeProcess:
         else:
             bus.watch(keys.alive("*", "*", "*"), lambda key, alive: self._change(presence, key, alive))
             fetching.start()
+            if self.share.attended and self.share.joins:
+                self._heard.wait(JOINED)  # a recorder that is gone by now must not keep it from its work
         runs |= {" ".join(source): runner.run for source, runner in self.runners.items()}
         threads = [threading.Thread(target=run, name=name, daemon=True) for name, run in runs.items()]
         for thread in threads:

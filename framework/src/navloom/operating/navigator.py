@@ -266,7 +266,7 @@ class Navigator:
             role: Name of the role, as avoider.
             instance: Its name in the config; or a plugin or plugin@preset to start.
             timeout: Longest wait for it to publish once it runs, s.
-            say: Receives what happens on the way: that an instance is starting, and warnings.
+            say: Receives what happens on the way: that an instance is starting.
 
         Raises:
             Refused: There is no such instance, and none can be started; TimeoutError: it was not ready within

@@ -38,11 +38,6 @@ def start_in_shadow(client: Client, role: str, name: str, say: Callable[[str], N
         return
     if answer["is_new"]:
         say(f"{role}: starting {name} in shadow")
-    if answer["is_recorded"]:
-        say(
-            f"warning: the robot is being recorded, and {role} {name} will not be in the recording: "
-            "`navloom replay` cannot repeat the ticks in which it is active"
-        )
     limit, asked = time.monotonic() + STARTS, time.monotonic()
     while not client.lives(role, name):
         now = time.monotonic()

@@ -19,7 +19,8 @@ from navloom.errors import NavloomError
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.network import Network
 from navloom.hosting.node_process import Share
-from navloom.hosting.supervisor import NODE, Supervisor, node_task
+from navloom.hosting.process_tasks import NODE, node_task
+from navloom.hosting.supervisor import Supervisor
 from navloom.live.cell import Source
 from navloom.plugins.registry import close_to, nearest
 from navloom.transport.keyspace import ATTENDANT, GAINED, LINKED, SUPERVISOR, KeySpace

@@ -16,7 +16,8 @@ from navloom.hosting.additions import Additions
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom.hosting.network import Network
 from navloom.hosting.node_process import Share
-from navloom.hosting.supervisor import ProcessTask, Supervisor, node_task, router_task
+from navloom.hosting.process_tasks import ProcessTask, node_task, router_task
+from navloom.hosting.supervisor import Supervisor
 from navloom.live.cell import Source
 from navloom.live.cells import all_sources
 from navloom.live.memory import Memory

@@ -14,25 +14,22 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from navloom.config import Loaded
 from navloom.config.tables import LiveTable
 from navloom.hosting.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
 from navloom.hosting.directory import Fate, RobotFolder
 from navloom.hosting.folder_keeper import FolderKeeper
 from navloom.hosting.heartbeat import HeartMonitor
-from navloom.hosting.node_main import share_to_json
-from navloom.hosting.node_process import HUNG, Share, longest_seizure
+from navloom.hosting.node_process import HUNG
 from navloom.hosting.nursery import READY, ForkedProcess, Nursery
-from navloom.hosting.process import SEIZED, link_to_json
+from navloom.hosting.process import SEIZED
 from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
+from navloom.hosting.process_tasks import NODE, ProcessTask
 from navloom.hosting.shared_memory import remove_orphans
-from navloom.transport.links import Link
+from navloom.transport.keyspace import SUPERVISOR
 
-__all__ = ["Worker", "Supervisor", "ProcessTask", "node_task", "router_task"]
+__all__ = ["Supervisor", "Worker"]
 
-NODE = "navloom.hosting.node_main"
 UNFIT = 2
 """Exit code of a process that cannot run what it is asked to."""
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
@@ -47,39 +44,6 @@ CHORES = 0.5
 """Interval of checks that are not urgent: the folder and orphans, s."""
 WRITE_AGAIN = 1.0
 """Wait before another attempt to write the status of the processes, s."""
-
-
-@dataclass(frozen=True)
-class ProcessTask:
-    """Description of a process to start.
-
-    Attributes:
-        name: Name of the process.
-        module: Python module that is run with the path of a JSON file.
-        given: Contents of the file.
-        roles: Roles of its nodes, for the order in which processes end.
-        patience: How long one of its nodes may hold the GIL, s; None for no limit.
-    """
-
-    name: str
-    module: str
-    given: Mapping[str, Any]
-    roles: frozenset[str] = frozenset()
-    patience: float | None = None
-
-
-def node_task(loaded: Loaded, share: Share) -> ProcessTask:
-    """The process of a share."""
-    given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
-    roles = frozenset(role for role, _ in share.sources)
-    # Ticks under the barrier have no deadline.
-    patience = None if share.barrier else longest_seizure(share.sources, loaded.config.live.hang_timeout)
-    return ProcessTask(share.name, NODE, given, roles, patience)
-
-
-def router_task(link: Link) -> ProcessTask:
-    """The process of a router."""
-    return ProcessTask("router", "navloom.hosting.router_main", {"link": link_to_json(link)})
 
 
 @dataclass(eq=False)
@@ -140,7 +104,7 @@ class Supervisor:
             task.name: Worker(task, ProcessLog(folder.path / f"{task.name}.log"), HeartMonitor()) for task in tasks
         }
         self._groups: set[int] = set()
-        self._keeper = FolderKeeper(folder, list(self.children), say)
+        self._keeper = FolderKeeper(folder, [*self.children, SUPERVISOR], say)
         self._cannot_write = ""
         self._write_again = math.inf
         self._chores_at = 0.0

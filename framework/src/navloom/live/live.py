@@ -19,6 +19,9 @@ __all__ = ["Change", "LiveRunner"]
 
 IDLE = 0.5
 """Longest wait while no message arrives, s."""
+FIRST = 0.25
+"""Longest wait for other inputs of the same tick before the first step, s: a process that joins a robot that drives gets
+the first message of each stream at another moment, within a few periods."""
 WAITING = 0.25
 """Interval of the reports of a node that waits for the first message of an input, s."""
 
@@ -212,7 +215,8 @@ class LiveRunner:
                 for inlet in self._words(source):
                     inlet.listen()
             return True
-        if late and now - self._waits_since[1] < self._patience:
+        patience = max(FIRST, self._patience) if self.stepper.stepped < 0 else self._patience
+        if late and now - self._waits_since[1] < patience:
             return True
         if self._waits_since[0] >= 0:
             self._waits_since = (-1, 0.0)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import ConfigDict, Field, model_validator
 
 from navloom.config.presets import split_preset
+from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
 from navloom.roles.base import StrictModel
 from navloom.roles.presets import instance_name
@@ -50,8 +51,6 @@ TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
 """Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""
-INSTANCE = r"^[A-Za-z0-9_-]+(@[A-Za-z0-9_-]+)?$"
-"""Pattern of names of instances: that of a plugin with a preset is `vfh@printed`."""
 LONGEST_NAME = 48
 """Longest name, in characters: a key has five names, and at most 255 bytes."""
 

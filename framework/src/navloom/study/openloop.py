@@ -10,7 +10,7 @@ from typing import Any
 from navloom.config import ConfigError, Loaded
 from navloom.config.presets import instance_of
 from navloom.config.schema import Config
-from navloom.config.tables import INSTANCE
+from navloom.inputs.texts import INSTANCE
 from navloom.study.methods import Method
 
 __all__ = ["METHOD", "OpenLoop", "open_loop_of"]

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navloom.config.tables import INSTANCE
 from navloom.inputs.bounds import TEXT_MB, read_file
-from navloom.inputs.texts import json_of
+from navloom.inputs.texts import INSTANCE, json_of
 from navloom.transport.keyspace import ALIVE
 
 __all__ = ["ACTING", "HERE", "IDENTITIES", "KINDS", "MOVED", "READABLE", "AccessError", "Identity", "common_name",

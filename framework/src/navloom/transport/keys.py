@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from navloom.config.tables import INSTANCE, ROLE_TABLES, TAKEN
+from navloom.config.tables import ROLE_TABLES, TAKEN
 from navloom.inputs.bounds import TEXT_MB, read_file
-from navloom.inputs.texts import json_of
+from navloom.inputs.texts import INSTANCE, json_of
 from navloom.transport.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
 from navloom.transport.certificates import (
     AUTHORITY_DAYS,

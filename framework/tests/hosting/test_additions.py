@@ -9,8 +9,10 @@ from navloom.engine.build import assemble
 from navloom.engine.extending import admit_part, extended
 from navloom.engine.system import System
 from navloom.hosting.additions import AdditionError, refuse_addition
+from navloom.hosting.node_process import JOINED
 from navloom.live.cells import all_sources
 from navloom.live.placing import spread
+from navloom.operating.joining import FOLLOW
 from navloom.roles import Role
 
 VFF = ("avoider", "vff")
@@ -56,3 +58,7 @@ def test_an_instance_that_makes_another_node_read_something_new_is_refused() -> 
     system = paper(f"sensor=[{sensors}]", 'avoider.sensors=["sonars"]')
     with pytest.raises(ConfigError, match=r"gate main would have to watch platform.lidar too"):
         extended(system, with_alternative(system.loaded, TABLE, "avoider-vff"), VFF)
+
+
+def test_a_process_that_joins_a_recorded_robot_waits_until_the_recorder_can_have_seen_it() -> None:
+    assert JOINED > 3 * FOLLOW

@@ -20,8 +20,8 @@ __all__ = ["Change", "LiveRunner"]
 IDLE = 0.5
 """Longest wait while no message arrives, s."""
 FIRST = 0.25
-"""Longest wait for other inputs of the same tick before the first step, s: a process that joins a robot that drives gets
-the first message of each stream at another moment, within a few periods."""
+"""Longest wait for other inputs of the same tick before the first step, s: a process that joins a robot during a drive
+gets the first message of each stream at another moment, within a few periods."""
 WAITING = 0.25
 """Interval of the reports of a node that waits for the first message of an input, s."""
 

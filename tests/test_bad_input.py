@@ -163,7 +163,7 @@ def test_an_empty_sweep_is_refused_by_the_mapper() -> None:
 
     system = assemble(load_config("paper"))
     make_plugins(system)
-    mapper = system.plugin("mapper", "ipabd")
+    mapper = system.plugin("mapper", "ipabd@printed")
     track = PoseTrack(np.zeros(1, dtype=np.int64), np.zeros((1, 3)))
     with pytest.raises(InputError, match="sweep"):
         mapper.update(MapperInput(0, (sweep(np.empty((0, 4))),), (), track))  # type: ignore[attr-defined]

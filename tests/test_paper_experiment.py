@@ -21,6 +21,18 @@ def as_described() -> Episode:
     return run_episode(load_config("paper"))
 
 
+def test_every_role_of_the_paper_is_as_printed_but_the_origin_of_the_grid() -> None:
+    system = as_described().system
+    differ = {}
+    for role in ("mapper", "planner", "controller", "avoider"):
+        table = system.config.role_table(role)
+        assert table.preset == "printed", role
+        part = system.parts[(role, table.instance)]
+        printed = type(part.plugin).presets["printed"].values()
+        differ |= {f"{role}.{key}": value for key, value in printed.items() if getattr(part.params, key) != value}
+    assert differ == {"planner.anchor": "lowest"}
+
+
 def crossing(episode: Episode, y: float = 5.3) -> float:
     """x where the plan crosses the gates' wall, m."""
     points = episode.recorder.plans[0].points
@@ -32,7 +44,7 @@ def crossing(episode: Episode, y: float = 5.3) -> float:
 def test_it_reaches_d() -> None:
     episode = as_described()
     assert episode.result.outcome == "succeeded"
-    assert np.hypot(episode.result.place.x, episode.result.place.y - 7.6) <= 0.2
+    assert episode.summary()["truly_reached"] and episode.summary()["goal_error_m"] <= 0.3
     assert episode.summary()["collisions"] == 0
 
 
@@ -62,7 +74,7 @@ def test_obstacle_o_is_passed_with_clearance_and_the_trajectory_met_again() -> N
 
 def test_without_the_obstacle_the_avoider_never_takes_over(paper: Run) -> None:
     episode = paper("world.ref=paper_gates")
-    assert episode.result.outcome == "succeeded"
+    assert episode.summary()["truly_reached"]
     assert [engaged for _, engaged in episode.recorder.engaged] == [False]
     # The robot starts 28° off the first segment and swings onto it; from the third metre on it is on the trajectory.
     assert max(map(abs, episode.recorder.cross_tracks[200:])) < 0.05
@@ -94,35 +106,46 @@ def test_the_printed_filter_order_maps_nothing_and_leads_through_the_girder(pape
     assert -1.4 < crossing(episode) < 1.0
 
 
-def seed_outcome(seed: int) -> tuple[int, str, int]:
-    episode = run_episode(load_config("paper", seed=seed))
-    return seed, episode.result.outcome, episode.summary()["collisions"]
+def test_along_the_planned_cells_law_6_overshoots_each_corner_and_still_arrives(paper: Run) -> None:
+    summary = paper("world.ref=paper_gates", "navigation.path_shape=as_planned").summary()
+    rounded = paper("world.ref=paper_gates").summary()
+    assert summary["truly_reached"] and summary["collisions"] == 0
+    assert summary["path_length_m"] > rounded["path_length_m"] + 1.0
+    # The path turns by 45° at a time: the reference jumps, and the robot needs its 25°/s and 0.4 m/s to follow.
+    assert rounded["cross_track_max_m"] < 0.2 < 0.3 < summary["cross_track_max_m"] < 0.5
 
 
-def campaign(seeds: range) -> list[tuple[int, str, int]]:
-    with ProcessPoolExecutor(2) as pool:
-        return list(pool.map(seed_outcome, seeds, chunksize=5))
+def seed_result(seed: int) -> tuple[int, bool, float, int]:
+    """Seed, whether the robot truly reached D, its true distance from D, m, and contacts."""
+    summary = run_episode(load_config("paper", seed=seed)).summary()
+    return seed, summary["truly_reached"], summary["goal_error_m"], summary["collisions"]
 
 
-def test_five_seeds_reach_d_without_contact() -> None:
-    outcomes = [seed_outcome(seed) for seed in range(5)]
-    assert [row for row in outcomes if row[1] != "succeeded" or row[2]] == []
+def test_five_seeds_end_within_0_4_m_of_d_without_contact_and_four_reach_it() -> None:
+    results = [seed_result(seed) for seed in range(5)]
+    # Odometry alone drifts: a robot that believes to be at D may be farther from it than the 0.2 m + 0.1 m that count.
+    assert [row for row in results if row[2] > 0.4 or row[3]] == []
+    assert sum(row[1] for row in results) >= 4
 
 
 @pytest.mark.slow
-def test_at_least_95_of_100_seeds_reach_d_and_none_touches() -> None:
-    outcomes = campaign(range(100))
-    reached = [seed for seed, outcome, _ in outcomes if outcome == "succeeded"]
-    print(f"{len(reached)} of 100 reach D, contacts: {sum(row[2] for row in outcomes)}")
-    assert [row for row in outcomes if row[2]] == []
-    assert len(reached) >= 95, [row for row in outcomes if row[0] not in reached]
+def test_at_least_85_of_100_seeds_truly_reach_d_and_none_touches() -> None:
+    with ProcessPoolExecutor(2) as pool:
+        results = list(pool.map(seed_result, range(100), chunksize=5))
+    reached = [seed for seed, is_there, _, _ in results if is_there]
+    print(f"{len(reached)} of 100 truly reach D, contacts: {sum(row[3] for row in results)}")
+    assert [row for row in results if row[3]] == []
+    assert len(reached) >= 85, [row for row in results if row[0] not in reached]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_with_wheel_and_track_wrong_by_5_percent_it_still_arrives(paper: Run, sign: int) -> None:
+def test_with_wheel_and_track_wrong_by_5_percent_it_ends_within_half_a_metre_of_d(paper: Run, sign: int) -> None:
     episode = paper(
         "world.ref=paper_gates",
         f"platform.wheel_radius_error={0.05 * sign}",
         f"platform.half_track_error={-0.05 * sign}",
     )
-    assert episode.result.outcome == "succeeded" and episode.summary()["collisions"] == 0
+    summary = episode.summary()
+    # It believes to have arrived, 0.25 m or 0.37 m from D: law (6) follows an estimate that is wrong itself.
+    assert summary["outcome"] == "succeeded" and summary["collisions"] == 0
+    assert summary["goal_error_m"] < 0.5

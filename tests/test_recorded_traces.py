@@ -12,7 +12,7 @@ from navloom.config import load_config
 from navloom.study.episode import run_episode
 
 TRACES = {
-    "paper": "0d3cff2baa2e6c887e1b265521182e5c098ee21ec709d7f9dc7f1b5436178d74",
+    "paper": "9e1efb2f77c545447296257dbec2bf3248e9479b757d685b3cfed07c1501eec7",
     "building": "dfbb68abdd852758b89c9ab4f279ff7fad89cefb83f5fd9871ab485c219230e3",
     "explore": "1fa6fb26e7d11677db5cc1f7385c7677ae60f6bb7625a0c3bafec546ab0abdf3",
 }

@@ -17,18 +17,18 @@ from navloom.plugins import PluginError
 
 def paper(*changes: str) -> System:
     system = assemble(load_config("paper", changes))
-    make_plugins(system, only={("mapper", "ipabd")})
+    make_plugins(system, only={("mapper", "ipabd@printed")})
     return system
 
 
 def test_a_change_that_a_plugin_refuses_changes_no_parameter() -> None:
     system = paper()
-    mapper = system.plugin("mapper", "ipabd")
+    mapper = system.plugin("mapper", "ipabd@printed")
     before = dict(vars(mapper))
     with pytest.raises(ConfigError, match=r"mapper \(ipabd\): .*floor_tolerance"):
-        configure(system, "mapper", "ipabd", ("accumulate = false", "floor_tolerance = 2.0"))
+        configure(system, "mapper", "ipabd@printed", ("accumulate = false", "floor_tolerance = 2.0"))
     assert vars(mapper) == before and mapper.params.accumulate
-    configure(system, "mapper", "ipabd", ("accumulate = false",))
+    configure(system, "mapper", "ipabd@printed", ("accumulate = false",))
     assert not mapper.params.accumulate
 
 
@@ -36,7 +36,7 @@ def test_a_plugin_that_fails_in_configure_is_blamed_and_keeps_its_old_parameters
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     system = paper()
-    mapper = system.plugin("mapper", "ipabd")
+    mapper = system.plugin("mapper", "ipabd@printed")
 
     def breaks(params: Any) -> None:
         mapper.params = params
@@ -45,7 +45,7 @@ def test_a_plugin_that_fails_in_configure_is_blamed_and_keeps_its_old_parameters
     monkeypatch.setattr(mapper, "configure", breaks)
     before = mapper.params
     with pytest.raises(PluginError, match="ipabd fails in configure: ZeroDivisionError"):
-        configure(system, "mapper", "ipabd", ("accumulate = false",))
+        configure(system, "mapper", "ipabd@printed", ("accumulate = false",))
     assert mapper.params is before
 
 
@@ -59,7 +59,9 @@ def test_events_are_checked_in_order_of_time() -> None:
     later = '{ at = 20.0, do = "set", role = "mapper", values = { floor_tolerance = 2.0 } }'
     sooner = '{ at = 10.0, do = "set", role = "mapper", values = { z_limit = 3.0 } }'
     system = paper(f"event=[{later}, {sooner}]")
-    assert system.plugin("mapper", "ipabd").params == system.parts[("mapper", "ipabd")].params  # they were only checked
+    assert (
+        system.plugin("mapper", "ipabd@printed").params == system.parts[("mapper", "ipabd@printed")].params
+    )  # they were only checked
 
 
 class Runner:

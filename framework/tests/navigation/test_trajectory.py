@@ -10,7 +10,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from navloom.navigation import fillets
-from navloom.navigation.trajectory import SpeedLimits, free_samples, make_trajectory, sample_path, speed_profile
+from navloom.navigation.trajectory import (
+    SpeedLimits,
+    free_samples,
+    keep_corners,
+    make_trajectory,
+    sample_path,
+    speed_profile,
+)
 from scipy.special import fresnel
 
 LIMITS = SpeedLimits()
@@ -317,3 +324,24 @@ def test_the_length_of_a_sampled_fillet_is_that_of_its_formula():
     assert np.hypot(*np.diff(samples[:, 1:3], axis=0).T).sum() == pytest.approx(samples[-1, 0], abs=1e-5)
     assert np.hypot(samples[:, 1] - 2.0, samples[:, 2]).min() == pytest.approx(0.5 * aside, abs=1e-5)
     assert samples[:, 4].max() == pytest.approx(2.0, abs=0.01)
+
+
+# --- along the path's own points -------------------------------------------------------------------------------------
+
+
+def test_a_kept_corner_is_driven_through_at_full_speed_and_its_heading_jumps():
+    made = keep_corners(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), LIMITS)
+    length, x, y, heading, bend, speed = made.samples.T
+    assert length[-1] == pytest.approx(2.0) and (x[-1], y[-1]) == pytest.approx((1.0, 1.0))
+    assert (bend == 0.0).all()
+    assert set(np.round(heading, 12)) == {0.0, round(QUARTER, 12)}
+    assert np.minimum(np.abs(y), np.abs(x - 1.0)).max() < 1e-12  # on the legs, not cut
+    # v² = 0.2² + 2 · 0.5 · s: 0.4 m/s after 0.12 m, and 0.2 m/s again at the end.
+    assert speed[length > 0.125][0] == 0.4 and speed[length < 0.115].max() < 0.4
+    assert (speed[(length > 0.15) & (length < 1.85)] == 0.4).all()
+    assert (speed[0], speed[-1]) == (0.2, 0.2)
+
+
+def test_a_path_of_one_place_stands_there_with_the_heading_asked_for():
+    made = keep_corners(np.array([[2.0, 3.0], [2.0, 3.0]]), LIMITS, heading=1.0)
+    assert made.samples.tolist() == [[0.0, 2.0, 3.0, 1.0, 0.0, 0.2]]

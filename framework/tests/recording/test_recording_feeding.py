@@ -45,14 +45,14 @@ def step(read: dict[str, tuple[int, ...]], tick: int = 5, epoch: int = 0, told: 
 def feed(reading: Any, shelf: Shelf, one: Step, chosen: Chosen | None = None, delayed: bool = False) -> Fed:
     spec = NodeSpec("node", (Input("given", ControllerPorts.command, reading, delayed),), ())
     chosen = chosen or Chosen(load_config("paper").config)
-    feeder = Feeder("lab/r1", shelf, chosen, {"controller": ("lyapunov_tracker", "other")})
+    feeder = Feeder("lab/r1", shelf, chosen, {"controller": ("lyapunov_tracker@printed", "other")})
     return feeder.feed(spec, one, one.at.tick - 1)
 
 
 @pytest.fixture
 def shelf() -> Shelf:
     found = Shelf()
-    for name, share in (("lyapunov_tracker", 0.1), ("other", 0.2)):
+    for name, share in (("lyapunov_tracker@printed", 0.1), ("other", 0.2)):
         for number in range(1, 9):
             key = f"lab/r1/controller/{name}/command"
             found.put(entry(key, command(share * number), number, number, number))

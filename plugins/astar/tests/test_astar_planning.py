@@ -82,6 +82,17 @@ def test_the_paper_goes_through_gate_b() -> None:
     assert len(in_gate) >= 1 and ((in_gate[:, 0] > 1.4) & (in_gate[:, 0] < 3.8)).all()
 
 
+def test_without_an_anchor_cells_count_from_the_lowest_x_and_y_of_the_outlines() -> None:
+    # The printed x_G = (x_L - x_min) / cellsize: outlines from (-4.2, 3.52) on, so that centres lie at -4.2 + 0.4 k.
+    segments = np.array([[-4.2, 5.2, -2.0, 5.2], [-4.2, 3.52, -4.2, 5.2]])
+    path = GridPlanner(Settings(), None).plan(S, D, segments, BLANK)
+    assert isinstance(path, Found)
+    column, row = path.grid.place((-4.2, 3.52))
+    assert (column % 1.0, row % 1.0) == pytest.approx((0.5, 0.5))
+    assert (path.points[1] - (-4.2, 3.52)) / 0.4 == pytest.approx(np.round((path.points[1] - (-4.2, 3.52)) / 0.4))
+    assert tuple(path.points[0]) == S and tuple(path.points[-1]) == D
+
+
 def test_without_the_girder_the_paper_goes_straight_through_gate_a() -> None:
     path = paper_plan({name: box for name, box in BOXES.items() if name != "girder A"})
     assert path.length == pytest.approx(7.60, abs=1e-9)

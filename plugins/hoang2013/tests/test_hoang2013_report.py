@@ -1,4 +1,4 @@
-"""`navloom paper`: its numbers, compared with independent computations, and its reproducible files."""
+"""`navloom paper`: its maps, plans and drives, compared with independent computations, and its reproducible files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -17,22 +19,17 @@ from navloom.messages import Path as Plan
 from navloom.worlds.paper import paper_gates
 from navloom_hoang2013 import command as paper
 from navloom_hoang2013 import reproduction as study
-from navloom_hoang2013.cloud import CLASSES, hits_by_box, on_box
+from navloom_hoang2013.cloud import CLASSES, hits_by_box, on_box, rays_towards
 from navloom_hoang2013.errata import grown, length_of, off_the_walls
 from navloom_hoang2013.figures import cells_of
 from navloom_hoang2013.law import LAWS
-from navloom_hoang2013.numbers import Number
+from navloom_hoang2013.measured import statements_of
 from navloom_hoang2013.plates import Reproduction, plates_of
 from navloom_hoang2013.report import page_of
-from navloom_hoang2013.runs import GATE_LINE, Drive, box, crossing, gates_of
+from navloom_hoang2013.runs import GATE_LINE, START, Drive, box, crossing, gates_of
+from navloom_hoang2013.statements import Statement
 
 Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture(scope="module")
-def made() -> Reproduction:
-    """Results of everything that the command runs, computed once."""
-    return study.reproduce()
 
 
 @pytest.fixture(scope="module")
@@ -41,42 +38,66 @@ def files(made: Reproduction) -> dict[str, bytes]:
     return study.files_of(made)
 
 
-def row(made: Reproduction, what: str) -> Number:
-    return next(number for number in made.numbers if number.what == what)
+def row(made: Reproduction, number: str) -> Statement:
+    return next(statement for statement in statements_of(made) if statement.id == number)
 
 
 # --- numbers ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("what", "ours"),
+    ("number", "ours", "verdict"),
     [
-        ("frames of a sweep", "94"),
-        ("pitch, °", "-5.00 to 19.74"),  # -5 + 93 * 0.266
-        ("pixels of the 3D image", "9,494"),
-        ("nearest floor that is seen, m", "4.589 slant, 4.572 level"),  # 0.4 / sin 5°, 0.4 / tan 5°
-        ("pixels pressed for Fig. 7", "7,693"),  # 9494 - 1801
-        ("gate taken", "B"),
-        ("length of the plan, m", "10.29"),
-        ("way through corridor C, m", "15.66"),
-        ("most ω, °/s", "25.0"),
+        ("II.A-1", "94", "as printed"),
+        ("II.A-2", "-5.00° to 19.74°", "erratum"),  # -5 + 93 * 0.266
+        ("II.A-3", "0.266°", "as printed"),
+        ("II.A-4", "40° to 140°, 101 beams at 1°", "as printed"),
+        ("II.A-5", "9,494 of 9,494 rays return", "as printed"),  # 94 * 101
+        ("II.A-7", "0.4 m", "as printed"),
+        ("II.A-8", "4.589 m slant, 4.572 m level", "erratum"),  # 0.4 / sin 5°, 0.4 / tan 5°
+        ("II.A-9", "8, from 0.3 to 4 m", "as printed"),
+        ("III.A-4", "2 cells; 0 contacts", "as printed"),  # the dilation; contacts of the drive with O
+        ("III.B-3", "least v_r 0.20 m/s", "as printed"),
+        ("IV.A-1", "S (0, 0), D (0, 7.6)", "as printed"),
+        ("IV.A-2", "1.2 m", "as printed"),
+        ("IV.A-5", "9,494", "as printed"),
+        ("IV.B-1", "40 × 40 cm²", "as printed"),
+        ("IV.B-2", "80 × 80 cm²", "as printed"),
+        ("IV.B-5", "10.29 m, gate B", "as printed"),
+        ("IV.A-4", "with B blocked: 15.66 m, gate C", "as printed"),
     ],
 )
-def test_a_number_of_the_table(made: Reproduction, what: str, ours: str) -> None:
-    assert row(made, what).ours == ours
+def test_a_number_of_the_table(made: Reproduction, number: str, ours: str, verdict: str) -> None:
+    assert (row(made, number).ours, row(made, number).verdict) == (ours, verdict)
 
 
-def test_every_row_names_a_section_and_says_so_where_the_paper_has_no_number(made: Reproduction) -> None:
-    sections = re.compile(r"I|II\.[AB]|III\.[ABC]|IV\.[ABCD]")
-    assert [number for number in made.numbers if not sections.fullmatch(number.section)] == []
-    silent = {number.what for number in made.numbers if number.paper == "not stated"}
-    assert {"length of the plan, m", "k1, k3, 1/s", "obstacle O, m"} <= silent
-    assert not silent & {"cell, cm", "gate taken", "frames of a sweep"}
+@pytest.mark.parametrize(
+    ("number", "ours", "verdict"),
+    [
+        ("III.C-1", "values 2, 3 in the window", "as printed"),
+        ("III.C-2", "reset of the window", "as printed"),
+        ("III.C-3", "72 sectors; sum, smoothed", "as printed"),
+        ("III.C-4", "within 100°", "erratum"),  # of θd, which is the result
+        ("III.C-5", "100°, at most 4 times", "as printed"),
+        ("III.C-7", "90°; loyalty 0°", "as printed"),
+        ("III.C-8", "10 (θd - θ)", "as printed"),
+        ("III.C-9", "25.0°/s at most commanded", "as printed"),
+        ("III.C-10", "0.5 m/s; 0.50 m/s at most commanded", "as printed"),
+        ("III.C-11", "5 (d30 - 0.4), from the robot's centre", "erratum"),  # negative below 0.4 m
+        ("III.C-12", "±30°", "as printed"),
+        ("III.C-13", "V / 2.5 from 10°/s, until 10°/s", "erratum"),  # of ω, not of |ω|
+    ],
+)
+def test_the_shipped_config_has_the_printed_numbers_of_the_avoider(
+    made: Reproduction, number: str, ours: str, verdict: str
+) -> None:
+    found = row(made, number)
+    assert (found.ours, found.verdict, found.inactive) == (ours, verdict, ())
 
 
 def test_errors_in_the_table_are_those_of_the_run(made: Reproduction) -> None:
     off = 100.0 * np.abs(made.free.errors[:, 2])
-    shown = row(made, "cross-track error, cm").ours
+    shown = row(made, "IV.C-1").ours
     rms, most = (float(value) for value in re.findall(r"[\d.]+", shown)[:2])
     # e2 is the distance to the re-projected reference across the robot, not the path: it differs by cos e3.
     assert most == pytest.approx(off.max(), abs=0.5) and 0.0 < rms < most
@@ -97,13 +118,25 @@ def test_pixels_are_classed_as_the_mapper_counts_them(made: Reproduction) -> Non
 
 def test_the_rays_meet_what_the_earlier_study_found(made: Reproduction) -> None:
     hits = hits_by_box(made.errata.quiet, paper_gates())
-    assert {name: hits[name] for name in ("girder A", "girder B", "floor", "no return")} == {
+    assert {name: hits[name] for name in ("girder A", "girder B", "floor", "ceiling", "no return")} == {
         "girder A": 230,
         "girder B": 177,
         "floor": 772,
-        "no return": 1801,
+        "ceiling": 1801,
+        "no return": 0,
     }
     assert sum(hits.values()) == 9494
+
+
+def test_135_rays_of_the_sweep_would_meet_the_front_of_o(made: Reproduction) -> None:
+    obstacle = box(made.run.world, "obstacle O")
+    assert rays_towards(made.run.sweep, START, obstacle) == 135
+    by_hand = 0
+    for pitch in (math.radians(-5.0 + 0.266 * frame) for frame in range(94)):
+        for beta in (math.radians(degree) for degree in range(40, 141)):
+            along = 2.45 / math.sin(beta)
+            by_hand += 1.05 <= along * math.cos(beta) <= 1.35 and 0.0 <= 0.4 + along * math.tan(pitch) <= 0.5
+    assert by_hand == 135
 
 
 def test_eq_1_overstates_heights_by_one_over_sin_beta(made: Reproduction) -> None:
@@ -198,8 +231,33 @@ def test_the_printed_slope_test_closes_the_room_or_opens_gate_a(made: Reproducti
     assert len(plans) == 12
 
 
+def _words_of_the_statements(made: Reproduction) -> list[str]:
+    statements = statements_of(made)
+    verdicts = Counter(statement.verdict for statement in statements)
+    return [f"There are {len(statements)}:", *(f"| {verdict} | {number} |" for verdict, number in verdicts.items())]
+
+
+def _words_of_the_drives(made: Reproduction) -> list[str]:
+    run, free = made.run.episode.summary(), made.free.episode.summary()
+    printed, robust = made.readings.tallies
+    acts = [f"{reach.acts_from:.2f} m" for reach in made.readings.ranges if reach.acts_from is not None]
+    rounded, planned = (variant.drive.episode.summary() for variant in made.readings.shapes)
+    lowest = length_of(made.errata.anchors[1].drive).replace(", gate", " through gate")
+    return [
+        f"{run['goal_error_m']:.2f} m from D with the obstacle, and {free['goal_error_m']:.2f} m without it",
+        f"{printed.reached} of 20 seeds truly reach D, {printed.median('clearance'):.2f} m from O (median), no contact",
+        f"robust: {robust.reached} of 20, {robust.median('clearance'):.2f} m, no contact",
+        f"acts from {acts[0]} before O, counted from the robot's centre; robust, from {acts[1]}",
+        f"33 cells: from {acts[0]} | 81 cells: from {acts[2]}",
+        f"along the cells: up to {100.0 * planned['cross_track_max_m']:.0f} cm off, D is missed at first, "
+        f"{planned['sim_time_s']:.1f} s | pruned and rounded: up to {100.0 * rounded['cross_track_max_m']:.0f} cm off, "
+        f"{rounded['sim_time_s']:.1f} s",
+        f"from x_min and y_min: {lowest}",
+    ]
+
+
 def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
-    page = (Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8")
+    page = " ".join((Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8").split())
     first, printed = made.errata.orders
     plans = {variant.name: length_of(variant.drive) for variant in made.errata.grids}
     bare = plans["0.40 m, the printed test, not grown"].replace(", gate", " through gate")
@@ -214,6 +272,8 @@ def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
         f"not inflated: {bare} |",
         f"| {third} | 40 cm",
         f"from 0.3 m beside a line it settles in {settled[0.6]:.1f} s; with k3 = 2 in {settled[2.0]:.1f} s",
+        *_words_of_the_statements(made),
+        *_words_of_the_drives(made),
     ):
         assert words in page, words
 
@@ -256,7 +316,7 @@ def test_the_moment_of_decision_is_the_first_turn_away_from_a_blocked_target(mad
     assert shown.histogram[sector] > shown.threshold
     assert shown.histogram[int(shown.chosen % math.tau / (math.tau / 72))] <= shown.threshold
     assert math.dist((choice.pose.x, choice.pose.y), (1.2, 2.6)) < 2.0  # O is what blocks it
-    since, until = (float(value) for value in re.findall(r"[\d.]+", row(made, "Improved VFH drives, s").ours))
+    since, until = (float(value) for value in re.findall(r"[\d.]+", row(made, "IV.D-2").ours)[:2])
     assert since <= choice.time < until
 
 
@@ -306,8 +366,8 @@ def test_the_page_holds_every_figure_and_number_and_needs_nothing_else(
 ) -> None:
     page = files["report.html"].decode()
     assert page.count("<svg") == study.FIGURES
-    for number in made.numbers:
-        assert number.what.replace("'", "&#x27;") in page
+    for statement in statements_of(made):
+        assert f">{statement.id}<" in page and escape(statement.printed) in page and escape(statement.ours) in page
     for plate in plates_of(made):
         assert plate.title in page
     assert re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page) == []
@@ -352,7 +412,7 @@ def done(monkeypatch: pytest.MonkeyPatch, made: Reproduction, files: dict[str, b
     """Replaces runs and drawing by stored results; gives the seeds that the command requested."""
     seeds: list[int | None] = []
 
-    def reproduce(seed: int | None, say: Callable[[str], None]) -> Reproduction:
+    def reproduce(seed: int | None, say: Callable[[str], None], campaigns: bool) -> Reproduction:
         seeds.append(seed)
         return made
 
@@ -362,11 +422,12 @@ def done(monkeypatch: pytest.MonkeyPatch, made: Reproduction, files: dict[str, b
 
 
 def test_without_a_name_the_folder_is_navloom_paper(
-    navloom: Run, done: list[int | None], files: dict[str, bytes]
+    navloom: Run, done: list[int | None], made: Reproduction, files: dict[str, bytes]
 ) -> None:
     code, said, _ = navloom()
     assert code == 0 and done == [None]
-    assert "length of the plan, m" in said and "written to navloom-paper: report.html" in said
+    assert "IV.B-5" in said and "10.29 m, gate B" in said and "written to navloom-paper: report.html" in said
+    assert f"{len(statements_of(made))} statements: " in said
     kept = {path.name: path.read_bytes() for path in paper.DEFAULT.iterdir()}
     assert kept == files
 
@@ -387,7 +448,9 @@ def test_json_is_one_object_with_folder_files_and_numbers(navloom: Run, done: li
     found = json.loads(said)
     assert code == 0 and errors == "" and done == [3]
     assert found["out"] == "here" and "figure-09.svg" in found["files"]
-    assert {"what": "gate taken", "paper": "B", "ours": "B", "section": "IV.B", "note": ""} in found["numbers"]
+    (gate,) = (entry for entry in found["statements"] if entry["id"] == "IV.B-5")
+    assert gate["ours"] == "10.29 m, gate B" and gate["verdict"] == "as printed"
+    assert found["with_obstacle"]["truly_reached"] and found["with_obstacle"]["goal_error_m"] < 0.3
 
 
 def test_a_full_disk_is_exit_1_and_the_numbers_are_printed(
@@ -453,6 +516,13 @@ def test_it_reports_as_many_steps_as_it_announces(made: Reproduction, monkeypatc
     said: list[str] = []
     monkeypatch.setattr("navloom_hoang2013.errata.drive", lambda *settings, seed=None: made.run)
     monkeypatch.setattr("navloom_hoang2013.errata.settle", lambda law, discovery: made.errata.laws[0])
+    monkeypatch.setattr("navloom_hoang2013.drive_readings.drive", lambda *settings, seed=None: made.run)
+    monkeypatch.setattr("navloom_hoang2013.drive_readings.reach_of", lambda *given: made.readings.ranges[0])
+    monkeypatch.setattr("navloom_hoang2013.drive_readings.driven", lambda *given: made.readings.tallies[0])
+    monkeypatch.setattr("navloom_hoang2013.seeds.driven", lambda *given, seeds: made.readings.tallies[0])
     monkeypatch.setattr(study, "drive", lambda *settings, seed=None: made.run)
     study.reproduce(say=said.append)
     assert len(said) + study.FIGURES == study.steps()
+    said.clear()
+    study.reproduce(say=said.append, campaigns=True)
+    assert len(said) + study.FIGURES + 1 == study.steps(campaigns=True)

@@ -97,6 +97,17 @@ def test_the_union_keeps_all_obstacle_pixels_with_their_height(make_image) -> No
     assert union(image, Filters()) == pytest.approx(np.array([[2.0, 0.0, 0.4], [1.926370, 0.0, 1.101141]]), abs=1e-6)
 
 
+def test_with_z_of_eq_1_the_floor_is_an_obstacle_and_the_level_of_the_sensor_is_not(make_image) -> None:
+    # The sensor is 0.4 m up. Level: z = 0 in its frame. 11.537° down at 2 m: the floor, z = -0.4. Up 30° at 1.6 and at
+    # 2.5 m: z = 0.8 and 1.25, so that the second is above 1.2, although the robot ends 0.8 m above its sensor.
+    image = make_image([[5.0, 5.0], [2.0, 5.0], [1.6, 2.5]], pitches_deg=[0.0, -11.537, 30.0])
+    printed = press(image, Filters(frame="sensor"))
+    assert counts_of(printed) == {"floor": 2, "too_high": 1, "not_minimum": 1, "kept": 2}
+    assert printed.points[0] == pytest.approx([1.6 * math.cos(math.pi / 6), 0.0, 1.2], abs=1e-9)
+    assert printed.points[1, 2] == pytest.approx(0.4 - 5.0 * math.sin(math.radians(11.537)))
+    assert counts_of(press(image, Filters(frame="sensor", order="paper")))["kept"] == 1  # 2.165 m, z = 1.25, removed
+
+
 def random_image(seed: int, geometry: str, beams: int) -> SweepImage:
     rng = np.random.default_rng(seed)
     ranges = rng.uniform(0.0, 6.0, (len(PITCHES_DEG), beams))
@@ -118,10 +129,13 @@ def moved(seed: int) -> FrameMotion:
     beams=st.integers(1, 30),
     geometry=st.sampled_from(["paper", "rigid_pitch"]),
     order=st.sampled_from(["before_min", "paper"]),
+    frame=st.sampled_from(["floor", "sensor"]),
     is_moving=st.booleans(),
 )
-def test_fused_equals_numpy_and_counts_sum(seed: int, beams: int, geometry: str, order: str, is_moving: bool) -> None:
-    image, filters = random_image(seed, geometry, beams), Filters(order=order)
+def test_fused_equals_numpy_and_counts_sum(
+    seed: int, beams: int, geometry: str, order: str, frame: str, is_moving: bool
+) -> None:
+    image, filters = random_image(seed, geometry, beams), Filters(order=order, frame=frame)
     motion = moved(seed) if is_moving else standing(4, (0.0, 0.0, 0.0))
     fused, plain = press(image, filters, motion), press_numpy(image, filters, motion)
     assert fused.counts == plain.counts

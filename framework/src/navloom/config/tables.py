@@ -235,6 +235,9 @@ class NavigationTable(Table):
     heading_tolerance_deg: Positive = Field(default=5.0, description="if the goal has a heading")
     speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="limits of the reference, m/s")
     lateral_acceleration: Positive = Field(default=0.3, description="limits the speed in curves, m/s²")
+    path_shape: Literal["rounded", "as_planned"] = Field(
+        default="rounded", description="prune and round the planner's path, or drive along its own points"
+    )
     look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
     corridor_margin: float = Field(default=0.04, ge=0.0, description="added to the robot's half width, m")
     handover: Literal["when_blocked", "always", "never"] = "when_blocked"

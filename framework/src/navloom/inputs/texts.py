@@ -10,8 +10,8 @@ from typing import Any
 from navloom.inputs.bounds import DEEPEST, Refusal
 
 __all__ = [
-    "INSTANCE", "TOML_TOKENS", "json_of", "refuse_deep_toml", "refuse_deep_tree", "refuse_hostile_yaml", "shortened", "toml_of",
-    "yaml_of",
+    "INSTANCE", "TOML_TOKENS", "json_of", "refuse_deep_toml", "refuse_deep_tree", "refuse_hostile_yaml", "shortened",
+    "toml_of", "yaml_of",
 ]  # fmt: skip
 
 INSTANCE = r"^[A-Za-z0-9_-]+(@[A-Za-z0-9_-]+)?$"

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from navloom.navigation import fillets, sight
 
-__all__ = ["SpeedLimits", "SmoothPath", "free_samples", "make_trajectory", "sample_path", "speed_profile", "warm_up"]
+__all__ = [
+    "SpeedLimits",
+    "SmoothPath",
+    "free_samples",
+    "keep_corners",
+    "make_trajectory",
+    "sample_path",
+    "speed_profile",
+    "warm_up",
+]
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -99,9 +108,7 @@ def make_trajectory(
         Raises:
             ValueError: `points` is not (n, 2), empty or not finite.
     """
-    path = np.ascontiguousarray(points, dtype=np.float64)
-    if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.isfinite(path).all():
-        raise ValueError(f"points: expected (n, 2) finite numbers with n >= 1, given {path.shape} {path.dtype}")
+    path = _checked(points)
     slow, fast = limits.radius_at(limits.slowest), limits.radius_at(limits.fastest)
     if traversable is None:
         cells, frame = np.zeros((0, 0), np.bool_), np.array([1.0, 0.0, 0.0])
@@ -111,13 +118,33 @@ def make_trajectory(
         corners, beside = sight.prune(path, cells, resolution, origin), math.inf
         corners = fillets.move_corners(corners, cells, frame, 1.01 * slow, fast, 2)
     if len(corners) == 1:
-        wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
-        samples = np.array([[0.0, *corners[0], wrapped, 0.0, limits.slowest]])
-        return _read_only(samples, corners, np.full(1, np.inf), np.zeros((0, 2)))
+        return _standing(corners, limits, heading)
     radii, shares = fillets.fit_fillets(corners, cells, frame, slow, fast, beside)
     samples = sample_path(corners, radii, shares, _spacing(corners, radii, shares, spacing))
     samples[:, 5] = speed_profile(samples[1, 0], _bend(samples), limits)
     return _read_only(samples, corners, radii, corners[radii < slow])
+
+
+def keep_corners(points: Floats, limits: SpeedLimits, spacing: float = 0.02, heading: float = 0.0) -> SmoothPath:
+    """The trajectory along the points themselves, neither pruned nor rounded.
+
+    At a corner the heading jumps by the turn of the path. Curvature and turn rate stay 0 and the speed does not fall
+    there, so that a tracking law must swing onto the next leg by itself.
+
+    Args:
+        points, limits, spacing, heading: As in `make_trajectory`.
+
+        Raises:
+            ValueError: As in `make_trajectory`.
+    """
+    path = _checked(points)
+    corners = path[np.append(True, np.hypot(*np.diff(path, axis=0).T) > 0.0)]
+    if len(corners) == 1:
+        return _standing(corners, limits, heading)
+    radii = np.full(len(corners), np.inf)
+    samples = sample_path(corners, radii, np.ones(len(corners)), spacing)
+    samples[:, 5] = speed_profile(samples[1, 0], samples[:, 4], limits)
+    return _read_only(samples, corners, radii, np.zeros((0, 2)))
 
 
 def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: float | None = None) -> Floats:
@@ -163,6 +190,20 @@ def free_samples(samples: Floats, traversable: Cells, resolution: float, origin:
     cells = np.ascontiguousarray(traversable, np.bool_)
     where = (cells, resolution, *origin)
     return all(sight.is_segment_free(*where, a[1], a[2], b[1], b[2]) for a, b in pairwise(samples))
+
+
+def _checked(points: Floats) -> Floats:
+    path = np.ascontiguousarray(points, dtype=np.float64)
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.isfinite(path).all():
+        raise ValueError(f"points: expected (n, 2) finite numbers with n >= 1, given {path.shape} {path.dtype}")
+    return path
+
+
+def _standing(corners: Floats, limits: SpeedLimits, heading: float) -> SmoothPath:
+    """The trajectory of a path without length: one sample."""
+    wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
+    samples = np.array([[0.0, *corners[0], wrapped, 0.0, limits.slowest]])
+    return _read_only(samples, corners, np.full(1, np.inf), np.zeros((0, 2)))
 
 
 def _read_only(samples: Floats, corners: Floats, radii: Floats, slow_places: Floats) -> SmoothPath:

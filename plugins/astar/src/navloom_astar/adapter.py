@@ -10,7 +10,7 @@ from navloom import Claim, Context, OccupancyGrid, Path, PlanFailure, Planner, P
 from navloom_astar import planning
 from navloom_astar.grids import RasterMap
 from navloom_astar.jump import JumpPointSearch
-from navloom_astar.params import AstarParams
+from navloom_astar.params import PRINTED, ROBUST, AstarParams
 from navloom_astar.planning import Found, GridPlanner, Search
 from navloom_astar.search import DijkstraSearch, GridSearch
 
@@ -27,8 +27,8 @@ class PlannerOnGrid(Planner[AstarParams]):
 
     def __init__(self, params: AstarParams, context: Context) -> None:
         super().__init__(params, context)
-        start = context.start
-        self._planner = GridPlanner(params.settings(context.robot.footprint), (start.x, start.y), type(self).search)
+        anchor = params.anchor_at((context.start.x, context.start.y))
+        self._planner = GridPlanner(params.settings(context.robot.footprint), anchor, type(self).search)
 
     @classmethod
     def warm_up(cls) -> None:
@@ -51,6 +51,7 @@ class AStar(PlannerOnGrid):
     """Shortest paths on a grid (Hoang et al. 2013, III.A)."""
 
     name = "astar"
+    presets = {"robust": ROBUST, "printed": PRINTED}
     search = GridSearch
 
 

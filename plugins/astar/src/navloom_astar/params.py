@@ -1,11 +1,11 @@
-"""Parameters of the astar planner, as a config file gives them."""
+"""Parameters of the astar planner, as a config file gives them, and its presets."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
 import numpy as np
-from navloom import Params
+from navloom import Params, Preset
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -13,7 +13,7 @@ from navloom_astar.inflation import circumscribed_radius, inscribed_radius
 from navloom_astar.planning import Settings
 from navloom_astar.raster import RasterMethod
 
-__all__ = ["AstarParams"]
+__all__ = ["PRINTED", "ROBUST", "AstarParams"]
 
 
 class AstarParams(Params):
@@ -24,6 +24,10 @@ class AstarParams(Params):
     )
     cell: Annotated[float, Field(gt=0.0)] | Literal["third_of_chassis"] = Field(
         0.40, description="edge of a cell of the grid that outlines are drawn on, m"
+    )
+    anchor: tuple[float, float] | Literal["start", "lowest"] = Field(
+        "start",
+        description="a cell centre of the grid of outlines, m, map frame; lowest: the lowest x and y of all outlines",
     )
     raster: RasterMethod = Field("distance", description="which cells an outline occupies")
     paper_raster_t: float | None = Field(
@@ -58,6 +62,12 @@ class AstarParams(Params):
         None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times (its reach + a cell)"
     )
 
+    def anchor_at(self, start: tuple[float, float]) -> tuple[float, float] | None:
+        """x, y of a cell centre, m, map frame; None: the lowest x and y of the outlines. `start` is S."""
+        if self.anchor == "lowest":
+            return None
+        return start if self.anchor == "start" else self.anchor
+
     def settings(self, footprint: NDArray[np.float64]) -> Settings:
         """Settings of the pure modules, with words such as "inscribed" resolved to lengths.
 
@@ -88,3 +98,23 @@ class AstarParams(Params):
             squeeze=None if self.squeeze_margin is None else inscribed_radius(footprint) + self.squeeze_margin,
             escape=self.escape_start,
         )
+
+
+ROBUST = Preset("ours: cells from the start, and the inflation that suits the map")
+
+PRINTED = Preset(
+    "Hoang et al. 2013, III.A and IV.B",
+    {
+        "source": ("segments", "III.A: the grid is made from line segments"),
+        "cell": (0.40, "IV.B: squares of 40 x 40 cm; III.A says a third of the chassis, 27 cm"),
+        "anchor": ("lowest", "III.A: (x - x_min) / cellsize and (y - y_min) / cellsize"),
+        "raster": (
+            "distance",
+            "III.A prints a slope test that leaves no path; decided: within half a cell of the line",
+        ),
+        "inflation": ("cells", "III.A: dilation by cells"),
+        "dilation_cells": (2, "III.A: two more cells"),
+        "unknown": ("free", "III.A: only line segments are obstacles"),
+        "escape_start": (None, "not in the paper; decided: a start within the inflation is left on the shortest way"),
+    },
+)

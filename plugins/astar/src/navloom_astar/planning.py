@@ -145,11 +145,12 @@ class GridPlanner:
 
     Args:
         settings: How maps become grids and how these are searched.
-        anchor: Point that is the centre of a cell of the grid of segments, m, map frame.
+        anchor: Point that is the centre of a cell of the grid of segments, m, map frame. None: the lowest x and y of
+            the segments, the x_min and y_min of Hoang et al. 2013, III.A.
         search: Class of the search, which is created with a grid's shape (rows, columns).
     """
 
-    def __init__(self, settings: Settings, anchor: Spot, search: type[Search] = GridSearch) -> None:
+    def __init__(self, settings: Settings, anchor: Spot | None, search: type[Search] = GridSearch) -> None:
         self.settings = settings
         self.anchor = anchor
         self._make_search = search
@@ -167,7 +168,8 @@ class GridPlanner:
         on_segments = use.source == "segments" or (use.source == "auto" and len(segments) > 0)
         grid: PlanningGrid | None
         if on_segments:
-            grid = grid_of_segments(segments, given, use.cell, self.anchor, (start, goal), use.margin, use.raster,
+            anchor = self.anchor or _lowest(segments, start)
+            grid = grid_of_segments(segments, given, use.cell, anchor, (start, goal), use.margin, use.raster,
                                     use.paper_t)  # fmt: skip
             if grid is None:
                 return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for cells of {use.cell:g} m")
@@ -264,6 +266,14 @@ class GridPlanner:
         if wide is not None:
             extra[~wide] = _SQUEEZE_COST * EXTRA_UNIT
         return extra if extra.any() else None
+
+
+def _lowest(segments: Floats, otherwise: Spot) -> Spot:
+    """Lowest x and y of segments, m, map frame; without segments another point."""
+    if not len(segments):
+        return otherwise
+    low = segments.reshape(-1, 2).min(axis=0)
+    return float(low[0]), float(low[1])
 
 
 def _near(cells: NDArray[np.int64], shape: tuple[int, ...]) -> Bools:

@@ -14,7 +14,7 @@ from navloom.geometry.world import Box, World
 from navloom.messages import Pose2D, Sweep
 from numpy.typing import NDArray
 
-__all__ = ["CLASSES", "Cloud", "cloud_of", "hits_by_box", "on_box", "on_floor"]
+__all__ = ["CLASSES", "Cloud", "cloud_of", "hits_by_box", "on_box", "on_floor", "rays_towards"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -116,3 +116,16 @@ def hits_by_box(cloud: Cloud, world: World) -> dict[str, int]:
             hits[box.name] = int(met.sum())
             is_left &= ~met
     return hits
+
+
+def rays_towards(sweep: Sweep, base: Pose2D, box: Box) -> int:
+    """How many rays of a sweep by eq. (1), taken at standstill, would meet the front of a box, whatever is before it.
+
+    The front is the face with the lowest y, and the robot faces +y.
+    """
+    bearing = sweep.bearings[None, :] + base.heading
+    along = (box.y[0] - base.y) / np.sin(bearing)
+    x = base.x + along * np.cos(bearing)
+    height = sweep.z + along * np.tan(sweep.pitches)[:, None]
+    meets = (along > 0.0) & (x >= box.x[0]) & (x <= box.x[1]) & (height >= box.z[0]) & (height <= box.z[1])
+    return int(meets.sum())

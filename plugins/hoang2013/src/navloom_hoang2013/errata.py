@@ -1,4 +1,4 @@
-"""Omissions and errors of Hoang et al. 2013; for each, both readings are run."""
+"""Omissions and errors of Hoang et al. 2013 in mapping, planning and gains: runs of the printed reading and of ours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,17 @@ from navloom_hoang2013.cloud import Cloud, cloud_of, on_box, on_floor
 from navloom_hoang2013.law import LAWS, Settling, settle
 from navloom_hoang2013.runs import PLANNED, QUIET, START, Drive, box, crossing, drive
 
-__all__ = ["Errata", "Variant", "errata_of", "grown", "length_of", "limits_of", "off_the_walls", "steps_of_errata"]
+__all__ = [
+    "ROOM",
+    "Errata",
+    "Variant",
+    "errata_of",
+    "grown",
+    "length_of",
+    "limits_of",
+    "off_the_walls",
+    "steps_of_errata",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -54,6 +64,8 @@ class Errata:
         clouds: The points of both.
         parts: (frames, beams) True where a pixel of both is truly on the floor, on girder A, and on girder B.
         grids: Cell sizes and raster methods, with growth and without.
+        heights: Heights of the filters counted from the floor, and from the sensor as printed.
+        anchors: Cells counted from S, and from the lowest x and y of the outlines as printed.
         laws: Settling of law (6) by its gain k3, and of other laws.
         gains: The whole run by k3.
     """
@@ -66,8 +78,15 @@ class Errata:
     clouds: tuple[Cloud, ...]
     parts: tuple[Bools, ...]
     grids: tuple[Variant, ...]
+    heights: tuple[Variant, ...]
+    anchors: tuple[Variant, ...]
     laws: tuple[Settling, ...]
     gains: tuple[Variant, ...]
+
+    @property
+    def away(self) -> Floats:
+        """(n,) distance from the true walls of what is kept of a laser pitched as a whole if read by eq. (1), m."""
+        return off_the_walls(self.clouds[1].of("kept"), self.ways[0].drive.world)
 
 
 WAYS = (
@@ -83,6 +102,8 @@ ORDERS = (
 GEOMETRIES = (("read as it is", ("mapper.geometry=as_sweep",)), ("read by eq. (1)", ("mapper.geometry=paper",)))
 CELLS = (("0.40 m", "0.4"), ("0.267 m", "third_of_chassis"))
 RASTERS = (("distance to the line", "distance"), ("every cell touched", "supercover"), ("the printed test", "paper"))
+HEIGHTS = (("from the floor", "floor"), ("as printed: from the sensor", "sensor"))
+ANCHORS = (("from S", "start"), ("as printed: from x_min, y_min", "lowest"))
 GROWTH_NAMES = {2: "grown by 2 cells", 0: "not grown"}
 
 
@@ -94,6 +115,8 @@ def steps_of_errata() -> int:
         + len(ORDERS)
         + len(GEOMETRIES)
         + len(CELLS) * len(RASTERS) * len(GROWTH_NAMES)
+        + len(HEIGHTS)
+        + len(ANCHORS)
         + len(LAWS)
         + len(GAINS)
     )
@@ -149,6 +172,8 @@ def errata_of(seed: int | None, say: Callable[[str], None], discovery: Discovery
             for raster, rule in RASTERS
             for growth in GROWTH_NAMES
         ),
+        heights=tuple(planned(name, (ROOM, f"mapper.height_frame={frame}")) for name, frame in HEIGHTS),
+        anchors=tuple(planned(name, (ROOM, f"planner.anchor={anchor}")) for name, anchor in ANCHORS),
         laws=settled(),
         gains=tuple(driven(k3) for k3 in GAINS),
     )

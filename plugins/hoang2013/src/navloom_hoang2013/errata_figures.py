@@ -1,7 +1,8 @@
-"""Figures of what the errata of Hoang et al. 2013 change: filter order, geometry, grid, and gain k3."""
+"""Figures of what the errata of Hoang et al. 2013 change in maps, grids, plans and settling."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from navloom_hoang2013.runs import box
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["gain_figure", "geometry_figure", "grid_rules_figure", "order_figure"]
+__all__ = ["anchor_figure", "gain_figure", "geometry_figure", "grid_rules_figure", "height_figure", "order_figure"]
 
 SHOWN_GRIDS = (
     ("0.40 m, distance to the line", "a: 0.40 m, by distance"),
@@ -40,16 +41,27 @@ SHOWN_GRIDS = (
 
 def order_figure(errata: Errata) -> Figure:
     """The map and the plan with the filters before the minimum, and with the printed order."""
+    return _maps_figure(errata.orders, ("a: filters first", "b: as printed"))
+
+
+def height_figure(errata: Errata) -> Figure:
+    """The map and the plan with heights from the floor, and with z of eq. (1), which is 0 at the sensor."""
+    return _maps_figure(errata.heights, ("a: z from the floor", "b: as printed"))
+
+
+def _maps_figure(variants: Sequence[Variant], titles: Sequence[str]) -> Figure:
+    """Maps as lines, and plans, side by side."""
     figure, panels = new_figure(COLUMN, 62.0, 1, 2)
-    for axes, variant, title in zip(panels, errata.orders, ("a: filters first", "b: as printed"), strict=True):
+    for axes, variant, title in zip(panels, variants, titles, strict=True):
         run = variant.drive
-        assert run.map is not None and run.path is not None
+        assert run.map is not None
         _small_room(axes, f"{title}\n{length_of(run)}")
         draw_world(axes, run.world, run.episode.system.robot.height)
         for number, segment in enumerate(run.map.segments):
             axes.plot(segment[0::2], segment[1::2], color=BLUE, linewidth=2.0, zorder=2.5,
                       label="mapped" if number == 0 else None)  # fmt: skip
-        axes.plot(*run.path.points.T, color=VERMILION, linewidth=1.2, zorder=4, label="A*")
+        if run.path is not None:
+            axes.plot(*run.path.points.T, color=VERMILION, linewidth=1.2, zorder=4, label="A*")
         draw_places(axes, run, gates_at=3.9, beside=0.9, size=7)
     panels[1].set_ylabel("")
     handles, labels = panels[0].get_legend_handles_labels()
@@ -129,6 +141,23 @@ def _draw_grid(axes: Any, variant: Variant, bare: Variant, growth: int) -> None:
     if run.path is not None:
         axes.plot(*run.path.points.T, color=VERMILION, linewidth=1.4, zorder=4)
     draw_places(axes, run, gates_at=3.4, beside=1.0, size=7)
+
+
+def anchor_figure(errata: Errata) -> Figure:
+    """Grown cells counted from S and from the lowest outline, the lines that they were drawn from, and the plans."""
+    figure, panels = new_figure(COLUMN, 62.0, 1, 2)
+    for axes, variant, title in zip(panels, errata.anchors, ("a: cells from S", "b: as printed"), strict=True):
+        run, plan = variant.drive, variant.drive.path
+        assert run.map is not None and plan is not None and plan.traversable is not None
+        _small_room(axes, f"{title}\n{length_of(run)}")
+        grid = plan.traversable
+        draw_kinds(axes, grid, np.zeros(grid.cells.shape, dtype=np.bool_), grid.cells > 0)
+        for segment in run.map.segments:
+            axes.plot(segment[0::2], segment[1::2], color=BLUE, linewidth=1.5, zorder=2.5)
+        axes.plot(*plan.points.T, color=VERMILION, linewidth=1.2, zorder=4)
+        draw_places(axes, run, gates_at=3.4, beside=1.0, size=7)
+    panels[1].set_ylabel("")
+    return figure
 
 
 def gain_figure(errata: Errata) -> Figure:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 from navloom.geometry.solids import overlaps
-from navloom.geometry.world import Box, World
+from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import OccupancyGrid
 from navloom.report.plotting import GREY, OKABE_ITO, new_figure
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from navloom_hoang2013.runs import GATE_LINE, Drive, gates_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["COLUMN", "cells_of", "cloud_figure", "draw_kinds", "draw_places", "draw_world", "grid_figure",
+__all__ = ["COLUMN", "cells_of", "cloud_figure", "draw_kinds", "draw_places", "draw_world", "grid_figure", "is_drawn",
            "legend_below", "map_figure", "plan_axes", "set_room", "union_figure"]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -29,9 +29,11 @@ COLUMN = 88.0
 ROOM = (-4.8, 7.4, -0.9, 9.6)
 """Lowest and highest x, lowest and highest y of the plans, m."""
 FLOOR = "#B8B8B8"
-OVERHEAD = SKY
+CEILING = "#F5E6A8"
 OBSTACLE = BLUE
 KEPT = VERMILION
+BELOW_CEILING = 2.35
+"""Height that separates pixels of the ceiling, at 2.4 m with a noise of 1 cm, from the others, m."""
 GROWN, OCCUPIED = "#CFCFCF", "#4D4D4D"
 DOT = 1.1
 BADGE = {"boxstyle": "circle,pad=0.18", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.6}
@@ -55,12 +57,17 @@ def set_room(axes: Any) -> None:
     axes.set_ylabel("y, m")
 
 
+def is_drawn(obstacle: Obstacle, shows_o: bool = False) -> TypeGuard[Box]:
+    """Whether figures show an obstacle's outline: that of every box but the ceiling, and O only where asked for."""
+    return isinstance(obstacle, Box) and obstacle.name != "ceiling" and (shows_o or not obstacle.appears_after_sweep)
+
+
 def draw_world(axes: Any, world: World, height: float, shows_o: bool = False) -> None:
     """Draw the outlines of boxes in the room: solid if a box hinders a robot of `height`, m, dotted if it is above."""
     from matplotlib.patches import Rectangle
 
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Box) and (shows_o or not obstacle.appears_after_sweep):
+        if is_drawn(obstacle, shows_o):
             hinders = overlaps(obstacle.z, (0.0, height))
             axes.add_patch(
                 Rectangle(
@@ -120,12 +127,13 @@ def cloud_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
     _frame(axes)
     _wires(axes, drive.world)
     robot = drive.episode.system.robot
-    for names, colour, label in (
-        (("floor",), FLOOR, "floor"),
-        (("behind", "kept"), OBSTACLE, f"up to the robot's height, {robot.height:g} m"),
-        (("overhead",), ORANGE, f"above {z_limit:g} m"),
+    girders, ceiling = _overhead(cloud)
+    for points, colour, label in (
+        (cloud.of("floor"), FLOOR, "floor"),
+        (ceiling, CEILING, "ceiling"),
+        (cloud.of("behind", "kept"), OBSTACLE, f"up to {robot.height:g} m"),
+        (girders, ORANGE, f"above {z_limit:g} m"),
     ):
-        points = cloud.of(*names)
         axes.scatter(
             *points.T, s=1.6, c=colour, linewidths=0.0, label=label, depthshade=False, rasterized=True, zorder=2
         )
@@ -138,8 +146,15 @@ def cloud_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
     for gate in gates_of(drive.world):
         axes.text(gate.middle, 5.2, 0.35, gate.name, fontsize=8, fontweight="bold", ha="center", va="center", zorder=6,
                   bbox=BADGE)  # fmt: skip
-    legend_below(figure, axes, 3, place="lower center")
+    legend_below(figure, axes, 4, place="lower center")
     return figure
+
+
+def _overhead(cloud: Cloud) -> tuple[Floats, Floats]:
+    """Points above the robot: those below the ceiling, and those of it."""
+    points = cloud.of("overhead")
+    is_ceiling = points[:, 2] > BELOW_CEILING
+    return points[~is_ceiling], points[is_ceiling]
 
 
 def _frame(axes: Any) -> None:
@@ -154,7 +169,7 @@ def _frame(axes: Any) -> None:
     for axis, name in ((axes.xaxis, "x, m"), (axes.yaxis, "y, m"), (axes.zaxis, "z, m")):
         axis.set_label_text(name, fontsize=8)
         axis.set_tick_params(labelsize=7, pad=-2)
-        axis.labelpad = -6 if axis is axes.zaxis else -2
+        axis.labelpad = -2
         axis.pane.set_visible(False)
     axes.grid(False)
 
@@ -162,7 +177,7 @@ def _frame(axes: Any) -> None:
 def _wires(axes: Any, world: World) -> None:
     """Draw the edges of the true boxes."""
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Box) and not obstacle.appears_after_sweep:
+        if is_drawn(obstacle):
             (x0, x1), (y0, y1), (z0, z1) = obstacle.x, obstacle.y, obstacle.z
             ring = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
             for z in (z0, z1):
@@ -175,14 +190,16 @@ def union_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
     """Fig. 7: every pixel pressed onto the plane."""
     figure, axes = plan_axes(86.0)
     draw_world(axes, drive.world, drive.episode.system.robot.height)
-    for names, colour, label, order in (
-        (("floor",), FLOOR, "floor", 2.0),
-        (("overhead",), ORANGE, f"above {z_limit:g} m", 2.1),
-        (("behind", "kept"), OBSTACLE, f"obstacles up to {z_limit:g} m", 2.2),
+    girders, ceiling = _overhead(cloud)
+    for points, colour, label, order in (
+        (ceiling, CEILING, "ceiling", 1.9),
+        (cloud.of("floor"), FLOOR, "floor", 2.0),
+        (girders, ORANGE, f"above {z_limit:g} m", 2.1),
+        (cloud.of("behind", "kept"), OBSTACLE, f"up to {z_limit:g} m", 2.2),
     ):
-        draw_pixels(axes, cloud.of(*names), colour, label, order=order)
+        draw_pixels(axes, points, colour, label, order=order)
     draw_places(axes, drive)
-    legend_below(figure, axes, 3)
+    legend_below(figure, axes, 4)
     return figure
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
+from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
@@ -12,10 +13,13 @@ import numpy as np
 from navloom.report import html
 
 from navloom_hoang2013.cloud import hits_by_box
+from navloom_hoang2013.drive_readings import DriveReadings
 from navloom_hoang2013.errata import Errata, Variant, length_of
 from navloom_hoang2013.law import BAND
-from navloom_hoang2013.numbers import Number
+from navloom_hoang2013.measured import statements_of
 from navloom_hoang2013.plates import Plate, Reproduction
+from navloom_hoang2013.seeds import Tally
+from navloom_hoang2013.statements import Statement
 
 __all__ = ["page_of"]
 
@@ -28,11 +32,12 @@ PAPER = (
 SECTIONS = (
     ("Figures 6 and 7: what the laser sees", ("figure-06", "figure-07")),
     ("Figures 8 and 9: map and plan", ("figure-08", "figure-09")),
-    ("Figure 10: tracking", ("figure-10",)),
-    ("Figure 11: the unexpected obstacle", ("figure-11a", "figure-11b")),
+    ("Figure 10: tracking", ("figure-10", "figure-10-speeds")),
+    ("Figures 11 and 12: the unexpected obstacle", ("figure-11a", "figure-11b", "figure-12")),
 )
-EXPECTED = {"girder A": 230, "girder B": 177, "floor": 772, "no return": 1801}
-"""Number of rays of the sweep without noise by the object they hit, from the study made beforehand."""
+EXPECTED = {"girder A": 230, "girder B": 177, "floor": 772, "ceiling": 1801, "no return": 0}
+"""Number of rays of the sweep without noise by the object they hit, from the study made beforehand. Its room had no
+ceiling: what the ceiling meets here met nothing."""
 
 
 def page_of(made: Reproduction, drawings: Sequence[tuple[Plate, str]]) -> str:
@@ -43,7 +48,7 @@ def page_of(made: Reproduction, drawings: Sequence[tuple[Plate, str]]) -> str:
         drawings: Each figure with its SVG.
     """
     figures = {plate.stem: html.figure(_fitting(svg), f"{plate.title} {plate.caption}") for plate, svg in drawings}
-    sections = [html.Section("The numbers", _numbers(made.numbers))]
+    sections = [html.Section("The statements", _statements(statements_of(made)))]
     for title, stems in SECTIONS:
         parts = [figures[stem] for stem in stems if stem in figures]
         sections.append(html.Section(title, _beside(parts)))
@@ -83,15 +88,29 @@ def _cm(metres: float) -> str:
 
 def _end(summary: dict[str, Any]) -> str:
     if summary["truly_reached"]:
-        return f"arrives at D after {summary['sim_time_s']:.1f} s"
+        return f"arrives at D after {summary['sim_time_s']:.1f} s, {summary['goal_error_m']:.2f} m from it"
     if summary["outcome"] == "succeeded":
         return f"does not arrive: it says so {summary['goal_error_m']:.1f} m from D"
     return f"does not arrive: {summary['outcome']}, {summary['reason']}"
 
 
-def _numbers(numbers: Sequence[Number]) -> str:
-    rows = [(n.what, n.paper, n.ours, n.section, n.note) for n in numbers]
-    return html.table(("value", "paper", "ours", "section", "note"), rows, text=range(5))
+def _statements(statements: Sequence[Statement]) -> str:
+    rows = [
+        (
+            statement.id,
+            statement.printed,
+            f"{statement.ours}\n{statement.why}" if statement.why else statement.ours,
+            statement.verdict,
+            "\n".join(f"{key} {'(not active)' if key in statement.inactive else ''}".strip() for key in statement.keys),
+            f"{statement.code}\n{statement.test.rpartition('::')[2]}",
+            statement.figure,
+        )
+        for statement in statements
+    ]
+    names = ("", "printed", "ours, and why", "verdict", "key of the printed reading", "code, and test", "figure")
+    tally = Counter(statement.verdict for statement in statements)
+    counts = ", ".join(f"{number} {verdict}" for verdict, number in tally.most_common())
+    return html.table(names, rows, f"{len(statements)} statements: {counts}", text=range(len(names)))
 
 
 def _errata_sections(made: Reproduction, figures: dict[str, str]) -> list[html.Section]:
@@ -106,6 +125,18 @@ def _errata_sections(made: Reproduction, figures: dict[str, str]) -> list[html.S
             "What the errata change: gain k3",
             _beside([figures["errata-gain"], _law_table(errata) + _gain_table(errata.gains)]),
         ),
+        html.Section(
+            "What the errata change: heights and cells", _beside([figures["errata-height"], figures["errata-anchor"]])
+        ),
+        html.Section(
+            "What the errata change: path and turns", _beside([figures["errata-path"], figures["errata-turn"]])
+        ),
+        html.Section(
+            "Improved VFH as printed, and robust",
+            _beside([figures["errata-avoider"], figures["errata-range"]])
+            + _beside([_tally_table(made.readings.tallies), _alone_table(made.readings)]),
+        ),
+        html.Section("Robot parameters partially unknown", _calibration_part(made, figures)),
         html.Section("Checked against a study made beforehand", _beside([_way_table(errata), _hit_table(errata)])),
     ]
 
@@ -155,6 +186,73 @@ def _gain_table(gains: Sequence[Variant]) -> str:
         "removes sooner, before it becomes one to the side",
         text=(4,),
     )
+
+
+def _tally_table(tallies: Sequence[Tally]) -> str:
+    rows = [
+        (
+            tally.name,
+            f"{tally.believed}",
+            f"{tally.reached}",
+            f"{max(result.goal_error for result in tally.results):.2f}",
+            f"{tally.touched}",
+            f"{tally.median('clearance'):.2f}",
+            f"{tally.median('time'):.1f}",
+        )
+        for tally in tallies
+    ]
+    return html.table(
+        ("avoider", "says it reached D", "truly did", "farthest from D, m", "touched", "clearance, m", "time, s"),
+        rows,
+        "Twenty seeds; clearance and time are medians",
+    )
+
+
+def _alone_table(readings: DriveReadings) -> str:
+    rows = []
+    for variant in readings.alone:
+        found = variant.drive.episode.summary()
+        where = "reached D" if found["truly_reached"] else f"{found['goal_error_m']:.2f} m from D"
+        rows.append((variant.name, where, f"{found['min_clearance_m']:.2f}", f"{found['sim_time_s']:.1f}"))
+    return html.table(
+        ("key as printed", "end", "clearance, m", "time, s"),
+        rows,
+        "Robust, with one key as printed at a time",
+        text=(1,),
+    )
+
+
+def _calibration_part(made: Reproduction, figures: dict[str, str]) -> str:
+    if not made.calibrations:
+        return html.paragraph(
+            "Not run. `navloom paper --campaigns` drives 720 times with wheel radius and half track wrong by 1 to 10 "
+            "%, in some minutes."
+        )
+    rows = [
+        (
+            entry.parameter,
+            f"{100.0 * entry.error:+g}",
+            "right" if entry.knows else "wrong",
+            f"{entry.tally.believed}",
+            f"{entry.tally.reached}",
+            f"{entry.tally.median('goal_error'):.2f}",
+            f"{max(result.goal_error for result in entry.tally.results):.2f}",
+            f"{entry.tally.touched}",
+        )
+        for entry in made.calibrations
+    ]
+    names = (
+        "parameter",
+        "error, %",
+        "odometry",
+        "says it reached D",
+        "truly did",
+        "median from D, m",
+        "most, m",
+        "touched",
+    )
+    table = html.table(names, rows, "Twenty seeds a row, without O", text=(2,))
+    return _beside([figures["errata-calibration"], table])
 
 
 def _way_table(errata: Errata) -> str:

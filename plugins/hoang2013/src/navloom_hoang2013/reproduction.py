@@ -1,4 +1,4 @@
-"""Reproduction of Hoang et al. 2013: Figures 6 to 11, its numbers beside ours, and what its errata change."""
+"""Reproduction of Hoang et al. 2013: Figures 6 to 12, its statements beside ours, and what its errata change."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from typing import Any
 from navloom.plugins import Discovery
 
 from navloom_hoang2013.cloud import cloud_of
+from navloom_hoang2013.drive_readings import DriveReadings, readings_of, steps_of_readings
 from navloom_hoang2013.errata import Errata, Variant, errata_of, limits_of, steps_of_errata
-from navloom_hoang2013.numbers import numbers_of
+from navloom_hoang2013.measured import statements_of
 from navloom_hoang2013.plates import Plate, Reproduction, plates_of
 from navloom_hoang2013.report import page_of
 from navloom_hoang2013.runs import START, Drive, crossing, drive
+from navloom_hoang2013.seeds import Tally, calibrations, steps_of_campaigns
 
 __all__ = ["FIGURES", "FILES", "PaperError", "drawn", "facts_of", "files_of", "is_reproduced", "reproduce", "steps"]
 
-FIGURES = 11
-"""Number of figures that are drawn if the whole experiment ran."""
+FIGURES = 19
+"""Number of figures that are drawn if the whole experiment ran; campaigns add one."""
 FILES = ("report.html", "numbers.json", "figure-*", "errata-*")
 """Patterns of the file names that `files_of` returns."""
 Say = Callable[[str], None]
@@ -28,13 +30,17 @@ class PaperError(RuntimeError):
     """The experiment ended too early to draw its figures."""
 
 
-def steps() -> int:
+def steps(campaigns: bool = False) -> int:
     """Number of calls of `say` by `reproduce` and `files_of` together."""
-    return 2 + steps_of_errata() + FIGURES
+    more = steps_of_campaigns() + 1 if campaigns else 0
+    return 2 + steps_of_errata() + steps_of_readings() + FIGURES + more
 
 
 def reproduce(
-    seed: int | None = None, say: Say = lambda text: None, discovery: Discovery | None = None
+    seed: int | None = None,
+    say: Say = lambda text: None,
+    discovery: Discovery | None = None,
+    campaigns: bool = False,
 ) -> Reproduction:
     """Run the experiment with and without its obstacle, and both readings of each omission or error of the paper.
 
@@ -42,6 +48,7 @@ def reproduce(
         seed: Seed of the runs with noise; None: the shipped config's.
         say: Called with the name of each run before it starts.
         discovery: Source of the plugins; default: those installed.
+        campaigns: Whether to drive with wrong robot parameters too: 720 drives, some minutes.
 
     Raises:
         ConfigError, PluginError: A plugin of the experiment is missing.
@@ -54,7 +61,8 @@ def reproduce(
     free = _driven(drive("world.ref=paper_gates", seed=seed))
     errata = errata_of(seed, say, discovery)
     cloud = cloud_of(run.sweep, START, *limits_of(run), "paper")
-    return Reproduction(run, free, cloud, errata, numbers_of(run, free, errata, cloud))
+    readings = readings_of(seed, say)
+    return Reproduction(run, free, cloud, errata, readings, calibrations(say) if campaigns else ())
 
 
 def _driven(run: Drive) -> Drive:
@@ -106,13 +114,23 @@ def facts_of(made: Reproduction) -> dict[str, Any]:
         "reproduced": is_reproduced(made),
         "with_obstacle": _drive_facts(made.run, run),
         "without_obstacle": _drive_facts(made.free, free),
-        "numbers": [vars(number) for number in made.numbers],
+        "statements": [vars(statement) for statement in statements_of(made)],
         "errata": _errata_facts(errata),
+        "drives": _reading_facts(made.readings),
+        "calibrations": [
+            {
+                "parameter": entry.parameter,
+                "error": entry.error,
+                "odometry_knows": entry.knows,
+                **_tally_facts(entry.tally),
+            }
+            for entry in made.calibrations
+        ],
     }
 
 
 def is_reproduced(made: Reproduction) -> bool:
-    """Whether both runs arrived at D without contact, with a plan through gate B."""
+    """Whether both runs truly arrived at D without contact, with a plan through gate B."""
     return all(
         run.episode.trail.succeeded
         and run.episode.recorder.touches == 0
@@ -123,13 +141,14 @@ def is_reproduced(made: Reproduction) -> bool:
 
 
 def _drive_facts(run: Drive, summary: Mapping[str, Any]) -> dict[str, Any]:
-    names = ("outcome", "reason", "sim_time_s", "plan_length_m", "path_length_m", "optimal_length_m",
-             "cross_track_rms_m", "cross_track_max_m", "min_clearance_m", "collisions")  # fmt: skip
+    names = ("outcome", "reason", "truly_reached", "goal_error_m", "sim_time_s", "plan_length_m", "path_length_m",
+             "optimal_length_m", "cross_track_rms_m", "cross_track_max_m", "min_clearance_m", "collisions")  # fmt: skip
     return {"gate": _gate(run), **{name: summary[name] for name in names}}
 
 
 def _gate(run: Drive) -> str | None:
-    return None if run.path is None else crossing(run.path, run.world)
+    has_gates = any(obstacle.name == "partition" for obstacle in run.world.obstacles)
+    return crossing(run.path, run.world) if has_gates and run.path is not None else None
 
 
 def _errata_facts(errata: Errata) -> dict[str, Any]:
@@ -150,8 +169,41 @@ def _errata_facts(errata: Errata) -> dict[str, Any]:
         "filter_order": plans(errata.orders),
         "geometry": plans(errata.geometries),
         "grid": plans(errata.grids),
+        "height_frame": plans(errata.heights),
+        "anchor": plans(errata.anchors),
         "settling": [
             {"law": found.law.name, "settled_s": found.settled, "expected_s": found.law.stated} for found in errata.laws
         ],
         "k3": [{"k3": float(v.name), **_drive_facts(v.drive, v.drive.episode.summary())} for v in errata.gains],
     }
+
+
+def _reading_facts(readings: DriveReadings) -> dict[str, Any]:
+    def drives(variants: tuple[Variant, ...]) -> list[dict[str, Any]]:
+        return [
+            {"name": v.name, "set": list(v.settings), **_drive_facts(v.drive, v.drive.episode.summary())}
+            for v in variants
+        ]
+
+    return {
+        "path_shape": drives(readings.shapes),
+        "turn_in_place": [
+            {"off_deg": turn.off, "above_deg": turn.above, **_drive_facts(turn.drive, turn.drive.episode.summary())}
+            for turn in readings.turns
+        ],
+        "avoiders": drives(readings.avoiders),
+        "seeds": [{"name": tally.name, **_tally_facts(tally)} for tally in readings.tallies],
+        "one_key_printed": drives(readings.alone),
+        "range": [
+            {"name": reach.name, "acts_from_m": reach.acts_from, "threshold": reach.threshold,
+             **_drive_facts(reach.passes, reach.passes.episode.summary())}
+            for reach in readings.ranges
+        ],
+        "doors": [{"method": door.method, "width_m": door.width, "passed": door.passed} for door in readings.doors],
+    }  # fmt: skip
+
+
+def _tally_facts(tally: Tally) -> dict[str, Any]:
+    return {"set": list(tally.settings), "drives": [
+        {name: value for name, value in vars(result).items() if name != "track"} for result in tally.results
+    ]}  # fmt: skip

@@ -30,7 +30,20 @@ from navloom.messages import (
 from navloom.study.episode import Episode, run_episode
 from numpy.typing import NDArray
 
-__all__ = ["PLANNED", "QUIET", "START", "Choice", "Drive", "Gate", "box", "crossing", "drive", "gates_of"]
+__all__ = [
+    "PLANNED",
+    "QUIET",
+    "START",
+    "Choice",
+    "Drive",
+    "Gate",
+    "away_from",
+    "box",
+    "crossing",
+    "drive",
+    "gates_of",
+    "moving_speeds",
+]
 
 Floats = NDArray[np.float64]
 QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.noise=false")
@@ -85,7 +98,7 @@ class Choice:
 
 @dataclass(eq=False)
 class _Onlooker:
-    """An observer that keeps what the figures need: the newest message of each type, and the lists below."""
+    """An observer that keeps what the figures need: the first and newest message of each type, and the lists below."""
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
         {
@@ -103,24 +116,40 @@ class _Onlooker:
     )
     wants_steps: bool = False
     newest: dict[type[Message], Message] = field(default_factory=dict)
+    first: dict[type[Message], Message] = field(default_factory=dict)
     errors: list[tuple[float, float, float, float]] = field(default_factory=list)
     sources: list[tuple[float, str]] = field(default_factory=list)
     choice: Choice | None = None
+    towards: tuple[float, float] | None = None
+    densities: list[tuple[float, float, float, float, float]] = field(default_factory=list)
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """Record the message."""
         time = at.stamp_ns * 1e-9
         self.newest[type(message)] = message
+        self.first.setdefault(type(message), message)
         if isinstance(message, TrackingCommand):
             self.errors.append((time, message.e1, message.e2, message.e3))
         elif isinstance(message, GateStatus):
             self.sources.append((time, message.source))
-        elif isinstance(message, AvoiderStatus) and self.choice is None and self.sources[-1][1] == "avoider":
+        elif isinstance(message, AvoiderStatus):
             assert message.diagnostics is not None  # EVERY_TICK
-            self._look(time, message.diagnostics)
+            if self.towards is not None:
+                self._measure(time, message.diagnostics, *self.towards)
+            if self.choice is None and self.sources[-1][1] == "avoider":
+                self._look(time, message.diagnostics)
 
     def on_step(self, record: StepRecord) -> None:
         """Not used, since `wants_steps` is False."""
+
+    def _measure(self, time: float, diagnostics: AvoiderDiagnostics, x: float, y: float) -> None:
+        """Record the density of the sector towards a point."""
+        estimate = self.newest[PoseEstimate]
+        assert isinstance(estimate, PoseEstimate)
+        pose = estimate.pose
+        count = len(diagnostics.histogram)
+        sector = int(math.atan2(y - pose.y, x - pose.x) % math.tau / (math.tau / count)) % count
+        self.densities.append((time, pose.x, pose.y, float(diagnostics.histogram[sector]), diagnostics.threshold))
 
     def _look(self, time: float, diagnostics: AvoiderDiagnostics) -> None:
         """Record the first tick in which the avoider is active and turns more than one sector away from its target."""
@@ -138,13 +167,15 @@ class Drive:
 
     Attributes:
         episode: The episode with its metrics.
-        sweep: The 3D image.
-        map: The map made from it, or None.
-        path: The plan; None if there is none.
-        trajectory: The trajectory that was followed, or None.
+        sweep: The first 3D image.
+        map: The first map, or None.
+        path: The first plan; None if there is none.
+        trajectory: The trajectory of the first plan, or None.
         errors: (n, 4) time, s; e1, e2, m; e3, rad, of each tick with a reference: eq. (4).
         sources: Time, s, and new active source ("controller", "avoider", ...) at each change.
         choice: The tick in which the avoider first turned away from its target, or None.
+        densities: (n, 5) time, s; estimated x, y, m, map frame; density of the sector towards a point, and threshold,
+            of each tick; n = 0 if no point was asked for.
     """
 
     episode: Episode
@@ -155,6 +186,7 @@ class Drive:
     errors: Floats
     sources: tuple[tuple[float, str], ...]
     choice: Choice | None
+    densities: Floats
 
     @property
     def world(self) -> World:
@@ -173,17 +205,29 @@ class Drive:
         return parts
 
 
-def drive(*overrides: str, seed: int | None = None) -> Drive:
+def moving_speeds(run: Drive) -> Floats:
+    """(n,) true forward speeds of the ticks in which the robot moves, m/s."""
+    speeds = np.array(run.episode.recorder.truth)[:, 4]
+    moving: Floats = speeds[speeds > 1e-3]
+    return moving
+
+
+def drive(*overrides: str, seed: int | None = None, towards: tuple[float, float] | None = None) -> Drive:
     """Run the shipped config `paper` with overrides, and keep what its figures need.
+
+    Args:
+        overrides: Settings in the form of `--set`.
+        seed: Seed of the noise; None: the config's.
+        towards: Point, m, map frame, towards which the avoider's density is recorded; None: none.
 
     Raises:
         ConfigError, PluginError: A plugin of the experiment is missing, or an override is invalid.
     """
-    onlooker = _Onlooker()
+    onlooker = _Onlooker(towards=towards)
     loaded = load_config("paper", [EVERY_TICK, *overrides], seed)
     episode = run_episode(loaded, observers=[onlooker])
-    kept = onlooker.newest
-    sweep, update, path, trajectory = (kept.get(kind) for kind in (Sweep, MapUpdate, Path, Trajectory))
+    # A robot that misses its goal plans again: figures show the plan from S.
+    sweep, update, path, trajectory = (onlooker.first.get(kind) for kind in (Sweep, MapUpdate, Path, Trajectory))
     assert isinstance(sweep, Sweep)
     return Drive(
         episode,
@@ -194,6 +238,7 @@ def drive(*overrides: str, seed: int | None = None) -> Drive:
         np.array(onlooker.errors).reshape(-1, 4),
         tuple(onlooker.sources),
         onlooker.choice,
+        np.array(onlooker.densities).reshape(-1, 5),
     )
 
 
@@ -201,6 +246,14 @@ def box(world: World, name: str) -> Box:
     """The box with a name in the paper's world."""
     found = next(obstacle for obstacle in world.obstacles if obstacle.name == name)
     assert isinstance(found, Box)
+    return found
+
+
+def away_from(obstacle: Box, points: Floats) -> Floats:
+    """(n,) horizontal distance of points (n, 2), m, map frame, from an upright box, m; 0 inside."""
+    low, high = np.array([obstacle.x, obstacle.y]).T
+    apart = np.maximum(np.maximum(low - points, points - high), 0.0)
+    found: Floats = np.hypot(*apart.T)
     return found
 
 

@@ -11,7 +11,7 @@ from navloom import Claim, Context, Count, InputError, Mapper, MapperInput, MapU
 from navloom_ipabd import mapping
 from navloom_ipabd.errors import DataError
 from navloom_ipabd.mapping import GridMap, Outline
-from navloom_ipabd.params import IpabdParams, UnionParams
+from navloom_ipabd.params import PRINTED, ROBUST, IpabdParams, UnionParams
 from navloom_ipabd.rules import Rule
 from navloom_ipabd.sweep import SweepImage
 from navloom_ipabd.track import FrameMotion, frame_motion
@@ -84,6 +84,7 @@ class Ipabd(_OfSweeps[IpabdParams]):
     """Sweeps of a pitched laser to one 2D map (Hoang et al. 2013, section II)."""
 
     name = "ipabd"
+    presets = {"robust": ROBUST, "printed": PRINTED}
 
     def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
         return mapping.outline(image, motion, self._settings)

@@ -1,18 +1,18 @@
-"""Parameters of the ipabd mapper, as a config file gives them."""
+"""Parameters of the ipabd mapper, as a config file gives them, and its presets."""
 
 from __future__ import annotations
 
 from math import inf, radians
 from typing import Literal
 
-from navloom import Params
+from navloom import Params, Preset
 from pydantic import Field
 
 from navloom_ipabd.mapping import MapSettings
-from navloom_ipabd.rules import FilterOrder, Filters
+from navloom_ipabd.rules import FilterOrder, Filters, HeightFrame
 from navloom_ipabd.segmentation import Segmentation, SegmentationMethod
 
-__all__ = ["IpabdParams", "UnionParams"]
+__all__ = ["PRINTED", "ROBUST", "IpabdParams", "UnionParams"]
 
 
 class IpabdParams(Params):
@@ -22,6 +22,9 @@ class IpabdParams(Params):
         "as_sweep", description="how ranges become points; as_sweep: as the sweep states"
     )
     filter_order: FilterOrder = Field("before_min", description="floor and height filter before or after the minimum")
+    height_frame: HeightFrame = Field(
+        "floor", description="where z is 0 in the filters: at the floor, or at the sensor (eq. (1) as printed)"
+    )
     floor_tolerance: float = Field(
         0.06, ge=0.0, description="largest distance from the floor of points that count as floor, m"
     )
@@ -69,6 +72,7 @@ class IpabdParams(Params):
         filters = Filters(
             floor_tolerance=self.floor_tolerance,
             z_limit=robot_height if self.z_limit is None else self.z_limit,
+            frame=self.height_frame,
             order=self.filter_order,
             min_range=self.min_range,
             max_range_tolerance=self.max_range_tolerance,
@@ -94,6 +98,33 @@ class IpabdParams(Params):
             paper_t=self.paper_raster_t,
             bin_width=None if self.bin_width_deg is None else radians(self.bin_width_deg),
         )
+
+
+ROBUST = Preset("ours: the geometry that the sweep states")
+
+PRINTED = Preset(
+    "Hoang et al. 2013, II.B",
+    {
+        "geometry": ("paper", "II.B, eq. (1), whatever the sensor measures"),
+        "filter_order": (
+            "before_min",
+            "II.B prints step 3 after step 2, which maps no bearing; decided: filters first",
+        ),
+        "height_frame": (
+            "floor",
+            "II.B prints z = 0 for the floor, which is at -0.4 m by eq. (1); decided: from the floor",
+        ),
+        "floor_tolerance": (0.06, "II.B: z = 0; decided: six standard deviations of the laser"),
+        "z_limit": (None, "II.B: the robot's height"),
+        "deskew": (True, "not in the paper, whose robot stands; decided: it does no harm there"),
+        "segmentation": (
+            "adaptive",
+            "II.B: PDBS; its threshold is not stated; decided: the adaptive breakpoint detector",
+        ),
+        "line_tolerance": (0.06, "not stated; decided: six standard deviations of the laser"),
+        "accumulate": (True, "not in the paper, which takes one image; decided: another one adds to the map"),
+    },
+)
 
 
 class UnionParams(Params):

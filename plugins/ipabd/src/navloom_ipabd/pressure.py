@@ -106,22 +106,24 @@ def press(
         nearest, points, seen, tally = _press_bins(
             sweep.ranges, frames, sin_b, cos_b, height, limits, is_rigid, circle, bins.size
         )
-    return settle(bins, nearest, points, seen, tally, filters)
+    return settle(bins, nearest, points, seen, tally, filters, height)
 
 
 def _limits(sweep: SweepImage, filters: Filters) -> Floats:
-    """Least range, first range that is too long, -floor, floor and z limit, m.
+    """Least range, first range that is too long, and the four `Heights`, m.
 
     With the printed order the height limits are infinite, because `settle` filters heights later.
     """
     range_min = max(sweep.range_min, filters.min_range)
     range_cut = sweep.range_max - filters.max_range_tolerance
     if filters.order == "paper":
-        return np.array([range_min, range_cut, -math.inf, -math.inf, math.inf])
-    return np.array([range_min, range_cut, -filters.floor_tolerance, filters.floor_tolerance, filters.z_limit])
+        return np.array([range_min, range_cut, -math.inf, -math.inf, -math.inf, math.inf])
+    return np.array([range_min, range_cut, *filters.heights(sweep.mount[2])])
 
 
-def settle(bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDArray[np.int64], f: Filters) -> Barriers:
+def settle(
+    bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDArray[np.int64], f: Filters, sensor_z: float
+) -> Barriers:
     """Complete the counts. For the printed order, also filter the minima: step 3 after step 2.
 
     Args:
@@ -129,16 +131,18 @@ def settle(bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDA
         points: (bins, 3) its point, m; NaN if there is none.
         seen: (bins,) largest horizontal range of any return, m.
         tally: (7,) counts by rule; NOT_MINIMUM includes all points that passed.
+        f: The filters.
+        sensor_z: Height of the sensor above the floor, m.
     """
     counts = dict(zip(Rule, tally.tolist(), strict=False))  # KEPT, the last, is counted below
     found = np.isfinite(nearest)
     counts[Rule.NOT_MINIMUM] -= int(found.sum())
     if f.order == "paper":
-        z = points[:, 2]
+        z, limits = points[:, 2], f.heights(sensor_z)
         wrong = {
-            Rule.BELOW_FLOOR: z < -f.floor_tolerance,
-            Rule.FLOOR: (z >= -f.floor_tolerance) & (z <= f.floor_tolerance),
-            Rule.TOO_HIGH: z > f.z_limit,
+            Rule.BELOW_FLOOR: z < limits.below,
+            Rule.FLOOR: (z >= max(limits.below, limits.deep)) & (z <= limits.low),
+            Rule.TOO_HIGH: z > limits.high,
         }
         for rule, mask in wrong.items():
             counts[rule] += int(mask.sum())
@@ -158,7 +162,7 @@ def _press_columns(
     Limits as `_limits` returns them.
     """
     frames, beams = ranges.shape
-    range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
+    range_min, range_cut, below, deep, low, high = limits[0], limits[1], limits[2], limits[3], limits[4], limits[5]
     nearest = np.full(beams, np.inf)
     heights = np.full(beams, np.nan)
     seen = np.zeros(beams)
@@ -175,10 +179,10 @@ def _press_columns(
             z = r * s + height
             level = r * c
             under += int(z < below)
-            floor += int(z <= low)
+            floor += int((z <= low) & (z >= deep))
             over += int(z > high)
             seen[k] = level if level > seen[k] else seen[k]
-            is_nearer = (z > low) & (z <= high) & (level < nearest[k])
+            is_nearer = ((z > low) | (z < deep)) & (z <= high) & (level < nearest[k])
             nearest[k] = level if is_nearer else nearest[k]
             heights[k] = z if is_nearer else heights[k]
     return nearest, heights, seen, _tally(ranges.size, none, far, near, under, floor, over)
@@ -201,7 +205,7 @@ def _press_bins(
 
     `frames` holds sin and cos of the pitch, shift x, y, m, and sin and cos of the turn of each frame.
     """
-    range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
+    range_min, range_cut, below, deep, low, high = limits[0], limits[1], limits[2], limits[3], limits[4], limits[5]
     nearest = np.full(size, np.inf)
     points = np.full((size, 3), np.nan)
     seen = np.zeros(size)
@@ -229,9 +233,9 @@ def _press_bins(
             i = min(int(angle / circle[1]), size - 1)
             seen[i] = max(seen[i], level)
             under += z < below
-            floor += z <= low
+            floor += deep <= z <= low
             over += z > high
-            if low < z <= high and level < nearest[i]:
+            if (low < z <= high or z < deep) and level < nearest[i]:
                 nearest[i] = level
                 points[i, 0], points[i, 1], points[i, 2] = x, y, z
     return nearest, points, seen, _tally(ranges.size, none, far, near, under, floor, over)

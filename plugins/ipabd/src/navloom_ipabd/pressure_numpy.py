@@ -43,15 +43,15 @@ def classify(sweep: SweepImage, heights: Floats, filters: Filters) -> NDArray[np
     Returns:
         (frames, beams) values of `Rule`.
     """
-    r, tolerance = sweep.ranges, filters.floor_tolerance
+    r, limits = sweep.ranges, filters.heights(sweep.mount[2])
     with np.errstate(invalid="ignore"):
         conditions = [
             np.isinf(r),
             r >= sweep.range_max - filters.max_range_tolerance,
             r < max(sweep.range_min, filters.min_range),
-            heights < -tolerance,
-            heights <= tolerance,
-            heights > filters.z_limit,
+            heights < limits.below,
+            (heights <= limits.low) & (heights >= limits.deep),
+            heights > limits.high,
         ]
     return np.select(conditions, list(range(6)), default=int(Rule.NOT_MINIMUM))
 
@@ -84,7 +84,8 @@ def press_numpy(
     seen = np.zeros(bins.size)
     np.maximum.at(seen, index[is_return], level[is_return])
     nearest, chosen = _minimum(index, level, points, rules == Rule.NOT_MINIMUM, bins.size)
-    return settle(bins, nearest, chosen, seen, np.bincount(rules.ravel(), minlength=7), filters)
+    return settle(bins, nearest, chosen, seen, np.bincount(rules.ravel(), minlength=7), filters,
+                  sweep.mount[2])  # fmt: skip
 
 
 def bin_index(points: Floats, is_return: NDArray[np.bool_], bins: Bins) -> NDArray[np.int64]:

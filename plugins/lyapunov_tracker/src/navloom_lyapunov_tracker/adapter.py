@@ -7,7 +7,7 @@ import math
 from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
 
 from navloom_lyapunov_tracker.law import final_turn, tracking_command, tracking_error, turn_direction, wrap
-from navloom_lyapunov_tracker.params import LyapunovTrackerParams
+from navloom_lyapunov_tracker.params import PRINTED, ROBUST, LyapunovTrackerParams
 
 __all__ = ["LyapunovTracker"]
 
@@ -16,6 +16,7 @@ class LyapunovTracker(Controller[LyapunovTrackerParams]):
     """Follows the re-projected reference with the law of Hoang et al. 2013, eq. (6)."""
 
     name = "lyapunov_tracker"
+    presets = {"robust": ROBUST, "printed": PRINTED}
     claims = {Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
     def __init__(self, params: LyapunovTrackerParams, context: Context) -> None:

@@ -1,13 +1,13 @@
-"""Parameters of the tracker."""
+"""Parameters of the tracker, and its presets: the paper's values, and the defaults, which are ours."""
 
 from __future__ import annotations
 
 from typing import Self
 
-from navloom import Params
+from navloom import Params, Preset
 from pydantic import Field, model_validator
 
-__all__ = ["LyapunovTrackerParams"]
+__all__ = ["PRINTED", "ROBUST", "LyapunovTrackerParams"]
 
 
 class LyapunovTrackerParams(Params):
@@ -28,3 +28,15 @@ class LyapunovTrackerParams(Params):
                 f"turn_in_place_above_deg, {self.turn_in_place_above_deg:g}"
             )
         return self
+
+
+ROBUST = Preset("ours: a robot that faces away turns in place first")
+
+PRINTED = Preset(
+    "Hoang et al. 2013, III.B",
+    {
+        "k1": (1.0, "k1 > 0; decided: 1, so that e1 falls within seconds at 0.4 m/s"),
+        "k3": (0.6, "k3 > 0; decided: 0.6, critical at 0.3 m/s"),
+        "turn_in_place_above_deg": (180.0, "not in the paper: law (6) alone turns the robot"),
+    },
+)

@@ -14,7 +14,7 @@ from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, Refe
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
 from navloom.navigation.projection import project, way_ahead
-from navloom.navigation.trajectory import SpeedLimits, make_trajectory
+from navloom.navigation.trajectory import SpeedLimits, keep_corners, make_trajectory
 from navloom.roles import RobotSpec
 
 __all__ = ["ReferenceNode", "trajectory_of"]
@@ -24,9 +24,14 @@ FAR = 1.0
 """Distance from the first metre of a new trajectory beyond which the robot is looked for on all of it, m."""
 
 
-def trajectory_of(path: Path, limits: SpeedLimits) -> Trajectory:
-    """The trajectory of a path, rounded within its traversable grid, m, map frame; see `navigation.trajectory`."""
+def trajectory_of(path: Path, limits: SpeedLimits, rounds: bool = True) -> Trajectory:
+    """The trajectory of a path, rounded within its traversable grid, m, map frame; see `navigation.trajectory`.
+
+    Without `rounds`, it runs along the path's own points, whatever the grid.
+    """
     grid = path.traversable
+    if not rounds:
+        return Trajectory(path.request_id, keep_corners(path.points, limits).samples)
     if grid is None:
         return Trajectory(path.request_id, make_trajectory(path.points, limits).samples)
     grid_to_map = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
@@ -45,6 +50,7 @@ class ReferenceNode(Node):
         limits: Speed limits of the reference.
         look_ahead: Arc length from the reference point to the avoider's target, m.
         corridor: Half width of the strip that must be free, m.
+        rounds: Whether corners of the path are pruned and rounded.
     """
 
     role = "reference"
@@ -57,8 +63,8 @@ class ReferenceNode(Node):
     reference = Output(ReferencePorts.reference)
     cause = pose
 
-    def __init__(self, limits: SpeedLimits, look_ahead: float, corridor: float) -> None:
-        self.limits, self.look_ahead, self.corridor = limits, look_ahead, corridor
+    def __init__(self, limits: SpeedLimits, look_ahead: float, corridor: float, rounds: bool = True) -> None:
+        self.limits, self.look_ahead, self.corridor, self.rounds = limits, look_ahead, corridor, rounds
         self._paths: dict[int, Path] = {}
         self._trajectory: Trajectory | None = None
         self._driven = 0
@@ -77,7 +83,7 @@ class ReferenceNode(Node):
             deceleration=robot.max_deceleration,
         )
         half_width = float(np.abs(robot.footprint[:, 1]).max())
-        return cls(limits, rules.look_ahead, half_width + rules.corridor_margin)
+        return cls(limits, rules.look_ahead, half_width + rules.corridor_margin, rules.path_shape == "rounded")
 
     def step(self, tick: Tick) -> None:
         path, drive, estimate = self.path.value, self.drive.value, self.pose.value
@@ -87,7 +93,7 @@ class ReferenceNode(Node):
         if drive is None or drive.path_id not in self._paths or estimate is None:
             return
         if drive.path_id != self._driven or self._trajectory is None:
-            self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits)
+            self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits, self.rounds)
             self._driven, self._progress = drive.path_id, self._start(self._trajectory, estimate.pose)
             self.trajectory.put(self._trajectory)
         self.reference.put(self._reference(self._trajectory, drive, estimate.pose))

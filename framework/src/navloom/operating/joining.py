@@ -21,6 +21,8 @@ __all__ = ["find_robot", "join", "split_name"]
 
 FOLLOW = 0.3
 """Interval of looking for processes that the robot gains, s: shorter than one takes to start."""
+LEAVE = 2.0
+"""Longest wait for a session that is being opened when the tool leaves, s: longer than opening one takes (`GATHER`)."""
 LOG = logging.getLogger("navloom.operating")
 
 
@@ -126,9 +128,12 @@ def _following(bus: Bus, home: RobotFolder | None, link: Link) -> Iterator[None]
                 with suppress(BusError):
                     bus.reach(end)
 
+    thread = threading.Thread(target=follow, args=(home,), name="following", daemon=True)
     if home is not None and link.mode == "peer":
-        threading.Thread(target=follow, args=(home,), name="following", daemon=True).start()
+        thread.start()
     try:
         yield
     finally:
         ended.set()
+        if thread.is_alive():
+            thread.join(LEAVE)

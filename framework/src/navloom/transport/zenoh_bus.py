@@ -86,6 +86,7 @@ class Bus:
         self._near = () if self._mesh is None else (self._mesh,)
         self._all = (*self._near, self._outer)
         self._declared: list[Callable[[Connection], None]] = []
+        self._is_closed = False
         self._growing = threading.RLock()  # a declaration may call back at once
 
     def __enter__(self) -> Bus:
@@ -98,6 +99,8 @@ class Bus:
 
     def close(self) -> None:
         """Leave the network."""
+        with self._growing:
+            self._is_closed = True
         self._leave()
         self._outer.close()
 
@@ -126,6 +129,9 @@ class Bus:
         realm, robot, _ = self._prefix.split("/")
         one = Connection(Link("peer", (), (end,), realm=realm, robot=robot))
         with self._growing:
+            if self._is_closed:  # an open session would keep the process from ending
+                one.close()
+                return
             self._more = (*self._more, one)
             if self._mesh is not None:
                 self._near = (*self._near, one)

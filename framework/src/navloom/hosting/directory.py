@@ -114,8 +114,8 @@ def refuse_foreign(folder: Path) -> None:
         else:
             continue
         raise DirectoryError(
-            f"runtime folder {folder}: {path} {why}, so what it says of robots cannot be trusted; remove it or mend its "
-            "owner and mode, or set NAVLOOM_RUNTIME_DIR to a folder of your own"
+            f"runtime folder {folder}: {path} {why}, so it cannot be trusted; remove it, mend its owner and mode, "
+            "or set NAVLOOM_RUNTIME_DIR to a folder of your own"
         )
 
 
@@ -236,7 +236,7 @@ class RobotFolder:
         return any(_is_locked(self.path / claim) for claim, _ in (ROBOT, STANDING))
 
     def told(self, word: str = "robot.json") -> Running | None:
-        """The written description, whether the robot still runs or not. Raises DirectoryError for a folder of others."""
+        """The written description, whether the robot still runs or not. Raises DirectoryError, as `read`."""
         self._refuse_foreign()
         try:
             found = json.loads((self.path / word).read_text("utf-8"))

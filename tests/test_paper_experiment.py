@@ -129,13 +129,13 @@ def test_five_seeds_end_within_0_4_m_of_d_without_contact_and_four_reach_it() ->
 
 
 @pytest.mark.slow
-def test_at_least_85_of_100_seeds_truly_reach_d_and_none_touches() -> None:
+def test_at_least_90_of_100_seeds_truly_reach_d_and_none_touches() -> None:
     with ProcessPoolExecutor(2) as pool:
         results = list(pool.map(seed_result, range(100), chunksize=5))
     reached = [seed for seed, is_there, _, _ in results if is_there]
     print(f"{len(reached)} of 100 truly reach D, contacts: {sum(row[3] for row in results)}")
     assert [row for row in results if row[3]] == []
-    assert len(reached) >= 85, [row for row in results if row[0] not in reached]
+    assert len(reached) >= 90, [row for row in results if row[0] not in reached]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

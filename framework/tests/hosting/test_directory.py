@@ -6,6 +6,7 @@ import fcntl
 import os
 import stat
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -127,3 +128,59 @@ def test_clearing_keeps_the_socket_of_a_running_node() -> None:
         place.clear()
     assert [Path(end).name for end in place.sockets()] == ["there.sock"]
     assert (place.path / "there.sock.lock").exists() and not (place.path / "gone.sock.lock").exists()
+
+
+def another_users(folder: Path) -> None:
+    os.chown(folder, 65534, 65534)
+
+
+def open_to_all(folder: Path) -> None:
+    folder.chmod(0o777)
+
+
+IS_ROOT = pytest.mark.skipif(os.getuid() != 0, reason="only root gives folders to other users")
+
+
+@pytest.mark.parametrize("level", ["parent", "runtime", "robot"])
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        pytest.param(another_users, "belongs to another user (uid 65534)", marks=IS_ROOT),
+        (open_to_all, "is writable for other users (mode 777)"),
+    ],
+)
+def test_a_folder_that_others_may_write_to_is_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str, spoil: Callable[[Path], None], why: str
+) -> None:
+    """Another user could make a robot there whose gate answers that it has stopped."""
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "above" / "navloom"))
+    folder = RobotFolder("lab", "r1")
+    folder.make()
+    assert folder.lock()
+    folder.write(Running("lab", "r1", os.getpid(), ("unixsock-stream/x",), False, "paper", False))
+    spoil({"parent": tmp_path / "above", "runtime": tmp_path / "above" / "navloom", "robot": folder.path}[level])
+    reads = [folder.read, folder.told, folder.fates, folder.is_claimed, folder.make]
+    if level != "robot":
+        reads.append(lambda: list(robots()))  # the folder of one robot may be spoiled while others are not
+    for read in reads:
+        with pytest.raises(DirectoryError) as caught:
+            read()
+        assert why in str(caught.value) and "NAVLOOM_RUNTIME_DIR" in str(caught.value)
+    folder.unlock()
+
+
+def test_a_runtime_folder_that_is_a_link_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "navloom"))
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / "navloom").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(DirectoryError, match="is a symbolic link"):
+        list(robots())
+
+
+def test_a_folder_below_a_sticky_one_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As /tmp: everybody writes, but only owners rename and remove."""
+    (tmp_path / "tmp").mkdir()
+    (tmp_path / "tmp").chmod(0o1777)
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "tmp" / "navloom-0"))
+    RobotFolder("lab", "r1").make()
+    assert list(robots()) == []

@@ -18,7 +18,8 @@ from navloom.engine.build import assemble
 from navloom.hosting.descendants import MARK, PROCESS, descendants
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.process_log import LARGEST_LOG
-from navloom.hosting.supervisor import ProcessTask, Supervisor
+from navloom.hosting.process_tasks import ProcessTask
+from navloom.hosting.supervisor import Supervisor
 from navloom.live.cells import all_sources
 from navloom.live.placing import spread
 from navloom.operating.host_faults import restarting

@@ -9,6 +9,7 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.assembly import goal_rules
 from navloom.engine.build import assemble
+from navloom.engine.nodes.avoider import AvoiderNode
 from navloom.engine.nodes.goal import GoalNode
 from navloom.engine.nodes.mapper import MapperNode
 from navloom.engine.nodes.node import Tick
@@ -27,6 +28,7 @@ from navloom.messages import (
     PoseEstimate,
     StepReport,
     Sweep,
+    TrackingCommand,
     Twist2D,
 )
 from navloom.navigation.goals import GoalMachine
@@ -156,6 +158,32 @@ def test_a_mapper_whose_localizer_is_gone_steps_though_scans_go_on(clock: Clock)
         turn(runner)
         clock.now += PERIOD
     assert len(node.poses) == 2  # one each second
+
+
+class Steps(AvoiderNode):
+    """An avoider node that records the ticks of its steps."""
+
+    def __init__(self) -> None:
+        self.ticks: list[int] = []
+
+    def step(self, tick: Tick) -> None:
+        self.ticks.append(tick.number)
+
+
+def test_an_avoider_that_joins_a_drive_waits_for_the_first_pose_and_reference(clock: Clock) -> None:
+    node = Steps()
+    avoider = hosted("avoider", node)
+    runner = LiveRunner(avoider, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    command = TrackingCommand(STILL, 0.0, 0.0, 0.0)
+    give(avoider, "controller", "command", command, 7)
+    for wait in (0.0, 0.01, 0.1):  # beyond the wait between two steps, 5 ms
+        clock.now += wait
+        turn(runner)
+    assert node.ticks == []
+    for _ in range(2):
+        clock.now += 0.2
+        turn(runner)
+    assert node.ticks == [7]  # but not for ever
 
 
 def test_after_a_restart_of_the_run_clock_a_node_steps_by_the_new_one(clock: Clock) -> None:

@@ -166,3 +166,25 @@ def test_a_folder_keeps_every_difference(tmp_path: Path) -> None:
     assert {line["instance"] for line in lines} == {"slow"} and {line["differs"] for line in lines} == {"1"}
     assert drive(tmp_path).shadows[0].ticks == episode.shadows[0].ticks
     assert shadow_table(drive(tmp_path).shadows) == (tmp_path / "out" / "shadows.csv").read_text("utf-8")
+
+
+def test_ticks_in_which_a_shadow_would_stop_or_hand_over_otherwise_are_counted() -> None:
+    watch = ShadowWatch({"avoider": ("other",)})
+    for tick, (ours, theirs, hands_over) in enumerate([(0.3, 0.0, True), (0.0, 0.0, False), (0.3, 0.2, False)]):
+        say(watch, "main", True, tick, ours)
+        publish(watch, "main", True, "handover", tick, HandOver(True, 1.0))
+        say(watch, "other", False, tick, theirs)
+        publish(watch, "other", False, "handover", tick, HandOver(hands_over, 1.0))
+    (found,) = watch.finish()
+    assert (found.stops, found.handovers) == (1, 2)
+    assert (found.summary()["stops"], found.summary()["handovers"]) == (1, 2)
+
+
+def test_the_state_so_far_has_the_newest_and_the_mean_difference() -> None:
+    watch = ShadowWatch({"avoider": ("other",)})
+    for tick, theirs in enumerate([0.3, 0.5, 0.2]):
+        say(watch, "main", True, tick, 0.3)
+        say(watch, "other", False, tick, theirs)
+    state = watch.finish()[0].so_far()
+    assert (state["against"], state["ticks"], state["differing_share"]) == ("main", 3, pytest.approx(2 / 3))
+    assert state["now"]["vx"] == pytest.approx(-0.1) and state["mean"]["vx"] == pytest.approx(0.1)

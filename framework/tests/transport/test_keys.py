@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import threading
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
 from pathlib import Path
@@ -35,7 +38,7 @@ def certificate(folder: Path, name: str) -> x509.Certificate:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
 
 
 def test_the_folder_holds_an_authority_and_four_identities_for_its_user_alone(folder: Path) -> None:
@@ -115,7 +118,7 @@ def test_an_added_identity_is_signed_and_listed(folder: Path) -> None:
         certificate(folder, name).verify_directly_issued_by(certificate(folder, "ca"))
         assert (folder / f"{name}-key.pem").stat().st_mode & 0o777 == 0o600
     assert read_identities(folder, "lab", "r1")[-2:] == (ALICE, shadow)
-    assert not list(folder.glob(".*"))
+    assert not list(folder.glob(".keys-*"))
 
 
 def test_a_name_that_is_taken_is_refused_and_nothing_changes(folder: Path) -> None:
@@ -276,7 +279,7 @@ def test_a_renewed_certificate_has_a_new_key_and_time_and_the_same_name_and_host
         assert (folder / f"{name}-key.pem").stat().st_mode & 0o777 == 0o600
     hosts = certificate(folder, "router").extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     assert [str(host.value) for host in hosts] == ["base.local", "10.0.0.1"]
-    assert (folder / IDENTITIES).read_bytes() == listed and not list(folder.glob(".*"))
+    assert (folder / IDENTITIES).read_bytes() == listed and not list(folder.glob(".keys-*"))
 
 
 def test_only_named_identities_are_renewed_and_their_hosts_can_change(folder: Path) -> None:
@@ -316,6 +319,53 @@ def test_a_renewal_that_cannot_be_completed_is_undone(
     with pytest.raises(KeysError, match="Input/output error"):
         renew(folder, (), (), 60, NOW)
     assert contents(folder) == before
+
+
+def pair_fits(folder: Path, name: str) -> bool:
+    """Whether the private key of an identity is that of its certificate."""
+    key = load_pem_private_key((folder / f"{name}-key.pem").read_bytes(), None)
+    return key.public_key() == certificate(folder, name).public_key()
+
+
+def killed_at(step: int, work: Callable[[], object]) -> bool:
+    """Do something in a process that is killed before a step that renames, links or removes; True if it got so far."""
+    child = os.fork()
+    if child == 0:
+        left = [step]
+
+        def counted(call: Callable[..., object]) -> Callable[..., object]:
+            def act(*given: object, **more: object) -> object:
+                left[0] -= 1
+                if left[0] == 0:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return call(*given, **more)
+
+            return act
+
+        for name in ("replace", "symlink", "unlink", "mkdir"):
+            setattr(os, name, counted(getattr(os, name)))
+        work()
+        os._exit(0)
+    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
+
+
+@pytest.mark.parametrize("is_first", [True, False], ids=["plain files", "renewed before"])
+def test_a_renewal_that_is_killed_leaves_pairs_that_fit_and_the_next_command_clears_up(
+    folder: Path, is_first: bool
+) -> None:
+    """Every step is tried: two files are never replaced at once, but one link to both is."""
+    if not is_first:
+        renew(folder, (), (), 60, NOW)
+    for step in range(1, 200):
+        was_killed = killed_at(step, lambda: renew(folder, ("nodes", "viewer"), (), 60, NOW))
+        assert all(pair_fits(folder, name) for name in ("router", "nodes", "operator", "viewer")), step
+        if not was_killed:
+            break
+    assert 10 < step < 199
+    add_identity(folder, ALICE, (), 7, NOW)
+    assert pair_fits(folder, "alice")
+    kept = [path for path in (folder / ".pairs").iterdir() if not path.is_symlink()]
+    assert not list(folder.glob(".keys-*")) and len(kept) == (5 if not is_first else 3)
 
 
 def test_no_certificate_outlives_its_authority(folder: Path) -> None:

@@ -355,3 +355,44 @@ def test_the_panel_of_the_docs_registers_and_draws() -> None:
     made, memory = drawing(panels=(panel,))
     made.take(shown(Contact(True), port="contact"))
     assert len(memory.at("/run/r1/base/bumper")) == 1
+
+
+def test_arrows_on_the_robot_show_where_the_active_avoider_and_its_shadow_would_lead() -> None:
+    made, memory = drawing(shadows=SHADOW)
+    for instance, active, twist in (("main", True, (0.3, 0.0)), ("other", False, (0.2, math.pi / 2))):
+        command = Command(Twist2D(twist[0], 0.0, twist[1]))
+        made.take(shown(command, "avoider", "command", instance=instance, active=active))
+    reach = 0.4 * math.sqrt(2.0) + 0.6  # the outline, and the length at rest
+    (ours,), (theirs,) = memory.at("/run/r1/base/direction_avoider"), memory.at("/run/other/base/direction_avoider")
+    assert component(ours, "vectors") == [pytest.approx([reach + 2 * 0.3, 0.0, 0.0])]
+    to_the_left = [0.0, reach + 2 * 0.2, 0.0]  # the chord of a turn of 180 deg in 2 s
+    assert component(theirs, "vectors") == [pytest.approx(to_the_left, abs=1e-6)]
+    assert (component(ours, "labels"), component(theirs, "labels")) == ([], ["other"])
+    assert component(ours, "colors") != component(theirs, "colors")
+    assert memory.frame_of("/run/other/base/direction_avoider") == "r1/base"
+
+
+def test_a_shadow_that_would_stop_has_a_name_without_an_arrow() -> None:
+    made, memory = drawing(shadows=SHADOW)
+    stop = Command(Twist2D(0.0, 0.0, 0.0))
+    made.take(shown(stop, "avoider", "command", instance="other", active=False))
+    (arrow,) = memory.at("/run/other/base/direction_avoider")
+    assert component(arrow, "vectors") == [[0.0, 0.0, 0.0]] and component(arrow, "labels") == ["other: stop"]
+
+
+def test_without_shadows_no_arrow_of_the_active_avoider_is_drawn() -> None:
+    made, memory = drawing()
+    made.take(shown(Command(Twist2D(0.3, 0.0, 0.0)), "avoider", "command", instance="main_avoider"))
+    assert memory.at("/run/r1/base/direction_avoider") == []
+
+
+def test_after_a_swap_the_arrows_change_their_owners() -> None:
+    made, memory = drawing(shadows=SHADOW)
+    ahead = Command(Twist2D(0.3, 0.0, 0.0))
+    made.take(shown(ahead, "avoider", "command", instance="other", active=False, tick=0))
+    made.take(shown(ahead, "avoider", "command", instance="other", active=True, tick=20))
+    made.take(shown(ahead, "avoider", "command", instance="main_avoider", active=False, tick=20))
+    arrow, cleared = memory.at("/run/other/base/direction_avoider")
+    assert component(arrow, "labels") == ["other"] and type(cleared).__name__ == "Clear"
+    assert len(memory.at("/run/r1/base/direction_avoider")) == 1
+    assert component(memory.at("/run/main_avoider/base/direction_avoider")[0], "labels") == ["main_avoider"]

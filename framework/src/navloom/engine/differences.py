@@ -29,7 +29,7 @@ from navloom.messages import (
 from navloom.navigation.blocking import OCCUPIED_FROM
 from navloom.roles import ROLES
 
-__all__ = ["TOLERANCES", "UNITS", "differences", "is_differing"]
+__all__ = ["TOLERANCES", "UNITS", "differences", "is_differing", "would_stop"]
 
 UNITS = {
     "vx": "m/s", "vy": "m/s", "wz": "rad/s", "found": "1", "length": "m", "hausdorff": "m", "cells": "1",
@@ -86,6 +86,16 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
 def is_differing(found: dict[str, float]) -> bool:
     """Whether any difference is beyond its tolerance."""
     return any(abs(value) > TOLERANCES[name] for name, value in found.items())
+
+
+def would_stop(ours: Message, theirs: Message) -> bool:
+    """Whether the other instance commands no motion where the active one commands motion; False without velocities."""
+    our_twist, their_twist = _twist(ours), _twist(theirs)
+    return our_twist is not None and their_twist is not None and _moves(our_twist) and not _moves(their_twist)
+
+
+def _moves(twist: Twist2D) -> bool:
+    return any(abs(getattr(twist, name)) > TOLERANCES[name] for name in ("vx", "vy", "wz"))
 
 
 def _twist(message: Message) -> Twist2D | None:

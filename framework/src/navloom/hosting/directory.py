@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import json
 import os
+import stat
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,7 +17,7 @@ from navloom.errors import NavloomError
 from navloom.files import write_whole
 from navloom.hosting.process_log import last_lines
 
-__all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtime_folder"]
+__all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "refuse_foreign", "robots", "runtime_folder"]
 
 LONGEST_SOCKET = 100
 """Longest path of a socket that every system accepts, in characters."""
@@ -84,6 +85,40 @@ def runtime_folder() -> Path:
     return Path(base) / "navloom" if base else Path(tempfile.gettempdir()) / f"navloom-{os.getuid()}"
 
 
+def refuse_foreign(folder: Path) -> None:
+    """Refuse a folder into which another user may write, or that another user may replace.
+
+    What stands in it tells tools where to send an operator's stop. The temporary folder is everybody's, so another user
+    can make this user's folder first.
+
+    Args:
+        folder: A folder of this user. It need not exist.
+
+    Raises:
+        DirectoryError: It, or a folder above it, belongs to another user or is writable for others.
+    """
+    for path in (folder, *folder.absolute().parents):
+        try:
+            status = path.lstat() if path == folder else path.stat()
+        except OSError:
+            continue  # nothing is there to be read
+        own = (os.getuid(),) if path == folder else (os.getuid(), 0)
+        # In a folder with the sticky bit, as /tmp, only owners rename and remove.
+        is_writable = bool(status.st_mode & 0o022) and (path == folder or not status.st_mode & stat.S_ISVTX)
+        if status.st_uid not in own:
+            why = f"belongs to another user (uid {status.st_uid})"
+        elif stat.S_ISLNK(status.st_mode):
+            why = "is a symbolic link"
+        elif is_writable:
+            why = f"is writable for other users (mode {stat.S_IMODE(status.st_mode):o})"
+        else:
+            continue
+        raise DirectoryError(
+            f"runtime folder {folder}: {path} {why}, so it cannot be trusted; remove it, mend its owner and mode, "
+            "or set NAVLOOM_RUNTIME_DIR to a folder of your own"
+        )
+
+
 class RobotFolder:
     """One robot's folder.
 
@@ -103,11 +138,10 @@ class RobotFolder:
         for folder in (self.path.parent, self.path):
             try:
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-                status = folder.stat()
             except OSError as error:
                 raise DirectoryError(f"runtime folder {folder}: {error.strerror}; set NAVLOOM_RUNTIME_DIR") from None
-            if status.st_uid != os.getuid():
-                raise DirectoryError(f"runtime folder {folder} belongs to another user; set NAVLOOM_RUNTIME_DIR")
+        refuse_foreign(self.path)
+        refuse_foreign(self.path.parent)
         self.path.chmod(0o700)
 
     def lock(self) -> bool:
@@ -188,16 +222,22 @@ class RobotFolder:
 
         The lock decides, since its holder keeps it for as long as it lives; the process ID may belong to another
         process by now.
+
+        Raises:
+            DirectoryError: Other users can write into the folder.
         """
+        self._refuse_foreign()
         held = (self.told(word) for claim, word in (ROBOT, STANDING) if _is_locked(self.path / claim))
         return next((running for running in held if running is not None), None)
 
     def is_claimed(self) -> bool:
-        """Whether a process supervises or represents the robot now."""
+        """Whether a process supervises or represents the robot now. Raises DirectoryError for a folder of others."""
+        self._refuse_foreign()
         return any(_is_locked(self.path / claim) for claim, _ in (ROBOT, STANDING))
 
     def told(self, word: str = "robot.json") -> Running | None:
-        """The written description, whether the robot still runs or not."""
+        """The written description, whether the robot still runs or not. Raises DirectoryError, as `read`."""
+        self._refuse_foreign()
         try:
             found = json.loads((self.path / word).read_text("utf-8"))
             return Running(**{**found, "endpoints": tuple(found["endpoints"])})
@@ -209,12 +249,17 @@ class RobotFolder:
         write_whole(self.path / "fates.json", json.dumps({name: asdict(fate) for name, fate in fates.items()}))
 
     def fates(self) -> dict[str, Fate]:
-        """State of each process; empty without a supervisor."""
+        """State of each process; empty without a supervisor. Raises DirectoryError for a folder of others."""
+        self._refuse_foreign()
         try:
             found = json.loads((self.path / "fates.json").read_text("utf-8"))
             return {name: Fate(**fate) for name, fate in found.items()}
         except (OSError, ValueError, TypeError, AttributeError):
             return {}
+
+    def _refuse_foreign(self) -> None:
+        refuse_foreign(self.path)
+        refuse_foreign(self.path.parent)
 
     def last_words(self, process: str, lines: int = 3) -> str:
         """The last lines of a process's log."""
@@ -258,7 +303,8 @@ def _is_locked(path: Path) -> bool:
 
 
 def robots() -> Iterator[Running]:
-    """Every robot of this user that is up."""
+    """Every robot of this user that is up. Raises DirectoryError if other users can write into the folder."""
+    refuse_foreign(runtime_folder())
     for path in sorted(runtime_folder().glob("*.*/")):
         realm, _, robot = path.name.partition(".")
         running = RobotFolder(realm, robot).read()

@@ -27,9 +27,13 @@ class FolderKeeper:
     """
 
     def __init__(self, folder: RobotFolder, names: Sequence[str], say: Callable[[str], None]) -> None:
-        self._folder, self._names, self._say = folder, names, say
+        self._folder, self._names, self._say = folder, [*names], say
         self._sockets: dict[str, int] = {}
         self._told = ""
+
+    def watch(self, name: str) -> None:
+        """Look after the socket of one more process."""
+        self._names.append(name)
 
     def look(self) -> bool:
         """Repair what was deleted. Returns whether the folder itself had to be made again."""

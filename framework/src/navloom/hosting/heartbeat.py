@@ -67,6 +67,11 @@ class HeartMonitor:
             self._time[0] = 0
         self._silent = 0.0
 
+    @property
+    def has_beaten(self) -> bool:
+        """Whether the process has been ready since `reset`; True if the system cannot tell."""
+        return not self.path or self._time[0] != 0
+
     def close(self) -> None:
         """Free the memory."""
         if self.path:

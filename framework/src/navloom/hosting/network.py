@@ -9,6 +9,7 @@ from pathlib import Path
 from navloom.config.schema import Config
 from navloom.hosting.directory import RobotFolder
 from navloom.live.cell import Source
+from navloom.transport.keyspace import SUPERVISOR
 from navloom.transport.links import Endpoint, Link, LinkError, Mesh, certificate, peer_link, settings
 from navloom.transport.quality import streams_of
 
@@ -63,6 +64,23 @@ class Network:
             return meshed
         return {name: self._beside(link, shares) for name, link in meshed.items()}
 
+    def added(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]], name: str) -> Link:
+        """Link of a process that is added to the running ones: it connects to all of them and to their supervisor, and
+        none connects to it.
+
+        Args:
+            folder: The robot's folder.
+            shares: All processes of this host, the new one included.
+            name: Name of the new one.
+        """
+        own = folder.socket(name)
+        others = tuple(sorted(folder.socket(other) for other in (*shares, SUPERVISOR) if other != name))
+        link = Link(
+            "peer", (own,), others, realm=self.realm, robot=self.robot, peers=len(others),
+            shared_memory=self.shared_memory,
+        )  # fmt: skip
+        return self._beside(link, shares) if self.router else link
+
     def router_link(self) -> Link | None:
         """Link of the router, if this host starts it."""
         if not self.starts_router:
@@ -74,9 +92,9 @@ class Network:
         )  # fmt: skip
 
     def outsider(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> Link:
-        """Link of the supervisor of this host's processes, to which no process needs to connect."""
+        """Link of the supervisor of this host's processes, which listens for tools and for processes added later."""
         sockets = tuple(folder.socket(name) for name in shares)
-        link = Link("peer", (), sockets, realm=self.realm, robot=self.robot)
+        link = Link("peer", (folder.socket(SUPERVISOR),), sockets, realm=self.realm, robot=self.robot)
         return self._beside(link, shares) if self.router else link
 
     def alone(self) -> Link:

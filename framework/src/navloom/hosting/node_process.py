@@ -18,10 +18,11 @@ from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
 from navloom.engine.nodes.node import Node
 from navloom.engine.system import System
+from navloom.hosting.added_instances import AddedInstances
 from navloom.hosting.forking import keep_from_children
 from navloom.hosting.heartbeat import StopDetector
 from navloom.hosting.process_warnings import ProcessWarnings
-from navloom.hosting.services import Services
+from navloom.hosting.services import Handler, Services
 from navloom.live.barrier import BarrierEnded
 from navloom.live.barrier_runner import BarrierRunner
 from navloom.live.cell import Source
@@ -50,6 +51,9 @@ LONG = 30.0
 """Longest step of a patient role, s."""
 RECOLLECT = 0.5
 """How long to query other processes for the robot's memory while some do not answer, s."""
+JOINED = 2.0
+"""How long a process that joins a recorded robot waits for the recorder, s: longer than the recorder takes to see it,
+see `joining.FOLLOW`."""
 ATTENDED = 20.0
 """How long after the robot's start its platform may wait for a recorder, s."""
 
@@ -65,6 +69,7 @@ class Share:
         barrier: Ticks run under the barrier instead of by the wall clock.
         start_ns: Platform host's monotonic clock at run clock 0, ns.
         attended: A recorder joins the robot: the platform begins once it listens.
+        joins: The process joins a robot that is up: if that is attended, it begins once the recorder listens to it.
     """
 
     name: str
@@ -73,6 +78,7 @@ class Share:
     barrier: bool = False
     start_ns: int = 0
     attended: bool = False
+    joins: bool = False
 
 
 @dataclass(eq=False)
@@ -162,6 +168,7 @@ class NodeProcess:
             self.runners = {source: self._barrier_runner(cell) for source, cell in hosted.items()}
             runs: dict[str, Callable[[], None]] = {}
             live: dict[Source, LiveRunner] = {}
+            extend: Handler | None = None
         else:
             memory.learn(self.known)
             self._recollect(bus, keys, memory)
@@ -177,14 +184,17 @@ class NodeProcess:
                     runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
             self._restore(live, memory)
             runs = {"memory": monitor.run}
+            extend = AddedInstances(self.system, hosted, live, board, monitor).extend
         services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board, self.warnings)
         board.connect()
-        services.offer()
+        services.offer(extend)
         if self.share.barrier:
             self._await_others(bus, keys, alive)
         else:
             bus.watch(keys.alive("*", "*", "*"), lambda key, alive: self._change(presence, key, alive))
             fetching.start()
+            if self.share.attended and self.share.joins:
+                self._heard.wait(JOINED)  # a recorder that is gone by now must not keep it from its work
         runs |= {" ".join(source): runner.run for source, runner in self.runners.items()}
         threads = [threading.Thread(target=run, name=name, daemon=True) for name, run in runs.items()]
         for thread in threads:

@@ -6,16 +6,18 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from types import TracebackType
 
 from navloom.engine.system import System
 from navloom.errors import NavloomError
+from navloom.hosting.additions import Additions
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom.hosting.network import Network
 from navloom.hosting.node_process import Share
-from navloom.hosting.supervisor import ProcessTask, Supervisor, node_task, router_task
+from navloom.hosting.process_tasks import ProcessTask, node_task, router_task
+from navloom.hosting.supervisor import Supervisor
 from navloom.live.cell import Source
 from navloom.live.cells import all_sources
 from navloom.live.memory import Memory
@@ -76,7 +78,7 @@ class LiveRobot:
         self.keys = KeySpace(config.robot.realm, config.robot.name)
         self.folder = RobotFolder(config.robot.realm, config.robot.name)
         self.started_ns = time.monotonic_ns()
-        self._shares = spread(config, all_sources(system), host)
+        self._shares: Mapping[str, Sequence[Source]] = spread(config, all_sources(system), host)
         self._say, self._ends = say, ends
         self._changed = threading.Condition()
         self._presence = Presence(self.keys, (), self._came)
@@ -112,6 +114,7 @@ class LiveRobot:
             self.bus = Bus(link, patience, self._say, lambda: not self._ends(), waits=starts_router)
             if not self.barrier:
                 self._remember()
+            self._offer_additions()
             self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
         except BaseException:
             self._stop()
@@ -129,15 +132,30 @@ class LiveRobot:
         """Keep a copy of the robot's memory here too, in case a single process is the only one that has it."""
         board = Switchboard(self.bus, self.keys, lossless=False)
         monitor = MemoryReader(self.system, board, None, self._memory, lambda entry: None, self._ended.is_set)
+        self._board, self._monitor = board, monitor
         board.connect()
         threading.Thread(target=monitor.run, daemon=True).start()
         threading.Thread(target=self._presence.follow, args=(board.fetch, self._ended.is_set), daemon=True).start()
+
+    def _offer_additions(self) -> None:
+        """Let clients add instances to this robot."""
+        Additions(
+            self.system, self._shares, self.folder, self.network, self.supervisor, self.bus, self.keys, self.barrier,
+            self.started_ns, self._gain, self._say,
+        ).offer()  # fmt: skip
+
+    def _gain(self, system: System, shares: Mapping[str, Sequence[Source]], source: Source) -> None:
+        """Take in an instance that was added. On a service's thread."""
+        self.system, self._shares = system, dict(shares)
+        self._monitor.follow(source)
+        self._board.connect()
+        self.folder.write(self.running())
 
     def _tasks(self) -> list[ProcessTask]:
         """The processes of this host, its router first if it starts one."""
         links = self.network.links(self.folder, self._shares)
         shares = [
-            Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
+            Share(name, tuple(sources), links[name], self.barrier, self.started_ns, self.attended)
             for name, sources in self._shares.items()
         ]
         router = self.network.router_link()
@@ -158,7 +176,7 @@ class LiveRobot:
         """The contents of the runtime file."""
         ends = self.network.outsider(self.folder, self._shares)
         return Running(
-            self.keys.realm, self.keys.robot, os.getpid(), ends.connect, ends.mode == "client",
+            self.keys.realm, self.keys.robot, os.getpid(), (*ends.connect, *ends.listen), ends.mode == "client",
             self.system.loaded.name, self.barrier, str(ends.credentials.absolute()) if ends.credentials else "",
         )  # fmt: skip
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-from navloom.config import ConfigError
+from navloom.config import ConfigError, Loaded
 from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
@@ -43,7 +43,7 @@ from navloom.transport.once import Once
 from navloom.transport.questions import Desk, KeptJson, QuestionError, read_question
 from navloom.transport.zenoh_bus import Bus, Question
 
-__all__ = ["Services", "ServiceError"]
+__all__ = ["Handler", "ServiceError", "Services"]
 
 APPLY = 2.0
 """How long a node may take to begin with a change, s."""
@@ -82,12 +82,10 @@ class Services:
         self._desk, self._once = Desk(), Once()
         self._goals = threading.Lock()
         self._began = time.monotonic()
-        shares = spread(system.config, all_sources(system), None)
-        placed = {source: process for process, share in shares.items() for source in share}
-        self._places = {" ".join(source): placed[source] for source in all_sources(system) if source in placed}
+        self._kept_config: tuple[Loaded | None, bytes] = (None, b"")
 
-    def offer(self) -> None:
-        """Declare all services of this process."""
+    def offer(self, extend: Handler | None = None) -> None:
+        """Declare all services of this process; `extend` tells its nodes of an instance that the robot gains."""
         for source in self._hosted:
             self._offer_description(source)
             if source in self._system.parts:
@@ -108,7 +106,9 @@ class Services:
             recalled = KeptJson(lambda: vars(self._memory), lambda: {"clock_ns": self._clock.now_ns()})
             self._show(self._keys.process(self._process, "memory"), "memory", recalled.to_bytes)
             self._show(self._keys.process(self._process, "steps"), "steps", self._step_times)
-        self._show(self._keys.process(self._process, "config"), "config", cache(self._config))
+        if extend is not None:
+            self._serve(("process", self._process), "extend", extend)
+        self._show(self._keys.process(self._process, "config"), "config", self._config)
         self._show(self._keys.process(self._process, "warnings"), "warnings", self._listed_warnings)
         if os.environ.get(TRACEBACK):
             self._show(self._keys.process(self._process, "tracebacks"), "tracebacks", _tracebacks)
@@ -133,12 +133,15 @@ class Services:
 
     def _config(self) -> bytes:
         """The whole config, for recordings: only the running process knows what it runs."""
-        given = {
-            "loaded": self._system.loaded.to_json(),
-            "barrier": self._board.lossless,
-            "distributions": distributions(self._system.config),
-        }
-        return json.dumps(given).encode()
+        loaded = self._system.loaded
+        if self._kept_config[0] is not loaded:
+            given = {
+                "loaded": loaded.to_json(),
+                "barrier": self._board.lossless,
+                "distributions": distributions(loaded.config),
+            }
+            self._kept_config = loaded, json.dumps(given).encode()
+        return self._kept_config[1]
 
     def _listed_warnings(self) -> bytes:
         """The process's warnings."""
@@ -196,10 +199,15 @@ class Services:
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "carries": {port: outlet.carries for port, outlet in cell.outlets.items()},
             "streams": streams,
-            "places": self._places,
+            "places": self._places(),
             "hosts": {process: host for host, share in self._system.config.live.hosts.items() for process in share},
             **_punctuality(runner),
         }
+
+    def _places(self) -> dict[str, str]:
+        """Process of each node, by "role instance"."""
+        shares = spread(self._system.config, all_sources(self._system), None)
+        return {" ".join(source): process for process, share in shares.items() for source in share}
 
     def _get(self, source: Source) -> dict[str, Any]:
         plugin, version = self._system.plugin(*source), self._hosted[source].cell.versions
@@ -270,7 +278,10 @@ class Services:
             roles = sorted({owner for owner, _ in self._system.parts} - {"platform"})
             raise ServiceError(f"{role!r} is no role that can be swapped{nearest(role, roles)}")
         if name not in names:
-            raise ServiceError(f"there is no {role} {name!r}; there are {', '.join(names)}")
+            raise ServiceError(
+                f"there is no {role} {name!r}; there are {', '.join(names)}; start the robot with "
+                f"`navloom up CONFIG --shadow {role}={name}` to add one"
+            )
         self._apply(runner, lambda: runner.obey(OperatorRequest("swap", None, role, name)))
         return {"pending": runner.gate.pending, "selected": runner.gate.selected[role], "epoch": runner.gate.epoch}
 

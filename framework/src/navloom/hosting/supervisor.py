@@ -14,25 +14,24 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from navloom.config import Loaded
 from navloom.config.tables import LiveTable
 from navloom.hosting.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
 from navloom.hosting.directory import Fate, RobotFolder
 from navloom.hosting.folder_keeper import FolderKeeper
 from navloom.hosting.heartbeat import HeartMonitor
-from navloom.hosting.node_main import share_to_json
-from navloom.hosting.node_process import HUNG, Share, longest_seizure
+from navloom.hosting.node_process import HUNG
 from navloom.hosting.nursery import READY, ForkedProcess, Nursery
-from navloom.hosting.process import SEIZED, link_to_json
+from navloom.hosting.process import SEIZED
 from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
+from navloom.hosting.process_tasks import NODE, ProcessTask
 from navloom.hosting.shared_memory import remove_orphans
-from navloom.transport.links import Link
+from navloom.transport.keyspace import SUPERVISOR
 
-__all__ = ["Worker", "Supervisor", "ProcessTask", "node_task", "router_task"]
+__all__ = ["Supervisor", "Worker"]
 
-NODE = "navloom.hosting.node_main"
+UNFIT = 2
+"""Exit code of a process that cannot run what it is asked to."""
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
 """Wait before the first restart, and longest wait before a later one, s."""
 HEALTHY = 5.0
@@ -45,39 +44,6 @@ CHORES = 0.5
 """Interval of checks that are not urgent: the folder and orphans, s."""
 WRITE_AGAIN = 1.0
 """Wait before another attempt to write the status of the processes, s."""
-
-
-@dataclass(frozen=True)
-class ProcessTask:
-    """Description of a process to start.
-
-    Attributes:
-        name: Name of the process.
-        module: Python module that is run with the path of a JSON file.
-        given: Contents of the file.
-        roles: Roles of its nodes, for the order in which processes end.
-        patience: How long one of its nodes may hold the GIL, s; None for no limit.
-    """
-
-    name: str
-    module: str
-    given: Mapping[str, Any]
-    roles: frozenset[str] = frozenset()
-    patience: float | None = None
-
-
-def node_task(loaded: Loaded, share: Share) -> ProcessTask:
-    """The process of a share."""
-    given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
-    roles = frozenset(role for role, _ in share.sources)
-    # Ticks under the barrier have no deadline.
-    patience = None if share.barrier else longest_seizure(share.sources, loaded.config.live.hang_timeout)
-    return ProcessTask(share.name, NODE, given, roles, patience)
-
-
-def router_task(link: Link) -> ProcessTask:
-    """The process of a router."""
-    return ProcessTask("router", "navloom.hosting.router_main", {"link": link_to_json(link)})
 
 
 @dataclass(eq=False)
@@ -95,6 +61,7 @@ class Worker:
         log: Its log.
         heart: Its heartbeat, if it must give one.
         spec: File descriptor of its start parameters, in memory; -1 for none.
+        is_added: It was added to a robot that was up: the others go on without it if it does not start.
     """
 
     task: ProcessTask
@@ -110,6 +77,7 @@ class Worker:
     why: str = ""
     verdict: str = ""
     spec: int = -1
+    is_added: bool = False
 
 
 class Supervisor:
@@ -136,10 +104,11 @@ class Supervisor:
             task.name: Worker(task, ProcessLog(folder.path / f"{task.name}.log"), HeartMonitor()) for task in tasks
         }
         self._groups: set[int] = set()
-        self._keeper = FolderKeeper(folder, list(self.children), say)
+        self._keeper = FolderKeeper(folder, [*self.children, SUPERVISOR], say)
         self._cannot_write = ""
         self._write_again = math.inf
         self._chores_at = 0.0
+        self._added: deque[ProcessTask] = deque()
         self._nursery: Nursery | None = None
         if Nursery.is_possible() and any(task.module == NODE for task in tasks):
             self._nursery = Nursery(folder.path / "nursery.log", mark(folder.path))
@@ -154,9 +123,28 @@ class Supervisor:
         for child in self.children.values():
             self._start(child, READY)
 
+    def add(self, task: ProcessTask) -> None:
+        """Start one more process at the next `poll`, or one that stays down once more. From any thread."""
+        self._added.append(task)
+
+    def _start_added(self) -> None:
+        while self._added:
+            task = self._added.popleft()
+            child = self.children.get(task.name)
+            if child is None:
+                child = Worker(task, ProcessLog(self._folder.path / f"{task.name}.log"), HeartMonitor())
+                child.is_added = True
+                self.children = {**self.children, task.name: child}  # other threads iterate over it
+                self._keeper.watch(task.name)
+            elif child.state != "failed":
+                continue
+            child.crashes.clear()
+            self._start(child, READY)
+
     def poll(self, restarts: bool = True) -> list[Worker]:
         """Check all processes, and restart those whose wait is over. Returns those that ended since the last call."""
         fallen = []
+        self._start_added()
         now = time.monotonic()
         if now >= self._chores_at:
             self._chores_at = now + CHORES
@@ -308,11 +296,13 @@ class Supervisor:
         child.crashes.append(now)
         while child.crashes and now - child.crashes[0] > self._live.restart_window:
             child.crashes.popleft()
-        if len(child.crashes) > self._live.restart_limit:
+        is_unfit = child.is_added and code == UNFIT and not child.heart.has_beaten  # a restart would change nothing
+        if is_unfit or len(child.crashes) > self._live.restart_limit:
             child.state = "failed"
+            many = f", {len(child.crashes)} times within {self._live.restart_window:g} s"
             self._say(
-                f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
-                f"it stays down. Its last message: {self.tail(child)}"
+                f"process {name} {child.why}{'' if is_unfit else many}: it stays down. "
+                f"Its last message: {self.tail(child)}"
             )
             self._write_down()
             return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
@@ -13,11 +13,11 @@ from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
 from navloom.engine.system import System
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.live.cell import Cell, Feed, Source
-from navloom.live.mailbox import Mailbox
+from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.switchboard import Switchboard
 from navloom.transport.keyspace import FAULT, STEP
 
-__all__ = ["Hosted", "all_sources", "awaited", "make_cell"]
+__all__ = ["Hosted", "Widening", "all_sources", "awaited", "make_cell", "widen"]
 
 FEW, MANY = 1, 1024
 REQUESTS = Input("operator.request", OperatorPorts.request, "new")
@@ -36,6 +36,25 @@ class Hosted:
     requests: Feed
     selection: Feed
     awaited: set[Source]
+
+
+@dataclass(frozen=True)
+class Widening:
+    """What a running node reads of an instance that is added to its robot.
+
+    Attributes:
+        source: The instance.
+        feeds: Its streams.
+        reports: Step reports that the node needs from now on, by source.
+        faults: Its fault reports, if the node acts on them.
+        is_awaited: The node waits a moment for a step of the instance, once it is active.
+    """
+
+    source: Source
+    feeds: Sequence[Feed]
+    reports: Mapping[Source, Inlet]
+    faults: Mapping[Source, Inlet]
+    is_awaited: bool
 
 
 def all_sources(system: System) -> list[Source]:
@@ -77,6 +96,23 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
     return Hosted(cell, control[0], control[1], waits_for)
 
 
+def widen(system: System, hosted: Hosted, source: Source, board: Switchboard) -> Widening:
+    """Further inlets of a running cell, for an instance that the system has gained. `board.connect` connects them."""
+    cell = hosted.cell
+    mailbox, sources = cell.mailbox, all_sources(system)
+    wires = {id(feed.wire): feed.wire for feed in cell.feeds if feed.source[0] == source[0]}
+    feeds = [_feed(wire, source, board, mailbox) for wire in wires.values()]
+    waits_for = awaited(system.catalogue, cell.source, feeds)
+    hears = _reporting(system, cell.source, feeds, sources, board, waits_for)
+    return Widening(
+        source,
+        feeds,
+        {other: board.inlet(other, STEP, mailbox, FEW) for other in hears if other not in cell.reports},
+        {source: board.inlet(source, FAULT, mailbox, MANY, rings=False)} if cell.faults else {},
+        bool(waits_for),
+    )
+
+
 def awaited(catalogue: Catalogue, source: Source, feeds: Sequence[Feed]) -> set[Source]:
     """Instances for whose step of a tick a node briefly waits before its own step of that tick."""
     return {
@@ -112,12 +148,21 @@ def _answers(system: System, feed: Feed) -> bool:
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:
     """One feed for each instance that may provide an input; the wire is connected to the first, which is active."""
-    limit = MANY if given.reading in ("new", "track") else FEW
     feeds: list[Feed] = []
-    wire: Wire | None = None
     for other in sources:
         if other[0] == given.role:
-            slot = Slot(board.keys.port(*other, given.port), f"{other[0]} {other[1]} {given.port}")
-            wire = wire or make_wire(given, slot)
-            feeds.append(Feed(wire, board.inlet(other, given.port, mailbox, limit), slot, other))
+            wire = feeds[0].wire if feeds else make_wire(given, _slot(given, other, board))
+            feeds.append(_feed(wire, other, board, mailbox, None if feeds else wire.slot))
     return feeds
+
+
+def _feed(wire: Wire, source: Source, board: Switchboard, mailbox: Mailbox, slot: Slot | None = None) -> Feed:
+    """The stream of one instance into an input."""
+    given = wire.input
+    limit = MANY if given.reading in ("new", "track") else FEW
+    inlet = board.inlet(source, given.port, mailbox, limit)
+    return Feed(wire, inlet, slot or _slot(given, source, board), source)
+
+
+def _slot(given: Input, source: Source, board: Switchboard) -> Slot:
+    return Slot(board.keys.port(*source, given.port), f"{source[0]} {source[1]} {given.port}")

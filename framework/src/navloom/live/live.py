@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from navloom.engine.nodes.node import Outputs, Tick
 from navloom.live.cell import Feed, Source
-from navloom.live.cells import Hosted
+from navloom.live.cells import Hosted, Widening
 from navloom.live.mailbox import Inlet
 from navloom.live.restarts import BACKWARDS
 from navloom.live.run_clock import RunClock
@@ -19,6 +19,9 @@ __all__ = ["Change", "LiveRunner"]
 
 IDLE = 0.5
 """Longest wait while no message arrives, s."""
+FIRST = 0.25
+"""Longest wait for other inputs of the same tick before the first step, s: a process that joins a robot during a drive
+gets the first message of each stream at another moment, within a few periods."""
 WAITING = 0.25
 """Interval of the reports of a node that waits for the first message of an input, s."""
 
@@ -67,6 +70,21 @@ class LiveRunner:
         """Schedule a call between two steps, on the node's own thread."""
         self._changes.append(change)
         self.cell.mailbox.ring()
+
+    def admit(self, more: Widening) -> None:
+        """Read an instance that was added to the robot, too. On the node's own thread."""
+        cell = self.cell
+        cell.feeds += more.feeds
+        cell.reports |= more.reports
+        cell.faults |= more.faults
+        self._all_feeds = (self.selection, *cell.feeds)
+        self._ringing |= {feed.inlet for feed in more.feeds if self.rings(feed)}
+        for inlet in (*(feed.inlet for feed in more.feeds), *more.reports.values()):
+            inlet.rings = inlet in self._ringing
+        if more.is_awaited:
+            self._siblings.add(more.source)
+            self._parts[more.source] = [feed for feed in more.feeds if not feed.wire.delayed]
+        cell.recall({}, cell.epoch)  # a long step may have delayed this until after the instance became active
 
     def run(self) -> None:
         """Step until the process ends."""
@@ -197,7 +215,8 @@ class LiveRunner:
                 for inlet in self._words(source):
                     inlet.listen()
             return True
-        if late and now - self._waits_since[1] < self._patience:
+        patience = max(FIRST, self._patience) if self.stepper.stepped < 0 else self._patience
+        if late and now - self._waits_since[1] < patience:
             return True
         if self._waits_since[0] >= 0:
             self._waits_since = (-1, 0.0)

@@ -12,7 +12,7 @@ from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.told import Obeyed
 from navloom.engine.system import System
 from navloom.live.cell import Feed, Source
-from navloom.live.cells import Hosted, all_sources
+from navloom.live.cells import Hosted, Widening, all_sources
 from navloom.live.live import LiveRunner
 from navloom.live.mailbox import Inlet
 from navloom.live.placing import are_on_one_host
@@ -109,6 +109,13 @@ class LiveGate(LiveRunner):
         self._chain: tuple[int, int] | None = None
         self._platform = RestartWatch()
         self._awaited_tick = -1
+
+    def admit(self, more: Widening) -> None:
+        """As in `LiveRunner`; once it is active, the robot does not drive without it."""
+        super().admit(more)
+        if more.source[0] in self._catalogue.required_roles():
+            self._needed.append(more.source)
+        self._may_wait.append(more.source)
 
     def run(self) -> None:
         """Run until the process ends, and then publish a last stop."""

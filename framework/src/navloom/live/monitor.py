@@ -39,6 +39,7 @@ class MemoryReader:
         ends: Callable[[], bool],
     ) -> None:
         self._clock, self._memory, self._wake, self._ends = clock, memory, wake, ends
+        self._board = board
         self._mailbox = Mailbox()
         streams = [(("gate", "main"), "selection"), (("gate", "main"), "status"), (("goal", "main"), "feedback")]
         if clock is not None:
@@ -47,6 +48,10 @@ class MemoryReader:
         self._inlets: list[tuple[tuple[str, str], Inlet]] = [
             (source, _inlet(board, source, port, self._mailbox)) for source, port in streams
         ]
+
+    def follow(self, source: tuple[str, str]) -> None:
+        """Read the parameters of an instance that was added to the robot, too, once the board connects them."""
+        self._inlets.append((source, _inlet(self._board, source, "parameters", self._mailbox)))
 
     def run(self) -> None:
         """Read until the process ends."""

@@ -45,6 +45,7 @@ class Switchboard:
         self._inlets: dict[str, list[Inlet]] = {}
         self._kinds: dict[str, type[Message] | None] = {}
         self._outlets: dict[str, Outlet] = {}
+        self._connected: set[str] = set()
 
     def inlet(
         self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None, rings: bool = True
@@ -77,11 +78,15 @@ class Switchboard:
         return outlet
 
     def connect(self) -> None:
-        """Connect every inlet to its stream: by reference within the process, otherwise over the bus."""
-        for key, inlets in self._inlets.items():
+        """Connect every inlet to its stream: by reference within the process, otherwise over the bus.
+
+        After more inlets were made, it connects those.
+        """
+        for key, inlets in [*self._inlets.items()]:
             if key in self._outlets:
                 self._outlets[key].readers = inlets
-            else:
+            elif key not in self._connected:
+                self._connected.add(key)
                 self.bus.subscribe(key, self._receive, most_of(self._kinds[key]))
 
     def fetch(self, source: tuple[str, str]) -> None:

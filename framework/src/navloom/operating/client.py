@@ -6,14 +6,14 @@ import contextlib
 import json
 import time
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from navloom.errors import NavloomError
 from navloom.hosting.directory import RobotFolder
 from navloom.messages import Message
 from navloom.messages.codec import CodecError, decode
-from navloom.transport.keyspace import KeySpace
+from navloom.transport.keyspace import LINKED, SUPERVISOR, KeySpace
 from navloom.transport.once import REQUEST
 from navloom.transport.questions import TOO_MANY
 from navloom.transport.zenoh_bus import TIMED_OUT, Answer, Bus
@@ -104,15 +104,30 @@ class Client:
         Raises:
             Refused: The instance refuses; ClientError: it is not there; Unanswered: it is there, but no answer came.
         """
-        who, data = f"{role} {instance}", json.dumps({**given, REQUEST: uuid.uuid4().hex}).encode()
+        key = self.keys.port(role, instance, service)
+        return self._call(key, f"{role} {instance}", service, given, timeout, lambda: self.lives(role, instance))
+
+    def call_supervisor(self, service: str, given: Mapping[str, Any], timeout: float = 10.0) -> Any:
+        """Call a service of the robot's `navloom up`, like `call`.
+
+        Raises:
+            Refused: It refuses; ClientError: no `navloom up` supervises the robot; Unanswered: no answer came.
+        """
+        token = self.keys.process(SUPERVISOR, LINKED)
+        key = self.keys.process(SUPERVISOR, service)
+        return self._call(key, "its supervisor", service, given, timeout, lambda: set(self.bus.alive(token)))
+
+    def _call(
+        self, key: str, who: str, service: str, given: Mapping[str, Any], timeout: float, find: Callable[[], set[str]]
+    ) -> Any:
+        """Call a service; `find` returns the current lives of the one that serves it."""
+        data = json.dumps({**given, REQUEST: uuid.uuid4().hex}).encode()
         began, asked = time.monotonic(), frozenset[str]()
         while (left := began + timeout - time.monotonic()) > 0.0:
-            lives = self.lives(role, instance)
+            lives = find()
             if asked and lives - asked:
                 raise Unanswered(f"robot {self.keys.prefix}: {who} restarted during the request ({service}); {UNKNOWN}")
-            answer = (
-                self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
-            )
+            answer = self._asked_once(key, data, min(ATTEMPT, left)) if lives else None
             if answer is not None:
                 try:
                     return json.loads(answer.data)

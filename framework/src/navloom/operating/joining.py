@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running, robots
@@ -14,9 +15,14 @@ from navloom.plugins.registry import close_to
 from navloom.transport.keyspace import KeySpace
 from navloom.transport.links import Link, certificate
 from navloom.transport.tool_sessions import expiring, joined
+from navloom.transport.zenoh_bus import Bus, BusError
 
 __all__ = ["find_robot", "join", "split_name"]
 
+FOLLOW = 0.3
+"""Interval of looking for processes that the robot gains, s: shorter than one takes to start."""
+LEAVE = 2.0
+"""Longest wait for a session that is being opened when the tool leaves, s: longer than opening one takes (`GATHER`)."""
 LOG = logging.getLogger("navloom.operating")
 
 
@@ -104,5 +110,30 @@ def join(
             link = Link("peer", (), tuple(sockets), realm=realm, robot=name)
     for warning in expiring(link.credentials):
         say(warning)
-    with joined(link) as bus:
+    with joined(link) as bus, _following(bus, home, link):
         yield Client(bus, KeySpace(realm, name), home)
+
+
+@contextmanager
+def _following(bus: Bus, home: RobotFolder | None, link: Link) -> Iterator[None]:
+    """Connect to processes that the robot gains while the tool is joined to its sockets."""
+    ended = threading.Event()
+
+    def follow(home: RobotFolder) -> None:
+        known = set(link.connect)
+        while not ended.wait(FOLLOW):
+            running = home.told()
+            for end in sorted({*running.endpoints} - known) if running is not None else ():
+                known.add(end)
+                with suppress(BusError):
+                    bus.reach(end)
+
+    thread = threading.Thread(target=follow, args=(home,), name="following", daemon=True)
+    if home is not None and link.mode == "peer":
+        thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        if thread.is_alive():
+            thread.join(LEAVE)

@@ -15,6 +15,7 @@ from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.operating.joining import join
 from navloom.operating.listening import Listening
+from navloom.operating.starting import start_in_shadow
 from navloom.transport.quality import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
@@ -254,17 +255,25 @@ class Navigator:
         if not any(one["active"] for one in there):
             raise ClientError(f"robot {self.client.keys.prefix}: no localizer answers; `navloom doctor` says why")
 
-    def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
+    def swap(
+        self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None
+    ) -> int:
         """Make another instance active as soon as it is ready, and return the epoch of the selection.
+
+        A method that is installed, but not part of the running robot, is started in shadow first.
 
         Args:
             role: Name of the role, as avoider.
-            instance: Its name in the config.
-            timeout: Longest wait for it to publish, s.
+            instance: Its name in the config; or a plugin or plugin@preset to start.
+            timeout: Longest wait for it to publish once it runs, s.
+            say: Receives what happens on the way: that an instance is starting.
 
         Raises:
-            Refused: There is no such instance; TimeoutError: it was not ready within `timeout`, s.
+            Refused: There is no such instance, and none can be started; TimeoutError: it was not ready within
+                `timeout`, s.
         """
+        if not self.client.lives(role, instance):
+            start_in_shadow(self.client, role, instance, say)
         answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
         limit = time.monotonic() + timeout
         while answer["selected"] != instance:

@@ -19,7 +19,7 @@ from navloom.plugins.opening import OPENER
 from navloom.recording.counting import RecorderCounts
 from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
-from navloom.transport.keyspace import ATTENDANT, FAULT, LINKED
+from navloom.transport.keyspace import ATTENDANT, FAULT, GAINED, LINKED
 from navloom.transport.quality import retained_ports, streams_of
 
 __all__ = ["LiveRecorder", "ask_header"]
@@ -65,6 +65,11 @@ def ask_header(client: Client) -> RecordingHeader:
         time.sleep(0.05)
 
 
+def _recorded(header: RecordingHeader) -> list[str]:
+    """Streams to record, one by one: a viewer may not subscribe by wildcard. Faults are in the step reports too."""
+    return [stream for stream in streams_of(header.loaded().config) if not stream.endswith(f"/{FAULT}")]
+
+
 class LiveRecorder:
     """Records every message of a robot, from `start` to `stop`.
 
@@ -87,19 +92,35 @@ class LiveRecorder:
         self._condition = threading.Condition()
         self._ends = False
         self._thread = threading.Thread(target=self._write, name="recorder")
+        self._gained, self._header = threading.Event(), writer.header
         self._ahead_ns = time.time_ns() - time.monotonic_ns()
 
     def start(self) -> None:
         """Start recording: messages retained for late joiners first, then all new ones."""
         self._thread.start()
-        for stream in streams_of(self.writer.header.loaded().config):  # a viewer may not subscribe by wildcard
-            if not stream.endswith(f"/{FAULT}"):  # faults are in the step reports too
-                self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
+        self.client.bus.watch(self.client.keys.process("*", GAINED), lambda key, alive: self._gained.set())
+        for stream in _recorded(self.writer.header):
+            self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
         for role, port in retained_ports(catalogue=catalogue_of(self.writer.header.loaded().config)[0]):
             self._fetch(role, port)
         self._fetch("*", "parameters")
         # Announced after the subscriptions, on the same links: a process that sees it can already send to it.
         self.client.bus.announce(self.client.keys.process(ATTENDANT, LINKED))
+
+    def look(self) -> None:
+        """Record instances that the robot has gained, too. Call it several times a second."""
+        if not self._gained.is_set():
+            return
+        self._gained.clear()
+        try:
+            before, header = _recorded(self._header), ask_header(self.client)
+        except ClientError:  # no process answers now: try again
+            self._gained.set()
+            return
+        for stream in _recorded(header):
+            if stream not in before:
+                self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
+        self._header = header
 
     def stop(self) -> None:
         """Write all messages received so far and close the file."""
@@ -149,6 +170,8 @@ class LiveRecorder:
                 with self._condition:
                     self._condition.wait(CLOSE_EVERY / 3.0)
                 self._drain()
+                if self.writer.header is not self._header:
+                    self.writer.extend(self._header)
                 now = time.monotonic()
                 if now - counted >= COUNT_EVERY:
                     counted = now

@@ -231,7 +231,7 @@ class Recording:
         return channel if fits else None
 
     def _head(self) -> RecordingHeader:
-        for name, values in self._metadata:
+        for name, values in reversed(self._metadata):  # the last header has every instance that the robot has gained
             if name == HEADER and "header" in values:
                 return RecordingHeader.from_text(values["header"])
         raise RecordingError(

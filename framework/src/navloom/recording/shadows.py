@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.engine.catalogue import FRAMEWORK, Catalogue
-from navloom.engine.differences import differences, is_differing
+from navloom.engine.differences import differences, is_differing, would_stop
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ class Disagreement:
         differing: For each tick, whether any difference exceeds its tolerance.
         driving: For each tick of an avoider, whether the active avoider drove.
         unanswered: Number of ticks in which only one of the two answered.
+        stops: Number of ticks in which it commanded no motion while the active instance did.
+        handovers: Number of ticks in which one of two avoiders would have driven and the other one not.
     """
 
     role: str
@@ -46,6 +48,8 @@ class Disagreement:
     differing: list[bool] = field(default_factory=list)
     driving: list[bool] = field(default_factory=list)
     unanswered: int = 0
+    stops: int = 0
+    handovers: int = 0
 
     def add(self, tick: int, time: float, against: str, found: Mapping[str, float], driving: bool = False) -> None:
         """Add one tick."""
@@ -58,6 +62,23 @@ class Disagreement:
         self.driving.append(driving)
         for name in [*self.values, *(name for name in found if name not in self.values)]:
             self.values.setdefault(name, [math.nan] * before).append(found.get(name, math.nan))
+
+    def so_far(self) -> dict[str, Any]:
+        """State for `navloom status`: the summary, with the newest and the mean absolute value of each difference."""
+        now = {name: values[-1] for name, values in self.values.items() if not math.isnan(values[-1])}
+        sizes = {name: np.abs(np.array(values, dtype=np.float64)) for name, values in self.values.items()}
+        return {
+            "role": self.role,
+            "instance": self.instance,
+            "against": self.against[-1] if self.against else None,
+            "ticks": len(self.ticks),
+            "unanswered": self.unanswered,
+            "differing_share": _share(np.array(self.differing, dtype=np.bool_)),
+            "now": now,
+            "mean": {name: float(np.nanmean(size)) for name, size in sizes.items() if not np.isnan(size).all()},
+            "stops": self.stops,
+            "handovers": self.handovers,
+        }
 
     def summary(self) -> dict[str, Any]:
         """Summary for `run --json`: ticks compared, the share that differ, and RMS and maximum of each difference.
@@ -73,6 +94,8 @@ class Disagreement:
             "ticks": len(self.ticks),
             "unanswered": self.unanswered,
             "differing_share": _share(np.array(self.differing, dtype=np.bool_)),
+            "stops": self.stops,
+            "handovers": self.handovers,
             "first_differing_tick": None if first is None else self.ticks[first],
             "first_differing_s": None if first is None else self.times[first],
             "differences": self._sizes(np.ones_like(drove)),
@@ -120,7 +143,7 @@ class ShadowWatch:
         self.horizon = horizon
         self.found = {(role, name): Disagreement(role, name) for role, names in shadows.items() for name in names}
         self._open: dict[str, dict[int, dict[str, tuple[bool, Message, Envelope]]]] = {role: {} for role in shadows}
-        self._driving: dict[int, bool] = {}
+        self._engaged: dict[int, dict[str, bool]] = {}
 
     @classmethod
     def of(cls, system: System) -> ShadowWatch | None:
@@ -137,8 +160,7 @@ class ShadowWatch:
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """Keep an answer until the other answers of its tick have come or can no longer come."""
         if isinstance(message, HandOver):
-            if active:
-                self._driving[at.tick] = message.engaged
+            self._engaged.setdefault(at.tick, {})[instance] = message.engaged
             return
         open_ticks = self._open[role]
         for tick in [tick for tick in open_ticks if tick < at.tick - self.horizon]:
@@ -157,7 +179,7 @@ class ShadowWatch:
 
     def _close(self, role: str, tick: int) -> None:
         answers = self._open[role].pop(tick)
-        drove = self._driving.pop(tick, False) if role == "avoider" else False
+        engaged = self._engaged.pop(tick, {}) if role == "avoider" else {}
         ours = next(((name, *answer[1:]) for name, answer in answers.items() if answer[0]), None)
         names = [name for name, answer in answers.items() if not answer[0]]
         # An instance that was swapped out continues as a shadow; one that was swapped in is no longer one.
@@ -167,8 +189,10 @@ class ShadowWatch:
                 seen.unanswered += 1
                 continue
             against, message, at = ours
-            found = differences(role, message, answers[name][1])
-            seen.add(tick, at.stamp_ns * 1e-9, against, found, drove)
+            theirs, drove = answers[name][1], engaged.get(against, False)
+            seen.add(tick, at.stamp_ns * 1e-9, against, differences(role, message, theirs), drove)
+            seen.stops += would_stop(message, theirs)
+            seen.handovers += engaged.get(name, drove) != drove
 
 
 def shadow_table(found: list[Disagreement]) -> str:

@@ -96,6 +96,14 @@ class RecordingWriter:
                 channel = self._channels[key, "json"] = self._writer.register_channel(key, "json", 0)
             self._writer.add_message(channel, received_ns, json.dumps(counts).encode(), received_ns)
 
+    def extend(self, header: RecordingHeader) -> None:
+        """Write a further header, which replaces the first: the robot has gained an instance."""
+        with self._sound():
+            self._writer.flush()
+            self._writer.add_metadata(HEADER, {"header": header.to_text()})
+            self._file.mark()
+        self.header, self._whole = header, self.messages
+
     def flush(self) -> None:
         """Close the current chunk and hand it to the operating system, so that a kill no longer loses it."""
         with self._sound():

@@ -33,6 +33,7 @@ th.text, td.text, tbody th { text-align: left; }
 td { white-space: nowrap; }
 td.text { white-space: normal; overflow-wrap: break-word; }
 .detail { display: block; color: var(--soft); font-size: .88em; white-space: nowrap; }
+td.text .detail { white-space: normal; overflow-wrap: anywhere; }
 tr.marked { background: #fff6e0; }
 figure { margin: 1rem 0 1.4rem; }
 figure svg, figure img { max-width: 100%; height: auto; display: block; }

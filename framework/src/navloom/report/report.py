@@ -120,6 +120,12 @@ def _in_short(study: StudyFiles) -> ReportPart:
         f"closed-loop episodes, the same worlds, seeds, limits and robot for every method. "
         f"The others are compared with {study.baseline}."
     )
+    if study.request.get("live"):
+        part.say(
+            "The episodes were driven live, each robot in its processes on the wall clock: two drives of one method "
+            "differ, and so does their time if the machine is busy.",
+            "note",
+        )
     if found.scope == THESE_WORLDS:
         part.say(
             "For these worlds only: with fewer than 10 worlds, intervals and tests generalise to other seeds in the "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from importlib.metadata import version
@@ -13,11 +14,12 @@ from typing import Any
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.tables import ROLE_TABLES
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_task
+from navloom.engine.checks import check_live, check_task
 from navloom.engine.system import System
 from navloom.plugins import PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.study.journal import StudyFolder
+from navloom.study.live_episodes import run_live
 from navloom.study.methods import Method, compared, methods_of
 from navloom.study.metrics import all_metrics
 from navloom.study.openloop import METHOD, open_loop_of
@@ -41,6 +43,7 @@ def plan_study(
     say: Callable[[str], None] = lambda text: None,
     baseline: str = "",
     open_loop: bool = False,
+    is_live: bool = False,
 ) -> Study:
     """Check a request before anything runs.
 
@@ -53,6 +56,7 @@ def plan_study(
         say: Receives the progress of the checks.
         baseline: Name of a method; default the first.
         open_loop: Whether to drive the baseline once more for each world and seed, with the other methods in shadow.
+        is_live: Whether the episodes are to be driven live.
 
     Raises:
         ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
@@ -66,10 +70,11 @@ def plan_study(
     cases = worlds_of(base, worlds, discovery)
     here, single = Path.cwd(), len(methods) == len(cases) == 1
     say("checking methods")
-    systems = {method.name: _checked(method, cases[0], discovery, here, single) for method in methods}
+    check = _check_live if is_live else check_task
+    systems = {method.name: _checked(method, cases[0], discovery, here, single, check) for method in methods}
     say("checking worlds")
     for case in cases[1:]:
-        _checked(methods[0], case, discovery, here, single)
+        _checked(methods[0], case, discovery, here, single, check)
     if beside is not None:
         _checked(Method(METHOD, (), beside.loaded), cases[0], discovery, here, single)
     equal, different = compared(systems)
@@ -88,6 +93,7 @@ def plan_study(
         baseline,
         beside,
         unusable,
+        is_live,
     )
 
 
@@ -98,12 +104,27 @@ def _baseline(name: str, methods: Sequence[Method]) -> str:
     return name or names[0]
 
 
-def _checked(method: Method, case: WorldCase, discovery: CachedDiscovery, here: Path, single: bool) -> System:
+def _check_live(system: System) -> None:
+    """Refuse what cannot be driven live, one episode after the other on this host. Raises ConfigError."""
+    check_task(system)
+    check_live(system)
+    if system.config.live.router or system.config.live.hosts:
+        raise system.loaded.error("live: --live drives on this host alone: leave live.hosts and live.router out")
+
+
+def _checked(
+    method: Method,
+    case: WorldCase,
+    discovery: CachedDiscovery,
+    here: Path,
+    single: bool,
+    check: Callable[[System], None] = check_task,
+) -> System:
     """A method's system in a world. Raises ConfigError that names the method and the world that do not fit."""
     loaded: Loaded = placed(method.loaded.to_json(), case.values, method.loaded.config.run.seed, here)
     try:
         system = assemble(loaded, discovery)
-        check_task(system)
+        check(system)
     except (ConfigError, PluginError) as error:
         where = "" if single else f"method {method.name} in world {case.ref}: "
         raise ConfigError(f"{where}{error}") from None
@@ -136,6 +157,8 @@ def run_study(
     progress: Progress = lambda done, total, left: None,
     hang_after: float = HANG_AFTER,
     twice: bool = False,
+    ending: threading.Event | None = None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> StudyResult:
     """Run the episodes that have not ended before.
 
@@ -147,11 +170,14 @@ def run_study(
         progress: Called with the progress, at least twice a second.
         hang_after: Time without a heartbeat after which a worker is killed, s.
         twice: Run the first episode of each method twice more, and report where the second run differs.
+        ending: For a live study: set it to end the current robot and to leave, as with Ctrl-C.
+        say: For a live study: receives what happens to the robots' processes.
 
     Raises:
         ConfigError: The folder holds another study, or cannot be used.
         PoolError: Workers cannot run at all, or the cluster went away. Ended episodes are kept, as with Ctrl-C.
         StudyError: The disk is full. Ended episodes are kept.
+        StartError: For a live study: a robot does not start. Ended episodes are kept.
     """
     started = perf_counter()
     tasks = study.tasks()
@@ -165,6 +191,9 @@ def run_study(
             clock.count()
 
         def drive(tasks: Sequence[EpisodeTask], on_row: Callable[[Row], None]) -> int:
+            if study.is_live:
+                run_live(tasks, on_row, ending or threading.Event(), say, clock.tell)
+                return 0
             if executor is not None:
                 run_on_executor(tasks, on_row, executor)
                 return 0
@@ -177,7 +206,8 @@ def run_study(
         drive(study.twice() if twice else (), repeated.append)
         rows = [folder.rows[key] for key in study.keys]
         beside = [folder.rows[key] for key in study.open_loop_keys]
-        timings = _timings(rows, perf_counter() - started, jobs or cores())
+        count = 1 if study.is_live else jobs or cores()
+        timings = _timings(rows, perf_counter() - started, count)
         files = folder.finish(rows, study.metrics, timings, beside)
     return StudyResult(
         study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside), folder.missing,

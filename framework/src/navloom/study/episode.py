@@ -48,7 +48,7 @@ class Episode:
 
     Attributes:
         system, log, recorder: See their classes.
-        shadows: Comparisons of the shadows; empty for a live run, in which they are not compared.
+        shadows: Comparisons of the shadows.
         warnings: Problems of plugins that did not fail.
     """
 

@@ -42,6 +42,7 @@ from navloom.operating.client import Client, ClientError, Refused
 from navloom.plugins.observing import Onlookers
 from navloom.recording.excerpt import repeating
 from navloom.study.episode import Episode
+from navloom.study.live_shadows import LiveShadows
 from navloom.study.live_show import LiveShow
 from navloom.study.live_warnings import LiveWarnings
 from navloom.study.observed import run_info
@@ -106,6 +107,8 @@ class LiveRun:
         self._mailbox = Mailbox()
         self._inlets: list[tuple[tuple[str, str], str, Inlet]] = []
         self._chosen: dict[str, str] = {}
+        self._epoch = 0
+        self._shadows: LiveShadows | None = None
         self._began_ns = time.perf_counter_ns()
         self._ended: deque[GoalResult] = deque()
         self._place = Point2D(0.0, 0.0)
@@ -155,24 +158,40 @@ class LiveRun:
         # The shortest path is known only for the config's own goal, which starts at the config's start pose.
         is_own = bool(self.log.results) and self.log.results[-1].goal_id == self._own_goal
         system = self.system if is_own else replace(self.system, goal=None)
-        return Episode(system, self.log, self.recorder, warnings=self._warned)
+        shadows = [] if self._shadows is None else self._shadows.finish()
+        return Episode(system, self.log, self.recorder, shadows, self._warned)
 
     def _listen(self, robot: LiveRobot) -> LiveShow:
         """Subscribe to the status, and to the data for judging only on the judging host: it would fill a slow link."""
-        board = Switchboard(robot.bus, robot.keys, lossless=False)
-        wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
+        self._board = board = Switchboard(robot.bus, robot.keys, lossless=False)
         for source in all_sources(self.system):
-            ports = {port for role, port in wanted if role == source[0]}
-            ports |= HEARD.get(source[0], set())
-            if self.judges and source[0] != "operator":
-                ports.add(FAULT)
-            for port in sorted(ports):
-                rings = port in HEARD.get(source[0], ()) and source[0] in TELLING
-                self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024, rings)))
+            self._subscribe(source)
+        if self.judges:
+            self._shadows = LiveShadows(self.system, board, self._is_active, self.say)
         shown = [] if self.onlookers is None else self.onlookers.begin(run_info(self.loaded, "live"))
         show = LiveShow(self.system, board, shown if self.judges else (), self._is_active)
         board.connect()
         return show
+
+    def _subscribe(self, source: tuple[str, str]) -> None:
+        wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
+        ports = {port for role, port in wanted if role == source[0]}
+        ports |= HEARD.get(source[0], set())
+        if self.judges and source[0] != "operator":
+            ports.add(FAULT)
+        for port in sorted(ports):
+            rings = port in HEARD.get(source[0], ()) and source[0] in TELLING
+            self._inlets.append((source, port, self._board.inlet(source, port, self._mailbox, 1024, rings)))
+
+    def _follow(self, system: System) -> None:
+        """Take in instances that the robot has gained."""
+        known, self.system, self.loaded = set(all_sources(self.system)), system, system.loaded
+        for source in all_sources(system):
+            if source not in known:
+                self._subscribe(source)
+        if self._shadows is not None:
+            self._shadows.extend(system)
+        self._board.connect()
 
     def _drive(
         self,
@@ -197,6 +216,8 @@ class LiveRun:
                     self._ask(client, request)
                 idle_since = time.monotonic()
             robot.supervisor.poll()
+            if robot.system is not self.system:
+                self._follow(robot.system)
             robot.warn_of_expiry()
             look(robot)
             if self.feedback is not None and self.feedback.goal_id and time.monotonic() - asked > ASK_AGAIN:
@@ -258,6 +279,8 @@ class LiveRun:
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
         self.recorder = Recorder(map=self.recorder.map)
         self._began_ns = time.perf_counter_ns()
+        if self._shadows is not None:
+            self._shadows.begin()
 
     def _ask(self, client: Client, request: OperatorRequest) -> None:
         """Send the request of the config's goal or of one of its events."""
@@ -292,6 +315,8 @@ class LiveRun:
                 if source[0] == "platform":
                     newest = max(newest, envelope.tick)
         self._last_tick = newest if newest >= 0 else self._last_tick
+        if self._shadows is not None:
+            self._shadows.look()
         return newest
 
     def _note(self, source: tuple[str, str], port: str, message: Message, at: Envelope) -> None:
@@ -312,7 +337,11 @@ class LiveRun:
             self.status = message
             self.log.hear_gate(message)
         elif isinstance(message, Selection):
-            self._chosen = message.chosen
+            for role, instance in message.chosen.items() if message.epoch > self._epoch else ():
+                before = self._chosen.get(role, self._default(role))
+                if instance != before:
+                    self.say(f"{role}: {instance} is active instead of {before} (selection {message.epoch})")
+            self._chosen, self._epoch = message.chosen, message.epoch
             self.log.swaps = message.epoch
         else:
             self.recorder.on_message(role, name, active, port, message, at)
@@ -327,6 +356,11 @@ class LiveRun:
             if self.recording is not None:
                 is_only = sum(role == source[0] for role, _ in self.system.parts) == 1
                 self.say(f"repeat that step: {repeating(self.recording, *source, tick, is_only)}")
+
+    @property
+    def shadows(self) -> list[dict[str, Any]]:
+        """Comparison of each shadow in the newest drive, see `Disagreement.so_far`."""
+        return [] if self._shadows is None else self._shadows.so_far()
 
     def _is_active(self, role: str, name: str) -> bool:
         return self._chosen.get(role, self._default(role)) == name

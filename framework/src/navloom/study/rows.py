@@ -24,7 +24,7 @@ from navloom.study.tracks import encoded
 from navloom.study.trail import Trail, WayLengths, lost_trail, ways_of
 from navloom.study.worldset import CachedDiscovery, placed
 
-__all__ = ["Row", "EpisodeTask", "episode_row", "lost_row"]
+__all__ = ["EpisodeTask", "Row", "episode_row", "lost_row", "row_of"]
 
 ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 Progress = Callable[[], None]
@@ -161,9 +161,7 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
                 loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress()
             )
         progress()
-        trail = episode.trail
-        row = _row(task, trail, episode.log.trace_sha256, perf_counter() - started)
-        return _with_track(row, trail, episode)
+        return row_of(task, episode, perf_counter() - started)
     except (Exception, SystemExit) as error:
         return lost_row(task, f"{type(error).__name__}: {error}", perf_counter() - started)
 
@@ -178,8 +176,10 @@ def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress) -> Episo
     return replace(episode, warnings=found)
 
 
-def _with_track(row: Row, trail: Trail, episode: Episode) -> Row:
-    """The row with its track, shadows and warnings."""
+def row_of(task: EpisodeTask, episode: Episode, spent: float) -> Row:
+    """The row of an ended episode, with its track, shadows and warnings; `spent` is its wall time, s."""
+    trail = episode.trail
+    row = _row(task, trail, episode.log.trace_sha256, spent)
     goal, shadows = episode.system.goal, episode.shadows
     place = None if goal is None else (goal.x, goal.y)
     track = encoded(trail, place, episode.system.goal_tolerance, shadows)

@@ -38,6 +38,7 @@ class Study:
         here: Base folder of references that are not from a file.
         baseline: Name of the method that the others are compared with.
         open_loop: Additional drives, one for each world and seed, for their shadows; None for none.
+        is_live: The episodes are driven live, one after the other, instead of in lockstep.
     """
 
     config: str
@@ -53,6 +54,7 @@ class Study:
     baseline: str = ""
     open_loop: OpenLoop | None = None
     unusable: tuple[str, ...] = ()
+    is_live: bool = False
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -115,6 +117,7 @@ class Study:
             "differs": self.differs,
             "versions": self.versions,
             **({"plugin_files": files} if (files := files_in_use()) else {}),
+            **({"live": True} if self.is_live else {}),
             **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
         }  # fmt: skip
 

@@ -28,6 +28,7 @@ ACTING = (
     "gate/main/enter_unseen",
     "localizer/*/place",
     "*/*/params/set",
+    "process/supervisor/add",
 )
 """Services that change what the robot does, below `<realm>/<robot>/`."""
 READABLE = (
@@ -35,6 +36,7 @@ READABLE = (
     "*/*/params/get",
     "*/*/parameters",
     "process/*/config",
+    "process/supervisor/shadows",
     "mapper/*/map",
     "planner/*/path",
     "planner/*/failure",

@@ -9,9 +9,10 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from navloom.config.tables import ROLE_TABLES, TAKEN
@@ -30,9 +31,13 @@ from navloom.transport.certificates import (
     read_authority,
     write_new,
 )
+from navloom.transport.key_pairs import files_of, place_pair, sweep_pairs
 from navloom.transport.validity import AUTHORITY
 
 __all__ = ["add_identity", "new_authority", "renew", "revoke"]
+
+DRAFT = ".keys-"
+"""Beginning of the names of folders for unfinished files."""
 
 
 def new_authority(folder: Path, order: CertificateRequest) -> tuple[Identity, ...]:
@@ -85,13 +90,13 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
     with _changing(folder) as (draft, listed):
         order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
         _check_order(order)
-        files = _files(identity.name)
+        files = files_of(identity.name)
         if any((folder / file).exists() for file in files) or identity.name in listed.by_name:
             raise KeysError(f"{folder}: there is a certificate of {identity.name!r} already; choose another name")
         made = replace(identity, generation=listed.revoked.get(identity.name, 0) + 1)
         make_certificate(draft, read_authority(folder), made, order)
         _write_list(draft, replace(listed, identities=(*listed.identities, made)))
-        _install(draft, folder, (*files, IDENTITIES))
+        _install(draft, folder, [identity.name], has_list=True)
 
 
 def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, now: datetime) -> tuple[Identity, ...]:
@@ -120,7 +125,7 @@ def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, n
         for identity in chosen:
             order = _order_again(folder, listed, identity, hosts, days, now)
             make_certificate(draft, authority, identity, order)
-        _install(draft, folder, [file for identity in chosen for file in _files(identity.name)])
+        _install(draft, folder, [identity.name for identity in chosen])
     return tuple(chosen)
 
 
@@ -154,13 +159,13 @@ def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None 
         revoked = {**listed.revoked, name: identity.generation}
         if replacement_days is None:
             _write_list(draft, replace(listed, identities=rest, revoked=revoked))
-            _install(draft, folder, (IDENTITIES,), _files(name))
+            _install(draft, folder, (), has_list=True, removed=files_of(name))
             return None
         made = replace(identity, generation=identity.generation + 1)
         order = _order_again(folder, listed, identity, (), replacement_days, now)
         make_certificate(draft, read_authority(folder), made, order)
         _write_list(draft, replace(listed, identities=(*rest, made), revoked=revoked))
-        _install(draft, folder, (*_files(name), IDENTITIES))
+        _install(draft, folder, [name], has_list=True)
         return made
 
 
@@ -207,11 +212,6 @@ def _order_again(
     order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
     _check_order(order)
     return order
-
-
-def _files(name: str) -> tuple[str, str]:
-    """Key and certificate, in this order: a process that watches the certificate must find its key in place."""
-    return f"{name}-key.pem", f"{name}.pem"
 
 
 def _check_order(order: CertificateRequest) -> None:
@@ -275,8 +275,13 @@ def _read_list(folder: Path) -> _Listed:
 def _changing(folder: Path) -> Iterator[tuple[Path, _Listed]]:
     """A draft folder for new files, and the folder's list, which no other process can change meanwhile."""
     _read_list(folder)  # raises for a folder without a list
-    with _alone(folder), _writing(folder) as draft:
-        yield draft, _read_list(folder)
+    with _alone(folder):
+        _sweep(folder)
+        try:
+            with _writing(folder) as draft:
+                yield draft, _read_list(folder)
+        finally:
+            sweep_pairs(folder)
 
 
 @contextlib.contextmanager
@@ -284,7 +289,7 @@ def _writing(parent: Path) -> Iterator[Path]:
     """A private folder for unfinished files; removed at the end unless it was renamed."""
     try:
         parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=parent, prefix=".keys-"))
+        draft = Path(tempfile.mkdtemp(dir=parent, prefix=DRAFT))
     except OSError as error:
         raise KeysError(f"{parent}: {error.strerror}") from None
     try:
@@ -306,24 +311,39 @@ def _alone(folder: Path) -> Iterator[None]:
         os.close(number)
 
 
-def _install(draft: Path, folder: Path, files: Sequence[str], removed: Sequence[str] = ()) -> None:
-    """Move finished files into place, in this order, and remove others: all of it, or nothing."""
+def _sweep(folder: Path) -> None:
+    """Remove what a command that was killed left in a locked folder: drafts, which hold private keys, and pairs."""
+    for draft in folder.glob(f"{DRAFT}*"):
+        shutil.rmtree(draft, ignore_errors=True)
+    sweep_pairs(folder)
+
+
+def _install(
+    draft: Path, folder: Path, pairs: Sequence[str], *, has_list: bool = False, removed: Sequence[str] = ()
+) -> None:
+    """Move finished pairs and the list into place, in this order, and remove files: all of it, or nothing."""
     kept = draft / "kept"
     kept.mkdir()
-    done: list[str] = []
+    undone: list[Callable[[], None]] = []
     try:
-        for file in (*files, *removed):
+        for name in pairs:
+            undone.append(place_pair(draft, folder, name))
+        for file in (*([IDENTITIES] if has_list else ()), *removed):
             if (folder / file).exists():
-                shutil.copy2(folder / file, kept / file)
-            done.append(file)
+                shutil.copy2(folder / file, kept / file, follow_symlinks=False)
+            undone.append(partial(_put_back, kept / file, folder / file))
             if file in removed:
                 (folder / file).unlink(missing_ok=True)
             else:
                 (draft / file).replace(folder / file)
     except OSError:
-        for file in done:
-            if (kept / file).exists():
-                (kept / file).replace(folder / file)
-            else:
-                (folder / file).unlink(missing_ok=True)
+        for undo in reversed(undone):
+            undo()
         raise
+
+
+def _put_back(kept: Path, path: Path) -> None:
+    if kept.is_symlink() or kept.exists():
+        kept.replace(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "ATTENDANT", "FAULT", "LARGEST", "LINKED", "STEP", "KeySpace"]
+__all__ = ["ALIVE", "ATTENDANT", "FAULT", "GAINED", "LARGEST", "LINKED", "STEP", "SUPERVISOR", "KeySpace"]
 
 ALIVE = "alive"
 """Key part of an instance's liveliness tokens."""
@@ -14,8 +14,12 @@ FAULT = "fault"
 """Port of the step reports with a fault, and of the first report without one after them; live only."""
 LINKED = "linked"
 """Liveliness token of a process that has declared all streams that it reads."""
+GAINED = "gained"
+"""Liveliness token of a process that is about to start in a robot that is up, declared by the supervisor."""
 ATTENDANT = "attendant"
 """Process name under which a recorder announces that it listens; no process has this name."""
+SUPERVISOR = "supervisor"
+"""Process name under which `navloom up` serves requests that concern the robot's processes."""
 LARGEST = 64 * 2**20
 """Largest message, bytes; a larger one is counted and not copied."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -23,6 +24,10 @@ class Publication:
 
     def __init__(self, ways: tuple[Way, ...]) -> None:
         self._ways = ways
+
+    def add(self, way: Way) -> None:
+        """Publish by one more connection."""
+        self._ways = (*self._ways, way)
 
     @property
     def is_heard(self) -> bool:
@@ -71,13 +76,18 @@ class Bus:
         self._here = frozenset(() if mesh is None else mesh.here)
         self._sender = Sender() if self._is_whole else None
         self._mesh = None if mesh is None else Connection(mesh.link)
+        self._more: tuple[Connection, ...] = ()
         try:
             waits = waits or not self._is_whole
             self._outer = Connection(link, patience, say, goes_on, waits, self._sender)
         except BaseException:
             self._leave()
             raise
-        self._all = tuple(one for one in (self._mesh, self._outer) if one is not None)
+        self._near = () if self._mesh is None else (self._mesh,)
+        self._all = (*self._near, self._outer)
+        self._declared: list[Callable[[Connection], None]] = []
+        self._is_closed = False
+        self._growing = threading.RLock()  # a declaration may call back at once
 
     def __enter__(self) -> Bus:
         return self
@@ -89,6 +99,8 @@ class Bus:
 
     def close(self) -> None:
         """Leave the network."""
+        with self._growing:
+            self._is_closed = True
         self._leave()
         self._outer.close()
 
@@ -97,6 +109,42 @@ class Bus:
             self._sender.close()
         if self._mesh is not None:
             self._mesh.close()
+        for one in self._more:
+            one.close()
+
+    def bring_here(self, *places: str) -> None:
+        """Take messages of these places from the mesh: role/instance or process/name, of a process that joined it."""
+        if self._mesh is not None:
+            self._here = self._here | set(places)
+
+    def reach(self, end: str) -> None:
+        """Connect to one more process of this host, to which this one's session does not connect.
+
+        Zenoh takes no further endpoints in an open session, so this opens another one, with the same declarations. It
+        is for tools: a process of the robot listens, and the new one connects to it.
+
+        Raises:
+            BusError: It cannot be reached.
+        """
+        realm, robot, _ = self._prefix.split("/")
+        one = Connection(Link("peer", (), (end,), realm=realm, robot=robot))
+        with self._growing:
+            if self._is_closed:  # an open session would keep the process from ending
+                one.close()
+                return
+            self._more = (*self._more, one)
+            if self._mesh is not None:
+                self._near = (*self._near, one)
+            self._all = (*self._all, one)
+            for declare in self._declared:
+                declare(one)
+
+    def _declare(self, declare: Callable[[Connection], None]) -> None:
+        """Declare something on every connection, and on those to come."""
+        with self._growing:
+            self._declared.append(declare)
+            for one in self._all:
+                declare(one)
 
     @property
     def losses(self) -> int:
@@ -131,7 +179,9 @@ class Bus:
 
     def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
         """Declare a stream to publish. If `lossless`, sending waits where it would otherwise drop."""
-        return Publication(tuple(one.publish(key, quality, lossless) for one in self._all))
+        made = Publication(())
+        self._declare(lambda one: made.add(one.publish(key, quality, lossless)))
+        return made
 
     def subscribe(self, key_expr: str, receive: Receive, most: int = LARGEST) -> None:
         """Subscribe to a stream, or to several with `*`.
@@ -141,29 +191,34 @@ class Bus:
             receive: Called with each message.
             most: Largest message, bytes; a larger one is not copied.
         """
-        ways = self._ways(key_expr)
-        for one in ways:
 
-            def take(key: str, data: bytes | None, label: str, one: Connection = one) -> None:
+        def declare(one: Connection) -> None:
+            def take(key: str, data: bytes | None, label: str) -> None:
                 if self._is_from(one, key):
                     receive(key, data, label)
 
-            one.subscribe(key_expr, receive if len(ways) == 1 else take, most)
+            ways = self._ways(key_expr)
+            if one in ways:
+                one.subscribe(key_expr, receive if len(ways) == 1 else take, most)
+
+        self._declare(declare)
 
     def announce(self, key: str) -> None:
         """Declare a liveliness token until the process leaves."""
-        for one in self._all:
-            one.announce(key)
+        self._declare(lambda one: one.announce(key))
 
     def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
         """Call `change` with each liveliness token that exists, appears or disappears."""
-        for one in self._ways(key_expr):
 
-            def take(key: str, is_there: bool, one: Connection = one) -> None:
+        def declare(one: Connection) -> None:
+            def take(key: str, is_there: bool) -> None:
                 if self._is_from(one, key):
                     change(key, is_there)
 
-            one.watch(key_expr, take)
+            if one in self._ways(key_expr):
+                one.watch(key_expr, take)
+
+        self._declare(declare)
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
         """Existing liveliness tokens."""
@@ -177,8 +232,7 @@ class Bus:
     def serve(self, key: str, take: Callable[[Question], None], is_large: bool = False) -> None:
         """Serve queries of a key. `take` is called on the network's thread: it must pass a query on or answer at once.
         Set `is_large` if answers may be large."""
-        for one in self._all:
-            one.serve(key, take, is_large)
+        self._declare(lambda one: one.serve(key, take, is_large))
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
         """Query a key: the answers of all that serve it, as they arrive, for at most `timeout`, s.
@@ -198,14 +252,14 @@ class Bus:
             return self._all
         place = self._place(key_expr)
         if place in self._here:
-            return (self._mesh,)
+            return self._near
         if "*" not in place:
             return (self._outer,)
-        return (self._mesh,) if self._is_whole else self._all
+        return self._near if self._is_whole else self._all
 
     def _is_from(self, one: Connection, key: str) -> bool:
         """Whether messages with this key are taken from a connection."""
-        return bool(key) and (self._mesh is None or (self._place(key) in self._here) == (one is self._mesh))
+        return bool(key) and (self._mesh is None or (self._place(key) in self._here) == (one is not self._outer))
 
     def _place(self, key: str) -> str:
         """Role and instance of a key, or "process" and a process's name, joined by "/"."""

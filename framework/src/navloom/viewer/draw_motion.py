@@ -27,6 +27,10 @@ AHEAD = 2.0
 """Duration of driving for which a command is drawn, s."""
 SHADOW = 0.5
 """Opacity of a shadow's drawings."""
+REACH = 0.6
+"""Length of an arrow of direction at rest beyond the robot's outline, m; it grows by the way of two seconds."""
+STOREY = 0.3
+"""Difference in height between the arrows of two instances, m, so that their names do not overlap."""
 
 
 def transform(x: float, y: float, heading: float, frame: str) -> Any:
@@ -115,6 +119,8 @@ def _command(vx: float, wz: float, seen: Seen) -> Drawn:
     import rerun as rr
 
     shadow, name = seen.actor.is_shadow, seen.actor.name
+    if shadow or any(role == seen.role for role, _ in seen.robot.shadows):
+        yield seen.in_base(f"direction_{seen.role}"), _direction(vx, wz, seen)
     if not shadow and seen.role != "gate":
         return
     colour = faded(seen.actor.colour, SHADOW) if shadow else _colour(seen, WHITE)
@@ -126,6 +132,25 @@ def _command(vx: float, wz: float, seen: Seen) -> Drawn:
     elif seen.is_alone:
         yield f"/metrics/speed/{name}_command", rr.Scalars(vx)
         yield f"/metrics/turn_rate/{name}_command", rr.Scalars(math.degrees(wz))
+
+
+def _direction(vx: float, wz: float, seen: Seen) -> Any:
+    """An arrow to where a command leads, for a shadow with its name; its command to stop is a name without an arrow.
+
+    It has the direction of the chord of the driven arc, and of a turn on the spot half its angle.
+    """
+    import rerun as rr
+
+    turned = max(-math.pi, min(math.pi, 0.5 * wz * AHEAD))
+    length = float(np.hypot(*seen.robot.footprint.T).max()) + REACH + AHEAD * abs(vx)
+    length = math.copysign(length, vx) if vx or wz else 0.0
+    way = [[length * math.cos(turned), length * math.sin(turned), 0.0]]
+    place = (seen.role, seen.instance)
+    level = 1 + seen.robot.shadows.index(place) if place in seen.robot.shadows else 0  # labels do not overlap
+    origin = [[0.0, 0.0, seen.robot.height + 0.1 + STOREY * level]]
+    colour = seen.actor.colour if seen.actor.is_shadow else _colour(seen, WHITE)
+    labels = [seen.instance if length else f"{seen.instance}: stop"] if seen.actor.is_shadow else []
+    return rr.Arrows3D(vectors=way, origins=origin, radii=0.04, colors=[colour], labels=labels, show_labels=True)
 
 
 def _colour(seen: Seen, alone: tuple[int, int, int, int]) -> tuple[int, int, int, int]:

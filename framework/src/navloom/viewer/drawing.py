@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from navloom.messages import Message, PoseEstimate, Sweep, Truth
 from navloom.viewer.colours import DRIVEN
 from navloom.viewer.draw_motion import transform
-from navloom.viewer.facts import Actor, Facts, actors_of
+from navloom.viewer.facts import Actor, Facts, actors_of, swappable_actors
 from navloom.viewer.panels import Change, Panel, Seen
 from navloom.viewer.scene import bodies, changing, legend, obstacles, present, series_styles, standing, state_styles
 from navloom.viewer.translate import BUILT_IN
@@ -91,11 +91,12 @@ class Drawing:
         self.broken: dict[str, str] = {}
         self._panels: dict[type[Message], list[Panel]] = {}
         self._variants = {variant.name: variant for variant in facts.variants}
-        self._actors = actors_of(facts)
+        self._actors = {**swappable_actors(facts), **actors_of(facts)}
         self._robots = {name: _Robot() for name in self._variants}
         self._last: dict[tuple[str, str, str, str], int] = {}
         self._keys: dict[str, str] = {}
         self._framed: set[str] = set()
+        self._hidden: set[str] = set()
         self._series: dict[str, list[tuple[int, int, float]]] = {}
         self._changing = changing(facts)
         self._sweep_ended = self._is_placed = False
@@ -172,9 +173,23 @@ class Drawing:
 
     def _actor(self, shown: Shown) -> Actor | None:
         """The actor whose colour a message gets; None for a waiting instance, which is not drawn."""
-        if shown.active:
-            return self._actors[(shown.variant, "", "")]
-        return self._actors.get((shown.variant, shown.role, shown.instance))
+        own = self._actors.get((shown.variant, shown.role, shown.instance))
+        if not shown.active:
+            self._hidden.discard("" if own is None else own.name)
+            return own
+        if own is not None and own.name not in self._hidden:
+            self._hidden.add(own.name)
+            self._hide(own, shown)
+        return self._actors[(shown.variant, "", "")]
+
+    def _hide(self, actor: Actor, shown: Shown) -> None:
+        """Remove the newest command of a shadow that has become active."""
+        import rerun as rr
+
+        for name in ("command", f"direction_{shown.role}"):
+            path = f"/run/{actor.name}/base/{name}"
+            if path in self._framed:
+                self._log(path, (rr.Clear(recursive=False),), shown.tick, shown.stamp_ns)
 
     def _seen(self, shown: Shown, robot: _Robot, actor: Actor, time: float) -> Seen:
         # Convert the long track to an array only for sweeps, which need it.

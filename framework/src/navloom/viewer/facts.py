@@ -18,7 +18,7 @@ from navloom.viewer.colours import ACTOR, Colour
 if TYPE_CHECKING:
     from navloom.engine.system import System
 
-__all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of", "sweep_rule"]
+__all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of", "swappable_actors", "sweep_rule"]
 
 UNKNOWN_RADIUS = 0.2
 """Radius of the disc for a robot with an unknown footprint, m."""
@@ -132,6 +132,19 @@ def actors_of(facts: Facts) -> dict[tuple[str, str, str], Actor]:
         key: Actor(name, key[0], ACTOR[number % len(ACTOR)], is_shadow)
         for number, (key, name, is_shadow) in enumerate(named)
     }
+
+
+def swappable_actors(facts: Facts) -> dict[tuple[str, str, str], Actor]:
+    """Actors of the instances that are active at the start and whose roles have shadows: after a swap they are some."""
+    single, taken = len(facts.variants) == 1, len(actors_of(facts))
+    found: dict[tuple[str, str, str], Actor] = {}
+    for variant in facts.variants:
+        for role in dict.fromkeys(role for role, _ in variant.shadows):
+            instance = variant.instances.get(role, "main")
+            name = instance if single and instance != variant.name else f"{variant.name}_{instance}"
+            colour = ACTOR[(taken + len(found)) % len(ACTOR)]
+            found[variant.name, role, instance] = Actor(name, variant.name, colour, is_shadow=True)
+    return found
 
 
 def facts_of(systems: Mapping[str, System], title: str) -> Facts:

@@ -168,6 +168,8 @@ def legend(facts: Facts) -> str:
     lines += [
         "| white outline on the floor | where the simulator knows the robot to be |",
         "| arrow from a robot's middle | direction its avoider chose |",
+        "| white arrow above a robot | where the command of the active instance leads, if its role has a shadow |",
+        "| arrow with a name | where the command of a shadow leads |",
         "| density | of obstacles by bearing, deg, left at the left, in units of the threshold: above 1 is blocked |",
     ]
     if single:

@@ -98,19 +98,22 @@ def _statements(statements: Sequence[Statement]) -> str:
     rows = [
         (
             statement.id,
-            statement.printed,
+            "\n".join([statement.printed, *(_key(key, statement) for key in statement.keys)]),
             f"{statement.ours}\n{statement.why}" if statement.why else statement.ours,
-            statement.verdict,
-            "\n".join(f"{key} {'(not active)' if key in statement.inactive else ''}".strip() for key in statement.keys),
-            f"{statement.code}\n{statement.test.rpartition('::')[2]}",
-            statement.figure,
+            f"{statement.verdict}\n{statement.figure}" if statement.figure else statement.verdict,
+            f"{statement.code.rpartition(':')[2]}\n{statement.code.partition(':')[0]}\n"
+            f"{statement.test.rpartition('::')[2]}",
         )
         for statement in statements
     ]
-    names = ("", "printed", "ours, and why", "verdict", "key of the printed reading", "code, and test", "figure")
+    names = ("", "printed, and its keys", "ours, and why", "verdict, figure", "code, and test")
     tally = Counter(statement.verdict for statement in statements)
     counts = ", ".join(f"{number} {verdict}" for verdict, number in tally.most_common())
     return html.table(names, rows, f"{len(statements)} statements: {counts}", text=range(len(names)))
+
+
+def _key(key: str, statement: Statement) -> str:
+    return f"{key} (not active)" if key in statement.inactive else key
 
 
 def _errata_sections(made: Reproduction, figures: dict[str, str]) -> list[html.Section]:

@@ -99,6 +99,7 @@ class StatusTable:
         from rich.text import Text
 
         from navloom.operating.looking import progress
+        from navloom.operating.shadowing import COLUMNS, cells_of
 
         feedback = self._run.feedback
         head = Text(f"{robot.keys.prefix}  ")
@@ -115,4 +116,10 @@ class StatusTable:
                 for role, instance in child.task.given.get("share", {}).get("sources", ())
             )
             table.add_row(name, pid, child.state, str(child.restarts), nodes)
-        return Group(head, table)
+        shadows = self._run.shadows
+        if not shadows:
+            return Group(head, table)
+        compared = Table(*COLUMNS, box=None, pad_edge=False)
+        for one in shadows:
+            compared.add_row(*cells_of(one))
+        return Group(head, table, compared)

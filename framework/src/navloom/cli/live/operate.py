@@ -94,7 +94,9 @@ def resume(robot: RobotOptions) -> None:
 
 def swap(
     role: Annotated[str, typer.Argument(metavar="ROLE", help="Role, as avoider.")],
-    instance: Annotated[str, typer.Argument(metavar="NAME", help="Instance of the config that becomes active.")],
+    instance: Annotated[
+        str, typer.Argument(metavar="NAME", help="Instance of the robot, or another plugin or plugin@preset.")
+    ],
     timeout: Annotated[float, typer.Option(metavar="S", help="Longest time to warm up, s.", callback=seconds)] = 10.0,
     *,
     robot: RobotOptions,
@@ -102,13 +104,14 @@ def swap(
 ) -> None:
     """Make another instance of a role active, also during a drive.
 
-    The swap takes effect as soon as the instance has warmed up.
+    A method that the robot does not have is started in shadow first. The swap takes effect as soon as the instance has
+    warmed up.
     """
     from navloom.cli.output import print_json
 
     with robot.navigator() as navigator:
         try:
-            epoch = navigator.swap(role, instance, timeout)
+            epoch = navigator.swap(role, instance, timeout, LOG.info)
         except TimeoutError as error:
             LOG.warning(str(error))
             raise typer.Exit(1) from None

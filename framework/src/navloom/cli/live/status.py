@@ -22,15 +22,17 @@ def status(
     from navloom.cli.output import print_json, print_table
     from navloom.operating.client import ClientError
     from navloom.operating.looking import changed_parameters, last_words, listing
+    from navloom.operating.shadowing import shadows_of
 
     with robot.look() as client:
         nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
+        shadows = shadows_of(client, nodes)
     if not nodes:
         raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
     if as_json:
-        print_json(_summary(client.keys.prefix, nodes, words, changed))
+        print_json(_summary(client.keys.prefix, nodes, words, changed) | {"shadows": shadows})
     else:
-        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed))
+        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows))
 
 
 def _summary(
@@ -55,10 +57,15 @@ def _summary(
 
 
 def rows(
-    name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
+    name: str,
+    nodes: Sequence[Mapping[str, Any]],
+    words: Mapping[str, Any],
+    changed: Mapping[str, Sequence[str]],
+    shadows: Sequence[Mapping[str, Any]] = (),
 ) -> list[tuple[str, str]]:
     """The printed lines; rows without a value are left out."""
     from navloom.operating.looking import missing
+    from navloom.operating.shadowing import differing_text
 
     clock = max(node["clock_ns"] for node in nodes)
     gone = missing(nodes)
@@ -71,6 +78,7 @@ def rows(
         _driver(words, nodes),
         ("platform", _platform(nodes)),
         ("active", _selection(words["gate/selection"])),
+        *((f"in shadow, {one['role']} {one['instance']}", differing_text(one)) for one in shadows),
         ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
         ("missing", ", ".join(_place(one) for one in gone)),
         ("does not answer", ", ".join(silent)),

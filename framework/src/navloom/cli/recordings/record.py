@@ -65,6 +65,7 @@ def _stay(recorder: Any, event: Any, until: float | None) -> str:
     """Wait for the end. Returns the reason if the user did not request it."""
     heard = time.monotonic()
     while not event.wait(0.1) and not recorder.failure:
+        recorder.look()
         now = time.monotonic()
         if until is not None and now >= until:
             break

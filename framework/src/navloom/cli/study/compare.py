@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navloom.cli.command import SectionedCommand
+from navloom.cli.interrupts import ending
 from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 
@@ -86,6 +88,9 @@ def compare(
             "--twice", help="Also run the first episode of each method twice; exit 1 if the second run differs."
         ),
     ] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Drive each episode live, in its processes, one after the other.")
+    ] = False,
     hang_after: Annotated[
         float,
         typer.Option(
@@ -108,9 +113,11 @@ def compare(
     from navloom.study.pool import PoolError
     from navloom.study.worldset import seeds_of
 
+    if live:
+        _refuse_beside_live(jobs, scheduler, open_loop, twice, view)
     seeds_asked = seeds_of(seeds) if seeds else ()
     study = plan_study(
-        config, vary or (), worlds or (), seeds_asked, set_ or (), baseline=baseline, open_loop=open_loop
+        config, vary or (), worlds or (), seeds_asked, set_ or (), baseline=baseline, open_loop=open_loop, is_live=live
     )  # fmt: skip
     for method, places in study.dropped.items():
         if places:
@@ -122,10 +129,11 @@ def compare(
         _show(study, where, as_json)
         return
     try:
-        with _executor(scheduler) as executor, _progress(as_json) as progress:
+        with _executor(scheduler) as executor, _progress(as_json) as progress, _stopping(live) as ends:
             result = run_study(
-                study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice
-            )
+                study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice,
+                ending=ends, say=LOG.info,
+            )  # fmt: skip
     except (PoolError, StudyError) as error:
         LOG.warning(str(error))
         raise typer.Exit(1) from None
@@ -148,6 +156,34 @@ def compare(
         LOG.warning(f"{failure}; make room, and the same command writes the rest")
     if result.missing or not result.is_repeatable:
         raise typer.Exit(1)
+
+
+def _refuse_beside_live(
+    jobs: int | None, scheduler: str | None, open_loop: bool, twice: bool, view: ViewOptions
+) -> None:
+    """Refuse options that make no sense for live episodes. Raises ConfigError."""
+    from navloom.config import ConfigError
+
+    reasons = {
+        f"--jobs {jobs}": (jobs or 1) > 1 and "live episodes run one after the other, or they would slow each other",
+        "--scheduler": scheduler is not None and "live episodes run on this host",
+        "--open-loop": open_loop and "it drives in lockstep; `navloom up --shadow` compares answers live",
+        "--twice": twice and "two live drives are never equal",
+        "a viewer": view.asked() is not None and "`navloom view` shows a live robot",
+    }
+    for option, reason in reasons.items():
+        if reason:
+            raise ConfigError(f"--live with {option}: {reason}; leave one of them out")
+
+
+@contextmanager
+def _stopping(live: bool) -> Iterator[threading.Event | None]:
+    """For a live study, an event that Ctrl-C sets, so that the robot's processes end in order."""
+    if not live:
+        yield None
+        return
+    with ending() as event:
+        yield event
 
 
 def _in_words(warning: Mapping[str, Any]) -> str:
@@ -231,8 +267,9 @@ def _print(result: StudyResult, out: Path | None) -> None:
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
         lines.append((name, found["episodes"], *(_mean(found, metric) for metric in shown), outcomes))
     worlds, seeds = len(study.worlds), len(study.seeds)
+    driven = "live episodes" if study.is_live else "episodes"
     typer.echo(
-        f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} episodes, "
+        f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} {driven}, "
         f"{result.before} of them from an earlier run, in {result.wall:.1f} s; means over episodes"
     )
     print_table(("method", "episodes", *shown, "outcomes"), lines)

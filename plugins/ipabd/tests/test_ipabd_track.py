@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from navloom_ipabd.errors import TrackError
-from navloom_ipabd.track import FrameMotion, check_track
+from navloom_ipabd.track import FrameMotion, check_track, poses_at
 
 
 @pytest.mark.parametrize("count", [3, 50])
@@ -34,3 +34,10 @@ def test_a_track_that_covers_the_scan_passes(count):
 def test_a_micrometre_and_a_ten_millionth_of_a_radian_are_rounding(shift, turn, is_still):
     motion = FrameMotion(np.array([[0.0, shift]]), np.array([turn]), (0.0, 0.0, 0.0))
     assert motion.is_still is is_still
+
+
+def test_poses_are_interpolated_between_their_neighbours_in_any_order():
+    """x = 0, 1, 4, 9 m at 0, 1, 2, 3 s: 2.5 m at 1.5 s, 6.5 m at 2.5 s, 0.5 m at 0.5 s."""
+    poses = np.column_stack([[0.0, 1.0, 4.0, 9.0], np.zeros(4), np.zeros(4)])
+    found = poses_at(np.array([1.5, 2.5, 0.5, 3.0]), np.arange(4.0), poses, 0.0)
+    assert found[:, 0].tolist() == [2.5, 6.5, 0.5, 9.0]

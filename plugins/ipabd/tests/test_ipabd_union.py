@@ -32,6 +32,13 @@ def test_two_pixels_of_one_column_stay_two_points(make_image) -> None:
     assert shown.barriers.seen.tolist() == [5.0]
 
 
+def test_a_sensor_beside_the_middle_of_the_robot_sees_from_there(make_image) -> None:
+    """0.25 m ahead and 0.1 m to the left of a robot at (1, 2) that looks along y; a point 2 m ahead of it."""
+    shown = union_outline(make_image([[2.0]], mount=(0.25, 0.1, 0.4)), standing(1, (1.0, 2.0, np.pi / 2)), ALL)
+    assert shown.sensor == pytest.approx((0.9, 2.25, np.pi / 2))
+    assert shown.segments[0] == pytest.approx([0.9, 4.25, 0.9, 4.25])
+
+
 def test_every_return_of_the_papers_world_is_kept(paper_sweep) -> None:
     """9494 pixels less the 1801 without a return."""
     counts = union_outline(paper_sweep.image, standing(94, AT_S), ALL).barriers.counts

@@ -78,6 +78,12 @@ def test_k1_is_1_and_k3_is_0_6(name: str) -> None:
     assert (twist.vx, twist.wz) == (pytest.approx(0.3 * math.cos(0.5) + 0.1), pytest.approx(-0.3))
 
 
+@pytest.mark.parametrize(("heading", "turn"), [(90.0, -25.0), (-90.0, 25.0)])
+def test_it_turns_in_place_to_the_nearer_side_as_fast_as_the_robot_can(heading: float, turn: float) -> None:
+    twist = make().control(seen(0.0, 0.0, math.radians(heading))).twist
+    assert (twist.vx, math.degrees(twist.wz)) == (0.0, pytest.approx(turn))
+
+
 def test_it_turns_in_place_from_60_degrees_on_until_20() -> None:
     for heading, is_turning in ((59.0, False), (61.0, True)):
         assert (make().control(seen(0.0, 0.0, math.radians(heading))).twist.vx == 0.0) is is_turning

@@ -101,6 +101,7 @@ def test_the_same_seed_changes_the_same_lines() -> None:
     assert len(lists[0]) == 7 and lists[0] == lists[1] != lists[2]
 
 
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found in /proc")
 def test_a_run_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     """Neither a process nor a file: the mutant of the first line is under test when the run is ended."""
     command = [sys.executable, str(SCRIPT), "--modules", "vff", "--lines", "3"]

@@ -248,7 +248,9 @@ def test_a_turn_in_place_keeps_0_12_m_for_a_tick_and_0_2_s():
     """A post 0.15 m beside the robot and p ahead of its centre: after 0.25 s at 25 degrees a second it is
     0.55 cos 6.25 - p sin 6.25 - 0.4 m beside it: 0.118 m for p = 0.26, so half the turn; 0.123 m for p = 0.22."""
     for x, turn in ((0.09, -12.5), (0.13, -25.0)):
-        assert drive(turning(), posts((0.35, -0.55), x=x), x=x, target=-170.0) == (0.0, pytest.approx(turn))
+        answer = tick(turning(), posts((0.35, -0.55), x=x), x=x, target=-170.0)
+        assert (answer.twist.vx, math.degrees(answer.twist.wz)) == (0.0, pytest.approx(turn))
+        assert ("reduced by what is on the arc" in answer.diagnostics.why) is (turn == -12.5)
 
 
 def test_without_room_to_turn_it_creeps_out_at_0_1_m_a_second():

@@ -378,3 +378,10 @@ def test_a_turn_slower_than_0_01_rad_a_second_counts_as_no_movement():
             answer = tick(avoider, wall, x=0.0, target=math.degrees(0.5 * turn), twist=twist)
             twist = (answer.twist.vx, answer.twist.wz)
         assert twist == (0.0, pytest.approx(ends)), turn
+
+
+@EACH
+def test_a_free_way_is_clear_in_every_direction(method, name):
+    """Wrapping a direction changes its last digit, which is no obstacle."""
+    told = [tick(preset(method, name), FREE, heading=float(t), target=float(t)).status for t in range(-180, 180, 15)]
+    assert told == ["clear"] * 24

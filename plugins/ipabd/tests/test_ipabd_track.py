@@ -41,3 +41,4 @@ def test_poses_are_interpolated_between_their_neighbours_in_any_order():
     poses = np.column_stack([[0.0, 1.0, 4.0, 9.0], np.zeros(4), np.zeros(4)])
     found = poses_at(np.array([1.5, 2.5, 0.5, 3.0]), np.arange(4.0), poses, 0.0)
     assert found[:, 0].tolist() == [2.5, 6.5, 0.5, 9.0]
+    assert poses_at(np.array([1.5, -0.1]), np.arange(4.0), poses, 0.2)[:, 0].tolist() == [2.5, 0.0]

@@ -122,7 +122,7 @@ class DynamicWindow:
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
         self.trend = TurnTrend(p.oscillation_distance, math.radians(p.oscillation_deg))
         self._trail: list[Point] = []
-        self._backed, self._backing, self._away = 0, None, 0
+        self._backed, self._backing = 0, None
         self._sent = (0.0, 0.0)
         self.motors.reset()
         self.in_flight = np.zeros((1, 2))
@@ -148,7 +148,7 @@ class DynamicWindow:
             if self.trap.holds(pose, target, p.target_shift):
                 return Decision(0.0, 0.0, "trapped", -1, "trapped: neither robot nor target moved since")
             self.progress.restart()
-            self._backed, self._backing, self._away = 0, None, 0
+            self._backed, self._backing = 0, None
         if self.progress.note(math.dist(target, pose[:2]), target):
             self._backed = 0
         self._count_time(given)
@@ -210,8 +210,6 @@ class DynamicWindow:
         is_clear = bool(np.isinf(self.contacts).all())
         if is_clear:
             self.progress.stalled = 0.0
-        if self._away and (turning := self._rotate_away(given)) is not None:
-            return turning
         if self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]:
             return self._give_up(given, f"no progress in {p.patience:g} s")
         if self.progress.blocked > p.blocked_patience and is_stopped(v, w):
@@ -258,25 +256,12 @@ class DynamicWindow:
             self.trend.sign, p.slow, (p.rotate_within, math.radians(p.rotate_deg)), self.costs,
         )  # fmt: skip
 
-    def _rotate_away(self, given: Given) -> Decision | None:
-        """Turn in place away from the obstacle; None once the robot can drive on by its own radius."""
-        middle = self.arcs[:, 1] / np.maximum(self.arcs[:, 0], 1.0e-9)
-        ahead = int(np.argmin(np.abs(middle)))
-        if self.contacts[ahead] >= self.radius or self.progress.stalled > self.params.patience:
-            self._away = 0
-            return None
-        return self._send(0.0, self._away * self.max_turn, "blocked: rotating away")
-
     def _recover(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
-        """Handle a blocked robot: rotate away or back up, or give up after too many attempts."""
+        """Handle a blocked robot: back up, or give up after too many attempts."""
         p = self.params
-        if (p.back_up == 0.0 and not p.rotates_away) or self._backed >= p.back_ups:
-            return self._give_up(given, f"blocked after {self._backed} attempts to get free")
+        if p.back_up == 0.0 or self._backed >= p.back_ups:
+            return self._give_up(given, f"blocked after backing up {self._backed} times")
         self._backed += 1
-        if p.rotates_away:
-            nearest = obstacles[int(np.argmin(gaps))] if gaps.size else (1.0, 0.0)
-            self._away = -1 if nearest[1] > 0.0 else 1
-            return self._send(0.0, self._away * self.max_turn, "blocked: rotating away")
         self._backing = given.pose
         return self._back_up(given, obstacles, gaps)
 

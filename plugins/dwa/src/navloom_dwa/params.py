@@ -79,9 +79,6 @@ class DwaParams(Params):
     alpha: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the heading.")
     beta: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the distance to the next obstacle.")
     gamma: float = Field(0.2, ge=0.0, le=100.0, description="1997: weight of the speed.")
-    rotates_away: bool = Field(
-        False, description="Turn in place away from the obstacle when blocked, until the way ahead is free."
-    )
     back_up: float = Field(0.4, ge=0.0, le=3.0, description="Distance to back up when blocked, m; 0: never.")
     back_speed: float = Field(0.15, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
     back_ups: int = Field(4, ge=0, le=50, description="How often it backs up without progress.")
@@ -117,9 +114,6 @@ PRINTED = Preset(
         "gamma": (0.2, "gamma = 0.2, as the literature quotes it"),
         "cone_window": (81, "the paper uses every reading; decided: the range of the sonars, 4 m"),
         "cone_reach": (4.0, "the paper uses every reading; decided: the range of the sonars, 4 m"),
-        "rotates_away": (True, "a robot that stops before an obstacle rotates away until it can drive"),
-        "blocked_patience": (0.5, "not printed; decided: half a second"),
-        "back_ups": (50, "not printed; decided: until the time without progress is over"),
         "back_up": (0.0, "not in the paper: it never backs up"),
     },
 )

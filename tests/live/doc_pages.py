@@ -12,7 +12,7 @@ PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
 
 NOT_RUN = {
     ("README.md", "navloom run paper --view"): "opens a window; framework/tests/viewer looks at what it shows",
-    ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vfh,"): "960 episodes",
+    ("comparing.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
     ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_astar.grids import RasterMap, grid_of_cells
+from navloom_astar.grids import RasterMap, enlarged, grid_of_cells
 from navloom_astar.inflation import disc_reach, grow
 from navloom_astar.planning import Found, GoalOccupied, GridPlanner, NoPath, OutsideMap, Settings, StartOccupied
 
@@ -185,6 +185,14 @@ def test_a_map_can_be_enlarged_by_unknown_cells_to_hold_an_unseen_goal(heading):
     assert isinstance(GridPlanner(Settings(**settings), (0.0, 0.0)).plan(start, goal, NOTHING, frame), NoPath)
     far = GridPlanner(Settings(**settings), (0.0, 0.0)).plan(start, (1e5, 1e5), NOTHING, frame)
     assert isinstance(far, OutsideMap)
+
+
+def test_a_map_grows_to_16_million_cells_and_no_further() -> None:
+    """One row of cells of 1 m: the point 15 999 999.5 m along it is in its 16 millionth cell."""
+    row = grid_of_cells(raster("."), 50)
+    longest = enlarged(row, ((15_999_999.5, 0.5),), 0.0)
+    assert longest is not None and longest.occupied.shape == (1, 16_000_000)
+    assert enlarged(row, ((16_000_000.5, 0.5),), 0.0) is None
 
 
 def test_a_billionth_of_a_cell_beyond_the_edge_is_rounding() -> None:

@@ -245,6 +245,12 @@ def test_step_costs_by_hand() -> None:
     assert step_costs(512 * 512) == (470832, 665857)
 
 
+def test_step_costs_stay_small_enough_for_the_longest_way_of_a_query() -> None:
+    """4 * most * p is at most 2^62. Of 3/2, 7/5 and 17/12, 2^58 steps allow p <= 4, and 2^57 allow p <= 8."""
+    assert step_costs(2**58) == (2, 3)
+    assert step_costs(2**57) == (5, 7)
+
+
 @given(st.integers(1, 400_000_000))
 def test_step_costs_are_convergents_above_the_number_of_diagonal_steps(most: int) -> None:
     q, p = step_costs(most)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 from avoider_scans import given, laser, make, sonars
-from navloom import Discovery, Twist2D
+from navloom import Claim, Discovery, Twist2D
+from navloom.testing.behaviour.tier import claims_of
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.adapter import ImprovedVfh
 from navloom_improved_vfh.params import ImprovedVfhParams
@@ -19,6 +20,10 @@ def avoider():
 
 def test_is_found_by_its_entry_point():
     assert Discovery().role("avoider", "improved_vfh") is ImprovedVfh
+
+
+def test_the_check_requires_its_role_its_footprint_and_the_mirror():
+    assert claims_of(ImprovedVfh) == {Claim.NO_CONTACT, Claim.REACHES, Claim.FOOTPRINT, Claim.MIRROR}
 
 
 def test_free_way_is_clear_and_driven_at_full_speed(avoider):

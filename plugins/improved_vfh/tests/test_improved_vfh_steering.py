@@ -35,6 +35,23 @@ def test_directions_off_the_heading_by_the_window_do_not_count():
     assert select([99.0], heading=0.0, target=90.0) == pytest.approx(99.0)
 
 
+def test_a_target_at_the_case_limit_is_case_2():
+    """Limit and target at 0.5 rad: the direction of the heading is taken, not that of the target."""
+    assert select_direction([0.5, 0.0], 0.0, 0.5, 2.0, 0.5, None, 0.0) == 0.0
+    assert select_direction([0.5, 0.0], 0.0, 0.5, 2.0, 0.625, None, 0.0) == 0.5
+
+
+def test_case_1_holds_across_180():
+    """The target is 20 degrees to the left of the heading; -150 is 20 degrees from it, and 165 is 25."""
+    assert select([165.0, -150.0], heading=170.0, target=-170.0) == pytest.approx(-150.0)
+
+
+def test_a_direction_at_the_window_does_not_count():
+    assert [select_direction([d], 0.0, 0.0, 0.5, 2.0, None, 0.0) for d in (-0.5, -0.375, 0.375, 0.5)] == [
+        None, -0.375, 0.375, None,
+    ]  # fmt: skip
+
+
 def test_angles_are_circular_at_180():
     assert select([-170.0, 120.0], heading=175.0, target=-175.0) == pytest.approx(-170.0)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_ipabd.lines import distances_to_segments, extract_lines, fresh_segments
+from navloom_ipabd.lines import _distance_to_chord, distances_to_segments, extract_lines, fresh_segments
 
 
 def one_object(points: np.ndarray, tolerance: float = 0.06) -> np.ndarray:
@@ -45,6 +45,24 @@ def test_pieces_that_one_line_fits_are_merged() -> None:
 def test_a_spike_along_the_chord_is_not_lost() -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.2, 0.0]])
     assert distances_to_segments(points, one_object(points)).max() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("point", "distance"),
+    [
+        ((1.8, 5.1), 2.0),
+        ((4.2, 1.9), 2.0),
+        ((9.0, 8.0), 5.0),
+        ((-3.0, -1.0), 5.0),
+        ((1.0, 2.0), 0.0),
+        ((5.0, 5.0), 0.0),
+    ],
+    ids=["left", "right", "beyond", "before", "first end", "second end"],
+)
+def test_distance_to_a_chord_by_hand(point, distance) -> None:
+    """The chord from (1, 2) to (5, 5) is 5 m long; its middle is (3, 3.5), and (-0.6, 0.8) points to its left."""
+    chord = np.array([1.0, 2.0]), np.array([5.0, 5.0])
+    assert _distance_to_chord(*chord, np.array(point)) == pytest.approx(distance, abs=1e-12)
 
 
 def test_objects_are_never_joined() -> None:

@@ -153,3 +153,8 @@ def test_columns_and_bins_find_the_same_barriers(seed: int) -> None:
     assert columns.counts == bins.counts
     np.testing.assert_allclose(bins.ranges[:25], columns.ranges, rtol=0.0, atol=1e-12)
     assert np.isinf(bins.ranges[25:]).all()
+
+
+def test_a_single_beam_has_a_bin_of_one_degree() -> None:
+    image = SweepImage(np.ones((1, 1)), np.zeros(1), np.zeros(1), np.zeros(1), (0.0, 0.0, 0.4), 0.0, 80.0)
+    assert math.degrees(image.bearing_step) == pytest.approx(1.0)

@@ -124,6 +124,38 @@ def test_seen_turns_with_the_robot() -> None:
     assert [[int(c), int(r)] for r, c in np.argwhere(cells == 0)] == [[1, 1], [1, 2], [1, 3]]
 
 
+def seen_cells(sensor: tuple[float, float], bearing_deg: float, width_deg: float, seen: float) -> list[list[int]]:
+    """Free cells, column and row, of a lattice from (0, 0) to (3, 3) whose cells of 1 m are centred on whole metres."""
+    lattice = Lattice.covering((0.0, 0.0, 3.0, 3.0), 1.0, (0.0, 0.0))
+    cells = lattice.unknown()
+    bins = Bins(math.radians(bearing_deg), math.radians(width_deg), 1)
+    mark_seen(cells, lattice, (*sensor, 0.0), bins, np.array([seen]))
+    return [[int(column), int(row)] for row, column in np.argwhere(cells == 0)]
+
+
+def test_a_cell_whose_centre_is_as_far_as_the_ray_was_seen_is_not_free() -> None:
+    assert seen_cells((0.0, 0.0), 0.0, 10.0, seen=2.0) == [[0, 0], [1, 0]]
+    assert seen_cells((0.0, 0.0), 0.0, 10.0, seen=2.1) == [[0, 0], [1, 0], [2, 0]]
+
+
+def test_the_distance_of_a_cell_counts_along_its_diagonal() -> None:
+    """Between 15 and 75 degrees, (1, 1) is 1.41 m away, (2, 1) and (1, 2) 2.24 m, and (2, 2) 2.83 m."""
+    assert seen_cells((0.0, 0.0), 45.0, 60.0, seen=2.5) == [[0, 0], [1, 1], [2, 1], [1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("sensor", "own"),
+    [
+        ((1.4, 1.0), [[1, 1]]),
+        ((1.0, 1.4), [[1, 1]]),
+        ((1.5, 1.0), [[1, 1], [2, 1]]),
+        ((1.0, 1.5), [[1, 1], [1, 2]]),
+    ],
+)
+def test_the_cell_of_the_sensor_is_free_and_on_an_edge_both_are(sensor, own) -> None:
+    assert seen_cells(sensor, 0.0, 10.0, seen=0.0) == own
+
+
 def test_moving_to_another_lattice_keeps_places() -> None:
     small = Lattice.covering((1.0, 1.0, 2.0, 2.0), 1.0, (0.0, 0.0))
     cells = np.array([[0, 100], [-1, 0]], dtype=np.int8)

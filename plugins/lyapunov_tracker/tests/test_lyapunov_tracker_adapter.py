@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from navloom import (
+    Claim,
     Context,
     ControllerInput,
     Discovery,
@@ -19,6 +20,7 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
+from navloom.testing.behaviour.tier import claims_of
 from navloom_lyapunov_tracker.adapter import LyapunovTracker
 from navloom_lyapunov_tracker.params import LyapunovTrackerParams
 from pydantic import ValidationError
@@ -57,6 +59,10 @@ def drive(tracker, x, y, heading, seconds):
 
 def test_it_is_found_by_its_name():
     assert Discovery().role("controller", "lyapunov_tracker") is LyapunovTracker
+
+
+def test_the_check_requires_its_role_and_the_symmetries_of_the_plane():
+    assert claims_of(LyapunovTracker) == {Claim.SETTLES, Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
 
 def test_the_command_is_law_6_and_carries_the_errors():

@@ -380,6 +380,29 @@ def test_a_turn_slower_than_0_01_rad_a_second_counts_as_no_movement():
         assert twist == (0.0, pytest.approx(ends)), turn
 
 
+def test_it_turns_away_from_what_stops_it_at_its_own_limit():
+    """The robot could turn by 180 degrees a second, the method by 10."""
+    wall, changes = posts((0.55, 0.05), (0.55, -0.05), x=0.0), {**STOPPED_BY_POSTS, "max_turn_deg": 10.0}
+    avoider = preset(Vfh, "robust", period=0.25, changes=changes)
+    turns = [drive(avoider, wall, x=0.0) for _ in range(8)]
+    assert turns[0] == (0.0, 0.0)
+    assert turns[-1] == (0.0, pytest.approx(-10.0))
+
+
+@EACH
+def test_the_reason_counts_the_direction_from_the_target(method, name):
+    """Nothing is in the way of a target 40 degrees to the left."""
+    assert " +0 deg off the target" in tick(preset(method, name), FREE, target=40.0).diagnostics.why
+
+
+@EACH_AFTER
+def test_the_reason_counts_the_direction_across_180_degrees(method, name):
+    """The middle of the only opening, 190 degrees to the left, is 20 degrees to the left of the target."""
+    closed = ring(-170.0, heading=-170.0, width=70.0)
+    told = sure(preset(method, name), closed, heading=-170.0, target=170.0).diagnostics
+    assert " +20 deg off the target" in told.why
+
+
 @EACH
 def test_a_free_way_is_clear_in_every_direction(method, name):
     """Wrapping a direction changes its last digit, which is no obstacle."""

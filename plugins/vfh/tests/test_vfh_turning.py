@@ -76,3 +76,11 @@ def test_the_sector_of_the_heading_is_never_masked_but_may_be_blocked():
     blocked[18] = 1.0
     masked_histogram(blocked, math.radians(91.0), 0.0, 0.0, masked)
     assert masked.all()
+
+
+@pytest.mark.parametrize(("limit_deg", "free"), [(135.0, [0, 1, 2, 3]), (134.9, [0, 3])])
+def test_a_sector_whose_direction_is_the_limit_is_free(limit_deg, free):
+    """Four sectors, heading 0: their directions are 45, 135, -135 and -45 deg."""
+    limit, masked = limit_deg / 180.0 * math.pi, np.empty(4)
+    masked_histogram(np.zeros(4), 0.0, -limit, limit, masked)
+    np.testing.assert_array_equal(np.flatnonzero(masked == 0.0), free)

@@ -26,7 +26,7 @@ IN_PLACE = ((60, "turn in place above 60°"), (180, "never (the paper)"))
 OPEN = ("world.ref=empty", "navigation.goal={x=0,y=7.6}", "platform.noise=false")
 """Settings of a drive straight from S to D without a room: the laser sees only what is ahead."""
 BLIND = ("navigation.handover=never", "gate.monitor=false")
-"""Settings with which nobody avoids, so that an obstacle is approached from afar to contact."""
+"""Settings that keep the avoider out, so that an obstacle is approached from afar to contact."""
 FROM_AFAR = ("navigation.start={x=-1.2,y=-1.4,heading_deg=59.04}", "navigation.goal={x=2.4,y=4.6}", *BLIND)
 """Settings of a straight drive from 4.5 m before O into O."""
 WIDE = "avoider.window=81"
@@ -209,7 +209,7 @@ def readings_of(seed: int | None, say: Callable[[str], None]) -> DriveReadings:
 
 
 def reach_of(name: str, settings: tuple[str, ...], seed: int | None = None) -> Reach:
-    """Drive straight at O, which nobody avoids, and record the density towards it; then the experiment itself."""
+    """Drive straight at O without avoidance and record the density towards it; then drive the experiment itself."""
     passes = drive(*settings, seed=seed)
     obstacle = box(passes.world, "obstacle O")
     seen = drive(*settings, *FROM_AFAR, seed=seed, towards=obstacle.centre).densities

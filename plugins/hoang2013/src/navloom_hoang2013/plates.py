@@ -237,7 +237,7 @@ def _reading_plates(readings: DriveReadings) -> tuple[Plate, ...]:
               f"{robust.reached} with {robust.median('clearance'):.2f} m and {robust.touched}.",
               lambda: avoiders_figure(readings)),
         Plate("errata-range", "From 0.3 to 4 m.",
-              "A straight drive at O that nobody avoids. The avoider acts where the density (solid) exceeds its "
+              "A straight drive at O without avoidance. The avoider acts where the density (solid) exceeds its "
               "threshold (dotted), from the dashed line on. The sonars hear O from 4 m on; VFH's window of 33 cells of "
               "0.1 m ends 1.6 m to the sides. With 81 cells the experiment ends "
               f"{wide['goal_error_m']:.2f} m from D, with {wide['collisions']} contacts.",

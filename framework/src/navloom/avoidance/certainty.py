@@ -332,10 +332,10 @@ def occupied_cells(
         grid, origin, cell, pose: As for insert_beams().
         edges: (k, 3), outward unit normal and offset of each side of the convex footprint, base frame, m: a point p
             is inside if normal . p <= offset for every side. (0, 3) keeps the cells under the robot.
-            cells_in_base: (size * size, 3) float64, output: x, y, m, and certainty.
+        cells_in_base: (size * size, 3) float64, output: x, y, m, and certainty.
 
-            Returns:
-                Number of filled rows.
+    Returns:
+        Number of filled rows.
     """
     x, y, heading = pose
     cos_t, sin_t = math.cos(heading), math.sin(heading)

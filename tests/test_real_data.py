@@ -130,9 +130,13 @@ SCENARIOS = ["bg512__AR0011SR", "cities__Berlin_0_512", "dao__arena2", "dao__brc
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_moving_ai_scenarios_have_the_exact_optimal_length(data: Path, name: str) -> None:
     reference = f"movingai:{data / 'movingai' / f'{name}.map.gz'}"
-    system = assemble(
-        load_config("paper", [f"world.ref={reference}", "planner.inflation=none", "navigation.start={x=1.5,y=1.5}"])
-    )
+    words = [
+        f"world.ref={reference}",
+        "planner.plugin=astar",
+        "planner.inflation=none",
+        "navigation.start={x=1.5,y=1.5}",
+    ]
+    system = assemble(load_config("paper", words))
     make_plugins(system)
     planner = system.plugin("planner", "astar")
     assert system.world is not None and system.world.raster is not None

@@ -39,6 +39,24 @@ drive = false
 start = { x = 0.0, y = 0.0 }
 """
 """A robot with sonars in an empty world, waiting for goals; keys of `[navigation]` and other tables may follow."""
+BROKEN = '''
+from navloom import Avoider, hookimpl
+
+class Broken(Avoider):
+    """Fails when it is made."""
+    name = "broken"
+
+    def __init__(self, params, context):
+        raise RuntimeError("no such device")
+
+    def avoid(self, given):
+        raise NotImplementedError
+
+@hookimpl
+def navloom_register(registry):
+    registry.add(Broken)
+'''
+"""A plugin file whose avoider cannot be made."""
 HOSTING = ("up", "node")
 """Commands whose process becomes part of a robot."""
 START = 90.0

@@ -10,30 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_rig import Up, up
+from live_rig import BROKEN, Up, up
 from navloom.operating.client import Refused
 from navloom.operating.navigator import GoalHandle, Navigator
 from test_live_swaps import CONFIG, Listener
 
 BARE = CONFIG.partition("[[alternative]]")[0].format(speed=0.2, handover="when_blocked")
 """The robot of the swaps, without an alternative."""
-BROKEN = '''
-from navloom import Avoider, hookimpl
-
-class Broken(Avoider):
-    """Fails when it is made."""
-    name = "broken"
-
-    def __init__(self, params, context):
-        raise RuntimeError("no such device")
-
-    def avoid(self, given):
-        raise NotImplementedError
-
-@hookimpl
-def navloom_register(registry):
-    registry.add(Broken)
-'''
 SOON = 30.0
 
 

@@ -9,29 +9,12 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from live_rig import COMMAND, EMPTY, runtime_folder
+from live_rig import BROKEN, COMMAND, EMPTY, runtime_folder
 from navloom.hosting.descendants import left_of
 from navloom.hosting.directory import RobotFolder, robots
 from navloom.study.live_episodes import NAME
 
 CONFIG = EMPTY.replace("drive = false", "goal = { x = 0.7, y = 0.0 }")
-BROKEN = '''
-from navloom import Avoider, hookimpl
-
-class Broken(Avoider):
-    """Fails when it is made."""
-    name = "broken"
-
-    def __init__(self, params, context):
-        raise RuntimeError("no such device")
-
-    def avoid(self, given):
-        raise NotImplementedError
-
-@hookimpl
-def navloom_register(registry):
-    registry.add(Broken)
-'''
 
 
 def compare(folder: Path, config: Path, *arguments: str) -> subprocess.Popen[str]:

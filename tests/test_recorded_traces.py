@@ -1,30 +1,54 @@
-"""The shipped configs give the traces that were recorded when a stream last changed on purpose."""
+"""The shipped configs give the streams that were recorded when each last changed on purpose."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
 import sys
+import tempfile
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
 
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.engine.trace import read_trace
+from navloom.messages.codec import encode
+from navloom.study.episode import Episode, run_episode
 
-TRACES = {
-    "paper": "9e1efb2f77c545447296257dbec2bf3248e9479b757d685b3cfed07c1501eec7",
-    "building": "dfbb68abdd852758b89c9ab4f279ff7fad89cefb83f5fd9871ab485c219230e3",
-    "explore": "1fa6fb26e7d11677db5cc1f7385c7677ae60f6bb7625a0c3bafec546ab0abdf3",
-}
-"""SHA-256 of trace.bin by config, with its own seed. A change of one belongs in the changelog."""
+FILE = Path(__file__).with_name("recorded_streams.json")
+RECORDED: dict[str, dict[str, str]] = json.loads(FILE.read_text())
+"""By config, with its own seed: `trace`, the SHA-256 of trace.bin, and the hash of each stream. A stream that changes
+belongs in the changelog."""
+
+
+Streams = dict[str, str]
+
+
+def streams_of(trace: Path) -> Streams:
+    """By stream, "role instance port": the first 16 digits of the SHA-256 of its messages and envelopes."""
+    hashes: dict[str, Any] = {}
+    for entry in read_trace(trace):
+        stream = hashes.setdefault(f"{entry.role} {entry.instance} {entry.port}", sha256())
+        stream.update(encode(entry.message, entry.envelope))
+    return {name: stream.hexdigest()[:16] for name, stream in sorted(hashes.items())}
+
+
+def run(config: str, folder: Path) -> tuple[Episode, Streams]:
+    """A shipped config's run, and what its streams are."""
+    with (folder / f"{config}.bin").open("wb") as trace:
+        episode = run_episode(load_config(config), trace=trace)
+    return episode, {"trace": episode.log.trace_sha256, **streams_of(folder / f"{config}.bin")}
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="recorded on x86_64: other processors may round otherwise")
-@pytest.mark.parametrize("config", TRACES)
-def test_a_shipped_config_gives_the_recorded_trace(config: str) -> None:
-    episode = run_episode(load_config(config))
+@pytest.mark.parametrize("config", RECORDED)
+def test_a_shipped_config_gives_the_recorded_streams(config: str, tmp_path: Path) -> None:
+    episode, streams = run(config, tmp_path)
     assert episode.summary()["truly_reached"]
-    assert episode.log.trace_sha256 == TRACES[config]
+    assert {name for name, _ in streams.items() ^ RECORDED[config].items()} == set()
 
 
 SHA = """
@@ -39,4 +63,10 @@ def test_the_trace_does_not_depend_on_the_kernels_that_openblas_chooses_for_the_
     """Prescott's kernels have neither AVX nor fused products, which round differently."""
     plain = {**os.environ, "OPENBLAS_CORETYPE": "Prescott"}
     done = subprocess.run([sys.executable, "-c", SHA], env=plain, capture_output=True, text=True, check=True)
-    assert done.stdout.split()[-1] == TRACES["explore"]
+    assert done.stdout.split()[-1] == RECORDED["explore"]["trace"]
+
+
+if __name__ == "__main__":  # after a change on purpose: record what the streams are now
+    with tempfile.TemporaryDirectory() as folder:
+        now = {config: run(config, Path(folder))[1] for config in RECORDED}
+    FILE.write_text(json.dumps(now, indent=1) + "\n")

@@ -14,7 +14,8 @@ from navloom.engine.system import System
 from navloom.live import live_gate, mailbox
 from navloom.live.cell import Source
 from navloom.live.cells import Hosted, all_sources, make_cell
-from navloom.live.live_gate import LiveGate, held_rate, hold
+from navloom.live.hold import held_rate, hold
+from navloom.live.live_gate import LiveGate
 from navloom.live.presence import Presence
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard

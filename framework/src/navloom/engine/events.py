@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from navloom.config.schema import Config
 from navloom.config.tables import EventTable, PlaceTable
+from navloom.inputs.assignments import assignments
 from navloom.messages import Goal, OperatorRequest, Point2D
 
 __all__ = ["schedule"]
@@ -41,19 +40,3 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
 def _goal(number: int, x: float, y: float, heading_deg: float | None, via: tuple[Point2D, ...]) -> Goal:
     heading = None if heading_deg is None else math.radians(math.remainder(heading_deg, 360.0))
     return Goal(number, x, y, heading, via)
-
-
-def assignments(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Parameters as `name = value`, sorted by name, as a request carries them."""
-    return tuple(f"{name} = {_toml(value)}" for name, value in sorted(values.items()))
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return repr(value)

@@ -19,7 +19,7 @@ from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
-from navloom.navigation.gate import is_at_rest
+from navloom.navigation.stop_reasons import is_at_rest
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 

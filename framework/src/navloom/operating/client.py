@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import time
 import uuid
@@ -11,8 +10,6 @@ from typing import Any
 
 from navloom.errors import NavloomError
 from navloom.hosting.directory import RobotFolder
-from navloom.messages import Message
-from navloom.messages.codec import CodecError, decode
 from navloom.transport.keyspace import LINKED, SUPERVISOR, KeySpace
 from navloom.transport.once import REQUEST
 from navloom.transport.questions import TOO_MANY
@@ -153,14 +150,6 @@ class Client:
             if answer.refusal in ("", TIMED_OUT, TOO_MANY):
                 return None if answer.refusal else answer
             raise Refused(answer.refusal)
-        return None
-
-    def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
-        """The last message of a stream whose publisher retains it; None if there is none."""
-        for answer in self.ask_again(self.keys.port(role, instance, port), timeout):
-            if not answer.refusal:
-                with contextlib.suppress(CodecError):
-                    return decode(answer.data, answer.label)[0]
         return None
 
     def ask_again(self, key: str, timeout: float) -> list[Answer]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from navloom.live.live_gate import held_rate
+from navloom.live.hold import held_rate
 from navloom.operating.looking import waiting
 from navloom.roles import ROLES, is_patient
 from navloom.transport import links

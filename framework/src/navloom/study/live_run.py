@@ -39,6 +39,7 @@ from navloom.messages import (
     StepReport,
 )
 from navloom.operating.client import Client, ClientError, Refused
+from navloom.operating.looking import last
 from navloom.plugins.observing import Onlookers
 from navloom.recording.excerpt import repeating
 from navloom.study.episode import Episode
@@ -259,10 +260,10 @@ class LiveRun:
 
     def _catch_up(self, client: Client) -> None:
         """Fetch messages that came while the network was down."""
-        result = client.last("goal", "main", "result", timeout=0.2)
+        result = last(client, "goal", "main", "result", timeout=0.2)
         if isinstance(result, GoalResult):
             self._end(result)
-        feedback = client.last("goal", "main", "feedback", timeout=0.2)
+        feedback = last(client, "goal", "main", "feedback", timeout=0.2)
         if isinstance(feedback, Feedback):
             self.feedback = feedback
 

@@ -162,13 +162,14 @@ class Client:
 
     def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
         """Description of every instance that answers, sorted by role and name."""
-        found = {}
-        for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
-            if not answer.refusal:
-                described = self.described(answer)
-                if described is not None:
-                    found[answer.key] = described
-        return [found[key] for key in sorted(found)]
+        found = {(one["role"], one["instance"]): one for one in self.all_described(timeout)}
+        return [found[source] for source in sorted(found)]
+
+    def all_described(self, timeout: float = 1.0) -> list[dict[str, Any]]:
+        """Every description that arrives, also several of one instance, which two processes run at once."""
+        answers = self.ask_again(self.keys.port("*", "*", "describe"), timeout)
+        found = (self.described(answer) for answer in answers if not answer.refusal)
+        return [described for described in found if described is not None]
 
     def described(self, answer: Answer) -> dict[str, Any] | None:
         """An instance's description of itself; None if the answer is not a valid description.

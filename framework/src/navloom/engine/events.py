@@ -32,6 +32,9 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
     if event.do == "goal":
         assert event.x is not None and event.y is not None
         return OperatorRequest("goal", _goal(goals, event.x, event.y, event.heading_deg, ()))
+    if event.do == "place":
+        assert event.x is not None and event.y is not None
+        return OperatorRequest("place", _goal(0, event.x, event.y, event.heading_deg, ()))
     role = event.role or ""
     instance = event.name or (config.role_table(role).instance if role else "")
     return OperatorRequest(event.do, None, role, instance, assignments(event.values))

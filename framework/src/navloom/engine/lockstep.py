@@ -13,6 +13,7 @@ from navloom.engine.catalogue import Catalogue
 from navloom.engine.inspecting import StepInspector
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.nodes.node import Outputs, Tick
 from navloom.engine.nodes.operator import OperatorNode
 from navloom.engine.ports import When
@@ -258,6 +259,10 @@ class Lockstep:
             self.configure(request.role, request.instance, request.values)
             key = (request.role, request.instance)
             self._versions[key] = self._versions.get(key, 0) + 1
+        elif request.do == "place":
+            for stepper in self.steppers:
+                if isinstance(stepper.node, LocalizerNode):
+                    stepper.node.place(request, stepper.active)
         elif request.do == "swap":
             self._by_name[(request.role, request.instance)].enabled = True
             self._make_plan()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -27,17 +29,25 @@ def cancel(client: Client) -> bool:
     return bool(client.call("goal", "main", "cancel", {})["goal_id"])
 
 
-def place(client: Client, x: float, y: float, heading: float) -> None:
-    """Tell every localizer where the robot is: m and rad, map frame; see `Navigator.place`."""
+def place(client: Client, x: float, y: float, heading: float) -> str:
+    """Tell every localizer where the robot is; see `Navigator.place`."""
+    for name, value in (("x", x), ("y", y), ("heading", heading)):
+        if not math.isfinite(value):
+            raise Refused(f"{name} is {value}, expected a finite number")
     there = [one for one in client.describe() if one["role"] == "localizer"]
+    warning = ""
     for one in sorted(there, key=lambda one: not one["active"]):
         try:
-            client.call("localizer", one["instance"], "place", {"x": x, "y": y, "heading": heading})
+            answer = client.call("localizer", one["instance"], "place", {"x": x, "y": y, "heading": heading})
+            warning = warning or answer.get("warning", "")
         except Refused:
             if one["active"]:
                 raise
     if not any(one["active"] for one in there):
         raise ClientError(f"robot {client.keys.prefix}: no localizer answers; `navloom doctor` says why")
+    with contextlib.suppress(ClientError):  # without a goal node there is no goal to plan again
+        client.call("goal", "main", "replan", {})
+    return warning
 
 
 def swap(

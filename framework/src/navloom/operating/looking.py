@@ -52,8 +52,8 @@ NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
 NO_PATH = "no_trajectory"
 """Stop reason of a gate without a trajectory; not a fault if the robot has no goal."""
 WHERE_IT_IS = (
-    "move it to navigation.start, or set navigation.start to its pose, and restart it; if it sees little of the map, "
-    "drive it with `navloom teleop` to where it sees more"
+    "`navloom place X Y HEADING` tells it where it is; if it sees little of the map, drive it with `navloom teleop` to "
+    "where it sees more"
 )
 """Remedy for a robot that does not know where it is."""
 _STOPS = {

@@ -240,13 +240,23 @@ class Navigator:
         """Let the robot drive again after a stop or a contact."""
         acts.resume(self.client)
 
-    def place(self, x: float, y: float, heading: float) -> None:
-        """Set the pose of every localizer, m and rad, map frame. A recording does not contain this.
+    def place(self, x: float, y: float, heading: float) -> str:
+        """Tell the robot where it is. A goal that it drives to is planned again from there.
+
+        Every localizer takes the pose, so that a swap keeps it. A recording of a live robot does not contain this.
+
+        Args:
+            x, y: Place, m, map frame.
+            heading: Heading, rad, map frame.
+
+        Returns:
+            A warning if the robot does not fit there; empty otherwise.
 
         Raises:
-            Refused: The active one does not accept a pose; ClientError: there is none, or it does not answer.
+            Refused: The place is outside the map, a number is not finite, or the active localizer accepts no pose;
+                ClientError: there is no localizer, or it does not answer.
         """
-        acts.place(self.client, x, y, heading)
+        return acts.place(self.client, x, y, heading)
 
     def swap(
         self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None

@@ -1,4 +1,4 @@
-"""Commands that act on a live robot: goal, cancel, swap, stop, resume, params."""
+"""Commands that act on a live robot: goal, cancel, place, swap, stop, resume, params."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navloom.cli.command import App
 from navloom.cli.options import AsJson, RobotOptions, a_number, seconds
 from navloom.cli.output import LOG
 
-__all__ = ["cancel", "goal", "params", "resume", "stop", "swap"]
+__all__ = ["cancel", "goal", "params", "place", "resume", "stop", "swap"]
 
 params = App(help="Parameters of a live robot's plugins.", no_args_is_help=True)
 NUMBERS = {"context_settings": {"ignore_unknown_options": True}}
@@ -78,6 +78,26 @@ def cancel(robot: RobotOptions) -> None:
     with robot.operate() as client:
         there_was_one = acts.cancel(client)
     typer.echo("cancelled" if there_was_one else "no goal to cancel")
+
+
+def place(
+    x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
+    y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
+    heading: Annotated[float, typer.Argument(metavar="HEADING", help="deg, map frame.", callback=a_number)],
+    *,
+    robot: RobotOptions,
+) -> None:
+    """Tell a live robot where it is.
+
+    Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
+    """
+    from navloom.operating import acts
+
+    with robot.operate() as client:
+        warning = acts.place(client, x, y, math.radians(heading))
+    if warning:
+        LOG.warning(warning)
+    typer.echo(f"placed at ({x:g}, {y:g}), {heading:g}°; `navloom status` shows whether it tracks")
 
 
 def stop(

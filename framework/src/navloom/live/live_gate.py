@@ -18,10 +18,10 @@ from navloom.live.live import LiveRunner
 from navloom.live.mailbox import Inlet
 from navloom.live.placing import are_on_one_host
 from navloom.live.presence import Presence
-from navloom.live.restarts import RestartWatch
+from navloom.live.restarts import RestartWatch, RivalWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
-from navloom.navigation.stop_reasons import ENDING
+from navloom.navigation.stop_reasons import ENDING, RIVALS
 
 __all__ = ["BETWEEN", "CHECK", "LiveGate"]
 
@@ -35,6 +35,8 @@ LEAD = 2
 """Ticks by which a selection is announced in advance, so that every host knows it when it begins to apply."""
 CHAINS = 1000
 """Number of ticks for which `chains_s` is kept."""
+DECIDING = ("odometry", "controller", "avoider", "recovery")
+"""Inputs of which two publishers stop the robot."""
 CHAIN = ("controller", "avoider")
 """Roles whose commands belong to each tick of a robot that follows a trajectory."""
 AFAR = 0.5
@@ -94,10 +96,18 @@ class LiveGate(LiveRunner):
         self._chain: tuple[int, int] | None = None
         self._platform = RestartWatch()
         self._awaited_tick = -1
+        self._watch_rivals()
+
+    def _watch_rivals(self) -> None:
+        """Watch each stream that the gate decides on for a second publisher; operators may be several."""
+        for feed in self.cell.feeds:
+            if feed.wire.input.name in DECIDING and feed.rivals is None:
+                feed.rivals = RivalWatch()
 
     def admit(self, more: Widening) -> None:
         """As in `LiveRunner`; once it is active, the robot does not drive without it."""
         super().admit(more)
+        self._watch_rivals()
         if more.source[0] in self._catalogue.required_roles():
             self._needed.append(more.source)
         self._may_wait.append(more.source)
@@ -250,6 +260,9 @@ class LiveGate(LiveRunner):
 
     def _gone(self) -> str:
         self._doubt_ends_ns = 2**62
+        for feed in self.cell.feeds:
+            if feed.rivals is not None and feed.rivals.is_split and self.cell.in_charge(feed.source):
+                return f"{RIVALS}{' '.join(feed.source)} {self.presence.processes(feed.source)}"
         if self._awaited_tick >= 0:
             return "goal main does not step"
         for role, name in self._needed:

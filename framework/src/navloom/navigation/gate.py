@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
-from navloom.navigation.stop_reasons import LEFT, OBSTACLE, WAITING
+from navloom.navigation.stop_reasons import LEFT, OBSTACLE, RIVALS, WAITING
 
 __all__ = ["STOPPED", "CommandGate", "GateLimits", "Offer", "Sensed"]
 
@@ -215,7 +215,7 @@ class CommandGate:
         if offer is None:
             return f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory"
         if sensed.gone and source != "operator":
-            return f"gone: {sensed.gone}"
+            return sensed.gone if sensed.gone.startswith(RIVALS) else f"gone: {sensed.gone}"
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)

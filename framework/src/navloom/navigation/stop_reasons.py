@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "WAITING", "is_at_rest"]
+__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "RIVALS", "WAITING", "is_at_rest"]
 
 OBSTACLE = "obstacle"
 """Reason of a stop for an obstacle ahead."""
@@ -12,6 +12,8 @@ LEFT = "stale: operator"
 """Beginning of the reason while a driving operator is silent: no other source drives until `resume`."""
 WAITING = "waits: "
 """Beginning of the reason while a node of the chain waits for the first message of an input."""
+RIVALS = "rivals: "
+"""Beginning of the reason while two processes publish one of the streams that the gate decides on."""
 HIDING = ("silent: platform", "silent: sensor")
 """Beginnings of reasons that take precedence over a silent operator."""
 

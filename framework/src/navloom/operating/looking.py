@@ -75,6 +75,7 @@ _WAITS = {
 """Why the robot is stopped, by the state of the goal."""
 _KINDS = {
     "silent": ("is silent", "`navloom hz` shows its stream, `navloom doctor` looks for the cause"),
+    "rivals": ("publish the same stream", "`navloom doctor` names both: end one of them"),
     "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
     "stale": ("gives commands from old data", "its process or the network is too slow: `navloom doctor` says which"),
     "old_selection": ("does not know of the last swap", "it passes with its next step, else ask `navloom doctor`"),

@@ -112,7 +112,7 @@ def test_a_localizer_that_is_lost_is_a_problem_with_what_helps(goal_id: int) -> 
     last = {"gate/main/status": status("no_trajectory"), "goal/main/feedback": lost}
     found = only(examine(client(BusInWords(everyone(), last=last)), None, "robot.toml")[1])
     assert (found.severity, found.what) == ("problem", "the localizer is lost: 24% of the echoes fit")
-    assert "navigation.start" in found.remedy
+    assert "`navloom place X Y HEADING` tells it where it is" in found.remedy
 
 
 def test_a_stop_for_a_slow_plugin_is_not_reported_twice() -> None:

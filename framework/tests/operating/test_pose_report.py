@@ -9,13 +9,14 @@ import pytest
 from described import BusInWords, client, everyone
 from navloom.cli.live.status import rows
 from navloom.messages import Pose2D, PoseEstimate, Twist2D
-from navloom.operating.looking import last_words
+from navloom.operating.looking import last_words, listing
 from navloom.operating.pose_report import pose_fields
 
 
 def status_rows(at: PoseEstimate) -> dict[str, str]:
     """Rows of `navloom status`."""
-    return dict(rows("lab/r1", everyone(), last_words(client(BusInWords(everyone()))), {}, (), at))
+    asked = client(BusInWords(everyone()))
+    return dict(rows("lab/r1", listing(asked), last_words(asked), {}, (), at))
 
 
 def test_status_says_where_the_robot_is_how_fast_and_how_sure() -> None:

@@ -66,8 +66,8 @@ END = 20.0
 class Up:
     """`navloom up` as a process, with the lines that it prints."""
 
-    def __init__(self, folder: Path, arguments: list[str]) -> None:
-        self.environment = {**os.environ, "NAVLOOM_RUNTIME_DIR": str(folder)}
+    def __init__(self, folder: Path, arguments: list[str], environment: dict[str, str] | None = None) -> None:
+        self.environment = environment or {**os.environ, "NAVLOOM_RUNTIME_DIR": str(folder)}
         self.process = subprocess.Popen(
             [*COMMAND, "up", *arguments],
             env=self.environment,

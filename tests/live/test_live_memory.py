@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from live_rig import Up, up
+from navloom.operating.looking import last
 from navloom.operating.navigator import Navigator
 from test_live_robot import BESIDE, _navigator
 
@@ -50,7 +51,7 @@ def test_a_killed_robot_of_one_process_restarts_stopped_and_ends_its_goal_with_a
             second = navigator.go(2.0, 0.0)
             assert second.goal_id > handle.goal_id  # type: ignore[attr-defined]
             assert next(f for f in second.updates(timeout=60) if f.state == "driving")
-            assert navigator.client.last("gate", "main", "status").reason == "operator"  # type: ignore[union-attr]
+            assert last(navigator.client, "gate", "main", "status").reason == "operator"  # type: ignore[union-attr]
             navigator.resume()
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)
 

@@ -109,7 +109,7 @@ def test_an_operator_sets_parameters_swaps_stops_drives_and_cancels(tmp_path: Pa
         robot.wait_for("every node is there")
         again = robot.run("up", str(config))
         assert again.returncode == 2
-        assert f"robot lab/r1 is up already (process {robot.process.pid})" in again.stderr
+        assert f"robot lab/r1 is up already (process {robot.process.pid}, since 2" in again.stderr
 
         # rejected at once, with the reason
         done = robot.run("goal", "-500", "0")
@@ -162,7 +162,10 @@ def test_an_operator_sets_parameters_swaps_stops_drives_and_cancels(tmp_path: Pa
             told = listening.take(1.0)  # a late joiner gets the last selection first
             assert ("gate", "main", "selection") in [one[:3] for one in told]
             assert any(one.port == "odometry" for _ in range(20) for one in listening.take(0.1))
-            navigator.place(1.0, 2.0, 0.5)
+            assert robot.run("place", "-1", "-1.5", "30").returncode == 0  # negative numbers are no options
+            at = robot.json("status")["pose"]
+            assert (round(at["x"], 2), round(at["y"], 2), round(at["heading_deg"])) == (-1.0, -1.5, 30)
+            assert navigator.place(1.0, 2.0, 0.5) == ""
             poses = navigator.listen(["localizer/pose"])
             (seen,) = {(round(one.message.pose.x, 2), round(one.message.pose.y, 2)) for one in poses.take(1.0)[-1:]}
             assert seen == (1.0, 2.0)

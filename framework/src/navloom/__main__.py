@@ -12,7 +12,7 @@ RUNS_PLUGINS = {"check", "map", "plan", "replay", "run"}
 
 
 def main() -> None:
-    """Entry point. Shell completion and `--version` are answered before anything heavy is imported."""
+    """Entry point. Shell completion, `--version` and `stop` are served before anything heavy is imported."""
     given = sys.argv[1:]
     if given[:1] == ["__complete"]:
         from navloom.installed import print_candidates
@@ -22,8 +22,19 @@ def main() -> None:
         from navloom.installed import print_versions
 
         print_versions("--json" in given)
-    else:
+    elif given[:1] != ["stop"] or not _stop(given[1:]):
         _run()
+
+
+def _stop(words: list[str]) -> bool:
+    """Stop a robot without loading the command line; False if only the command line can do it."""
+    from navloom.operating.stopping import read_options, stop_at_once
+
+    options = read_options(words)
+    code = None if options is None else stop_at_once(options)
+    if code:
+        sys.exit(code)
+    return code is not None
 
 
 def _run() -> None:

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from navloom.engine.differences import TOLERANCES, UNITS, differences, is_differing
+from navloom.engine.difference_units import TOLERANCES, UNITS
+from navloom.engine.differences import differences, is_differing
 from navloom.messages import (
     Command,
     Contact,

@@ -15,6 +15,7 @@ from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
 from navloom.hosting import by_hand
 from navloom.hosting.by_hand import share_by_hand
+from navloom.hosting.claims import Claims
 from navloom.hosting.directory import RobotFolder, Running
 from navloom.operating.host_faults import left_behind
 from navloom.operating.joining import find_robot
@@ -26,6 +27,7 @@ SYSTEM = assemble(load_config("paper"))
 @pytest.fixture(autouse=True)
 def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(by_hand, "_refuse_doubles", lambda network, sources: None)
+    monkeypatch.setattr(Claims, "take_on", lambda claims, link, now: None)
     monkeypatch.setattr(by_hand, "STAND", 0.01)
     with TemporaryDirectory(
         prefix="nl", dir="/tmp"

@@ -14,11 +14,24 @@ from navloom.engine.system import System
 from navloom.live import live_gate, mailbox
 from navloom.live.cell import Source
 from navloom.live.cells import Hosted, all_sources, make_cell
-from navloom.live.live_gate import LiveGate, held_rate, hold
+from navloom.live.hold import held_rate, hold
+from navloom.live.live_gate import LiveGate
 from navloom.live.presence import Presence
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
-from navloom.messages import Command, Drive, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
+from navloom.messages import (
+    Command,
+    Drive,
+    GateStatus,
+    Odometry,
+    OperatorRequest,
+    PortMark,
+    Pose2D,
+    StepReport,
+    TrackingCommand,
+    Twist2D,
+)
+from navloom.operating.looking import why_stopped
 from navloom.transport.keyspace import KeySpace
 from toys import give, silent_bus
 
@@ -349,3 +362,49 @@ def test_a_lost_token_of_another_process_stops_the_robot_at_once(live: Gate) -> 
     live.lose(LOCALIZER, life="alone")
     go_on(live, 21, steps=True)
     assert reason(live) == f"gone: localizer {LOCALIZER[1]}"
+
+
+CONTROLLER = ("controller", SYSTEM.config.controller.instance)
+LIVES = ("0a~12~base", "0b~14~copy")
+
+
+def two_controllers(gate: Gate, ticks: range) -> str:
+    """Two processes publish the controller's commands; returns the reason of the stop."""
+    for tick in ticks:
+        gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick)
+        gate.give(CONTROLLER, "command", tracking(), tick, sequence=tick)
+        gate.tick(tick)
+    return gate.runner.gate.gone
+
+
+def tracking() -> TrackingCommand:
+    return TrackingCommand(AHEAD, 0.0, 0.0, 0.0)
+
+
+def test_a_second_source_of_commands_stops_the_robot_and_the_reason_names_both_processes() -> None:
+    gate = Gate()
+    gate.has_stamps = True
+    for life in LIVES:
+        gate.begin(CONTROLLER, life=life)
+    reason = two_controllers(gate, range(1, 6))
+    name = " ".join(CONTROLLER)
+    assert reason == f"rivals: {name} on host base (process 12) and on host copy (process 14)"
+    status = GateStatus("none", "", True, False, reason, ())
+    assert why_stopped(status)[0].endswith("and on host copy (process 14) publish the same stream")
+
+
+def test_of_a_second_source_without_a_token_it_says_so() -> None:
+    gate = Gate()
+    gate.has_stamps = True
+    gate.begin(CONTROLLER)
+    assert "in two processes, of which one has announced no node" in two_controllers(gate, range(1, 6))
+
+
+def test_a_restarted_controller_is_no_second_one() -> None:
+    gate = Gate()
+    gate.has_stamps = True
+    gate.begin(*(source for source in all_sources(SYSTEM) if source[0] != "operator"))
+    for tick in range(1, 12):
+        gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick if tick < 6 else tick - 5)
+        gate.tick(tick)
+    assert gate.runner.gate.gone == ""

@@ -9,7 +9,7 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.nodes.platform import PlatformNode
-from navloom.live import live, live_platform
+from navloom.live import live, live_platform, restarts
 from navloom.live.cells import Hosted, make_cell
 from navloom.live.live_platform import LivePlatform
 from navloom.live.run_clock import RunClock
@@ -176,3 +176,22 @@ def test_a_platform_closes_its_ports_after_the_last_stop(robot: Robot) -> None:
     robot.ended = True
     robot.runner.run()
     assert robot.base.told_at_close == [STILL]
+
+
+def test_commands_of_two_gates_stop_the_wheels_until_only_one_is_left(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(restarts, "time", live.time)
+    robot.runner._processes = lambda source: "on host base (process 12) and on host copy (process 14)"
+    for number in range(1, 5):
+        for begin in (500, 0):
+            robot.command(AHEAD, begin + number)
+            robot.turn(0.02)
+    assert robot.base.told[-1] == STILL
+    assert robot.runner.fault.startswith(
+        "two gates send commands: gate main runs on host base (process 12) and on host"
+    )
+    for number in range(5, 60):
+        robot.command(AHEAD, 500 + number)
+        robot.turn(0.05)
+    assert robot.base.told[-1] == AHEAD and robot.runner.fault == ""

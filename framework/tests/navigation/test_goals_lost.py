@@ -19,9 +19,9 @@ from navloom.messages import (
     PoseEstimate,
     Twist2D,
 )
-from navloom.navigation.gate import OBSTACLE
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import UNSURE, GoalMachine
+from navloom.navigation.stop_reasons import OBSTACLE
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,

@@ -197,7 +197,7 @@ def test_a_restarted_goal_node_may_still_report_the_result(monkeypatch: pytest.M
     waiting = handle(bus, monkeypatch)
     bus.lives = ["b"]
     told: dict[str, Any] = {"result": GoalResult(3, "error", "restarted", Point2D(0.0, 0.0))}
-    monkeypatch.setattr(Client, "last", lambda self, role, instance, port, timeout=1.0: told.get(port))
+    monkeypatch.setattr(navigator, "last", lambda client, role, instance, port: told.get(port))
     assert waiting.wait(60).reason == "restarted"
 
 

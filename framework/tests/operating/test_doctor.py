@@ -16,7 +16,17 @@ from navloom.hosting.directory import DirectoryError, Fate, RobotFolder, Running
 from navloom.messages import Feedback, GateStatus
 from navloom.operating import doctor
 from navloom.operating.doctor import diagnose, examine
-from navloom.operating.findings import Finding, differing, failing, flowing, lagging, loop_rate, sharing, unheard
+from navloom.operating.findings import (
+    Finding,
+    differing,
+    doubled,
+    failing,
+    flowing,
+    lagging,
+    loop_rate,
+    sharing,
+    unheard,
+)
 from navloom.operating.host_faults import fate_in_words, is_stopped, left_behind, restarting
 from navloom.transport.links import LinkError
 
@@ -102,7 +112,7 @@ def test_a_localizer_that_is_lost_is_a_problem_with_what_helps(goal_id: int) -> 
     last = {"gate/main/status": status("no_trajectory"), "goal/main/feedback": lost}
     found = only(examine(client(BusInWords(everyone(), last=last)), None, "robot.toml")[1])
     assert (found.severity, found.what) == ("problem", "the localizer is lost: 24% of the echoes fit")
-    assert "navigation.start" in found.remedy
+    assert "`navloom place X Y HEADING` tells it where it is" in found.remedy
 
 
 def test_a_stop_for_a_slow_plugin_is_not_reported_twice() -> None:
@@ -544,3 +554,24 @@ def test_of_several_robots_one_must_be_named() -> None:
 def test_an_impossible_request_is_refused(endpoint: str) -> None:
     with pytest.raises(LinkError):
         diagnose(connect=endpoint)
+
+
+def test_doctor_names_both_processes_that_publish_one_stream() -> None:
+    first = described("gate", "main", host="base", pid=12, wall_ns=10**9 * 1000, up_s=100.0)
+    second = described("gate", "main", host="copy", pid=13, wall_ns=10**9 * 1000, up_s=10.0)
+    (finding,) = doubled([first, second, described("goal", "main")])
+    assert finding.severity == "problem" and finding.what.startswith("gate main: several processes publish its streams")
+    assert "on host base (process 12, since " in finding.what and "and on host copy (process 13" in finding.what
+
+
+def test_two_hosts_of_one_name_and_process_number_are_told_apart_by_their_start() -> None:
+    same = {"host": "pi", "pid": 12, "wall_ns": 10**9 * 1000}
+    assert (
+        len(doubled([described("gate", "main", **same, up_s=900.0), described("gate", "main", **same, up_s=2.0)])) == 1
+    )
+
+
+def test_one_process_that_answers_twice_is_no_second_one() -> None:
+    same = {"host": "pi", "pid": 12}
+    first = described("gate", "main", **same, wall_ns=10**9 * 1000, up_s=20.0)
+    assert doubled([first, described("gate", "main", **same, wall_ns=10**9 * 1001, up_s=20.5)]) == []

@@ -194,8 +194,8 @@ def test_status_of_a_lost_robot_says_so_with_a_remedy() -> None:
     }
     found = status_rows(last)
     assert found["goal"] == "2: searching, localizer lost: 24% of the echoes fit the map"
-    assert found["stopped"].startswith("it does not know where it is; move it to navigation.start")
-    assert found["localizer"].startswith("lost: 24% of the echoes fit the map; move it to navigation.start")
+    assert found["stopped"].startswith("it does not know where it is; `navloom place X Y HEADING`")
+    assert found["localizer"].startswith("lost: 24% of the echoes fit the map; `navloom place X Y HEADING`")
     last["goal/main/feedback"] = Feedback(2, "driving", 1.0, 2.0, 0.0, 0)
     assert "localizer" not in status_rows(last)
 

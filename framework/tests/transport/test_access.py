@@ -20,6 +20,7 @@ import pytest
 import zenoh
 from navloom.config import load_config
 from navloom.engine.build import assemble
+from navloom.hosting.network import streams_of
 from navloom.live.cells import all_sources
 from navloom.operating.client import AGAIN
 from navloom.transport.access import (
@@ -36,7 +37,7 @@ from navloom.transport.access import (
 from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority
 from navloom.transport.links import Link, settings
-from navloom.transport.quality import retained_ports, streams_of
+from navloom.transport.quality import retained_ports
 from navloom.transport.questions import RANKS
 
 SOON = 10.0

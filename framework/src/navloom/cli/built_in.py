@@ -39,6 +39,7 @@ BUILT_IN = (
     BuiltIn("down", "live.up:down", "Shut down a robot on this host."),
     BuiltIn("goal", "live.operate:goal", "Send a live robot to a goal and show its progress.", "live.operate:NUMBERS"),
     BuiltIn("cancel", "live.operate:cancel", "Cancel the goal of a live robot."),
+    BuiltIn("place", "live.operate:place", "Tell a live robot where it is.", "live.operate:NUMBERS"),
     BuiltIn("swap", "live.operate:swap", "Make another instance of a role active, also during a drive."),
     BuiltIn("stop", "live.operate:stop", "Stop a live robot until `navloom resume`; its goal waits."),
     BuiltIn("resume", "live.operate:resume", "Let a robot drive again after a stop, a contact or teleop."),

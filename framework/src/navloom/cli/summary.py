@@ -71,7 +71,7 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
 
 def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
     """Print the differences of the shadows for people."""
-    from navloom.engine.differences import UNITS
+    from navloom.engine.difference_units import UNITS
 
     lines = []
     for one in shadows:

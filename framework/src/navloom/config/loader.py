@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -21,8 +20,9 @@ from navloom.config.presets import instance_of, params_of, split_preset
 from navloom.config.problems import ConfigError, check_params, problems_of
 from navloom.config.schema import Config
 from navloom.config.tables import DEFAULT_PLUGINS, ROLE_TABLES
-from navloom.inputs.bounds import DEEPEST, TEXT_MB, read_file
-from navloom.inputs.texts import refuse_deep_toml, refuse_deep_tree, shortened, toml_of
+from navloom.inputs.assignments import brief, read_assignment
+from navloom.inputs.bounds import TEXT_MB, read_file
+from navloom.inputs.texts import shortened, toml_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles.base import RESERVED_KEYS
@@ -34,8 +34,6 @@ ARRAYS = ("sensor", "node", "alternative", "event")
 """Places of arrays of tables."""
 SHOWN = 50
 """Most problems that one error lists."""
-LONGEST_KEY = 1000
-"""Longest key of a `--set`, in characters."""
 
 Source = Literal["default", "file", "--set", "--shadow"]
 
@@ -225,7 +223,7 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
     for depth, key in enumerate(keys[:-1]):
         table = _enter(table, key, ".".join(keys[: depth + 1]), change)
     if not isinstance(table, dict):
-        raise ConfigError(f"--set {_brief(change)}: {'.'.join(keys[:-1])} is a list; name one of its tables")
+        raise ConfigError(f"--set {brief(change)}: {'.'.join(keys[:-1])} is a list; name one of its tables")
     where = ".".join(_numbered(tree, keys))
     of_instance = (len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] in ("alternative", "node")
     if keys[-1] == "plugin" and of_instance and isinstance(value, str):
@@ -260,13 +258,13 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
     nodes = [str(table.get("name")) for table in _tables(tree, "node")]
     if role not in (*ROLE_TABLES, *nodes) or role == "platform":
         known = [known for known in (*ROLE_TABLES, *nodes) if known != "platform"]
-        raise ConfigError(f"--shadow {_brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
+        raise ConfigError(f"--shadow {brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
     tables = tree.setdefault("alternative", [])
     if not isinstance(tables, list) or tables != _tables(tree, "alternative"):
         return  # the check of the whole config refuses it
     active = next((table for table in _tables(tree, "node") if table.get("name") == role), None) or tree.get(role, {})
     if isinstance(active, dict) and (name := instance_of({"plugin": DEFAULT_PLUGINS.get(role), **active})) in wanted:
-        raise ConfigError(f"--shadow {_brief(text)}: {name} is the active {role}; name others, or another preset of it")
+        raise ConfigError(f"--shadow {brief(text)}: {name} is the active {role}; name others, or another preset of it")
     for name in wanted:
         own = (n for n, table in enumerate(tables) if table.get("role") == role and instance_of(table) == name)
         number = next(own, None)
@@ -288,10 +286,10 @@ def _enter(table: Any, key: str, place: str, change: str) -> Any:
                 return entry
         known = [str(entry.get("name", number)) for number, entry in enumerate(table)]
         hint = nearest(key, known) if known else f"; the config has no [[{place.partition('.')[0]}]]"
-        raise ConfigError(f"--set {_brief(change)}: there is no {_brief(place)}{hint}")
+        raise ConfigError(f"--set {brief(change)}: there is no {brief(place)}{hint}")
     inner = table.setdefault(key, [] if place in ARRAYS else {})
     if not isinstance(inner, (dict, list)):
-        raise ConfigError(f"--set {_brief(change)}: {_brief(place)} is the value {shortened(inner)}, not a table")
+        raise ConfigError(f"--set {brief(change)}: {brief(place)} is the value {shortened(inner)}, not a table")
     return inner
 
 
@@ -314,34 +312,10 @@ def parse_shadows(text: str) -> tuple[str, list[str]]:
     role, _, names = (part.strip() for part in text.partition("="))
     wanted = [name.strip() for name in names.split(",")]
     if not role or not all(wanted):
-        raise ConfigError(f"--shadow {_brief(text)}: expected ROLE=NAME,NAME, as in --shadow avoider=vff,vfh@printed")
+        raise ConfigError(f"--shadow {brief(text)}: expected ROLE=NAME,NAME, as in --shadow avoider=vff,vfh@printed")
     return role, wanted
 
 
 def parse_override(change: str) -> tuple[str, Any]:
     """Key and value of `key=value`. Raises ConfigError if it is malformed."""
-    key, equals, text = change.partition("=")
-    if not equals or not key.strip():
-        raise ConfigError(f"--set {_brief(change)}: expected PATH=VALUE, as in --set controller.k3=1.0")
-    if key.count(".") >= DEEPEST:
-        raise ConfigError(f"--set {key[:57]}...: a key of {key.count('.') + 1} parts, expected at most {DEEPEST}")
-    if len(key) > LONGEST_KEY:
-        raise ConfigError(f"--set {_brief(key)}: a key of {len(key)} characters, expected at most {LONGEST_KEY}")
-    return key.strip(), _value(text, f"--set {key.strip()}")
-
-
-def _value(text: str, where: str) -> Any:
-    """A TOML value, or the text itself if it is none."""
-    refuse_deep_toml(text, where, ConfigError)
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text.strip()
-    except ValueError:
-        raise ConfigError(f"{where}: a whole number of more than 4300 digits, expected fewer") from None
-    refuse_deep_tree(value, where, ConfigError)
-    return value
-
-
-def _brief(text: str, most: int = 200) -> str:
-    return text if len(text) <= most else f"{text[: most - 3]}..."
+    return read_assignment(change, "--set", ConfigError)

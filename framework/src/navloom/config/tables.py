@@ -273,7 +273,7 @@ class EventTable(Table):
     """An operator's action at a given time."""
 
     at: float = Field(ge=0.0, description="robot time, s")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place"]
     x: float | None = None
     y: float | None = None
     heading_deg: float | None = None
@@ -283,7 +283,9 @@ class EventTable(Table):
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> EventTable:
-        needed = {"swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",)}.get(self.do, ())
+        needed = {
+            "swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",), "place": ("x", "y", "heading_deg"),
+        }.get(self.do, ())  # fmt: skip
         missing = [key for key in needed if getattr(self, key) is None]
         if self.do == "set" and not self.values:
             missing.append("values")

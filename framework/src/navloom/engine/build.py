@@ -21,6 +21,7 @@ from navloom.engine.streams import sensor_port
 from navloom.engine.system import System
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
+from navloom.inputs.assignments import assignments
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
@@ -225,8 +226,6 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
 
 def _check_set_events(system: System, problems: Gathered) -> None:
     """Refuse `set` events whose parameters would not fit during the run."""
-    from navloom.engine.events import assignments
-
     for number, event, source in set_events(system.config):
         with problems.gather(), blamed_on_event(number):
             changed_params(system, *source, assignments(event.values))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
 
 from navloom.config.schema import Config
 from navloom.engine.nodes.avoider import AvoiderNode
@@ -20,7 +19,7 @@ from navloom.engine.nodes.planner import PlannerNode
 from navloom.engine.nodes.platform import PlatformNode
 from navloom.engine.nodes.recovery import RecoveryNode
 from navloom.engine.nodes.reference import ReferenceNode
-from navloom.engine.ports import Port, Wired
+from navloom.engine.ports import PortTable, Wired
 from navloom.messages import Message
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
@@ -44,7 +43,7 @@ NODES: tuple[type[Node], ...] = (
 """The nodes of every robot; two that do not depend on each other step in this order."""
 
 
-class Catalogue:
+class Catalogue(PortTable):
     """The nodes of one robot by name: those of every robot, and the node plugins that its config names.
 
     Args:
@@ -62,16 +61,8 @@ class Catalogue:
         self.strangers = dict(strangers)
         self.nodes: dict[str, type[Node]] = {**{node.role: node for node in NODES}, **strangers}
         self.optional = frozenset(strangers).difference(required)
-        self._ports = {(role, port.name): port for role, node in self.nodes.items() for port in node.ports(Wired(role))}
+        super().__init__(port for role, node in self.nodes.items() for port in node.ports(Wired(role)))
         self._required = (*(port.role for port in self._ports.values() if port.required), *required)
-
-    def port(self, role: str, name: str) -> Port[Any] | None:
-        """A declared port; None for a sensor's port, which a config names, and for a port that is not declared."""
-        return self._ports.get((role, name))
-
-    def ports(self, role: str = "") -> list[Port[Any]]:
-        """Every declared port, or those of one node; not the ports of sensors, which a config names."""
-        return [port for port in self._ports.values() if role in ("", port.role)]
 
     def required_roles(self) -> tuple[str, ...]:
         """Nodes without which the robot does not drive autonomously."""

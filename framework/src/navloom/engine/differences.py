@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.engine.difference_units import TOLERANCES
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse, transform
 from navloom.geometry.polylines import hausdorff_distance
@@ -29,18 +30,7 @@ from navloom.messages import (
 from navloom.navigation.blocking import OCCUPIED_FROM
 from navloom.roles import ROLES
 
-__all__ = ["TOLERANCES", "UNITS", "differences", "is_differing", "would_stop"]
-
-UNITS = {
-    "vx": "m/s", "vy": "m/s", "wz": "rad/s", "found": "1", "length": "m", "hausdorff": "m", "cells": "1",
-    "occupied": "1", "distance": "m", "angle": "rad", "unequal": "1",
-}  # fmt: skip
-"""Unit of each difference, by name."""
-TOLERANCES = {
-    "vx": 0.01, "vy": 0.01, "wz": 0.01, "found": 0.5, "length": 0.05, "hausdorff": 0.10, "cells": 0.001,
-    "occupied": 0.01, "distance": 0.01, "angle": 0.01, "unequal": 0.5,
-}  # fmt: skip
-"""Largest difference that counts as equal, in its unit: above rounding errors, below a visible effect."""
+__all__ = ["differences", "is_differing", "would_stop"]
 
 
 def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:

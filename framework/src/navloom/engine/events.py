@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from navloom.config.schema import Config
 from navloom.config.tables import EventTable, PlaceTable
+from navloom.inputs.assignments import assignments
 from navloom.messages import Goal, OperatorRequest, Point2D
 
 __all__ = ["schedule"]
@@ -33,6 +32,9 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
     if event.do == "goal":
         assert event.x is not None and event.y is not None
         return OperatorRequest("goal", _goal(goals, event.x, event.y, event.heading_deg, ()))
+    if event.do == "place":
+        assert event.x is not None and event.y is not None
+        return OperatorRequest("place", _goal(0, event.x, event.y, event.heading_deg, ()))
     role = event.role or ""
     instance = event.name or (config.role_table(role).instance if role else "")
     return OperatorRequest(event.do, None, role, instance, assignments(event.values))
@@ -41,19 +43,3 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
 def _goal(number: int, x: float, y: float, heading_deg: float | None, via: tuple[Point2D, ...]) -> Goal:
     heading = None if heading_deg is None else math.radians(math.remainder(heading_deg, 360.0))
     return Goal(number, x, y, heading, via)
-
-
-def assignments(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Parameters as `name = value`, sorted by name, as a request carries them."""
-    return tuple(f"{name} = {_toml(value)}" for name, value in sorted(values.items()))
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return repr(value)

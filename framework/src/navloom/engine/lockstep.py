@@ -13,13 +13,14 @@ from navloom.engine.catalogue import Catalogue
 from navloom.engine.inspecting import StepInspector
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.nodes.node import Outputs, Tick
 from navloom.engine.nodes.operator import OperatorNode
 from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
-from navloom.navigation.gate import is_at_rest
+from navloom.navigation.stop_reasons import is_at_rest
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
@@ -258,6 +259,10 @@ class Lockstep:
             self.configure(request.role, request.instance, request.values)
             key = (request.role, request.instance)
             self._versions[key] = self._versions.get(key, 0) + 1
+        elif request.do == "place":
+            for stepper in self.steppers:
+                if isinstance(stepper.node, LocalizerNode):
+                    stepper.node.place(request, stepper.active)
         elif request.do == "swap":
             self._by_name[(request.role, request.instance)].enabled = True
             self._make_plan()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from navloom.engine.ports import Port, Ports, Quality
+from navloom.engine.ports import Port, Ports, PortTable, Quality
 from navloom.messages import (
     AvoiderStatus,
     ClearRequest,
@@ -35,9 +35,9 @@ from navloom.messages import (
     Truth,
 )
 
-__all__ = ["PLAIN", "STATE", "WORD", "AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts", "LocalizerPorts",
-           "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "RecoveryPorts", "ReferencePorts",
-           "sensor_port", "sensor_quality"]  # fmt: skip
+__all__ = ["FRAMEWORK_PORTS", "PLAIN", "STATE", "WORD", "AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts",
+           "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "RecoveryPorts",
+           "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
 
 URGENT = Quality("drop", "real_time", "drop")
 STATE = Quality("drop", "interactive_high", "drop")
@@ -132,6 +132,10 @@ class GatePorts(Ports, role="gate"):
     command = Port(Command, URGENT)
     status = Port(GateStatus, WORD, retained=True)
     selection = Port(Selection, WORD, retained=True)
+
+
+FRAMEWORK_PORTS = PortTable(port for role in Ports.__subclasses__() for port in role.declared())
+"""The ports of every robot. Tools read streams by them without the nodes, whose kernels take a second to load."""
 
 
 def sensor_quality(kind: type[Message]) -> Quality:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 from navloom.config import ConfigError
 from navloom.engine.system import System
+from navloom.hosting.claims import Claims
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom.hosting.network import Network, network_of
 from navloom.hosting.node_process import Share
@@ -84,7 +85,13 @@ def _host_of(system: System, names: Sequence[str]) -> str | None:
 
 @contextmanager
 def share_by_hand(
-    system: System, names: Sequence[str], connect: str | None, keys: str | None, insecure: bool, here: bool = False
+    system: System,
+    names: Sequence[str],
+    connect: str | None,
+    keys: str | None,
+    insecure: bool,
+    here: bool = False,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Iterator[Share]:
     """The share of a process without a supervisor, for as long as it runs. Its socket is named after its first node.
 
@@ -95,6 +102,7 @@ def share_by_hand(
         insecure: Plain TCP to another host is allowed.
         here: `names` is one process, and this host runs the other processes that the config places with it: if there
             is a router, these connect by sockets in addition.
+        say: Receives a message if another process runs one of the nodes too.
 
     Raises:
         ConfigError: There is no such node; DirectoryError: it runs already; LinkError: it cannot join the network.
@@ -107,6 +115,7 @@ def share_by_hand(
     if keys is not None:
         network = replace(network, keys=Path(keys))
     _refuse_doubles(network, sources)
+    claims = Claims(KeySpace(network.realm, network.robot), sources, say)
     folder = RobotFolder(network.realm, network.robot)
     folder.make()
     if network.router and here:
@@ -129,7 +138,10 @@ def share_by_hand(
     running = Running(
         network.realm, network.robot, os.getpid(), ends, bool(network.router), system.loaded.name, False, shown, False
     )
-    with _standing(RobotFolder(network.realm, network.robot, bool(network.router)), running):
+    with claims, _standing(RobotFolder(network.realm, network.robot, bool(network.router)), running):
+        claims.take_here()
+        if network.router:
+            claims.take_on(network.alone(), now=True)
         try:
             yield Share(name, sources, link, False, time.monotonic_ns())
         finally:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from navloom.config.schema import Config
+from navloom.engine.catalogue import catalogue_of
 from navloom.hosting.directory import RobotFolder
 from navloom.live.cell import Source
-from navloom.transport.keyspace import SUPERVISOR
+from navloom.transport.keyspace import FAULT, STEP, SUPERVISOR
 from navloom.transport.links import Endpoint, Link, LinkError, Mesh, certificate, peer_link, settings
-from navloom.transport.quality import streams_of
+from navloom.transport.quality import PARAMETERS
 
-__all__ = ["Network", "network_of"]
+__all__ = ["Network", "network_of", "streams_of"]
 
 
 @dataclass
@@ -134,3 +135,14 @@ def network_of(config: Config, host: str | None, insecure: bool) -> Network:
         config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config), is_whole,
         live.shared_memory,
     )  # fmt: skip
+
+
+def streams_of(config: Config) -> tuple[str, ...]:
+    """Every stream that a robot may have, as role/instance/port, sorted. Nodes that are not installed have none."""
+    catalogue, _ = catalogue_of(config)
+    instances = [(role, table.instance) for _, role, table in config.role_tables()]
+    instances += [(port.role, "main") for port in catalogue.ports() if port.role not in config.roles]
+    found = {f"{role}/{name}/{port}" for role, name in instances for port in (PARAMETERS, STEP, FAULT)}
+    found |= {f"{role}/{name}/{port.name}" for role, name in instances for port in catalogue.ports(role)}
+    found |= {f"platform/{config.platform.instance}/{sensor.name}" for sensor in config.sensor}
+    return tuple(sorted(found))

@@ -7,7 +7,6 @@ import os
 import sys
 import threading
 import time
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -34,7 +33,7 @@ from navloom.live.live_platform import LivePlatform
 from navloom.live.memory import Memory
 from navloom.live.monitor import MemoryReader
 from navloom.live.placing import spread
-from navloom.live.presence import Presence
+from navloom.live.presence import Presence, life_here
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
 from navloom.messages import Parameters
@@ -101,7 +100,7 @@ class NodeProcess:
     known: bytes = b""
     runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
     hung: str = ""
-    life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
+    life: str = field(default_factory=life_here)
     warnings: ProcessWarnings = field(init=False)
     _heard: threading.Event = field(default_factory=threading.Event)
     _is_fork: bool = False
@@ -265,7 +264,7 @@ class NodeProcess:
         if role == "platform":
             # Other processes follow the clock of the previous platform, so it must not go back.
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
-            return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
+            return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin, presence.processes)
         if role == "gate":
             return LiveGate(*common, presence, self.system)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)

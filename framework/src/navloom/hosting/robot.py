@@ -13,6 +13,7 @@ from types import TracebackType
 from navloom.engine.system import System
 from navloom.errors import NavloomError
 from navloom.hosting.additions import Additions
+from navloom.hosting.claims import Claimant, Claims, process_start
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom.hosting.network import Network
 from navloom.hosting.node_process import Share
@@ -83,6 +84,7 @@ class LiveRobot:
         self._changed = threading.Condition()
         self._presence = Presence(self.keys, (), self._came)
         self._memory, self._ended = Memory(), threading.Event()
+        self._claims = Claims(self.keys, [source for share in self._shares.values() for source in share], say)
         self._warned = -math.inf
 
     def __enter__(self) -> LiveRobot:
@@ -91,19 +93,21 @@ class LiveRobot:
         self.folder.make()
         if not self.folder.lock():
             running = self.folder.read()
-            who = f" (process {running.pid})" if running is not None else ""
+            who = "" if running is None else f" ({_claimant(running.pid)})"
             ends = f"`navloom down --robot {self.keys.prefix}` ends it"
             if running is not None and not running.supervised:
                 ends = "its nodes were started one by one: end those first"
             raise DirectoryError(
                 f"robot {self.keys.prefix} is up already{who}: {ends}, or --set robot.name=NAME starts another"
             )
-        self.folder.clear()
         try:
+            self._claim()
+            self.folder.clear()
             self.supervisor = Supervisor(
                 self.system.loaded.config.live, self.folder, self._tasks(), self._say, self._memory.to_bytes
             )
         except BaseException:
+            self._claims.__exit__()
             self.folder.unlock()
             raise
         try:
@@ -120,6 +124,12 @@ class LiveRobot:
             self._stop()
             raise
         return self
+
+    def _claim(self) -> None:
+        """Claim the nodes of this host's share before anything is started. Raises DirectoryError."""
+        self._claims.take_here()
+        if self.network.router and not self.barrier:
+            self._claims.take_on(self.network.alone(), now=not self.network.starts_router)
 
     def warn_of_expiry(self) -> None:
         """Warn once a day of certificates that expire soon: when they do, the robot's links fail, and it stops."""
@@ -199,6 +209,8 @@ class LiveRobot:
         limit = time.monotonic() + timeout
         while (missing := self.missing()) and not ends():
             progress(missing)
+            if self._claims.lost:
+                raise DirectoryError(self._claims.lost)
             for child in self.supervisor.poll(restarts=not self.barrier):
                 if self.barrier or child.state == "failed" or child.why == "ended with code 2":
                     raise StartError(
@@ -242,7 +254,14 @@ class LiveRobot:
             if self.folder.is_there():
                 self.folder.clear()
         finally:
+            self._claims.__exit__()
             self.folder.unlock()
+
+
+def _claimant(pid: int) -> str:
+    """Process of this host and since when, in words."""
+    started = process_start(pid)
+    return f"process {pid}" if started is None else f"process {pid}, since {Claimant(started, '', pid).since}"
 
 
 Beside = Callable[[LiveRobot], AbstractContextManager[None]]

@@ -98,6 +98,7 @@ class Services:
             if isinstance(runner, LiveGoal):
                 self._serve(source, "submit", lambda given, runner=runner: self._submit(runner, given))  # type: ignore[misc]
                 self._serve(source, "cancel", lambda given, runner=runner: self._cancel(runner))  # type: ignore[misc]
+                self._serve(source, "replan", lambda given, runner=runner: self._replan(runner))  # type: ignore[misc]
             if isinstance(runner, LiveGate):
                 self._serve(source, "swap", lambda given, runner=runner: self._swap(runner, given))  # type: ignore[misc]
                 for do in ("stop", "resume", "release", "enter_unseen"):
@@ -263,8 +264,16 @@ class Services:
         node = runner.cell.node
         assert isinstance(node, LocalizerNode)
         x, y, heading = (_number(given, name) for name in ("x", "y", "heading"))
+        problem = place_problem(self._system, x, y, heading)
+        if "outside" in problem:
+            raise ServiceError(problem)
         self._apply(runner, lambda: node.plugin.place(Pose2D(x, y, math.remainder(heading, math.tau))))
-        return {"placed": True}
+        return {"placed": True, "warning": problem}
+
+    def _replan(self, runner: LiveGoal) -> dict[str, Any]:
+        """Plan again from where the localizer now says that the robot is."""
+        self._apply(runner, lambda: runner.submit(OperatorRequest("place")))
+        return {"goal_id": runner.goal.machine.goal_id}
 
     def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
         number = runner.goal.machine.goal_id

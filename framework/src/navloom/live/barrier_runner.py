@@ -7,6 +7,7 @@ from typing import Any
 
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.nodes.node import Tick
 from navloom.engine.system import System
 from navloom.engine.wiring import QueueWire
@@ -102,6 +103,8 @@ class BarrierRunner:
                 self._watched.add(target)
             if target == self.cell.source and request.do == "swap":
                 self.cell.stepper.enabled = True
+            elif request.do == "place" and isinstance(self.cell.node, LocalizerNode):
+                self.cell.node.place(request, self.cell.stepper.active)
             elif target == self.cell.source and request.do == "set":
                 self.configure(request.values)
                 self.cell.versions += 1

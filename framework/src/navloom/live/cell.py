@@ -10,6 +10,7 @@ from navloom.engine.stepper import Stepper, waiting_words
 from navloom.engine.wiring import Slot, Wire
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.outlet import Dated, Outlet
+from navloom.live.restarts import RivalWatch
 from navloom.messages import InputRead, PortMark, Selection, StepReport
 from navloom.transport.keyspace import STEP
 
@@ -28,12 +29,14 @@ class Feed:
         inlet: Queue of its messages.
         slot: The node's own copy of the port.
         source: Role and instance that publish it.
+        rivals: Live: finds a second process that publishes it; None where that does no harm.
     """
 
     wire: Wire
     inlet: Inlet
     slot: Slot
     source: Source
+    rivals: RivalWatch | None = None
 
 
 class Cell:

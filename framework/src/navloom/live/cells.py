@@ -13,7 +13,7 @@ from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
 from navloom.engine.system import System
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.live.cell import Cell, Feed, Source
-from navloom.live.mailbox import Inlet, Mailbox
+from navloom.live.mailbox import LATEST, Inlet, Mailbox
 from navloom.live.switchboard import Switchboard
 from navloom.transport.keyspace import FAULT, STEP
 
@@ -159,7 +159,8 @@ def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switc
 def _feed(wire: Wire, source: Source, board: Switchboard, mailbox: Mailbox, slot: Slot | None = None) -> Feed:
     """The stream of one instance into an input."""
     given = wire.input
-    limit = MANY if given.reading in ("new", "track") else FEW
+    is_decisive = given.reading == "offers" or given.source is GatePorts.command  # see `RivalWatch`
+    limit = MANY if given.reading in ("new", "track") else LATEST if is_decisive else FEW
     inlet = board.inlet(source, given.port, mailbox, limit)
     return Feed(wire, inlet, slot or _slot(given, source, board), source)
 

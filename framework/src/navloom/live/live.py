@@ -141,8 +141,11 @@ class LiveRunner:
     def _fill(self, feed: Feed) -> None:
         slot = feed.slot
         is_clock = feed.source[0] == "platform" and feed.wire.input.port == "odometry"
+        rivals = feed.rivals
         for message, envelope in feed.inlet.take():
             held = slot.envelope
+            if rivals is not None:
+                rivals.note(envelope.sequence, envelope.stamp_ns)
             if held is not None and envelope.tick <= slot.tick:
                 is_known = envelope.tick == slot.tick and envelope.sequence == held.sequence
                 # Only the platform can show that the clock restarted: an old message of another node is only old.

@@ -13,16 +13,17 @@ from navloom.engine.nodes.told import Obeyed
 from navloom.engine.system import System
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted, Widening, all_sources
+from navloom.live.hold import hold
 from navloom.live.live import LiveRunner
 from navloom.live.mailbox import Inlet
 from navloom.live.placing import are_on_one_host
 from navloom.live.presence import Presence
-from navloom.live.restarts import RestartWatch
+from navloom.live.restarts import RestartWatch, RivalWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
-from navloom.navigation.gate import ENDING
+from navloom.navigation.stop_reasons import ENDING, RIVALS
 
-__all__ = ["BETWEEN", "CHECK", "LiveGate", "held_rate", "hold"]
+__all__ = ["BETWEEN", "CHECK", "LiveGate"]
 
 CHECK = 0.05
 """Longest time between two checks, s."""
@@ -32,10 +33,10 @@ BETWEEN = "check"
 """Trigger in the step record of a stop between two ticks."""
 LEAD = 2
 """Ticks by which a selection is announced in advance, so that every host knows it when it begins to apply."""
-HOLD, HOLD_MOST, HOLD_LEAST = 0.4, 0.8, 0.008
-"""Wait for a tick's commands: share of the period; largest share, of short periods; shortest wait, s."""
 CHAINS = 1000
 """Number of ticks for which `chains_s` is kept."""
+DECIDING = ("odometry", "controller", "avoider", "recovery")
+"""Inputs of which two publishers stop the robot."""
 CHAIN = ("controller", "avoider")
 """Roles whose commands belong to each tick of a robot that follows a trajectory."""
 AFAR = 0.5
@@ -44,24 +45,10 @@ DOUBT = 1.25
 """Longest silence of a process whose liveliness tokens are lost before it counts as gone, in periods."""
 
 
-def hold(period: float) -> float:
-    """How long after a platform stamp the gate waits for the commands of its tick, s.
-
-    With a longer wait, a robot with ticks of 50 ms would stop for one late command: by the late decision the command
-    of the previous tick would be stale.
-    """
-    return min(HOLD_MOST * period, max(HOLD * period, HOLD_LEAST))
-
-
 def _between_poses(system: System, period: float) -> float:
     """How much longer than a tick the goal waits for a pose of the slowest localizer, s: it steps with each pose."""
     strides = [stride_of(part.table, period) for (role, _), part in system.parts.items() if role == "localizer"]
     return (max(strides) - 1) * period
-
-
-def held_rate(seconds: float) -> float:
-    """Largest tick rate, Hz, at which commands that take `seconds` are waited for: the inverse of `hold`."""
-    return (HOLD_MOST if seconds <= HOLD_LEAST else HOLD) / seconds
 
 
 class LiveGate(LiveRunner):
@@ -109,10 +96,18 @@ class LiveGate(LiveRunner):
         self._chain: tuple[int, int] | None = None
         self._platform = RestartWatch()
         self._awaited_tick = -1
+        self._watch_rivals()
+
+    def _watch_rivals(self) -> None:
+        """Watch each stream that the gate decides on for a second publisher; operators may be several."""
+        for feed in self.cell.feeds:
+            if feed.wire.input.name in DECIDING and feed.rivals is None:
+                feed.rivals = RivalWatch()
 
     def admit(self, more: Widening) -> None:
         """As in `LiveRunner`; once it is active, the robot does not drive without it."""
         super().admit(more)
+        self._watch_rivals()
         if more.source[0] in self._catalogue.required_roles():
             self._needed.append(more.source)
         self._may_wait.append(more.source)
@@ -265,6 +260,9 @@ class LiveGate(LiveRunner):
 
     def _gone(self) -> str:
         self._doubt_ends_ns = 2**62
+        for feed in self.cell.feeds:
+            if feed.rivals is not None and feed.rivals.is_split and self.cell.in_charge(feed.source):
+                return f"{RIVALS}{' '.join(feed.source)} {self.presence.processes(feed.source)}"
         if self._awaited_tick >= 0:
             return "goal main does not step"
         for role, name in self._needed:

@@ -84,7 +84,7 @@ class LiveGoal(LiveRunner):
     def _trouble(self) -> str:
         if self._has_platform_restarted:
             self._has_platform_restarted = False
-            return "the platform began anew, and where the robot is now is not known"
+            return "the platform began anew, and where the robot is now is not known: `navloom place` tells it"
         for (role, name), (times, text) in self.faults.items():
             if times >= BROKEN and self.cell.in_charge((role, name)) and role not in self.goal.optional:
                 del self.faults[role, name]  # the next goal tries again

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from navloom.engine.nodes.node import Outputs, Tick
 from navloom.engine.nodes.platform import PlatformNode
 from navloom.engine.stepper import fault_text
-from navloom.live.cell import Feed
+from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted
 from navloom.live.live import IDLE, LiveRunner
+from navloom.live.restarts import RivalWatch
 from navloom.live.run_clock import RunClock
 from navloom.messages import Command, InputRead, Twist2D
 
@@ -33,6 +34,7 @@ class LivePlatform(LiveRunner):
         deadline: Age at which a command is stale, s.
         start_ns: This host's monotonic clock at run clock 0, ns.
         may_begin: Whether the first tick may begin.
+        processes: The processes that run an instance, in words.
 
     Attributes:
         ticks, late: Number of ticks, and of those that began more than half a period late or were skipped.
@@ -49,6 +51,7 @@ class LivePlatform(LiveRunner):
         deadline: float,
         start_ns: int,
         may_begin: Callable[[], bool] = lambda: True,
+        processes: Callable[[Source], str] = lambda source: "",
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, PlatformNode)
@@ -59,6 +62,8 @@ class LivePlatform(LiveRunner):
         self._may_begin = may_begin
         self.ticks = self.late = self.stops = self.driven = self.own = 0
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
+        self._processes = processes
+        self._rivals = self._feeds["command"].rivals = RivalWatch()
         self._taken: object = None
         self._twist = STILL
         self._untold_since: float | None = None
@@ -120,7 +125,11 @@ class LivePlatform(LiveRunner):
             self._taken = message
             if 0 <= now_ns - envelope.cause_ns <= self.deadline_ns:
                 self._cause_ns, wanted = envelope.cause_ns, message.twist
-        if self._twist != STILL and now_ns - self._cause_ns > self.deadline_ns:
+        if self._rivals.is_split:  # whose command is right is not known
+            source = self._feeds["command"].source
+            self._refusal = f"two gates send commands: {' '.join(source)} runs {self._processes(source)}"
+            wanted = STILL if self._twist != STILL else None
+        elif self._twist != STILL and now_ns - self._cause_ns > self.deadline_ns:
             self.stops += 1
             wanted = STILL
         if wanted is not None:

@@ -12,7 +12,7 @@ from typing import Any
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError, decode
 
-__all__ = ["Inlet", "Mailbox", "Misrouted", "Packet", "StreamCounts"]
+__all__ = ["LATEST", "Inlet", "Mailbox", "Misrouted", "Packet", "StreamCounts"]
 
 AGES = 256
 
@@ -127,6 +127,10 @@ class StreamCounts:
             found["age_p50_s"] = ages[len(ages) // 2]
             found["age_p99_s"] = ages[min(len(ages) - 1, len(ages) * 99 // 100)]
         return found
+
+
+LATEST = 4
+"""Longest queue of which only the newest message counts: a few, so that a second publisher is noticed."""
 
 
 class Mailbox:
@@ -257,7 +261,7 @@ class Inlet:
     @property
     def keeps_latest(self) -> bool:
         """Whether only the newest message is kept; then a message replaced unread is no loss."""
-        return self._waiting.maxlen == 1
+        return self._waiting.maxlen is not None and self._waiting.maxlen <= LATEST
 
     def refuse(self, complaint: str) -> None:
         """Count a message that could not be received."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.messages import Envelope, Feedback, GateStatus, Message, Parameters, Selection
-from navloom.navigation.gate import ENDING, HIDING, LEFT
+from navloom.navigation.stop_reasons import ENDING, HIDING, LEFT
 
 __all__ = ["Memory"]
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import platform
 import queue
+import re
 import time
+import uuid
 from collections.abc import Callable, Iterable
 
 from navloom.live.cell import Source
 from navloom.transport.keyspace import KeySpace
 
-__all__ = ["Presence"]
+__all__ = ["Presence", "life_here"]
 
 LIVES = 16
 """Most tokens that one instance may have at once; further ones are ignored."""
@@ -20,6 +24,11 @@ LOOK = 1.0
 """Interval of checking for the end while no instance comes up, s."""
 PAUSE = 0.2
 """Interval of looking for other instances while one has to wait, s."""
+
+
+def life_here() -> str:
+    """Identifier of a life of this process, with its host and process ID, as the last part of its tokens."""
+    return f"{uuid.uuid4().hex[:8]}~{os.getpid()}~{re.sub(r'[^A-Za-z0-9._-]', '_', platform.node())}"
 
 
 class Presence:
@@ -58,6 +67,13 @@ class Presence:
     def is_alive(self, source: Source) -> bool:
         """Whether an instance has a token, or belongs to this process."""
         return source in self._own or bool(self._lives.get(source))
+
+    def processes(self, source: Source) -> str:
+        """The processes that run an instance, in words: their lives name host and process, see `life_here`."""
+        lives = sorted(self._lives.get(source, ()))
+        parts = [life.split("~") for life in lives]
+        named = [f"on host {part[2]} (process {part[1]})" for part in parts if len(part) == 3]
+        return " and ".join(named) if len(named) > 1 else "in two processes, of which one has announced no node"
 
     def last_life(self, source: Source) -> str:
         """Life of the process that last announced an instance, also if its token is gone; empty for none."""

@@ -42,12 +42,12 @@ class OperatorRequest(Message):
     Attributes:
         do: The action; "release" ends the operator's driving, and "enter_unseen" lets the operator drive into space
             that no sensor has seen.
-        goal: For "goal".
+        goal: For "goal"; for "place", the pose where the robot is, with its heading.
         role, instance: For "swap", the role and its new active instance; for "set", whose parameters change.
         values: For "set", TOML assignments `name = value`, one per string.
     """
 
-    do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen"]
+    do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen", "place"]
     goal: Goal | None = None
     role: Name = ""
     instance: Name = ""

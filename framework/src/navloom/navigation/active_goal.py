@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from navloom.messages import AvoiderStatus, Feedback, Goal, Message, Point2D, Pose2D
-from navloom.navigation.gate import OBSTACLE
 from navloom.navigation.goal_rules import GoalView
+from navloom.navigation.stop_reasons import OBSTACLE
 
 __all__ = ["ActiveGoal", "feedback_of"]
 

@@ -9,26 +9,11 @@ from typing import Any, NamedTuple
 
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
+from navloom.navigation.stop_reasons import LEFT, OBSTACLE, RIVALS, WAITING
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "GateLimits", "Offer", "Sensed",
-           "is_at_rest"]  # fmt: skip
+__all__ = ["STOPPED", "CommandGate", "GateLimits", "Offer", "Sensed"]
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
-OBSTACLE = "obstacle"
-"""Reason of a stop for an obstacle ahead."""
-ENDING = "ending"
-"""Reason of the last stop of a gate that shuts down normally."""
-LEFT = "stale: operator"
-"""Beginning of the reason while a driving operator is silent: no other source drives until `resume`."""
-WAITING = "waits: "
-"""Beginning of the reason while a node of the chain waits for the first message of an input."""
-HIDING = ("silent: platform", "silent: sensor")
-"""Beginnings of reasons that take precedence over a silent operator."""
-
-
-def is_at_rest(reason: str) -> bool:
-    """Whether a stop for this reason interrupts no drive: there is nothing to drive yet, or no longer."""
-    return reason in ("no_trajectory", ENDING) or reason.startswith(WAITING)
 
 
 @dataclass(frozen=True)
@@ -230,7 +215,7 @@ class CommandGate:
         if offer is None:
             return f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory"
         if sensed.gone and source != "operator":
-            return f"gone: {sensed.gone}"
+            return sensed.gone if sensed.gone.startswith(RIVALS) else f"gone: {sensed.gone}"
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)

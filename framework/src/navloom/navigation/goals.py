@@ -57,6 +57,7 @@ class GoalMachine:
         self._said: tuple[int, str, str] = (0, "idle", "tracking")
         self._out: list[tuple[str, Message]] = []
         self._replanning = Replanning(rules.replan)
+        self._placed_ns = 0
 
     @property
     def is_idle(self) -> bool:
@@ -114,6 +115,12 @@ class GoalMachine:
         """The platform is no longer silent: plan again from the robot's current pose."""
         if self._active is not None and self.state == "waiting":
             self._need_map(seen)
+
+    def place(self, seen: GoalView) -> None:
+        """An operator has told the localizer where the robot is: stop, and plan from the first pose after that."""
+        self._placed_ns = seen.time_ns
+        if self._active is not None and self.state not in ("waiting", "searching"):
+            self._pause(self._active, "searching", seen)
 
     def restart_of(self, role: str, seen: GoalView) -> None:
         """Repeat the request to a restarted instance: a restarted mapper has no map, a restarted planner no request."""
@@ -224,7 +231,7 @@ class GoalMachine:
         """The localizer is not tracking: the robot stays stopped until it is, and then plans from there."""
         estimate = seen.estimate
         assert estimate is not None
-        if estimate.state == "tracking":
+        if estimate.state == "tracking" and estimate.stamp_ns >= self._placed_ns:
             self._need_map(seen)
         elif seen.time - active.since > UNSURE:
             why = f"the localizer has not been tracking for {UNSURE:g} s: {estimate.reason}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import time
 import uuid
@@ -11,8 +10,6 @@ from typing import Any
 
 from navloom.errors import NavloomError
 from navloom.hosting.directory import RobotFolder
-from navloom.messages import Message
-from navloom.messages.codec import CodecError, decode
 from navloom.transport.keyspace import LINKED, SUPERVISOR, KeySpace
 from navloom.transport.once import REQUEST
 from navloom.transport.questions import TOO_MANY
@@ -155,14 +152,6 @@ class Client:
             raise Refused(answer.refusal)
         return None
 
-    def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
-        """The last message of a stream whose publisher retains it; None if there is none."""
-        for answer in self.ask_again(self.keys.port(role, instance, port), timeout):
-            if not answer.refusal:
-                with contextlib.suppress(CodecError):
-                    return decode(answer.data, answer.label)[0]
-        return None
-
     def ask_again(self, key: str, timeout: float) -> list[Answer]:
         """All answers to a query; without any, the query is sent once more in case the first came too soon."""
         answers = list(self.bus.ask(key, timeout=timeout))
@@ -173,13 +162,14 @@ class Client:
 
     def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
         """Description of every instance that answers, sorted by role and name."""
-        found = {}
-        for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
-            if not answer.refusal:
-                described = self.described(answer)
-                if described is not None:
-                    found[answer.key] = described
-        return [found[key] for key in sorted(found)]
+        found = {(one["role"], one["instance"]): one for one in self.all_described(timeout)}
+        return [found[source] for source in sorted(found)]
+
+    def all_described(self, timeout: float = 1.0) -> list[dict[str, Any]]:
+        """Every description that arrives, also several of one instance, which two processes run at once."""
+        answers = self.ask_again(self.keys.port("*", "*", "describe"), timeout)
+        found = (self.described(answer) for answer in answers if not answer.refusal)
+        return [described for described in found if described is not None]
 
     def described(self, answer: Answer) -> dict[str, Any] | None:
         """An instance's description of itself; None if the answer is not a valid description.

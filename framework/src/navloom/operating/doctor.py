@@ -14,6 +14,7 @@ from navloom.operating.findings import (
     Finding,
     LoopRate,
     differing,
+    doubled,
     failing,
     flowing,
     is_slow,
@@ -146,6 +147,7 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
     found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
     for check in (failing, lagging, flowing, differing, unheard, sharing):
         found += check(answering)
+    found += doubled(client.all_described())
     found += _clocks(client, answering)
     ill = {one.role for one in gone} | {node["role"] for node in nodes if not node["answers"] or _is_ill(node)}
     halted = _not_stepping(client, answering)

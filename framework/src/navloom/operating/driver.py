@@ -11,7 +11,7 @@ from types import TracebackType
 from navloom.messages import Command, Envelope, GateStatus, Message, Odometry, Twist2D
 from navloom.messages.codec import CodecError, decode, encode, schema_label
 from navloom.operating.client import Client, ClientError
-from navloom.operating.looking import NO_PATH, who_drives, why_stopped
+from navloom.operating.looking import NO_PATH, last, who_drives, why_stopped
 from navloom.transport.quality import most_of, quality_of
 
 __all__ = ["Driver", "limit_in_words"]
@@ -79,7 +79,7 @@ class Driver:
             raise ClientError(f"robot {keys.prefix}: its platform is silent; `navloom doctor` says why")
         for port, kind in (("status", GateStatus), ("command", Command)):
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
-        self._heed(self._client.last("gate", "main", "status"))
+        self._heed(last(self._client, "gate", "main", "status"))
         self._refuse_if_latched()
         if self._enters_unseen:
             self._client.call("gate", "main", "enter_unseen", {})

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from navloom.live.live_gate import held_rate
+from navloom.live.hold import held_rate
 from navloom.operating.looking import waiting
 from navloom.roles import ROLES, is_patient
 from navloom.transport import links
 
-__all__ = ["Finding", "LoopRate", "differing", "failing", "flowing", "is_slow", "is_stuck", "lagging", "loop_rate",
-           "sharing", "unheard"]  # fmt: skip
+__all__ = ["Finding", "LoopRate", "differing", "doubled", "failing", "flowing", "is_slow", "is_stuck", "lagging",
+           "loop_rate", "sharing", "unheard"]  # fmt: skip
 
 LOW = 8.0
 """Free shared memory below which a new process cannot join, MB."""
@@ -21,6 +22,8 @@ POOL = links.POOL / 2**20
 """Shared memory that a process takes for large messages, MB."""
 BUSY, BUSY_LONG = 0.5, 5.0
 """Time in one step after which a node counts as stuck, s: in general, and for a node whose steps may be long."""
+TOGETHER = 5.0
+"""Largest difference between two answers about the start of one process, s; two robots differ by more, or in PID."""
 SILENT = 1.0
 """Time without a platform message after which a process counts as cut off from the platform, s."""
 FEW = 20
@@ -224,6 +227,45 @@ def unheard(nodes: Sequence[Node]) -> list[Finding]:
             what = f"process {process} has not received a platform message for {node['silence_s']:.1f} s"
             found.append(Finding("problem", what, remedy))
     return found
+
+
+def doubled(answers: Sequence[Node]) -> list[Finding]:
+    """Findings for nodes that several processes run: all of them publish on the node's streams.
+
+    Args:
+        answers: Every description that arrives, also several of one instance.
+    """
+    runs: dict[tuple[Any, ...], list[str]] = {}
+    for name in dict.fromkeys(map(named, answers)):
+        found: list[Node] = []
+        for answer in (one for one in answers if named(one) == name):
+            if not any(_is_same_process(answer, other) for other in found):
+                found.append(answer)
+        if len(found) > 1:
+            who = sorted({f"host {one['host']} (process {one['pid']}{_since(one)})" for one in found})
+            runs.setdefault(tuple(who), []).append(name)
+    remedy = "two robots of one name take each other's commands: end one, or give it another robot.name"
+    return [
+        Finding(
+            "problem", f"{', '.join(names)}: several processes publish its streams: on {' and on '.join(who)}", remedy
+        )
+        for who, names in runs.items()
+    ]
+
+
+def _is_same_process(one: Node, other: Node) -> bool:
+    is_near = abs(_started(one) - _started(other)) < TOGETHER
+    return (one["host"], one["pid"]) == (other["host"], other["pid"]) and is_near
+
+
+def _started(node: Node) -> float:
+    """Wall clock at which the process of a node started, s since 1970; 0 if it does not say."""
+    return float(node.get("wall_ns", 0) * 1e-9 - (node.get("up_s") or 0.0)) if "wall_ns" in node else 0.0
+
+
+def _since(node: Node) -> str:
+    started = _started(node)
+    return time.strftime(", since %Y-%m-%d %H:%M:%S", time.localtime(started)) if started else ""
 
 
 def sharing(nodes: Sequence[Node]) -> list[Finding]:

@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running, robots
+from navloom.misspelt import close_to
 from navloom.operating.client import Client
-from navloom.plugins.registry import close_to
 from navloom.transport.keyspace import KeySpace
 from navloom.transport.links import Link, certificate
 from navloom.transport.tool_sessions import expiring, joined

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from navloom.engine.catalogue import FRAMEWORK
+from navloom.engine.streams import FRAMEWORK_PORTS
 from navloom.errors import NavloomError
 from navloom.live.mailbox import Inlet, Mailbox, Packet
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.messages.generic import GenericMessage
-from navloom.navigation.gate import OBSTACLE, WAITING
+from navloom.navigation.stop_reasons import OBSTACLE, WAITING
 from navloom.operating.client import OPEN, Client
 from navloom.plugins.opening import OPENER
 from navloom.transport.quality import is_retained, kind_of, most_of
@@ -29,6 +29,7 @@ __all__ = [
     "NoStream",
     "changed_parameters",
     "envelope_fields",
+    "last",
     "last_words",
     "listing",
     "message_fields",
@@ -51,8 +52,8 @@ NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
 NO_PATH = "no_trajectory"
 """Stop reason of a gate without a trajectory; not a fault if the robot has no goal."""
 WHERE_IT_IS = (
-    "move it to navigation.start, or set navigation.start to its pose, and restart it; if it sees little of the map, "
-    "drive it with `navloom teleop` to where it sees more"
+    "`navloom place X Y HEADING` tells it where it is; if it sees little of the map, drive it with `navloom teleop` to "
+    "where it sees more"
 )
 """Remedy for a robot that does not know where it is."""
 _STOPS = {
@@ -74,6 +75,7 @@ _WAITS = {
 """Why the robot is stopped, by the state of the goal."""
 _KINDS = {
     "silent": ("is silent", "`navloom hz` shows its stream, `navloom doctor` looks for the cause"),
+    "rivals": ("publish the same stream", "`navloom doctor` names both: end one of them"),
     "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
     "stale": ("gives commands from old data", "its process or the network is too slow: `navloom doctor` says which"),
     "old_selection": ("does not know of the last swap", "it passes with its next step, else ask `navloom doctor`"),
@@ -141,10 +143,19 @@ def _places(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 # --- its status -----------------------------------------------------------------------------------------------------
 
 
+def last(client: Client, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
+    """The last message of a stream whose publisher retains it; None if there is none."""
+    for answer in client.ask_again(client.keys.port(role, instance, port), timeout):
+        if not answer.refusal:
+            with contextlib.suppress(CodecError):
+                return decode(answer.data, answer.label)[0]
+    return None
+
+
 def last_words(client: Client) -> dict[str, Message | None]:
     """The last messages of the goal and the gate."""
     wanted = (("goal", "feedback"), ("goal", "result"), ("gate", "status"), ("gate", "selection"))
-    return {f"{role}/{port}": client.last(role, "main", port) for role, port in wanted}
+    return {f"{role}/{port}": last(client, role, "main", port) for role, port in wanted}
 
 
 def changed_parameters(client: Client) -> dict[str, list[str]]:
@@ -321,7 +332,7 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
 def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
     """The last message of a stream whose publisher retains it, so that a viewer need not wait for the next one."""
     role, name, port = stream.split("/", 2)
-    if is_retained(role, port) or role not in FRAMEWORK.nodes:
+    if is_retained(role, port) or not FRAMEWORK_PORTS.ports(role):
         for answer in client.bus.ask(client.keys.port(role, name, port), timeout=1.0):
             with contextlib.suppress(CodecError):
                 if not answer.refusal:

@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 
 from navloom.live.mailbox import Inlet, Mailbox, Packet
 from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
+from navloom.operating import acts
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.operating.joining import join
 from navloom.operating.listening import Listening
-from navloom.operating.starting import start_in_shadow
+from navloom.operating.looking import last
 from navloom.transport.quality import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
@@ -63,7 +64,7 @@ class GoalHandle:
         self._client, self._mailbox, self._streams = client, mailbox, streams
         self._asked = self._seen = self._known = time.monotonic()
         self._lives = client.lives("goal", "main")
-        self._note(client.last("gate", "main", "status"))
+        self._note(last(client, "gate", "main", "status"))
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
         """Yield feedback as it arrives, until the goal has ended. It continues while nodes of the robot restart.
@@ -85,7 +86,7 @@ class GoalHandle:
             now = time.monotonic()
             if self.result is None and now - self._asked > ASK_AGAIN:
                 self._asked = now
-                self._note(self._client.last("goal", "main", "result"))
+                self._note(last(self._client, "goal", "main", "result"))
                 if self.result is None:
                     self._refuse_endless_wait()
             if timeout is not None and self.result is None and now - began > timeout:
@@ -229,31 +230,33 @@ class Navigator:
 
     def cancel(self) -> bool:
         """Cancel the current goal; False if there is none."""
-        return bool(self.client.call("goal", "main", "cancel", {})["goal_id"])
+        return acts.cancel(self.client)
 
     def stop(self) -> None:
         """Stop the robot until `resume`."""
-        self.client.call("gate", "main", "stop", {})
+        acts.stop(self.client)
 
     def resume(self) -> None:
         """Let the robot drive again after a stop or a contact."""
-        self.client.call("gate", "main", "resume", {})
+        acts.resume(self.client)
 
-    def place(self, x: float, y: float, heading: float) -> None:
-        """Set the pose of every localizer, m and rad, map frame. A recording does not contain this.
+    def place(self, x: float, y: float, heading: float) -> str:
+        """Tell the robot where it is. A goal that it drives to is planned again from there.
+
+        Every localizer takes the pose, so that a swap keeps it. A recording of a live robot does not contain this.
+
+        Args:
+            x, y: Place, m, map frame.
+            heading: Heading, rad, map frame.
+
+        Returns:
+            A warning if the robot does not fit there; empty otherwise.
 
         Raises:
-            Refused: The active one does not accept a pose; ClientError: there is none, or it does not answer.
+            Refused: The place is outside the map, a number is not finite, or the active localizer accepts no pose;
+                ClientError: there is no localizer, or it does not answer.
         """
-        there = [one for one in self.client.describe() if one["role"] == "localizer"]
-        for one in sorted(there, key=lambda one: not one["active"]):
-            try:
-                self.client.call("localizer", one["instance"], "place", {"x": x, "y": y, "heading": heading})
-            except Refused:
-                if one["active"]:
-                    raise
-        if not any(one["active"] for one in there):
-            raise ClientError(f"robot {self.client.keys.prefix}: no localizer answers; `navloom doctor` says why")
+        return acts.place(self.client, x, y, heading)
 
     def swap(
         self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None
@@ -272,19 +275,7 @@ class Navigator:
             Refused: There is no such instance, and none can be started; TimeoutError: it was not ready within
                 `timeout`, s.
         """
-        if not self.client.lives(role, instance):
-            start_in_shadow(self.client, role, instance, say)
-        answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
-        limit = time.monotonic() + timeout
-        while answer["selected"] != instance:
-            if time.monotonic() > limit:
-                raise TimeoutError(
-                    f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
-                    f"{answer['selected']} stays active until it has"
-                )
-            time.sleep(0.05)
-            answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
-        return int(answer["epoch"])
+        return acts.swap(self.client, role, instance, timeout, say)
 
     def listen(self, streams: Sequence[str]) -> Listening:
         """Subscribe to streams, each given as role/port; `take` of the result returns new messages."""
@@ -292,8 +283,7 @@ class Navigator:
 
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
         """Parameters of an instance, for example role avoider and instance vff."""
-        values: dict[str, Any] = self.client.call(role, instance, "params/get", {})["values"]
-        return values
+        return acts.get_parameters(self.client, role, instance)
 
     def set_parameters(self, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
         """Change parameters between two ticks, all or none.
@@ -305,8 +295,7 @@ class Navigator:
         Raises:
             Refused: One of them is not valid.
         """
-        values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
-        return values
+        return acts.set_parameters(self.client, role, instance, assignments)
 
     def _inlet(self, role: str, instance: str, port: str, limit: int = 64) -> Inlet:
         key = self.client.keys.port(role, instance, port)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from navloom.engine.differences import UNITS
+from navloom.engine.difference_units import UNITS
 from navloom.operating.client import Client
 from navloom.transport.keyspace import SUPERVISOR
 

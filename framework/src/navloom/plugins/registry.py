@@ -1,17 +1,17 @@
-"""The registry that plugins add to, and suggestions for misspelt names."""
+"""The registry that plugins add to."""
 
 from __future__ import annotations
 
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Protocol
 
 from navloom.errors import NavloomError
 from navloom.geometry.world import World
 from navloom.messages import Message
+from navloom.misspelt import close_to, nearest
 from navloom.roles import ROLE_API, ROLES, Params, Role
 from navloom.roles.base import RESERVED_KEYS
 
@@ -31,17 +31,6 @@ class Named(Protocol):
 
 class PluginError(NavloomError, ValueError):
     """A plugin is unknown, broken, built for another version of its role, or its name is not unique."""
-
-
-def nearest(name: str, known: list[str]) -> str:
-    """`; did you mean 'x'?` with the known name closest to a wrong one, or the list of known names if none is close."""
-    return close_to(name, known) or (f"; known are {', '.join(sorted(known))}" if known else "; none is installed")
-
-
-def close_to(name: str, known: list[str]) -> str:
-    """`; did you mean 'x'?` with the known name closest to a wrong one; empty if none is close."""
-    close = get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 class Registry:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from navloom.config import Loaded
 from navloom.engine.catalogue import catalogue_of
+from navloom.hosting.network import streams_of
 from navloom.messages.codec import CodecError, read_envelope
 from navloom.operating.client import Client, ClientError
 from navloom.plugins.opening import OPENER
@@ -20,7 +21,7 @@ from navloom.recording.counting import RecorderCounts
 from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
 from navloom.transport.keyspace import ATTENDANT, FAULT, GAINED, LINKED
-from navloom.transport.quality import retained_ports, streams_of
+from navloom.transport.quality import retained_ports
 
 __all__ = ["LiveRecorder", "ask_header"]
 
@@ -101,7 +102,7 @@ class LiveRecorder:
         self.client.bus.watch(self.client.keys.process("*", GAINED), lambda key, alive: self._gained.set())
         for stream in _recorded(self.writer.header):
             self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
-        for role, port in retained_ports(catalogue=catalogue_of(self.writer.header.loaded().config)[0]):
+        for role, port in retained_ports(ports=catalogue_of(self.writer.header.loaded().config)[0]):
             self._fetch(role, port)
         self._fetch("*", "parameters")
         # Announced after the subscriptions, on the same links: a process that sees it can already send to it.

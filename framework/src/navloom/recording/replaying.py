@@ -12,6 +12,7 @@ from navloom.engine.fed import FedNode
 from navloom.engine.making import configure, make_plugins, role_nodes
 from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.nodes.node import Node, Tick
 from navloom.engine.nodes.told import GateTold, GoalTold
 from navloom.engine.system import System
@@ -114,6 +115,7 @@ class Replayer:
         self.feeder = Feeder(self.header.prefix, self.shelf, self.chosen, names)
         self._changes: dict[Source, list[tuple[str, ...]]] = {}
         self._parameters: dict[Source, dict[int, tuple[str, ...]]] = {}
+        self._places: list[tuple[int, OperatorRequest]] = []
         if self.header.kind == "barrier":
             self._put_schedule()
 
@@ -177,6 +179,8 @@ class Replayer:
             self._parameters.setdefault((role, name), {})[message.version] = message.values
         elif isinstance(message, OperatorRequest) and message.do == "set":
             self._changes.setdefault((message.role, message.instance), []).append(message.values)
+        elif isinstance(message, OperatorRequest) and message.do == "place":
+            self._places.append((at.tick, message))
         elif isinstance(message, StepReport):
             return Step(role, name, message, at, entry.place, raw.received_ns)
         return None
@@ -230,6 +234,10 @@ class Replayer:
             return Stepped(step, Fed(), [], "", follows)
         self._change_parameters(node, step)
         since = before.at.tick if before is not None else step.at.tick - 1
+        localizer = node.fed.node
+        for at, request in self._places if isinstance(localizer, LocalizerNode) else ():
+            if since < at <= step.at.tick and isinstance(localizer, LocalizerNode):
+                localizer.place(request, is_active=False)  # the recorded run has refused it if it had to
         fed = self.feeder.feed(node.fed.spec, step, since)
         tick = Tick(step.at.tick, step.at.stamp_ns * 1e-9, step.at.stamp_ns, step.at.epoch)
         act = self._tell(node.fed.node, step)

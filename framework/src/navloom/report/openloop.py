@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.engine.differences import TOLERANCES, UNITS
+from navloom.engine.difference_units import TOLERANCES, UNITS
 from navloom.report.data import StudyFiles
 from navloom.report.figures import WIDTH, line_of, shortened
 from navloom.report.plotting import new_figure, styled

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navloom.engine.differences import UNITS
+from navloom.engine.difference_units import UNITS
 from navloom.recording.substitutes import Substitute
 from navloom.report.plotting import GREY, OKABE_ITO, new_figure, png_of, styled
 

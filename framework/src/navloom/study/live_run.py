@@ -38,7 +38,9 @@ from navloom.messages import (
     Selection,
     StepReport,
 )
+from navloom.operating import acts
 from navloom.operating.client import Client, ClientError, Refused
+from navloom.operating.looking import last
 from navloom.plugins.observing import Onlookers
 from navloom.recording.excerpt import repeating
 from navloom.study.episode import Episode
@@ -259,10 +261,10 @@ class LiveRun:
 
     def _catch_up(self, client: Client) -> None:
         """Fetch messages that came while the network was down."""
-        result = client.last("goal", "main", "result", timeout=0.2)
+        result = last(client, "goal", "main", "result", timeout=0.2)
         if isinstance(result, GoalResult):
             self._end(result)
-        feedback = client.last("goal", "main", "feedback", timeout=0.2)
+        feedback = last(client, "goal", "main", "feedback", timeout=0.2)
         if isinstance(feedback, Feedback):
             self.feedback = feedback
 
@@ -285,7 +287,7 @@ class LiveRun:
     def _ask(self, client: Client, request: OperatorRequest) -> None:
         """Send the request of the config's goal or of one of its events."""
         try:
-            if request.goal is not None:
+            if request.do == "goal" and request.goal is not None:
                 goal = request.goal
                 via = [[point.x, point.y] for point in goal.via]
                 given = {"x": goal.x, "y": goal.y, "heading": goal.heading, "via": via}
@@ -297,10 +299,12 @@ class LiveRun:
                 client.call("gate", "main", "swap", {"role": request.role, "instance": request.instance})
             elif request.do == "set":
                 client.call(request.role, request.instance, "params/set", {"values": list(request.values)})
+            elif request.do == "place" and request.goal is not None:
+                acts.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
             else:
                 client.call("gate", "main", request.do, {})
         except (Refused, ClientError) as error:
-            if request.goal is not None:
+            if request.do == "goal" and request.goal is not None:
                 outcome: Literal["rejected", "error"] = "rejected" if isinstance(error, Refused) else "error"
                 reason, place = str(error).removeprefix("rejected: "), Point2D(request.goal.x, request.goal.y)
                 self._ended.append(GoalResult(0, outcome, reason, place))

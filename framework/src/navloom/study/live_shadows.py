@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from navloom.engine.differences import TOLERANCES
+from navloom.engine.difference_units import TOLERANCES
 from navloom.engine.system import System
 from navloom.live.cells import all_sources
 from navloom.live.mailbox import Inlet, Mailbox

@@ -27,7 +27,7 @@ from navloom.messages import (
     Trajectory,
     Truth,
 )
-from navloom.navigation.gate import is_at_rest
+from navloom.navigation.stop_reasons import is_at_rest
 
 __all__ = ["Recorder"]
 

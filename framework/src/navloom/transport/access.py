@@ -21,6 +21,7 @@ KINDS = ("router", "nodes", "operator", "viewer", "shadow")
 ACTING = (
     "goal/main/submit",
     "goal/main/cancel",
+    "goal/main/replan",
     "gate/main/swap",
     "gate/main/stop",
     "gate/main/resume",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "ATTENDANT", "FAULT", "GAINED", "LARGEST", "LINKED", "STEP", "SUPERVISOR", "KeySpace"]
+__all__ = ["ALIVE", "ATTENDANT", "CLAIM", "FAULT", "GAINED", "LARGEST", "LINKED", "STEP", "SUPERVISOR", "KeySpace"]
 
 ALIVE = "alive"
 """Key part of an instance's liveliness tokens."""
@@ -18,6 +18,8 @@ GAINED = "gained"
 """Liveliness token of a process that is about to start in a robot that is up, declared by the supervisor."""
 ATTENDANT = "attendant"
 """Process name under which a recorder announces that it listens; no process has this name."""
+CLAIM = "claim"
+"""Key part of the liveliness tokens by which a process claims its nodes, see `hosting.claims`."""
 SUPERVISOR = "supervisor"
 """Process name under which `navloom up` serves requests that concern the robot's processes."""
 LARGEST = 64 * 2**20

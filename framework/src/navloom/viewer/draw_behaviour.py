@@ -18,7 +18,7 @@ from navloom.messages import (
     RecoveryRequest,
     Selection,
 )
-from navloom.navigation.gate import is_at_rest
+from navloom.navigation.stop_reasons import is_at_rest
 from navloom.viewer.colours import BLOCKED, FREE, VERMILION, faded
 from navloom.viewer.draw_sensing import BLENDED
 from navloom.viewer.panels import Change, Drawn, Seen

@@ -41,7 +41,10 @@ def node(
 
     system = assemble(given.load())
     check_live(system)
-    with ending() as event, share_by_hand(system, names, connect, keys, insecure, here) as share:
+    with (
+        ending() as event,
+        share_by_hand(system, names, connect, keys, insecure, here, log_of("hosting").warning) as share,
+    ):
         _warn(share.link)
         process = NodeProcess(system, share, event)
         sys.setswitchinterval(0.0005)

@@ -1,4 +1,4 @@
-"""Commands that act on a live robot: goal, cancel, swap, stop, resume, params."""
+"""Commands that act on a live robot: goal, cancel, place, swap, stop, resume, params."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navloom.cli.command import App
 from navloom.cli.options import AsJson, RobotOptions, a_number, seconds
 from navloom.cli.output import LOG
 
-__all__ = ["cancel", "goal", "params", "resume", "stop", "swap"]
+__all__ = ["cancel", "goal", "params", "place", "resume", "stop", "swap"]
 
 params = App(help="Parameters of a live robot's plugins.", no_args_is_help=True)
 NUMBERS = {"context_settings": {"ignore_unknown_options": True}}
@@ -73,22 +73,53 @@ def goal(
 
 def cancel(robot: RobotOptions) -> None:
     """Cancel the goal of a live robot."""
-    with robot.navigator() as navigator:
-        there_was_one = navigator.cancel()
+    from navloom.operating import acts
+
+    with robot.operate() as client:
+        there_was_one = acts.cancel(client)
     typer.echo("cancelled" if there_was_one else "no goal to cancel")
 
 
-def stop(robot: RobotOptions) -> None:
-    """Stop a live robot until `navloom resume`; its goal waits."""
-    with robot.navigator() as navigator:
-        navigator.stop()
-    typer.echo("stopped; `navloom resume` lets it drive again")
+def place(
+    x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
+    y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
+    heading: Annotated[float, typer.Argument(metavar="HEADING", help="deg, map frame.", callback=a_number)],
+    *,
+    robot: RobotOptions,
+) -> None:
+    """Tell a live robot where it is.
+
+    Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
+    """
+    from navloom.operating import acts
+
+    with robot.operate() as client:
+        warning = acts.place(client, x, y, math.radians(heading))
+    if warning:
+        LOG.warning(warning)
+    typer.echo(f"placed at ({x:g}, {y:g}), {heading:g}°; `navloom status` shows whether it tracks")
+
+
+def stop(
+    every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
+    *,
+    robot: RobotOptions,
+) -> None:
+    """Stop a live robot until `navloom resume`; its goal waits.
+
+    Exit 0: every robot that it is for has stopped.
+    """
+    from navloom.operating.stopping import stop_robots
+
+    raise typer.Exit(stop_robots(**vars(robot), every=every))
 
 
 def resume(robot: RobotOptions) -> None:
     """Let a robot drive again after a stop, a contact or teleop."""
-    with robot.navigator() as navigator:
-        navigator.resume()
+    from navloom.operating import acts
+
+    with robot.operate() as client:
+        acts.resume(client)
     typer.echo("resumed")
 
 
@@ -108,10 +139,11 @@ def swap(
     warmed up.
     """
     from navloom.cli.output import print_json
+    from navloom.operating import acts
 
-    with robot.navigator() as navigator:
+    with robot.operate() as client:
         try:
-            epoch = navigator.swap(role, instance, timeout, LOG.info)
+            epoch = acts.swap(client, role, instance, timeout, LOG.info)
         except TimeoutError as error:
             LOG.warning(str(error))
             raise typer.Exit(1) from None
@@ -129,8 +161,10 @@ def get_params(
     as_json: AsJson = False,
 ) -> None:
     """Print the current parameters of an instance."""
-    with robot.navigator() as navigator:
-        _print_params(navigator.get_parameters(*_target(navigator, target)), as_json)
+    from navloom.operating import acts
+
+    with robot.operate() as client:
+        _print_params(acts.get_parameters(client, *_target(client, target)), as_json)
 
 
 @params.command("set")
@@ -145,8 +179,8 @@ def set_params(
 
     Either all of them change, or none if one is invalid.
     """
-    from navloom.config.loader import parse_override
-    from navloom.engine.events import assignments
+    from navloom.inputs.assignments import assignments, read_assignment
+    from navloom.operating import acts
 
     given: dict[str, Any] = {}
     for text in values:
@@ -155,19 +189,19 @@ def set_params(
             raise typer.BadParameter(f"{text!r}: expected NAME=VALUE, as in k3=1.0")
         if name in given:
             raise typer.BadParameter(f"{text!r}: {name} is given twice")
-        given |= [parse_override(text)]
+        given |= [read_assignment(text, "parameter", typer.BadParameter)]
     wanted = assignments(given)
-    with robot.navigator() as navigator:
-        _print_params(navigator.set_parameters(*_target(navigator, target), wanted), as_json)
+    with robot.operate() as client:
+        _print_params(acts.set_parameters(client, *_target(client, target), wanted), as_json)
 
 
-def _target(navigator: Any, text: str) -> tuple[str, str]:
+def _target(client: Any, text: str) -> tuple[str, str]:
     """Role and instance of a plugin, by default the active one. Raises Refused if there is none."""
+    from navloom.misspelt import nearest
     from navloom.operating.client import ClientError, Refused
-    from navloom.plugins.registry import nearest
 
     role, dot, name = text.partition(".")
-    plugins = [one for one in navigator.client.describe() if one["plugin"]]
+    plugins = [one for one in client.describe() if one["plugin"]]
     if not plugins:
         raise ClientError("no plugin of the robot answers; `navloom doctor` says why")
     found = {one["instance"]: one["active"] for one in plugins if one["role"] == role}

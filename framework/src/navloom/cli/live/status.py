@@ -17,28 +17,35 @@ def status(
 ) -> None:
     """Print what a live robot is doing, or why it is stopped.
 
-    Its goal, the node that drives, and what lets a stopped robot drive again.
+    Its goal, where it is, how fast and how sure, the node that drives, and what lets a stopped robot drive again.
     """
     from navloom.cli.output import print_json, print_table
     from navloom.operating.client import ClientError
     from navloom.operating.looking import changed_parameters, last_words, listing
+    from navloom.operating.pose_report import pose_now
     from navloom.operating.shadowing import shadows_of
 
     with robot.look() as client:
         nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
         shadows = shadows_of(client, nodes)
+        pose = pose_now(client, nodes)
     if not nodes:
         raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
     if as_json:
-        print_json(_summary(client.keys.prefix, nodes, words, changed) | {"shadows": shadows})
+        print_json(_summary(client.keys.prefix, nodes, words, changed, pose) | {"shadows": shadows})
     else:
-        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows))
+        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows, pose))
 
 
 def _summary(
-    name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
+    name: str,
+    nodes: Sequence[Mapping[str, Any]],
+    words: Mapping[str, Any],
+    changed: Mapping[str, Sequence[str]],
+    pose: Any,
 ) -> dict[str, Any]:
     from navloom.operating.looking import message_fields, missing, platform_age
+    from navloom.operating.pose_report import pose_fields
 
     reason, remedy = _why_stopped(words, nodes)
     clock = max(node["clock_ns"] for node in nodes)
@@ -46,6 +53,7 @@ def _summary(
         "robot": name,
         "run_clock_s": clock * 1e-9 if clock >= 0 else None,
         "platform_age_s": platform_age(nodes),
+        "pose": None if pose is None else pose_fields(pose),
         "nodes": len(nodes),
         "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
         "silent_nodes": [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]],
@@ -62,6 +70,7 @@ def rows(
     words: Mapping[str, Any],
     changed: Mapping[str, Sequence[str]],
     shadows: Sequence[Mapping[str, Any]] = (),
+    pose: Any = None,
 ) -> list[tuple[str, str]]:
     """The printed lines; rows without a value are left out."""
     from navloom.operating.looking import missing
@@ -74,7 +83,8 @@ def rows(
         ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
         ("goal", _goal(words["goal/feedback"], nodes)),
         ("last goal", _result(words["goal/result"])),
-        ("localizer", _localizer(words["goal/feedback"])),
+        ("pose", _pose(pose)),
+        ("localizer", _localizer(words["goal/feedback"], pose)),
         _driver(words, nodes),
         ("platform", _platform(nodes)),
         ("active", _selection(words["gate/selection"])),
@@ -117,11 +127,27 @@ def _result(result: Any) -> str:
     return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
 
 
-def _localizer(feedback: Any) -> str:
-    """Empty while it is tracking, or if the goal has not reported it."""
+def _pose(estimate: Any) -> str:
+    """Where the robot is, how fast, and how sure that is; empty without a pose."""
+    from navloom.operating.pose_report import pose_fields
+
+    if estimate is None:
+        return ""
+    at = pose_fields(estimate)
+    text = f"({at['x']:.2f}, {at['y']:.2f}), {at['heading_deg']:.0f}°, {at['speed']:.2f} m/s"
+    if at["position_std"] is None:
+        return f"{text}, uncertainty not known"
+    return f"{text}, ± {at['position_std']:.2f} m, ± {at['heading_std_deg']:.1f}°"
+
+
+def _localizer(feedback: Any, estimate: Any) -> str:
+    """Why it is not tracking, and what to do; empty while it is tracking, or if that is not known."""
     from navloom.operating.looking import WHERE_IT_IS
 
-    return f"{feedback.localizer}; {WHERE_IT_IS}" if feedback is not None and feedback.localizer else ""
+    said = feedback.localizer if feedback is not None else ""
+    if estimate is not None:
+        said = "" if estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}".removesuffix(": ")
+    return f"{said}; {WHERE_IT_IS}" if said else ""
 
 
 def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:

@@ -27,7 +27,7 @@ def can_draw() -> bool:
 def tell_substitute(found: Any, recorded: str) -> None:
     """Print one comparison for people."""
     from navloom.cli.output import print_table
-    from navloom.engine.differences import UNITS
+    from navloom.engine.difference_units import UNITS
 
     summary = found.summary()
     share = summary["differing_share"]

@@ -107,6 +107,8 @@ class GoalNode(Node):
                 self.machine.submit(request.goal, seen)
             elif request.do == "cancel":
                 self.machine.cancel(seen)
+            elif request.do == "place":
+                self.machine.place(seen)
         if self.fault:
             self.machine.fail(self.fault, seen)
         if self.is_lost:

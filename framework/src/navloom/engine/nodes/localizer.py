@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext, suppress
+
 from navloom.engine.door import LocalizerDoor
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.streams import LocalizerPorts, MapperPorts, PlatformPorts
+from navloom.messages import OperatorRequest, Pose2D
 from navloom.roles import Localizer, LocalizerInput
+from navloom.roles.base import InputError
 
 __all__ = ["LocalizerNode"]
 
@@ -27,6 +31,17 @@ class LocalizerNode(RoleNode[Localizer]):
     def __init__(self, plugin: Localizer) -> None:
         self.plugin = plugin
         self.door = LocalizerDoor(plugin)
+
+    def place(self, request: OperatorRequest, is_active: bool) -> None:
+        """Take the pose of an operator's "place", between two steps.
+
+        Raises:
+            InputError: The plugin accepts none, and it is the active one.
+        """
+        goal = request.goal
+        assert goal is not None and goal.heading is not None
+        with nullcontext() if is_active else suppress(InputError):
+            self.plugin.place(Pose2D(goal.x, goal.y, goal.heading))
 
     def step(self, tick: Tick) -> None:
         odometry = self.odometry.value

@@ -33,7 +33,9 @@ class Settings:
         least_inliers, least_share: Least number of inliers of a usable scan, in beams and as a share of its echoes.
         iterations: Largest number of steps of a fit.
         max_shift, max_turn: Largest correction by one scan, m and rad.
-        trusted_share: Share of the echoes that must fit for the pose to be trusted.
+        least_seen: Share of the beams that must see what the map has, or the robot drives blind.
+        blind_after: Longest drive of a robot that drives blind, s.
+        trusted_share: Share of the beams to a mapped wall that must end at it, not behind it, for a trusted pose.
         sure_share: Share of the echoes from which no other pose is searched.
         search_reach, search_turn: Range of the search around the pose, m and rad.
         search_every: Time between two searches, s.
@@ -58,7 +60,9 @@ class Settings:
     iterations: int = 8
     max_shift: float = 0.03
     max_turn: float = math.radians(2.0)
-    trusted_share: float = 0.4
+    least_seen: float = 0.1
+    blind_after: float = 3.0
+    trusted_share: float = 0.6
     sure_share: float = 0.9
     search_reach: float = 0.7
     search_turn: float = math.radians(20.0)

@@ -233,7 +233,8 @@ def is_free(known, x, y):
 
 def lost(kind, rng):
     """A robot that is not where it believes."""
-    known = MAPS[rng.integers(len(MAPS))](rng)
+    which = rng.integers(len(MAPS))
+    known = MAPS[which](rng)
     path = some_way(known, 14.0, rng)
     world = beside(known, path, rng, int(rng.choice([0, 8])), 0.3, 0.9, 3.0)
     scene = Scene(kind, known, world, path, path[0].copy(), some_laser(rng))
@@ -249,9 +250,11 @@ def lost(kind, rng):
         turn = math.radians(15.0) * rng.choice([-1.0, 1.0])
         scene.belief = path[0] + (0.5 * math.cos(bearing), 0.5 * math.sin(bearing), turn)
     elif kind == "wrong map":
-        scene.known = MAPS[rng.integers(len(MAPS))](rng)
+        scene.known = MAPS[(which + rng.integers(1, len(MAPS))) % len(MAPS)](rng)
+        rows, columns = scene.known.shape
+        scene.belief = np.zeros(3)
         while not is_free(scene.known, *scene.belief[:2]):
-            scene.belief[:2] = rng.uniform(0.5, 12.0), rng.uniform(0.5, 8.0)
+            scene.belief = rng.uniform((0.0, 0.0, -math.pi), (columns * CELL, rows * CELL, math.pi))
     else:  # carried off
         scene.taken_at = 0 if kind == "carried while standing" else len(path) // 3
         while True:

@@ -25,6 +25,11 @@ _BETTER = 0.1
 """Least gain in the score over the current pose for the tracker to move."""
 _ALIKE = 0.02
 """Difference below which scores count as equal; of equal candidates, the one nearest to the pose is used."""
+_RIVAL, _OTHER = 0.1, 9.0
+"""Lead in the score over every other place, without which the tracker does not move; squared Mahalanobis distance from
+which a pose is another place: a bare corridor is one place with a large covariance."""
+_MOVES = 2
+"""Most moves of a pose that is not proven: the second may refine the first."""
 _BEAMS = 45
 """About how many beams of a scan are compared with the map; the next scan's are others."""
 _MEMORY = 0.3
@@ -46,6 +51,13 @@ def position_sigma(covariance: Floats, limit: float) -> float:
         return 0.0
     half_sum, half_gap = 0.5 * (covariance[0, 0] + covariance[1, 1]), 0.5 * (covariance[0, 0] - covariance[1, 1])
     return math.sqrt(float(half_sum) + math.hypot(half_gap, covariance[1, 0]))
+
+
+def _off(pose: Floats, other: Floats) -> Floats:
+    """A pose (3,) less another one, the heading wrapped."""
+    off: Floats = pose - other
+    off[2] = math.remainder(off[2], math.tau)
+    return off
 
 
 def _distance(off: Floats, information: Floats) -> float:
@@ -90,6 +102,8 @@ class Judge:
         self._last_pose = tracker.pose.copy()
         self._blind, self._proven = math.inf, 0.0
         """Time driven since the map was last seen, s, infinite before that; way driven with scans that fit, m."""
+        self._moves, self._rival = 0, ""
+        """Moves since the pose was last proven; why the last search did not move it though others fit better."""
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
@@ -104,7 +118,7 @@ class Judge:
         self._observe(beams, count, time)
         share = tracker.share
         if share is not None and (share >= s.sure_share or self._proven >= _PROOF):
-            self._search_at = time + s.patience
+            self._search_at, self._rival = time + s.patience, ""
         elif share is not None and time >= self._search_at:
             self._search_at = time + s.search_every
             if self._move(beams, count):
@@ -145,13 +159,16 @@ class Judge:
         through = _through(self._seen)
         is_fit = self._blind == 0.0 and through <= (1.0 - s.sure_share) * (through + self._seen[0])
         self._proven = self._proven + way if is_fit and self.state == "tracking" else 0.0
+        if self._proven >= _PROOF:
+            self._moves = 0
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
         s, through = self._tracker.settings, _through(self._seen)
         reached, total = through + self._seen[0], self._seen.sum()
-        if through > (1.0 - s.trusted_share) * reached and through > 0.5 * s.least_seen * total:
-            share, most = through / reached, 1.0 - s.trusted_share
+        most = (0.5 if self._moves else 1.0) * (1.0 - s.trusted_share)
+        if through > most * reached and through > 0.5 * s.least_seen * total:
+            share = through / reached
             return f"{share:.0%} of the beams to a wall of the map pass through it, more than {most:.0%}"
         if self._blind > s.blind_after:
             since = f"for {self._blind:.1f} s of driving" if self._blind < math.inf else "at this place"
@@ -159,7 +176,7 @@ class Judge:
         sigma = position_sigma(self._tracker.covariance, s.lost_sigma)
         if sigma > s.lost_sigma:
             return f"the position has a standard deviation of {sigma:.2f} m, more than {s.lost_sigma:g} m"
-        return ""
+        return self._rival
 
     def _move(self, beams: Floats, echoes: int) -> bool:
         """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved."""
@@ -170,14 +187,19 @@ class Judge:
         for place in candidates(tracker.field, points, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
             pose, fused, _ = tracker.fit(points, place, wide)
             seen = look_along(tracker.field, beams, echoes, pose, gate)
-            off = pose - tracker.pose
-            off[2] = math.remainder(off[2], math.tau)
+            off = _off(pose, tracker.pose)
             if seen[0] >= _GOOD * echoes:
                 fits.append((_score(seen), _distance(off, toward), pose, fused, off, seen[0] / echoes))
         best = max((fit[0] for fit in fits), default=-math.inf)
+        self._rival = ""
         if best < _score(here) + _BETTER:
             return False
         _, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
+        others = [fit for fit in fits if fit[0] > best - _RIVAL and _distance(_off(fit[2], pose), fused) > _OTHER]
+        if others or self._moves == _MOVES:
+            self._rival = f"{share:.0%} of the echoes fit the map at {1 + len(others)} other places"
+            return False
+        self._moves += 1
         tracker.relocate(pose, inverse(fused))
         self._seen, self._proven, self._blind, self._last_pose = np.zeros(5), 0.0, math.inf, tracker.pose.copy()
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField
 from navloom_scan_localizer.matching import fit_pose
+from navloom_scan_localizer.sight import look_along
 from navloom_scan_localizer.small import inverse, sandwich
 
 __all__ = ["PoseTracker", "Settings", "compose", "predicted_covariance", "relative"]
@@ -148,16 +149,23 @@ class PoseTracker:
 
     def correct(self, beams: Floats) -> bool:
         """Correct the pose by current beams, (n, 4) end point, m, and direction, base frame; whether they were used."""
-        limit = max(self.settings.least_inliers, self.settings.least_share * len(beams))
-        if len(beams) < limit:
+        if len(beams) < self.settings.least_inliers:
             return False
         pose, fused, inliers = self.fit(beams, self.pose, self.covariance)
         self.share = inliers / len(beams)
-        if inliers < limit:
+        if not self._is_usable(beams, pose, inliers):
             return False
         self.inliers = inliers
         self._move(pose - self.pose, inverse(fused))
         return True
+
+    def _is_usable(self, beams: Floats, pose: Floats, inliers: int) -> bool:
+        """Whether enough beams fit a pose, (3,): of all, or, if most are occluded, of those that reach a mapped wall."""
+        s, count = self.settings, len(beams)
+        if inliers < s.least_inliers or inliers >= s.least_share * count:
+            return inliers >= s.least_inliers
+        fit, through = look_along(self.field, beams, count, pose, 2.0 * s.robust_scale)[:2]
+        return bool(fit >= s.least_seen * count and fit >= s.trusted_share * (fit + through))
 
     def fit(self, beams: Floats, start: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
         """The pose near another one at which the beams fit best.

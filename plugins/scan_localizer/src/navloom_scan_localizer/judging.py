@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.search import candidates
-from navloom_scan_localizer.sight import look_along
+from navloom_scan_localizer.sight import Sight, look_along
 from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.tracking import PoseTracker
 
@@ -25,17 +25,18 @@ _BETTER = 0.1
 """Least gain in the score over the current pose for the tracker to move."""
 _ALIKE = 0.02
 """Difference below which scores count as equal; of equal candidates, the one nearest to the pose is used."""
-_RIVAL, _OTHER = 0.1, 9.0
-"""Lead in the score over every other place, without which the tracker does not move; squared Mahalanobis distance from
-which a pose is another place: a bare corridor is one place with a large covariance."""
-_MOVES = 2
-"""Most moves of a pose that is not proven: the second may refine the first."""
+_SURE = 0.75
+"""Least score of a pose to which the tracker moved for it to be trusted before a drive has proven it."""
+_RIVAL, _APART = 0.05, (0.3, math.radians(10.0))
+"""Lead in the score over other places for the same; least distance of another place, m and rad."""
 _BEAMS = 45
 """About how many beams of a scan are compared with the map; the next scan's are others."""
 _MEMORY = 0.3
 """Time over which scans are averaged, s; shorter than `patience`."""
-_SILENT = 0.5
-"""Weight of a beam without an echo where the map has a wall: dark, slanted or glass walls give none either."""
+_SUDDEN = 0.5
+"""Share of its sight of the map that a robot loses from one scan to the next only if it is carried or shut in."""
+_MOVED_SIGMA = 0.3
+"""Standard deviation of the position above which a moved pose is not trusted, m: it is some place along a corridor."""
 _PROOF = 1.0
 """Drive along which scans must fit before a pose is proven, m: then an obstacle starts no search for another."""
 _AT_REST = 0.02
@@ -65,14 +66,9 @@ def _distance(off: Floats, information: Floats) -> float:
     return float((information * off[:, None] * off).sum())
 
 
-def _through(seen: Floats) -> float:
-    """Weighted number of beams that pass through walls, by counts of `look_along`."""
-    return float(seen[1] + _SILENT * seen[4])
-
-
-def _score(seen: Floats) -> float:
-    """How well counts of `look_along` support a pose: 1 if all beams fit; an occluded beam adds nothing."""
-    return float((seen[0] - 2.0 * _through(seen)) / max(seen[:3].sum(), 1.0))
+def _is_apart(off: Floats, information: Floats) -> bool:
+    """Whether a pose, a shift (3,) away, is another place: a bare corridor is one place with a large covariance."""
+    return (math.hypot(off[0], off[1]) > _APART[0] or abs(off[2]) > _APART[1]) and _distance(off, information) > 9.0
 
 
 class Judge:
@@ -96,14 +92,18 @@ class Judge:
         self._since: float | None = None
         """Time from which scans have contradicted the state, s; None if the last one agreed with it."""
         self._searching_since = 0.0
-        self._seen, self._part = np.zeros(5), 0
-        """Recent counts of `look_along`, and the part of the next scan's beams that is counted."""
-        self._time: float | None = None
+        self._seen, self._part = Sight(np.zeros(6)), 0
+        """Recent counts, and the part of the next scan's beams that is counted."""
+        self._time = -math.inf
         self._last_pose = tracker.pose.copy()
-        self._blind, self._proven = math.inf, 0.0
-        """Time driven since the map was last seen, s, infinite before that; way driven with scans that fit, m."""
-        self._moves, self._rival = 0, ""
-        """Moves since the pose was last proven; why the last search did not move it though others fit better."""
+        self._support, self._wanted = 0.0, tracker.settings.least_seen
+        """Share of the last scan's beams that saw the map, and the share that is wanted for `_blind` to end."""
+        self._blind: float | None = math.inf
+        """Time driven since the sight of the map was lost at once, s; infinite before it was seen; None if in sight."""
+        self._proven = 0.0
+        """Way driven with scans that fit, m."""
+        self._is_moved, self._rival = False, ""
+        """Whether the pose was moved since a drive last proved it; why it is not trusted then."""
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
@@ -118,7 +118,7 @@ class Judge:
         self._observe(beams, count, time)
         share = tracker.share
         if share is not None and (share >= s.sure_share or self._proven >= _PROOF):
-            self._search_at, self._rival = time + s.patience, ""
+            self._search_at = time + s.patience
         elif share is not None and time >= self._search_at:
             self._search_at = time + s.search_every
             if self._move(beams, count):
@@ -141,41 +141,43 @@ class Judge:
     def _observe(self, beams: Floats, echoes: int, time: float) -> None:
         """Count what a scan sees, and how far the robot has driven with and without seeing the map."""
         tracker, s = self._tracker, self._tracker.settings
-        passed = 0.0 if self._time is None else max(time - self._time, 0.0)
-        off = np.abs(tracker.pose - self._last_pose)
-        way, turn = math.hypot(off[0], off[1]), min(off[2], math.tau - off[2])
+        passed, off = min(time - self._time, 1e9), _off(tracker.pose, self._last_pose)
+        way = math.hypot(off[0], off[1])
         self._time, self._last_pose = time, tracker.pose.copy()
-        self._seen *= math.exp(-passed / _MEMORY)
         if len(beams):
             stride = max(1, len(beams) // _BEAMS)
             self._part = (self._part + 1) % stride
-            gate = 2.0 * s.robust_scale
-            self._seen += look_along(tracker.field, beams, echoes, tracker.pose, gate, (self._part, stride))
-        total = self._seen.sum()
-        if total - self._seen[2] >= s.least_seen * total:
-            self._blind = 0.0
-        elif max(way, turn) > _AT_REST * passed:
+            part, gate = (self._part, stride), 2.0 * s.robust_scale
+            seen = look_along(tracker.field, beams, echoes, tracker.pose, gate, part)
+            self._seen = Sight(math.exp(-passed / _MEMORY) * self._seen.counts + seen.counts)
+            support, before, self._support = seen.support, self._support, seen.support
+            if self._blind is None and support < (1.0 - _SUDDEN) * before:
+                self._blind, self._wanted = 0.0, (1.0 - _SUDDEN) * before
+            elif support >= self._wanted:
+                self._blind = None
+        if self._blind is not None and max(way, abs(off[2])) > _AT_REST * passed:
             self._blind += passed
-        through = _through(self._seen)
-        is_fit = self._blind == 0.0 and through <= (1.0 - s.sure_share) * (through + self._seen[0])
-        self._proven = self._proven + way if is_fit and self.state == "tracking" else 0.0
+        through = self._seen.through
+        is_fit = self._blind is None and through <= (1.0 - s.sure_share) * (through + self._seen.fit)
+        self._proven = self._proven + way if is_fit else 0.0
         if self._proven >= _PROOF:
-            self._moves = 0
+            self._is_moved, self._rival = False, ""
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
-        s, through = self._tracker.settings, _through(self._seen)
-        reached, total = through + self._seen[0], self._seen.sum()
-        most = (0.5 if self._moves else 1.0) * (1.0 - s.trusted_share)
-        if through > most * reached and through > 0.5 * s.least_seen * total:
-            share = through / reached
+        s, seen = self._tracker.settings, self._seen
+        is_doubtful = self._is_moved or self._blind is not None
+        through, most = seen.through, (0.5 if is_doubtful else 1.0) * (1.0 - s.trusted_share)
+        if through > most * (through + seen.fit) and through > 0.5 * s.least_seen * seen.total:
+            share = through / (through + seen.fit)
             return f"{share:.0%} of the beams to a wall of the map pass through it, more than {most:.0%}"
-        if self._blind > s.blind_after:
+        if self._blind is not None and self._blind > s.blind_after:
             since = f"for {self._blind:.1f} s of driving" if self._blind < math.inf else "at this place"
-            return f"less than {s.least_seen:.0%} of the beams have seen the map {since}"
-        sigma = position_sigma(self._tracker.covariance, s.lost_sigma)
-        if sigma > s.lost_sigma:
-            return f"the position has a standard deviation of {sigma:.2f} m, more than {s.lost_sigma:g} m"
+            return f"less than {self._wanted:.0%} of the beams have seen the map {since}"
+        limit = min(s.lost_sigma, _MOVED_SIGMA) if self._is_moved else s.lost_sigma
+        sigma = position_sigma(self._tracker.covariance, limit)
+        if sigma > limit:
+            return f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m"
         return self._rival
 
     def _move(self, beams: Floats, echoes: int) -> bool:
@@ -188,23 +190,22 @@ class Judge:
             pose, fused, _ = tracker.fit(points, place, wide)
             seen = look_along(tracker.field, beams, echoes, pose, gate)
             off = _off(pose, tracker.pose)
-            if seen[0] >= _GOOD * echoes:
-                fits.append((_score(seen), _distance(off, toward), pose, fused, off, seen[0] / echoes))
+            if seen.fit >= _GOOD * echoes:
+                fits.append((seen.score, _distance(off, toward), pose, fused, off, seen.fit / echoes))
         best = max((fit[0] for fit in fits), default=-math.inf)
-        self._rival = ""
-        if best < _score(here) + _BETTER:
+        if best < here.score + _BETTER:
             return False
-        _, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
-        others = [fit for fit in fits if fit[0] > best - _RIVAL and _distance(_off(fit[2], pose), fused) > _OTHER]
-        if others or self._moves == _MOVES:
-            self._rival = f"{share:.0%} of the echoes fit the map at {1 + len(others)} other places"
-            return False
-        self._moves += 1
+        score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
+        others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
+        self._is_moved, self._rival = True, ""
+        if others or score < _SURE:
+            self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
         tracker.relocate(pose, inverse(fused))
-        self._seen, self._proven, self._blind, self._last_pose = np.zeros(5), 0.0, math.inf, tracker.pose.copy()
+        self._seen, self._last_pose, self._proven = Sight(np.zeros(6)), tracker.pose.copy(), 0.0
+        self._blind, self._support, self._wanted = math.inf, 0.0, s.least_seen
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
         self.reason = (
             f"{share:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "
-            f"{here[0] / echoes:.0%} there"
+            f"{here.fit / echoes:.0%} there"
         )
         return True

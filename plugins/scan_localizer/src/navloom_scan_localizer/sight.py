@@ -7,6 +7,7 @@ through a mapped wall contradicts the pose, or the map.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField, distance_field, sample
 
-__all__ = ["look_along", "warm_up"]
+__all__ = ["Sight", "look_along", "warm_up"]
 
 Floats = NDArray[np.float64]
 
+_SILENT = 0.5
+"""Weight of a beam without an echo where the map has a wall: dark, slanted or glass walls give none either."""
 _GRAZING = 0.2
 """Least cosine between a beam and a wall's normal that is used for the depth behind the wall."""
 _BESIDE = 0.1
@@ -63,17 +66,62 @@ def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # 
             and _is_through(values, frame, x + _BESIDE * dy, y - _BESIDE * dx, dx, dy, back, gate)
         )
         if i >= echoes:
-            counts[4 if is_through else 3] += 1
+            counts[5 if is_through else 4] += 1
         elif is_through:
-            counts[1] += 1
+            counts[2] += 1
         else:
             distance, _, _, known = sample(values, frame, x, y)
-            counts[0 if known and abs(distance) < gate else 2] += 1
+            if known and abs(distance) < gate:
+                counts[0 if abs(distance) < 0.5 * gate else 1] += 1
+            else:
+                counts[3] += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What beams see from a pose.
+
+    Attributes:
+        counts: (6,) echoes nearer than half a gate to a mapped wall, nearer than a gate, through a wall, and elsewhere;
+            beams without an echo that pass no wall, and that pass one.
+    """
+
+    counts: Floats
+
+    @property
+    def total(self) -> float:
+        """Number of beams."""
+        return float(self.counts.sum())
+
+    @property
+    def fit(self) -> float:
+        """Number of echoes at a mapped wall."""
+        return float(self.counts[0] + self.counts[1])
+
+    @property
+    def through(self) -> float:
+        """Number of beams that pass through a wall; those without an echo count half."""
+        return float(self.counts[2] + _SILENT * self.counts[5])
+
+    @property
+    def support(self) -> float:
+        """Share of the beams that see what the map has.
+
+        Echoes of unmapped things that are near a wall by chance are as often in the outer half of the gate as in the
+        inner one; so the outer ones are subtracted.
+        """
+        inner, outer, through, _, free, silent = self.counts
+        return float((max(inner - outer, 0.0) + through + free + silent) / max(self.total, 1.0))
+
+    @property
+    def score(self) -> float:
+        """How well the echoes fit: 1 if all do; an occluded one adds nothing, a beam through a wall subtracts two."""
+        return (self.fit - 2.0 * self.through) / max(float(self.counts[:4].sum()), 1.0)
 
 
 def look_along(
     field: DistanceField, beams: Floats, echoes: int, pose: Floats, gate: float, part: tuple[int, int] = (0, 1)
-) -> Floats:
+) -> Sight:
     """Count what beams see from a pose.
 
     Args:
@@ -84,14 +132,10 @@ def look_along(
         pose: (3,) x, y, m, heading, rad, map frame.
         gate: Largest distance of an echo from its wall, m.
         part: First beam and stride, if not all are counted.
-
-    Returns:
-        (5,) echoes at a wall, echoes through a wall, echoes elsewhere, beams without an echo that pass no wall, and
-        those that pass one.
     """
-    counts = np.zeros(5)
+    counts = np.zeros(6)
     _count(field.values, field.frame, beams, echoes, part[0], part[1], pose, gate, counts)
-    return counts
+    return Sight(counts)
 
 
 def warm_up() -> None:

@@ -34,8 +34,8 @@ class Settings:
         least_inliers, least_share: Least number of inliers of a usable scan, in beams and as a share of its echoes.
         iterations: Largest number of steps of a fit.
         max_shift, max_turn: Largest correction by one scan, m and rad.
-        least_seen: Share of the beams that must see what the map has, or the robot drives blind.
-        blind_after: Longest drive of a robot that drives blind, s.
+        least_seen: Share of the beams that must see what the map has at the start.
+        blind_after: Longest drive after the sight of the map has ended at once, s.
         trusted_share: Share of the beams to a mapped wall that must end at it, not behind it, for a trusted pose.
         sure_share: Share of the echoes from which no other pose is searched.
         search_reach, search_turn: Range of the search around the pose, m and rad.
@@ -164,8 +164,8 @@ class PoseTracker:
         s, count = self.settings, len(beams)
         if inliers < s.least_inliers or inliers >= s.least_share * count:
             return inliers >= s.least_inliers
-        fit, through = look_along(self.field, beams, count, pose, 2.0 * s.robust_scale)[:2]
-        return bool(fit >= s.least_seen * count and fit >= s.trusted_share * (fit + through))
+        seen = look_along(self.field, beams, count, pose, 2.0 * s.robust_scale)
+        return seen.fit >= s.least_seen * count and seen.fit >= s.trusted_share * (seen.fit + seen.through)
 
     def fit(self, beams: Floats, start: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
         """The pose near another one at which the beams fit best.

@@ -94,21 +94,55 @@ def test_while_it_searches_it_reports_the_error_of_the_odometry():
     assert robot.judge.reason == ""
 
 
-def test_scans_that_do_not_fit_start_a_search_and_then_it_is_lost():
+HALL = room(140, 140)
+IN_HALL = np.array([7.1, 6.7, 0.3])
+"""Walls of 14 m, at least 3.5 m further away than those of the map: every beam passes through one."""
+
+
+def test_beams_that_pass_through_the_map_start_a_search_and_then_it_is_lost():
     robot = Robot(TRUE)
-    states = robot.see(crate(), 5.0)
+    states = robot.see(HALL, 5.0, IN_HALL)
     # 0.5 s of patience, then 3 s of searching.
     assert states.index("searching") == pytest.approx(10, abs=1)
     assert states.index("lost") == pytest.approx(70, abs=2)
-    assert states[-1] == "lost" and "of the echoes fit the map, less than 40%" in robot.judge.reason
+    assert states[-1] == "lost"
+    assert robot.judge.reason == "100% of the beams to a wall of the map pass through it, more than 40%"
 
 
 def test_it_tracks_again_once_it_sees_the_room_again():
     robot = Robot(TRUE)
-    robot.see(crate(), 5.0)
-    states = robot.see(ROOM, 1.0)
+    robot.see(HALL, 5.0, IN_HALL)
+    states = robot.see(ROOM, 2.0)
     assert states[0] == "lost" and states[-1] == "tracking" and robot.judge.reason == ""
     assert robot.error()[0] < 0.05
+
+
+def test_echoes_before_every_wall_do_not_contradict_the_pose_of_a_robot_at_rest():
+    robot = Robot(TRUE)
+    robot.see(ROOM, 1.0)
+    before = robot.tracker.covariance[0, 0]
+    assert set(robot.see(crate(), 10.0)) == {"tracking"}
+    # 10 s at rest with 0.002 m/sqrt(s): 10 * 4e-6 m^2.
+    assert robot.tracker.covariance[0, 0] - before == pytest.approx(4e-5, rel=0.05)
+
+
+def test_a_robot_that_has_seen_nothing_of_the_map_yet_is_not_tracking():
+    robot = Robot(TRUE)
+    assert robot.see(crate(), 1.0)[-1] == "searching"
+    assert robot.judge.reason == "less than 10% of the beams have seen the map at this place"
+
+
+def test_a_robot_that_drives_without_seeing_the_map_searches_after_three_seconds():
+    robot = Robot(TRUE)
+    robot.see(ROOM, 1.0)
+    near, states = beams_of(np.full(len(BEARINGS), 0.6), BEARINGS), []
+    for tick in range(100):  # it turns by 1 rad/s
+        robot.tracker.predict(np.array([0.0, 0.0, 0.05 * tick]), PERIOD)
+        robot.judge.look(near, robot.time + tick * PERIOD)
+        states.append(robot.judge.state)
+    # 3 s, and 0.5 s of patience; scans of the last 0.3 s count, so that it takes 0.7 s until 10 % are left.
+    assert states.index("searching") == pytest.approx(84, abs=3)
+    assert robot.judge.reason.startswith("less than 10% of the beams have seen the map for")
 
 
 def test_an_obstacle_that_passes_by_changes_nothing():

@@ -18,7 +18,7 @@ from navloom import (
 )
 from numpy.typing import NDArray
 
-from navloom_scan_localizer import beams, matching, search, small, surface
+from navloom_scan_localizer import beams, matching, search, sight, small, surface
 from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
@@ -26,6 +26,9 @@ from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.tracking import PoseTracker, relative
 
 __all__ = ["ScanMatching", "ScanOdometry"]
+
+_SEEN_TO = 0.9
+"""Share of the range to which a beam without an echo shows that there is no wall: echoes from the end are weak."""
 
 
 class ScanMatching(Localizer[ScanMatchingParams]):
@@ -64,6 +67,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         beams.warm_up()
         matching.warm_up()
         search.warm_up()
+        sight.warm_up()
         small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
@@ -71,9 +75,11 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         points = _predict(tracker, given, self._stamp_ns, self.params)
         self._stamp_ns = odometry.stamp_ns
         if points:
-            joined = np.concatenate(points)
-            tracker.correct(joined)
-            self._judge.look(joined, odometry.stamp_ns / 1e9)
+            echoes = sum(len(rows) for rows in points)
+            silent = [_points(scan, odometry, self.params, _without_echo(scan, self.params)) for scan in _scans(given)]
+            joined = np.concatenate(points + silent)
+            tracker.correct(joined[:echoes])
+            self._judge.look(joined, odometry.stamp_ns / 1e9, echoes)
         state, reason = self._judge.state, self._judge.reason
         pose = Pose2D(*tracker.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
@@ -165,15 +171,28 @@ def _predict(
     odometry = given.odometry
     seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9
     tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
-    return [_points(scan, odometry, limits) for scan in given.scans if isinstance(scan, RangeScan)]
+    return [_points(scan, odometry, limits, scan.ranges) for scan in _scans(given)]
 
 
-def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits) -> NDArray[np.float64]:
+def _scans(given: LocalizerInput) -> list[RangeScan]:
+    """Scans with ranges."""
+    return [scan for scan in given.scans if isinstance(scan, RangeScan)]
+
+
+def _without_echo(scan: RangeScan, p: _BeamLimits) -> NDArray[np.float64]:
+    """(n,) how far a scan has seen along the beams without an echo, m; 0 for the others."""
+    limit = scan.range_max - p.limit_margin
+    return np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
+
+
+def _points(
+    scan: RangeScan, odometry: Odometry, p: _BeamLimits, ranges: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """(n, 4) end points, m, and directions of a scan's beams, in the base frame at the time of the odometry."""
     twist, late = odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
     if abs(late) > p.max_age:
         return np.empty((0, 4))
     limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
     rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
-    given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges)
+    given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, ranges)
     return rows[: beams.beam_points(*given, limits, motion, rows)]

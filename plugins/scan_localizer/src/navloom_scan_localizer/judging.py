@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.search import candidates
+from navloom_scan_localizer.sight import Sight, look_along
 from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.tracking import PoseTracker
 
@@ -21,9 +22,25 @@ _CANDIDATES = 8
 _GOOD = 0.7
 """Least share of the echoes that fit at another pose for the tracker to move there."""
 _BETTER = 0.1
-"""Least gain in that share over the current pose for the tracker to move."""
+"""Least gain in the score over the current pose for the tracker to move."""
 _ALIKE = 0.02
-"""Difference below which shares count as equal; of equal candidates, the one nearest to the pose is used."""
+"""Difference below which scores count as equal; of equal candidates, the one nearest to the pose is used."""
+_SURE = 0.75
+"""Least score of a pose to which the tracker moved for it to be trusted before a drive has proven it."""
+_RIVAL, _APART = 0.05, (0.3, math.radians(10.0))
+"""Lead in the score over other places for the same; least distance of another place, m and rad."""
+_BEAMS = 45
+"""About how many beams of a scan are compared with the map; the next scan's are others."""
+_MEMORY = 0.3
+"""Time over which scans are averaged, s; shorter than `patience`."""
+_SUDDEN = 0.5
+"""Share of its sight of the map that a robot loses from one scan to the next only if it is carried or shut in."""
+_MOVED_SIGMA = 0.3
+"""Standard deviation of the position above which a moved pose is not trusted, m: it is some place along a corridor."""
+_PROOF = 1.0
+"""Drive along which scans must fit before a pose is proven, m: then an obstacle starts no search for another."""
+_AT_REST = 0.02
+"""Speed, m/s, and turn rate, rad/s, below which the robot counts as standing."""
 
 
 def position_sigma(covariance: Floats, limit: float) -> float:
@@ -37,16 +54,29 @@ def position_sigma(covariance: Floats, limit: float) -> float:
     return math.sqrt(float(half_sum) + math.hypot(half_gap, covariance[1, 0]))
 
 
+def _off(pose: Floats, other: Floats) -> Floats:
+    """A pose (3,) less another one, the heading wrapped."""
+    off: Floats = pose - other
+    off[2] = math.remainder(off[2], math.tau)
+    return off
+
+
 def _distance(off: Floats, information: Floats) -> float:
     """Square of the Mahalanobis distance of a shift (3,), by an inverse covariance (3, 3)."""
     return float((information * off[:, None] * off).sum())
 
 
+def _is_apart(off: Floats, information: Floats) -> bool:
+    """Whether a pose, a shift (3,) away, is another place: a bare corridor is one place with a large covariance."""
+    return (math.hypot(off[0], off[1]) > _APART[0] or abs(off[2]) > _APART[1]) and _distance(off, information) > 9.0
+
+
 class Judge:
     """Judges a tracker by its scans and moves it to a better pose if there is one.
 
-    The share of echoes that fit the map separates a right pose from a wrong one. If it is not high, other poses nearby
-    are tried. If one of them fits clearly better, the odometry was wrong, and the tracker continues from that pose.
+    An echo before a mapped wall comes from something that the map lacks and says nothing about the pose. Beams that
+    pass through mapped walls contradict it. As long as the pose is not proven by a drive, other poses nearby are tried
+    whenever not all echoes fit. If one of them fits clearly better, the tracker continues from there.
 
     Attributes:
         state: "tracking"; "searching" after the pose was moved or scans stopped fitting; "lost" when that lasts.
@@ -62,20 +92,36 @@ class Judge:
         self._since: float | None = None
         """Time from which scans have contradicted the state, s; None if the last one agreed with it."""
         self._searching_since = 0.0
+        self._seen, self._part = Sight(np.zeros(6)), 0
+        """Recent counts, and the part of the next scan's beams that is counted."""
+        self._time = -math.inf
+        self._last_pose = tracker.pose.copy()
+        self._support, self._wanted = 0.0, tracker.settings.least_seen
+        """Share of the last scan's beams that saw the map, and the share that is wanted for `_blind` to end."""
+        self._blind: float | None = math.inf
+        """Time driven since the sight of the map was lost at once, s; infinite before it was seen; None if in sight."""
+        self._proven = 0.0
+        """Way driven with scans that fit, m."""
+        self._is_moved, self._rival = False, ""
+        """Whether the pose was moved since a drive last proved it; why it is not trusted then."""
 
-    def look(self, beams: Floats, time: float) -> None:
+    def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
 
         Args:
-            beams: (n, 4) end point, m, and direction, base frame: the beams of that correction.
+            beams: (n, 4) end point, m, and direction, base frame: the beams of that correction, then those without
+                an echo, which end at the range of the sensor.
             time: Current time, s.
+            echoes: Number of beams with an echo; all by default.
         """
-        s, share = self._tracker.settings, self._tracker.share
-        if share is not None and share >= s.sure_share:
+        s, tracker, count = self._tracker.settings, self._tracker, len(beams) if echoes is None else echoes
+        self._observe(beams, count, time)
+        share = tracker.share
+        if share is not None and (share >= s.sure_share or self._proven >= _PROOF):
             self._search_at = time + s.patience
         elif share is not None and time >= self._search_at:
             self._search_at = time + s.search_every
-            if self._move(beams, share):
+            if self._move(beams, count):
                 self.state, self._since, self._searching_since = "searching", None, time
                 return
         doubt = self._doubt()
@@ -92,34 +138,74 @@ class Judge:
         elif self.state == "searching" and time - self._searching_since >= s.lost_after:
             self.state = "lost"
 
+    def _observe(self, beams: Floats, echoes: int, time: float) -> None:
+        """Count what a scan sees, and how far the robot has driven with and without seeing the map."""
+        tracker, s = self._tracker, self._tracker.settings
+        passed, off = min(time - self._time, 1e9), _off(tracker.pose, self._last_pose)
+        way = math.hypot(off[0], off[1])
+        self._time, self._last_pose = time, tracker.pose.copy()
+        if len(beams):
+            stride = max(1, len(beams) // _BEAMS)
+            self._part = (self._part + 1) % stride
+            part, gate = (self._part, stride), 2.0 * s.robust_scale
+            seen = look_along(tracker.field, beams, echoes, tracker.pose, gate, part)
+            self._seen = Sight(math.exp(-passed / _MEMORY) * self._seen.counts + seen.counts)
+            support, before, self._support = seen.support, self._support, seen.support
+            if self._blind is None and support < (1.0 - _SUDDEN) * before:
+                self._blind, self._wanted = 0.0, (1.0 - _SUDDEN) * before
+            elif support >= self._wanted:
+                self._blind = None
+        if self._blind is not None and max(way, abs(off[2])) > _AT_REST * passed:
+            self._blind += passed
+        through = self._seen.through
+        is_fit = self._blind is None and through <= (1.0 - s.sure_share) * (through + self._seen.fit)
+        self._proven = self._proven + way if is_fit else 0.0
+        if self._proven >= _PROOF:
+            self._is_moved, self._rival = False, ""
+
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
-        s, share = self._tracker.settings, self._tracker.share
-        if share is not None and share < s.trusted_share:
-            return f"{share:.0%} of the echoes fit the map, less than {s.trusted_share:.0%}"
-        sigma = position_sigma(self._tracker.covariance, s.lost_sigma)
-        if sigma > s.lost_sigma:
-            return f"the position has a standard deviation of {sigma:.2f} m, more than {s.lost_sigma:g} m"
-        return ""
+        s, seen = self._tracker.settings, self._seen
+        is_doubtful = self._is_moved or self._blind is not None
+        through, most = seen.through, (0.5 if is_doubtful else 1.0) * (1.0 - s.trusted_share)
+        if through > most * (through + seen.fit) and through > 0.5 * s.least_seen * seen.total:
+            share = through / (through + seen.fit)
+            return f"{share:.0%} of the beams to a wall of the map pass through it, more than {most:.0%}"
+        if self._blind is not None and self._blind > s.blind_after:
+            since = f"for {self._blind:.1f} s of driving" if self._blind < math.inf else "at this place"
+            return f"less than {self._wanted:.0%} of the beams have seen the map {since}"
+        limit = min(s.lost_sigma, _MOVED_SIGMA) if self._is_moved else s.lost_sigma
+        sigma = position_sigma(self._tracker.covariance, limit)
+        if sigma > limit:
+            return f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m"
+        return self._rival
 
-    def _move(self, beams: Floats, share: float) -> bool:
+    def _move(self, beams: Floats, echoes: int) -> bool:
         """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved."""
-        tracker, s = self._tracker, self._tracker.settings
+        tracker, s, points = self._tracker, self._tracker.settings, beams[:echoes]
         wide = np.diag([s.search_reach**2, s.search_reach**2, s.search_turn**2]) + tracker.covariance
-        toward, fits = inverse(wide), []
-        for place in candidates(tracker.field, beams, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
-            pose, fused, inliers = tracker.fit(beams, place, wide)
-            off = pose - tracker.pose
-            off[2] = math.remainder(off[2], math.tau)
-            fits.append((inliers / len(beams), _distance(off, toward), pose, fused, off))
-        best = max((fit[0] for fit in fits), default=0.0)
-        if best < _GOOD or best < share + _BETTER:
+        toward, fits, gate = inverse(wide), [], 2.0 * s.robust_scale
+        here = look_along(tracker.field, beams, echoes, tracker.pose, gate)
+        for place in candidates(tracker.field, points, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
+            pose, fused, _ = tracker.fit(points, place, wide)
+            seen = look_along(tracker.field, beams, echoes, pose, gate)
+            off = _off(pose, tracker.pose)
+            if seen.fit >= _GOOD * echoes:
+                fits.append((seen.score, _distance(off, toward), pose, fused, off, seen.fit / echoes))
+        best = max((fit[0] for fit in fits), default=-math.inf)
+        if best < here.score + _BETTER:
             return False
-        _, _, pose, fused, off = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
+        score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
+        others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
+        self._is_moved, self._rival = True, ""
+        if others or score < _SURE:
+            self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
         tracker.relocate(pose, inverse(fused))
+        self._seen, self._last_pose, self._proven = Sight(np.zeros(6)), tracker.pose.copy(), 0.0
+        self._blind, self._support, self._wanted = math.inf, 0.0, s.least_seen
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
         self.reason = (
-            f"{best:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "
-            f"{share:.0%} there"
+            f"{share:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "
+            f"{here.fit / echoes:.0%} there"
         )
         return True

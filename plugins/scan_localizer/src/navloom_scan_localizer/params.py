@@ -45,7 +45,13 @@ class ScanMatchingParams(Params):
     limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
     max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
 
-    trusted_share: float = Field(0.4, ge=0.0, le=1.0, description="Share of echoes that fit a trusted pose, no unit.")
+    least_seen: float = Field(
+        0.1, ge=0.0, le=1.0, description="Share of beams that must see what the map has at the start."
+    )
+    blind_after: float = Field(3.0, ge=0.0, le=600.0, description="Longest drive after the map went out of sight at once, s.")
+    trusted_share: float = Field(
+        0.6, ge=0.0, le=1.0, description="Share of beams to a mapped wall that must end at it, not behind it, no unit."
+    )
     sure_share: float = Field(0.9, ge=0.0, le=1.0, description="Share of echoes from which no other pose is searched.")
     search_reach: float = Field(0.7, ge=0.0, le=5.0, description="Range of the search around the pose, m.")
     search_turn_deg: float = Field(20.0, ge=0.0, le=180.0, description="Range of the search in heading, degrees.")
@@ -79,6 +85,8 @@ class ScanMatchingParams(Params):
             iterations=self.iterations,
             max_shift=self.max_shift,
             max_turn=math.radians(self.max_turn_deg),
+            least_seen=self.least_seen,
+            blind_after=self.blind_after,
             trusted_share=self.trusted_share,
             sure_share=self.sure_share,
             search_reach=self.search_reach,

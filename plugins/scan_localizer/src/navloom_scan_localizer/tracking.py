@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField
 from navloom_scan_localizer.matching import fit_pose
+from navloom_scan_localizer.sight import look_along
 from navloom_scan_localizer.small import inverse, sandwich
 
 __all__ = ["PoseTracker", "Settings", "compose", "predicted_covariance", "relative"]
@@ -33,7 +34,9 @@ class Settings:
         least_inliers, least_share: Least number of inliers of a usable scan, in beams and as a share of its echoes.
         iterations: Largest number of steps of a fit.
         max_shift, max_turn: Largest correction by one scan, m and rad.
-        trusted_share: Share of the echoes that must fit for the pose to be trusted.
+        least_seen: Share of the beams that must see what the map has at the start.
+        blind_after: Longest drive after the sight of the map has ended at once, s.
+        trusted_share: Share of the beams to a mapped wall that must end at it, not behind it, for a trusted pose.
         sure_share: Share of the echoes from which no other pose is searched.
         search_reach, search_turn: Range of the search around the pose, m and rad.
         search_every: Time between two searches, s.
@@ -58,7 +61,9 @@ class Settings:
     iterations: int = 8
     max_shift: float = 0.03
     max_turn: float = math.radians(2.0)
-    trusted_share: float = 0.4
+    least_seen: float = 0.1
+    blind_after: float = 3.0
+    trusted_share: float = 0.6
     sure_share: float = 0.9
     search_reach: float = 0.7
     search_turn: float = math.radians(20.0)
@@ -144,16 +149,23 @@ class PoseTracker:
 
     def correct(self, beams: Floats) -> bool:
         """Correct the pose by current beams, (n, 4) end point, m, and direction, base frame; whether they were used."""
-        limit = max(self.settings.least_inliers, self.settings.least_share * len(beams))
-        if len(beams) < limit:
+        if len(beams) < self.settings.least_inliers:
             return False
         pose, fused, inliers = self.fit(beams, self.pose, self.covariance)
         self.share = inliers / len(beams)
-        if inliers < limit:
+        if not self._is_usable(beams, pose, inliers):
             return False
         self.inliers = inliers
         self._move(pose - self.pose, inverse(fused))
         return True
+
+    def _is_usable(self, beams: Floats, pose: Floats, inliers: int) -> bool:
+        """Whether enough beams fit a pose, (3,): of all, or, if most are occluded, of those that reach a mapped wall."""
+        s, count = self.settings, len(beams)
+        if inliers < s.least_inliers or inliers >= s.least_share * count:
+            return inliers >= s.least_inliers
+        seen = look_along(self.field, beams, count, pose, 2.0 * s.robust_scale)
+        return seen.fit >= s.least_seen * count and seen.fit >= s.trusted_share * (seen.fit + seen.through)
 
     def fit(self, beams: Floats, start: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
         """The pose near another one at which the beams fit best.

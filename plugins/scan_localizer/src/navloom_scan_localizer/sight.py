@@ -1,0 +1,144 @@
+"""Compares what beams see with the walls that the map has along them.
+
+An echo before the mapped wall is that of something the map lacks: it says nothing about the pose. A beam that passes
+through a mapped wall contradicts the pose, or the map.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom_scan_localizer.field import DistanceField, distance_field, sample
+
+__all__ = ["Sight", "look_along", "warm_up"]
+
+Floats = NDArray[np.float64]
+
+_SILENT = 0.5
+"""Weight of a beam without an echo where the map has a wall: dark, slanted or glass walls give none either."""
+_GRAZING = 0.2
+"""Least cosine between a beam and a wall's normal that is used for the depth behind the wall."""
+_BESIDE = 0.1
+"""Distance to both sides at which a beam must pass a wall too, m: real maps have single cells where nothing is, and a
+small error of the pose lets a beam cut a corner."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-untyped-def]
+    """Whether a beam that ends at x, y, and began `back` before, passes a wall and ends deeper than a gate behind it.
+
+    It goes from node to node by the distance to the nearest wall (sphere tracing, Hart 1996).
+    """
+    c, s, spacing = frame[2], frame[3], frame[4]
+    rows, columns = values.shape
+    u, v = (c * (x - frame[0]) + s * (y - frame[1])) / spacing, (c * (y - frame[1]) - s * (x - frame[0])) / spacing
+    du, dv = (c * dx + s * dy) / spacing, (c * dy - s * dx) / spacing
+    while back > gate:
+        column, row = math.floor(u - back * du + 0.5), math.floor(v - back * dv + 0.5)
+        distance = spacing
+        if 0 <= row < rows and 0 <= column < columns:
+            distance = values[row, column]
+            if distance < 0.5 * spacing:
+                _, gx, gy, _ = sample(values, frame, x - back * dx, y - back * dy)
+                facing = -(gx * dx + gy * dy)
+                if distance < 0.0 or facing > 0.0:
+                    return back * max(facing, _GRAZING) > gate
+        back -= max(distance - 0.5 * spacing, 0.5 * spacing)
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # type: ignore[no-untyped-def]
+    """Fill the counts of `look_along`."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(first, beams.shape[0], stride):
+        dx, dy = c * beams[i, 2] - s * beams[i, 3], s * beams[i, 2] + c * beams[i, 3]
+        x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
+        back = max(0.0, beams[i, 0] * beams[i, 2] + beams[i, 1] * beams[i, 3])
+        is_through = (
+            _is_through(values, frame, x, y, dx, dy, back, gate)
+            and _is_through(values, frame, x - _BESIDE * dy, y + _BESIDE * dx, dx, dy, back, gate)
+            and _is_through(values, frame, x + _BESIDE * dy, y - _BESIDE * dx, dx, dy, back, gate)
+        )
+        if i >= echoes:
+            counts[5 if is_through else 4] += 1
+        elif is_through:
+            counts[2] += 1
+        else:
+            distance, _, _, known = sample(values, frame, x, y)
+            if known and abs(distance) < gate:
+                counts[0 if abs(distance) < 0.5 * gate else 1] += 1
+            else:
+                counts[3] += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What beams see from a pose.
+
+    Attributes:
+        counts: (6,) echoes nearer than half a gate to a mapped wall, nearer than a gate, through a wall, and elsewhere;
+            beams without an echo that pass no wall, and that pass one.
+    """
+
+    counts: Floats
+
+    @property
+    def total(self) -> float:
+        """Number of beams."""
+        return float(self.counts.sum())
+
+    @property
+    def fit(self) -> float:
+        """Number of echoes at a mapped wall."""
+        return float(self.counts[0] + self.counts[1])
+
+    @property
+    def through(self) -> float:
+        """Number of beams that pass through a wall; those without an echo count half."""
+        return float(self.counts[2] + _SILENT * self.counts[5])
+
+    @property
+    def support(self) -> float:
+        """Share of the beams that see what the map has.
+
+        Echoes of unmapped things that are near a wall by chance are as often in the outer half of the gate as in the
+        inner one; so the outer ones are subtracted.
+        """
+        inner, outer, through, _, free, silent = self.counts
+        return float((max(inner - outer, 0.0) + through + free + silent) / max(self.total, 1.0))
+
+    @property
+    def score(self) -> float:
+        """How well the echoes fit: 1 if all do; an occluded one adds nothing, a beam through a wall subtracts two."""
+        return (self.fit - 2.0 * self.through) / max(float(self.counts[:4].sum()), 1.0)
+
+
+def look_along(
+    field: DistanceField, beams: Floats, echoes: int, pose: Floats, gate: float, part: tuple[int, int] = (0, 1)
+) -> Sight:
+    """Count what beams see from a pose.
+
+    Args:
+        field: Distance field of the map.
+        beams: (n, 4) end point, m, and direction, base frame; first those with an echo, then those without one, which
+            end at the range of the sensor.
+        echoes: Number of beams with an echo.
+        pose: (3,) x, y, m, heading, rad, map frame.
+        gate: Largest distance of an echo from its wall, m.
+        part: First beam and stride, if not all are counted.
+    """
+    counts = np.zeros(6)
+    _count(field.values, field.frame, beams, echoes, part[0], part[1], pose, gate, counts)
+    return Sight(counts)
+
+
+def warm_up() -> None:
+    """Compile the kernel."""
+    field = distance_field(np.eye(3, dtype=np.bool_), 0.1, (0.0, 0.0, 0.0), 1.0)
+    look_along(field, np.array([[0.1, 0.1, 1.0, 0.0]]), 1, np.zeros(3), 0.1)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
 from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
-from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, stopping_way
+from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, margins, stopping_way, within
 from navloom.navigation.monitor_seen import SeenSpace
 
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
@@ -47,11 +47,16 @@ LEAST_SHARE = 0.05
 """Smallest share of a command that is driven; below it the robot stops, unless it drives at CREEPING or faster."""
 CREEPING = 0.02
 """Speed that is driven even if the share is below LEAST_SHARE, m/s."""
-DOUBT = 0.1
-"""Additional margin of the footprint per speed, s: m for each m/s of forward speed, at most sigma."""
+BETWEEN = 1.5
+"""How far an obstacle may reach beyond a laser's echo, in gaps between two beams at its distance: an edge lies up to
+one gap beyond its last beam, and the mean of the last readings half a gap before that beam."""
+DRIFT, MOST_DRIFT = 0.06, 0.08
+"""How far an echo may be misplaced while no beam points at it, m per m that the base drives or 2 rad that it turns, and
+at most, m: odometry with a slip of 1 cm per root metre is wrong by 3° after a metre."""
 HELD = 1.5
 """Largest distance at which a laser's echo is kept while no beam points at it, m."""
-NO_POINTS = np.empty((0, 2))
+NO_POINTS = np.empty((0, 3))
+NO_COMMANDS = np.empty((0, 3))
 
 
 @dataclass(frozen=True)
@@ -104,11 +109,19 @@ class Verdict(NamedTuple):
 
 @dataclass
 class _Sensor:
-    """Echoes of one sensor: stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first."""
+    """Echoes of one sensor.
+
+    Attributes:
+        scans: Stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first.
+        ranges: Of the newest scan, m.
+        obstacles: (k, 3) points, m, odometry frame, and how far an obstacle may reach beyond each, m.
+        seen_at: (3,) pose of the base at the newest scan, m, rad, odometry frame.
+    """
 
     scans: deque[tuple[float, Floats]] = field(default_factory=deque)
     ranges: Floats | None = None
     obstacles: Floats = field(default_factory=lambda: NO_POINTS)
+    seen_at: Floats | None = None
 
 
 class CollisionMonitor:
@@ -129,7 +142,7 @@ class CollisionMonitor:
         self._motor = np.array(
             [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
         )
-        self._rolled = np.empty((MOST_POSES, 3))
+        self._rolled, self._alone = np.empty((MOST_POSES, 3)), np.empty((MOST_POSES, 3))
         self.forget()
 
     def forget(self) -> None:
@@ -201,15 +214,20 @@ class CollisionMonitor:
         to_odometry(poses, scan.origins, scan.bearings, scan.ranges, scan.range_max, points)
         self._remember(sensor, time, points)
         middle = scan.origins.mean(axis=0) if len(scan.origins) else np.zeros(2)
-        x, y, heading = poses[-1] if len(poses) else self._poses[-1]
+        x, y, heading = base = poses[-1] if len(poses) else np.array(self._poses[-1])
         cos, sin = math.cos(heading), math.sin(heading)
         x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
         bins = _directions(scan.bearings)
         found = np.empty((bins, 2))
         every = np.concatenate([points for _, points in sensor.scans])
         count = nearest_surfaces(every, x, y, bins, 3.0 * self.limits.sigma, found)
+        reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
         held = _out_of_view(sensor.obstacles, (x, y, heading), scan.bearings, bins)
-        sensor.obstacles = np.concatenate([found[:count], held])
+        if sensor.seen_at is not None:
+            moved = np.abs(base - sensor.seen_at)
+            held[:, 2] = np.minimum(held[:, 2] + DRIFT * (math.hypot(*moved[:2]) + 0.5 * moved[2]), MOST_DRIFT)
+        sensor.obstacles = np.concatenate([np.column_stack([found[:count], reach]), held])
+        sensor.seen_at = base
 
     def _look_by_sonars(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
         before, moved = sensor.ranges, 0.0
@@ -226,7 +244,8 @@ class CollisionMonitor:
         )  # fmt: skip
         sensor.ranges = scan.ranges.copy()
         self._remember(sensor, time, found[:count].copy())
-        sensor.obstacles = np.concatenate([points for _, points in sensor.scans])
+        every = np.concatenate([points for _, points in sensor.scans])
+        sensor.obstacles = np.column_stack([every, np.zeros(len(every))])
 
     def _remember(self, sensor: _Sensor, time: float, points: Floats) -> None:
         sensor.scans.appendleft((time, points))
@@ -305,26 +324,30 @@ class CollisionMonitor:
 
     def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
-        count = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
-        margin = self.limits.margin + min(self.limits.sigma, DOUBT * abs(v))
-        hit = first_touch(self._rolled, count, self._outline, points, margin)
+        rolled = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
+        wide = margins(points, v, w, self.limits.margin)
+        hit = first_touch(self._rolled, rolled, self._outline, points, wide)
+        if hit < 0:  # measured speed is noisy: each tick, it may seem to lead away by more than the command approaches
+            wide[~within(points, self._outline, wide)] = -math.inf
+            count = stopping_way(np.zeros(2), NO_COMMANDS, 0.0, np.array([v, w]), self._motor, self._radius, self._alone)
+            hit = first_touch(self._alone, count, self._outline, points, wide)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
         if not self.ignores_unseen:
             base = np.array(self._poses[-1])
-            place = self._seen.first_unseen(self._rolled, count, base, self._stamps[-1], self._ways[-1])
+            place = self._seen.first_unseen(self._rolled, rolled, base, self._stamps[-1], self._ways[-1])
             if place >= 0:
                 x, y, _ = self._rolled[place]
                 return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
         return None
 
     def _near(self, twist: Twist2D, age: float) -> Floats:
-        """(k, 2) obstacle points in reach, m, base frame of the newest odometry."""
+        """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""
         limits = self.limits
         v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
         time = age + limits.dead_time + limits.period + 5.0 * limits.lag + 0.5 * v / limits.deceleration + 0.1
-        reach = self._radius + limits.margin + v * time
+        reach = self._radius + limits.margin + MOST_DRIFT + v * time
         x, y, heading = self._poses[-1]
         cos, sin = math.cos(heading), math.sin(heading)
         near = []
@@ -332,7 +355,8 @@ class CollisionMonitor:
             dx, dy = sensor.obstacles[:, 0] - x, sensor.obstacles[:, 1] - y
             kept = dx * dx + dy * dy <= reach * reach
             dx, dy = dx[kept], dy[kept]
-            near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1))
+            beyond = sensor.obstacles[kept, 2]
+            near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx, beyond], axis=1))
         return np.concatenate(near) if near else NO_POINTS
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["MOST_POSES", "distance_to_outline", "first_touch", "stopping_way"]
+__all__ = ["MOST_POSES", "distance_to_outline", "first_touch", "margins", "stopping_way", "within"]
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +26,8 @@ FINE = 0.02
 """Largest motion of any point of the footprint between two poses of a roll-out, m."""
 NEARER = 1e-5
 """Smallest approach to a point that counts as moving into it, m; less is rounding."""
+DOUBT, MOST_DOUBT = 0.1, 0.03
+"""Margin per speed of the footprint beside an obstacle, s, and at most, m: when it gets there is not known better."""
 STANDSTILL = 1e-3
 """Speed of a robot that counts as stopped, m/s or rad/s."""
 
@@ -108,6 +110,22 @@ def distance_to_outline(px, py, outline):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def margins(points, v, w, least):  # type: ignore[no-untyped-def]
+    """(k,) distance from the footprint that counts as touching, m, for each point.
+
+    Args:
+        points: (k, 3) x, y, base frame, and how far the obstacle may reach beyond, m.
+        v, w: The command, m/s and rad/s.
+        least: Margin to a known place, m, for a robot that does not move.
+    """
+    wide = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        speed = math.hypot(v - w * points[i, 1], w * points[i, 0])
+        wide[i] = least + max(points[i, 2], min(MOST_DOUBT, DOUBT * speed))
+    return wide
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyped-def]
     """Index of the first point that a footprint touches on its way; -1 for none.
 
@@ -116,8 +134,8 @@ def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyp
     Args:
         poses: (count or more, 3) poses of the base: x, y, m, heading, rad, in the frame of the points.
         outline: (n, 2) footprint, m, base frame.
-        points: (k, 2) m.
-        margin: Distance from the footprint that counts as touching, m.
+        points: (k, 2 or more) m.
+        margin: (k,) distance from the footprint that counts as touching, m.
     """
     starts = np.empty(points.shape[0])
     for place in range(count):
@@ -128,6 +146,15 @@ def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyp
             distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
             if place == 0:
                 starts[i] = distance
-            elif distance < margin and distance < starts[i] - NEARER:
+            elif distance < margin[i] and distance < starts[i] - NEARER:
                 return i
     return -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def within(points, outline, margin):  # type: ignore[no-untyped-def]
+    """(k,) bool: which points (k, 2 or more), m, base frame, are nearer to the footprint than their margin (k,), m."""
+    near = np.empty(points.shape[0], np.bool_)
+    for i in range(points.shape[0]):
+        near[i] = distance_to_outline(points[i, 0], points[i, 1], outline) < margin[i]
+    return near

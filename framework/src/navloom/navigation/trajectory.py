@@ -31,6 +31,8 @@ __all__ = [
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
+TURNING = 0.5
+"""Share of the turn acceleration that the reference takes; the tracking law needs the rest for its corrections."""
 _FINEST = 0.005
 _PER_FILLET = 8.0
 """Samples on the shortest fillet, as far as steps of at least `_FINEST`, m, allow."""
@@ -45,6 +47,7 @@ class SpeedLimits:
         turn_rate: Largest |ω_r|, rad/s.
         lateral: Largest lateral acceleration v² |κ|, m/s².
         acceleration, deceleration: m/s², > 0.
+        turn_acceleration: Of the robot, rad/s², > 0; infinite for no limit. The reference uses TURNING of it.
     """
 
     slowest: float = 0.2
@@ -53,6 +56,7 @@ class SpeedLimits:
     lateral: float = 0.3
     acceleration: float = 0.5
     deceleration: float = 0.5
+    turn_acceleration: float = math.inf
 
     def radius_at(self, speed: float) -> float:
         """Smallest radius, m, at which a speed, m/s, keeps the limits of turn rate and lateral acceleration."""
@@ -150,7 +154,8 @@ def keep_corners(points: Floats, limits: SpeedLimits, spacing: float = 0.02, hea
 def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: float | None = None) -> Floats:
     """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then limited by the accelerations.
 
-    ω_lim takes precedence over v_min: in a corner too tight for both, v is ω_lim/|κ|.
+    ω_lim takes precedence over v_min: in a corner too tight for both, v is ω_lim/|κ|. So does the turn acceleration
+    dω/dt = v² dκ/ds + κ dv/dt: half of its share bounds either term.
 
     Args:
         step: Arc length between samples, m.
@@ -164,9 +169,12 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     bend = np.maximum(np.abs(curvature), 1e-9)
     speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
     speed = np.minimum(speed, limits.turn_rate / bend)
+    turning = 0.5 * TURNING * limits.turn_acceleration
+    speed = np.minimum(speed, np.sqrt(turning / _bend_change(step, curvature)))
     speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
     speed[-1] = min(speed[-1], limits.slowest)
-    _limit_acceleration(speed, 2.0 * limits.acceleration * step, 2.0 * limits.deceleration * step)
+    gain, loss = (2.0 * step * np.minimum(rate, turning / bend) for rate in (limits.acceleration, limits.deceleration))
+    _limit_acceleration(speed, gain, loss)
     return speed
 
 
@@ -230,13 +238,19 @@ def _bend(samples: Floats) -> Floats:
     return bend
 
 
+def _bend_change(step: float, curvature: Floats) -> Floats:
+    """|dκ/ds| (n,), 1/m², the larger one of the steps before and after each sample."""
+    change = np.abs(np.diff(curvature)) / step
+    return np.maximum(np.maximum(np.append(change, 0.0), np.append(0.0, change)), 1e-9)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _limit_acceleration(speed, gain, loss):  # type: ignore[no-untyped-def]
-    """Forward and backward pass, in place: v² rises by at most `gain` and falls by at most `loss` per step."""
+    """Forward and backward pass, in place: v² rises by at most `gain` (n,) and falls by at most `loss` (n,) per step."""
     for k in range(1, speed.shape[0]):
-        speed[k] = min(speed[k], math.sqrt(speed[k - 1] ** 2 + gain))
+        speed[k] = min(speed[k], math.sqrt(speed[k - 1] ** 2 + gain[k]))
     for k in range(speed.shape[0] - 2, -1, -1):
-        speed[k] = min(speed[k], math.sqrt(speed[k + 1] ** 2 + loss))
+        speed[k] = min(speed[k], math.sqrt(speed[k + 1] ** 2 + loss[k]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

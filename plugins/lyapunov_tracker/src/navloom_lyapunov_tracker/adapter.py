@@ -6,7 +6,7 @@ import math
 
 from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
 
-from navloom_lyapunov_tracker.law import final_turn, tracking_command, tracking_error, turn_direction, wrap
+from navloom_lyapunov_tracker.law import final_turn, tracking_command, tracking_error, turn_direction, turn_that_stops, wrap
 from navloom_lyapunov_tracker.params import PRINTED, ROBUST, LyapunovTrackerParams
 
 __all__ = ["LyapunovTracker"]
@@ -29,15 +29,16 @@ class LyapunovTracker(Controller[LyapunovTrackerParams]):
         self._turning = 0
 
     def control(self, given: ControllerInput) -> TrackingCommand:
-        pose, reference = given.estimate.pose, given.reference
+        pose, reference, robot = given.estimate.pose, given.reference, self.context.robot
+        limits = (robot.max_angular, robot.max_angular_acceleration)
         if reference.turn_to is not None:
             e3 = wrap(reference.turn_to - pose.heading)
-            return TrackingCommand(Twist2D(0.0, 0.0, final_turn(e3, self.context.robot.max_angular)), 0.0, 0.0, e3)
+            return TrackingCommand(Twist2D(0.0, 0.0, final_turn(e3, *limits)), 0.0, 0.0, e3)
         target = reference.pose
         error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
         self._turning = turn_direction(error.e3, self._turning, self._above, self._until)
         if self._turning:
-            v, w = 0.0, self._turning * self.context.robot.max_angular
+            v, w = 0.0, self._turning * turn_that_stops(error.e3, *limits)
         else:
             v, w = tracking_command(error, reference.speed, reference.turn_rate, self.params.k1, self.params.k3)
         return TrackingCommand(Twist2D(v, 0.0, w), *error)

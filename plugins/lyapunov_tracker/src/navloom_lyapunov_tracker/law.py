@@ -17,6 +17,7 @@ __all__ = [
     "tracking_command",
     "tracking_error",
     "turn_direction",
+    "turn_that_stops",
     "wrap",
 ]
 
@@ -96,11 +97,21 @@ def turn_direction(e3: float, turning: int, above: float, until: float) -> int:
     return 1 if e3 > 0.0 else -1
 
 
-def final_turn(e3: float, w_max: float) -> float:
+def final_turn(e3: float, w_max: float, acceleration: float = math.inf) -> float:
     """Turn rate to the requested heading at the goal, rad/s, where law (6) has no reference (not in the paper).
 
     Args:
         e3: Heading error, rad in [-π, π).
         w_max: Largest turn rate, rad/s. Once |e3| is below w_max * 0.5 s, the rate falls in proportion to it.
+        acceleration: Largest turn acceleration, rad/s²; see `turn_that_stops`.
     """
-    return max(-w_max, min(w_max, 2.0 * e3))
+    fastest = turn_that_stops(e3, w_max, acceleration)
+    return max(-fastest, min(fastest, 2.0 * e3))
+
+
+def turn_that_stops(e3: float, w_max: float, acceleration: float) -> float:
+    """Largest turn rate, rad/s, from which a robot stops within |e3|, rad, at half its turn acceleration, rad/s².
+
+    The other half covers the lag of its motors.
+    """
+    return min(w_max, math.sqrt(acceleration * abs(e3)))

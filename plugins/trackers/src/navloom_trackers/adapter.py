@@ -7,7 +7,7 @@ from abc import abstractmethod
 from typing import TypeVar
 
 from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
-from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_error, turn_direction, wrap
+from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_error, turn_direction, turn_that_stops, wrap
 
 from navloom_trackers import fierro_lewis, kanayama, pure_pursuit, ramsete
 from navloom_trackers.limits import DriveLimits, within_limits, within_reach
@@ -50,17 +50,17 @@ class _Tracker(Controller[P]):
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         pose, reference = given.estimate.pose, given.reference
-        fastest = self.context.robot.max_angular
+        limits = (self.context.robot.max_angular, self.context.robot.max_angular_acceleration)
         if reference.turn_to is not None:
             error = TrackingError(0.0, 0.0, wrap(reference.turn_to - pose.heading))
-            wanted = (0.0, final_turn(error.e3, fastest))
+            wanted = (0.0, final_turn(error.e3, *limits))
         else:
             target = reference.pose
             error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
             bearing, wanted = self._follow(given, error)
             self._turning = turn_direction(bearing, self._turning, self._above, self._until)
             if self._turning:
-                wanted = (0.0, self._turning * fastest)
+                wanted = (0.0, self._turning * turn_that_stops(bearing, *limits))
         v, w = within_limits(*wanted, self._limits)
         return TrackingCommand(Twist2D(v, 0.0, w), *error)
 

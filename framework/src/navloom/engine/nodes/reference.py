@@ -13,13 +13,17 @@ from navloom.engine.ports import Latest, Output
 from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, ReferencePorts
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
-from navloom.navigation.projection import project, way_ahead
+from navloom.navigation.projection import Projection, project, way_ahead
 from navloom.navigation.trajectory import SpeedLimits, keep_corners, make_trajectory
 from navloom.roles import RobotSpec
 
 __all__ = ["ReferenceNode", "trajectory_of"]
 
 Floats = NDArray[np.float64]
+BESIDE = 0.05
+"""How far a robot that is turned away may come beside its trajectory while it turns, m."""
+LEAST = 0.1
+"""Smallest share of the trajectory's speed while the robot is turned away: tracking laws need a moving reference."""
 FAR = 1.0
 """Distance from the first metre of a new trajectory beyond which the robot is looked for on all of it, m."""
 
@@ -81,6 +85,7 @@ class ReferenceNode(Node):
             lateral=rules.lateral_acceleration,
             acceleration=robot.max_acceleration,
             deceleration=robot.max_deceleration,
+            turn_acceleration=robot.max_angular_acceleration,
         )
         half_width = float(np.abs(robot.footprint[:, 1]).max())
         return cls(limits, rules.look_ahead, half_width + rules.corridor_margin, rules.path_shape == "rounded")
@@ -97,6 +102,16 @@ class ReferenceNode(Node):
             self._driven, self._progress = drive.path_id, self._start(self._trajectory, estimate.pose)
             self.trajectory.put(self._trajectory)
         self.reference.put(self._reference(self._trajectory, drive, estimate.pose))
+
+    def _speeds(self, at: Projection, heading: float) -> tuple[float, float]:
+        """Speed, m/s, and turn rate, rad/s, of the reference: less while a robot that turns slowly is turned away.
+
+        It takes 2 sqrt(e / a) to turn by an angle e at a turn acceleration a, and drives beside its trajectory meanwhile.
+        """
+        away = abs(math.remainder(at.heading - heading, math.tau))
+        beside = away * math.sqrt(away / self.limits.turn_acceleration)
+        speed = max(LEAST * at.speed, BESIDE / beside) if beside * at.speed > BESIDE else at.speed
+        return speed, at.turn_rate if speed == at.speed else at.curvature * speed
 
     def _start(self, trajectory: Trajectory, base: Pose2D) -> float:
         """Progress from which to follow a new trajectory: 0, or the robot's place on it if that is far from its start.
@@ -121,8 +136,7 @@ class ReferenceNode(Node):
             at.progress,
             float(samples[-1, 0]) - at.progress,
             Pose2D(at.x, at.y, at.heading),
-            at.speed,
-            at.turn_rate,
+            *self._speeds(at, base.heading),
             at.cross_track,
             Point2D(at.target_x, at.target_y),
             way_ahead(samples, at.progress, self.look_ahead),

@@ -5,7 +5,9 @@ from navloom import Registry, hookimpl
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the mapper `scan_grid`."""
+    """Add the mappers `scan_grid` and `layered`."""
     from navloom_scan_grid.adapter import ScanGrid
+    from navloom_scan_grid.layered import Layered
 
     registry.add(ScanGrid)
+    registry.add(Layered)

@@ -11,7 +11,7 @@ from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, of_kind, readings_of
 from navloom.engine.ports import New, OtherSensors, Output, Sensors, Track
 from navloom.engine.streams import GoalPorts, LocalizerPorts, MapperPorts, PlatformPorts
-from navloom.messages import PoseEstimate, PoseTrack, RangeScan, Sweep
+from navloom.messages import OccupancyGrid, PoseEstimate, PoseTrack, RangeScan, Sweep
 from navloom.roles import Mapper, MapperInput
 
 __all__ = ["MapperNode"]
@@ -29,12 +29,14 @@ class MapperNode(RoleNode[Mapper]):
     readings = OtherSensors(RANGES, triggers=True)
     track = Track(LocalizerPorts.pose)
     clear = New(GoalPorts.clear, delayed=True, triggers=True)
+    known = Output(MapperPorts.known)
     map = Output(MapperPorts.map)
     cause = track
 
     def __init__(self, plugin: Mapper) -> None:
         self.plugin = plugin
         self.door = MapperDoor(plugin)
+        self._known: OccupancyGrid | None = None
 
     def step(self, tick: Tick) -> None:
         data, names = in_order(self.scans)
@@ -54,6 +56,10 @@ class MapperNode(RoleNode[Mapper]):
             self.extra(),
         )
         update = self.door.check(self.plugin.update(seen), seen)
+        known = self.plugin.known()
+        if known is not None and known is not self._known:
+            self._known = known
+            self.known.put(known)
         if update is not None:
             self.map.put(update)
 

@@ -37,7 +37,9 @@ class _Room:
     walls: list[Rect] = field(default_factory=list)
     furniture: list[Rect] = field(default_factory=list)
 
-    def way(self, start: tuple[float, float], goal: tuple[float, float], radius: float, furnished: bool) -> Found | None:
+    def way(
+        self, start: tuple[float, float], goal: tuple[float, float], radius: float, furnished: bool
+    ) -> Found | None:
         """The shortest way of a disc."""
         cells = np.zeros((round(self.depth / CELL), round(self.width / CELL)), np.int8)
         for left, right, low, high in self.walls + (self.furniture if furnished else []):
@@ -118,7 +120,8 @@ def _text(made: _Room, start: tuple[float, float], goal: tuple[float, float]) ->
         "goal_tolerance = 0.3",
     ]
     named = [("wall", one, "") for one in made.walls]
-    named += [("box", one, f"appears_at = {LATE}\n") for one in made.furniture]
+    named += [("box", one, f"appears_at = {LATE}") for one in made.furniture]
     for number, (name, (left, right, low, high), late) in enumerate(named):
-        lines.append(f'\n[[box]]\nname = "{name} {number}"\nx = [{left:.3f}, {right:.3f}]\ny = [{low:.3f}, {high:.3f}]\n{late}')
+        lines += ["", "[[box]]", f'name = "{name} {number}"']
+        lines += [f"x = [{left:.3f}, {right:.3f}]", f"y = [{low:.3f}, {high:.3f}]", late]
     return "\n".join(lines)

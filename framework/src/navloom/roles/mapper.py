@@ -28,6 +28,7 @@ class MapperInput:
         sweep_sensors: Name of the sensor of each sweep.
         readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
+        is_tracking: The localizer knew at its newest pose where the robot is.
     """
 
     stamp_ns: int
@@ -39,6 +40,7 @@ class MapperInput:
     sweep_sensors: tuple[str, ...] = ()
     readings: Readings = NO_READINGS
     extra: Extras = NO_EXTRAS
+    is_tracking: bool = True
 
 
 class Mapper(Role[P]):

@@ -6,8 +6,7 @@ from navloom import Registry, hookimpl
 @hookimpl
 def navloom_register(registry: Registry) -> None:
     """Add the mappers `scan_grid` and `layered`."""
-    from navloom_scan_grid.adapter import ScanGrid
-    from navloom_scan_grid.layered import Layered
+    from navloom_scan_grid.adapter import Layered, ScanGrid
 
     registry.add(ScanGrid)
     registry.add(Layered)

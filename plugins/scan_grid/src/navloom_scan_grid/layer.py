@@ -39,18 +39,27 @@ class LayerSettings:
 
 
 class ObstacleLayer:
-    """Obstacles that are seen and are not on a known map. All places are in the grid's frame: (0, 0) is its corner.
+    """Obstacles that are seen and are not on a known map. Its cells are those of the map.
 
     Args:
         known: (rows, columns) the known map.
         resolution: Edge of a cell, m.
-        start: Place of the robot, m.
+        origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0) in the map frame.
+        start: Start position of the robot, m, map frame.
         settings: Settings.
     """
 
-    def __init__(self, known: Cells, resolution: float, start: tuple[float, float], settings: LayerSettings) -> None:
-        self.known, self.settings = known, settings
-        self._readings = replace(settings.readings, cell=resolution, extent=(*start, *start))
+    def __init__(
+        self,
+        known: Cells,
+        resolution: float,
+        origin: tuple[float, float, float],
+        start: tuple[float, float],
+        settings: LayerSettings,
+    ) -> None:
+        self.known, self.settings, self._origin = known, settings, origin
+        x, y, _ = self._in_grid(np.array([[*start, 0.0]]))[0].tolist()
+        self._readings = replace(settings.readings, cell=resolution, extent=(x, y, x, y))
         self._walls = near_walls(known >= OCCUPIED_FROM, settings.wall_margin / resolution)
         self._explained = self._readings.weights._replace(hit=0.0, cone_hit=0.0)
         established = self._readings.weights.highest / self._readings.occupied_from
@@ -71,7 +80,7 @@ class ObstacleLayer:
             DataError: The track does not cover the scan. The layer is unchanged.
         """
         if beams.ranges.size:
-            self._recent[sensor] = place(beams, stamps_ns, poses, self._readings)
+            self._recent[sensor] = place(beams, stamps_ns, self._in_grid(poses), self._readings)
             self._add(self._recent[sensor])
 
     def fade(self, duration: float) -> None:
@@ -90,6 +99,13 @@ class ObstacleLayer:
             area = cells[low:high, left:right]
             area[(seen >= self._readings.occupied_from) & (area < OCCUPIED_FROM)] = 100
         return cells
+
+    def _in_grid(self, poses: Floats) -> Floats:
+        """(n, 3) poses of the map frame in the frame of the grid, which begins at the corner of cell (0, 0)."""
+        x, y, heading = self._origin
+        cosine, sine, moved = math.cos(heading), math.sin(heading), poses[:, :2] - (x, y)
+        along, across = cosine * moved[:, 0] + sine * moved[:, 1], cosine * moved[:, 1] - sine * moved[:, 0]
+        return np.stack([along, across, poses[:, 2] - heading], axis=1)
 
     def _add(self, placed: Placed) -> None:
         """Insert a placed scan: all readings clear, those that no known wall explains mark."""
@@ -117,15 +133,15 @@ def outside(points: Floats, footprint: Floats, margin: float) -> Bools:
     """(n,) whether points are farther than a margin from the robot's own body.
 
     Args:
-        points: (n, 2) m, base frame; infinite ones are outside.
+        points: (n, 2) m, base frame.
         footprint: (k, 2) corners of a convex polygon, m, base frame, counter-clockwise.
         margin: m.
     """
     edges = np.roll(footprint, -1, axis=0) - footprint
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
     distances = points @ outward.T - (footprint * outward).sum(axis=1)
-    with np.errstate(invalid="ignore"):
-        return ~(distances <= margin).all(axis=1)
+    is_inside: Bools = (distances <= margin).all(axis=1)
+    return ~is_inside
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -152,6 +168,6 @@ def _explained(placed, walls, cell, reach):  # type: ignore[no-untyped-def]
 def warm_up() -> None:
     """Compile every kernel of the layer."""
     warm_up_mapping()
-    layer = ObstacleLayer(np.zeros((2, 2), np.int8), 0.5, (0.0, 0.0), LayerSettings())
+    layer = ObstacleLayer(np.zeros((2, 2), np.int8), 0.5, (0.0, 0.0, 0.0), (0.0, 0.0), LayerSettings())
     beams = Beams(0, np.zeros((2, 2)), np.zeros(2), np.array([0.0, 0.1]), np.zeros(2), np.ones(2), 0.1, 2.0)
     layer.insert("laser", beams, np.zeros(1, np.int64), np.zeros((1, 3)))

@@ -43,7 +43,8 @@ class MapperNode(RoleNode[Mapper]):
         named = list(zip(data, names, strict=True))
         sweeps, sweep_sensors = of_kind(Sweep, named)
         scans, sensors = of_kind(RangeScan, named)
-        track = _covering(self.track.values, min((message.stamp_ns for message in data), default=tick.time_ns))
+        poses = self.track.values
+        track = _covering(poses, min((message.stamp_ns for message in data), default=tick.time_ns))
         seen = MapperInput(
             tick.time_ns,
             sweeps,
@@ -54,6 +55,7 @@ class MapperNode(RoleNode[Mapper]):
             sweep_sensors,
             readings_of(self.readings),
             self.extra(),
+            not poses or poses[-1].state == "tracking",
         )
         update = self.door.check(self.plugin.update(seen), seen)
         known = self.plugin.known()

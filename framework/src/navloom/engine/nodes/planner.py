@@ -18,8 +18,8 @@ __all__ = ["PlannerNode"]
 class PlannerNode(RoleNode[Planner]):
     """Turns the newest request into a path, or the reason why there is none. `tolerance` is the goal's, m.
 
-    If what the mapper saw leaves no path, the node plans on the known map: a person in the only door may have left before
-    the robot is there, and until then the avoider stops it.
+    If what the mapper saw leaves no path, the node also plans on the known map and publishes both answers: a
+    person in the only door may have left before the robot is there, and until then the avoider stops it.
     """
 
     role = "planner"
@@ -39,13 +39,14 @@ class PlannerNode(RoleNode[Planner]):
         if newest is None:
             return
         answer = self._plan(newest)
-        if isinstance(answer, PlanFailure) and known is not None:
-            otherwise = self._plan(MapUpdate(newest.stamp_ns, known, np.empty((0, 4)), ()))
-            answer = otherwise if isinstance(otherwise, Path) else answer
         if isinstance(answer, Path):
             self.path.put(answer)
-        else:
-            self.failure.put(answer)
+            return
+        if known is not None:
+            otherwise = self._plan(MapUpdate(newest.stamp_ns, known, np.empty((0, 4)), ()))
+            if isinstance(otherwise, Path):
+                self.path.put(otherwise)  # first: a failure that comes alone ends the goal
+        self.failure.put(answer)
 
     def _plan(self, given: MapUpdate) -> Path | PlanFailure:
         seen = PlannerInput(self.plan.values[-1], given, self.extra())

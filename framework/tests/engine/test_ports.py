@@ -16,7 +16,7 @@ from navloom.engine.streams import ControllerPorts, LocalizerPorts, PlannerPorts
 
 def test_a_node_is_wired_as_its_class_declares() -> None:
     spec = PlannerNode.spec(Wired("planner"))
-    assert [str(given) for given in spec.inputs] == ["goal.plan", "mapper.map"]
+    assert [str(given) for given in spec.inputs] == ["goal.plan", "mapper.map", "mapper.known"]
     assert spec.outputs == ("path", "failure") and spec.cause == "plan" and not spec.ticks
 
 

@@ -357,6 +357,16 @@ def test_a_map_that_blocks_the_trajectory_ahead_triggers_a_plan_while_it_drives_
     assert drives(machine, 2.5, 3, 4.0, map=a_map(2.4), answer=path(3)) == []  # it follows path 3, which is free
 
 
+def test_a_path_through_what_is_seen_is_taken_at_first_but_replaces_no_trajectory() -> None:
+    """Else a robot before a closed door would get another such path with each map, and never be stuck."""
+    machine, ahead = driving(FREELY), walled_map(2.2, 3.0)
+    assert drives(machine, 2.2, map=ahead) == ["plan"]
+    assert drives(machine, 2.3, map=ahead, answer=path(3), is_through_seen=True) == []
+    assert machine.state == "driving"
+    assert drives(machine, 2.4, map=walled_map(2.4, 3.0)) == ["plan"]
+    assert drives(machine, 2.5, map=walled_map(2.4, 3.0), answer=path(4)) == ["drive"]
+
+
 def test_obstacles_beside_the_disc_or_with_replanning_off_trigger_no_plan() -> None:
     machine = driving(replace(FREELY, replan=ReplanRules(radius=0.2)))
     assert drives(machine, 2.1, map=walled_map(2.1, 3.0)) == []  # its centre is 0.25 m beside

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from navloom import Context, InputError, MapperInput, MapUpdate, Pose2D, PoseTrack, RangeScan, Registry, RobotSpec
 from navloom_scan_grid import kernels, navloom_register
-from navloom_scan_grid.adapter import ScanGrid
+from navloom_scan_grid.adapter import Layered, ScanGrid
 from navloom_scan_grid.params import ScanGridParams
 from pydantic import ValidationError
 
@@ -46,10 +46,10 @@ def counts(update: MapUpdate) -> dict[str, int]:
     return {count.name: count.value for count in update.counts}
 
 
-def test_the_hook_registers_one_mapper() -> None:
+def test_the_hook_registers_both_mappers() -> None:
     registry = Registry()
     navloom_register(registry)
-    assert registry.roles == {("mapper", "scan_grid"): ScanGrid}
+    assert registry.roles == {("mapper", "scan_grid"): ScanGrid, ("mapper", "layered"): Layered}
     assert ScanGrid.accepts == (RangeScan,)
 
 

@@ -8,6 +8,7 @@ from navloom import (
     Context,
     InputError,
     LocalizerInput,
+    MapUpdate,
     OccupancyGrid,
     Odometry,
     Pose2D,
@@ -169,3 +170,14 @@ def test_after_warm_up_nothing_is_compiled():
     before = [len(kernel.signatures) for kernel in kernels]
     look(make(), scan_at((3.0, 2.5, 0.3)), scan_at((3.0, 2.5, 0.3)))
     assert [len(kernel.signatures) for kernel in kernels] == before
+
+
+def test_it_matches_the_known_map_that_replaces_its_contexts_and_no_other():
+    moved = OccupancyGrid(ROOM.cells, CELL, Pose2D(0.1, 0.0, 0.0))
+    odometry = Odometry(0, Pose2D(0.0, 0.0, 0.0), STILL)
+    scan, mapped = scan_at((3.0, 2.5, 0.3)), MapUpdate(0, moved, np.empty((0, 4)), ())
+    for known, map, x in ((None, None, 3.0), (None, mapped, 3.0), (ROOM, mapped, 3.0), (moved, None, 3.1)):
+        localizer = make()
+        for _ in range(5):
+            got = localizer.localize(LocalizerInput(odometry, (scan,), map, known=known))
+        assert got.pose.x == pytest.approx(x, abs=0.02)

@@ -17,6 +17,7 @@ from navloom.messages import (
     HandOver,
     MapUpdate,
     Message,
+    OccupancyGrid,
     Odometry,
     OperatorRequest,
     Path,
@@ -76,6 +77,7 @@ class LocalizerPorts(Ports, role="localizer"):
 class MapperPorts(Ports, role="mapper"):
     """What is known of the surroundings."""
 
+    known = Port(OccupancyGrid, MAP, retained=True)
     map = Port(MapUpdate, MAP, retained=True, answers=True)
 
 

@@ -69,3 +69,5 @@ class GoalView:
     selected: tuple[str, str] = ("", "")
     """Active instances of mapper and planner."""
     trajectory: Trajectory | None = None
+    is_through_seen: bool = False
+    """The answer is a path of the known map that leads through what the mapper has seen: no other was found."""

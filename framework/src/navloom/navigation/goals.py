@@ -252,7 +252,7 @@ class GoalMachine:
             else:
                 self._ask_again(active, self.rules.plan_timeout, seen)
         elif isinstance(answer, Path):
-            if watch.takes(answer, seen.reference):
+            if not seen.is_through_seen and watch.takes(answer, seen.reference):
                 self._set_drive(replace(self._drive, path_id=answer.request_id))
                 active.change_path(seen.time)
             active.plan_id = self._drive.path_id

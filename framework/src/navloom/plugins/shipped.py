@@ -15,7 +15,7 @@ SHIPPED = {
     "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
     "navloom-recoveries": ("recovery.retrace",),
     "navloom-ros": ("command.ros", "mapper.ros_map", "planner.ros_path", "platform.ros2_base"),
-    "navloom-scan-grid": ("mapper.scan_grid",),
+    "navloom-scan-grid": ("mapper.layered", "mapper.scan_grid"),
     "navloom-scan-localizer": ("localizer.scan_matching", "localizer.scan_odometry"),
     "navloom-sensors-sim": ("platform.sensors_sim",),
     "navloom-theta-star": ("planner.lazy_theta_star", "planner.theta_star"),

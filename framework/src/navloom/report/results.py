@@ -139,8 +139,8 @@ class ResultFolder(OutFolder):
         if episode.shadows:
             files["shadows.csv"] = shadow_table(episode.shadows)
         self.write(files)
-        if episode.recorder.map is not None:
-            self.write_map(episode.recorder.map.grid)
+        if (saved := episode.recorder.saved_map) is not None:
+            self.write_map(saved)
 
     def _claim(self, folder: Path) -> None:
         super()._claim(folder)

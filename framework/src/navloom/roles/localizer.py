@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from navloom.messages import MapUpdate, Odometry, Pose2D, PoseEstimate, RangeScan
+from navloom.messages import MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan
 from navloom.roles.base import InputError, P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
@@ -20,10 +20,11 @@ class LocalizerInput:
     Attributes:
         odometry: The newest odometry.
         scans: New scans of this tick.
-        map: The newest map; None before the first.
+        map: The mapper's known map if it publishes one, otherwise its newest map; None before the first.
         sensors: Name of the sensor of each scan.
         readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
+        known: The mapper's known map, see `Mapper.known`; None if it publishes none.
     """
 
     odometry: Odometry
@@ -32,6 +33,7 @@ class LocalizerInput:
     sensors: tuple[str, ...] = ()
     readings: Readings = NO_READINGS
     extra: Extras = NO_EXTRAS
+    known: OccupancyGrid | None = None
 
 
 class Localizer(Role[P]):

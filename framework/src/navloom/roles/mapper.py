@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar
 
-from navloom.messages import MapUpdate, Message, PoseTrack, RangeScan, Sweep
+from navloom.messages import MapUpdate, Message, OccupancyGrid, PoseTrack, RangeScan, Sweep
 from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
@@ -28,6 +28,7 @@ class MapperInput:
         sweep_sensors: Name of the sensor of each sweep.
         readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
+        is_tracking: The localizer knew at its newest pose where the robot is.
     """
 
     stamp_ns: int
@@ -39,6 +40,7 @@ class MapperInput:
     sweep_sensors: tuple[str, ...] = ()
     readings: Readings = NO_READINGS
     extra: Extras = NO_EXTRAS
+    is_tracking: bool = True
 
 
 class Mapper(Role[P]):
@@ -52,3 +54,10 @@ class Mapper(Role[P]):
     @abstractmethod
     def update(self, given: MapperInput) -> MapUpdate | None:
         """The map with the new data; None if nothing changed."""
+
+    def known(self) -> OccupancyGrid | None:
+        """The map without what this mapper adds to it from its sensors: localizers match this one, and it is saved.
+
+        Called after each `update`; it is published whenever it is another object. None if there is no such map.
+        """
+        return None

@@ -17,6 +17,7 @@ from navloom.messages import (
     HandOver,
     MapUpdate,
     Message,
+    OccupancyGrid,
     OperatorRequest,
     Path,
     PlanRequest,
@@ -51,6 +52,7 @@ class Recorder:
         plans: Every path of the active planner.
         trajectories: Every trajectory.
         map: The newest map of the active mapper.
+        known: The newest known map that it publishes beside that one.
         recoveries: Number of recovery attempts.
         estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
         goals: (x m, y m) of each goal by its number.
@@ -65,6 +67,7 @@ class Recorder:
             ("reference", "trajectory"),
             ("planner", "path"),
             ("mapper", "map"),
+            ("mapper", "known"),
             ("goal", "plan"),
             ("goal", "recovery"),
             ("avoider", "handover"),
@@ -89,6 +92,7 @@ class Recorder:
     plans: list[Path] = field(default_factory=list)
     trajectories: list[Trajectory] = field(default_factory=list)
     map: MapUpdate | None = None
+    known: OccupancyGrid | None = None
     recoveries: int = 0
     estimates: list[tuple[float, float, float, float]] = field(default_factory=list)
     goals: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -157,8 +161,16 @@ class Recorder:
     def _keep_map(self, update: MapUpdate, time: float) -> None:
         self.map = update
 
+    def _keep_known(self, known: OccupancyGrid, time: float) -> None:
+        self.known = known
+
     def _keep_recovery(self, request: RecoveryRequest, time: float) -> None:
         self.recoveries += request.active
+
+    @property
+    def saved_map(self) -> OccupancyGrid | None:
+        """The map to write to a file: the mapper's known map, without what it saw; of other mappers their map."""
+        return self.known if self.known is not None or self.map is None else self.map.grid
 
     @property
     def driven(self) -> NDArray[np.float64]:
@@ -200,6 +212,7 @@ _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
     PlanRequest: Recorder._keep_asked,
     Path: Recorder._keep_plan,
     MapUpdate: Recorder._keep_map,
+    OccupancyGrid: Recorder._keep_known,
     RecoveryRequest: Recorder._keep_recovery,
 }
 """Function that stores a message, by class: (recorder, message, run time, s)."""

@@ -5,7 +5,8 @@ from navloom import Registry, hookimpl
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the mapper `scan_grid`."""
-    from navloom_scan_grid.adapter import ScanGrid
+    """Add the mappers `scan_grid` and `layered`."""
+    from navloom_scan_grid.adapter import Layered, ScanGrid
 
     registry.add(ScanGrid)
+    registry.add(Layered)

@@ -1,16 +1,19 @@
-"""The log-odds occupancy grid as a navloom mapper."""
+"""The log-odds occupancy grid, alone and over a known map, as navloom mappers."""
 
 from __future__ import annotations
 
 import numpy as np
 from navloom import Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, RangeScan
+from navloom.geometry.echoes import beam_ends
 from navloom_ipabd.errors import DataError
+from numpy.typing import NDArray
 
-from navloom_scan_grid import mapping
+from navloom_scan_grid import layer, mapping
+from navloom_scan_grid.layer import ObstacleLayer
 from navloom_scan_grid.mapping import COUNTS, Beams, ScanMap
-from navloom_scan_grid.params import ScanGridParams
+from navloom_scan_grid.params import LayeredParams, ScanGridParams
 
-__all__ = ["ScanGrid"]
+__all__ = ["Layered", "ScanGrid"]
 
 
 class ScanGrid(Mapper[ScanGridParams]):
@@ -80,3 +83,71 @@ class ScanGrid(Mapper[ScanGridParams]):
         self._map.counts.clear()
         stamp_ns = given.stamp_ns if self._newest_ns is None else self._newest_ns
         return MapUpdate(stamp_ns, grid, np.empty((0, 4)), counts)
+
+
+class Layered(Mapper[LayeredParams]):
+    """Publishes the known map with the obstacles that range scans show and no known wall explains."""
+
+    name = "layered"
+    accepts = (RangeScan,)
+    needs_map = True
+
+    def __init__(self, params: LayeredParams, context: Context) -> None:
+        super().__init__(params, context)
+        if context.map is None:
+            raise ValueError('layered: got no map, expected one; name it in [map], as in ref = "world"')
+        self._known: OccupancyGrid = context.map
+        self._interval_ns = round(1e9 / params.publish_rate_hz)
+        self.reset()
+
+    def reset(self) -> None:
+        known, start = self._known, self.context.start
+        origin = (known.origin.x, known.origin.y, known.origin.heading)
+        self._layer = ObstacleLayer(known.cells, known.resolution, origin, (start.x, start.y), self.params.settings())
+        self._published: OccupancyGrid | None = None
+        self._looked_ns: int | None = None
+
+    @classmethod
+    def warm_up(cls) -> None:
+        layer.warm_up()
+
+    def known(self) -> OccupancyGrid:
+        return self._known
+
+    def update(self, given: MapperInput) -> MapUpdate | None:
+        if self._looked_ns is not None and given.stamp_ns < self._looked_ns:
+            self._looked_ns = None  # the run clock restarted
+        scans = given.scans if given.is_tracking else ()  # at a wrong pose, walls would be marked in doors
+        for scan, sensor in zip(scans, given.sensors or ("",) * len(given.scans), strict=False):
+            try:
+                self._insert(scan, sensor, given)
+            except DataError as error:
+                raise InputError(f"layered: {error}") from error
+        if given.clear:
+            self._layer.clear()
+        elif self._looked_ns is not None and given.stamp_ns < self._looked_ns + self._interval_ns:
+            return None
+        if self._looked_ns is not None:
+            self._layer.fade(1e-9 * (given.stamp_ns - self._looked_ns))
+        self._looked_ns = given.stamp_ns
+        return self._update(given)
+
+    def _insert(self, scan: RangeScan, sensor: str, given: MapperInput) -> None:
+        kept = layer.outside(_ends(scan), self.context.robot.footprint, self.params.body_margin)
+        beams = Beams(scan.stamp_ns, scan.origins[kept], scan.bearings[kept], scan.half_angles[kept],
+                      scan.time_offsets[kept], scan.ranges[kept], scan.range_min, scan.range_max)  # fmt: skip
+        self._layer.insert(sensor, beams, given.track.stamps_ns, given.track.poses)
+
+    def _update(self, given: MapperInput) -> MapUpdate | None:
+        """The current map; None if it equals the one last published and no clear request asks for it."""
+        cells, before = self._layer.cells(), self._published
+        if before is not None and not given.clear and np.array_equal(before.cells, cells):
+            return None
+        cells.flags.writeable = False
+        self._published = OccupancyGrid(cells, self._known.resolution, self._known.origin)
+        return MapUpdate(given.stamp_ns, self._published, np.empty((0, 4)), ())
+
+
+def _ends(scan: RangeScan) -> NDArray[np.float64]:
+    """(n, 2) ends of a scan's beams, m, base frame; far away for no echo."""
+    return beam_ends(scan.origins, scan.bearings, np.minimum(scan.ranges, 1e6))

@@ -1,17 +1,19 @@
-"""Parameters of the scan_grid mapper, as a config file gives them."""
+"""Parameters of the mappers scan_grid and layered, as a config file gives them."""
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from navloom import Params
 from pydantic import Field, model_validator
 
 from navloom_scan_grid.kernels import Weights
+from navloom_scan_grid.layer import LayerSettings
 from navloom_scan_grid.mapping import MapSettings
 from navloom_scan_grid.models import log_odds
 
-__all__ = ["ScanGridParams"]
+__all__ = ["LayeredParams", "ScanGridParams"]
 
 
 class ScanGridParams(Params):
@@ -96,3 +98,28 @@ class ScanGridParams(Params):
             is_ternary=self.levels == "ternary",
             track_slack=self.track_slack,
         )
+
+
+class LayeredParams(Params):
+    """Lengths in m, times in s. The README gives the reason of each default."""
+
+    max_range: float = Field(10.0, gt=0.0, le=1000.0, description="Readings are used up to this range, m.")
+    wall_margin: float = Field(
+        0.2, ge=0.0, le=2.0, description="An echo this near to a wall of the known map is that wall, m."
+    )
+    body_margin: float = Field(
+        0.02, ge=0.0, le=1.0, description="An echo this near to the robot's footprint is the robot itself, m."
+    )
+    memory: float | None = Field(
+        300.0,
+        gt=0.0,
+        description="How long an obstacle stays after it was last seen, s; none: until a sensor sees through it.",
+    )
+    publish_rate_hz: float = Field(
+        1.0, gt=0.0, le=1000.0, description="Highest rate at which the map is published, Hz."
+    )
+
+    def settings(self) -> LayerSettings:
+        """These parameters as settings of the pure module."""
+        memory = math.inf if self.memory is None else self.memory
+        return LayerSettings(MapSettings(max_range=self.max_range), self.wall_margin, memory)

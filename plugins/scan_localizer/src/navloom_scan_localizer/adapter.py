@@ -11,6 +11,7 @@ from navloom import (
     Context,
     Localizer,
     LocalizerInput,
+    OccupancyGrid,
     Odometry,
     Pose2D,
     PoseEstimate,
@@ -32,7 +33,10 @@ _SEEN_TO = 0.9
 
 
 class ScanMatching(Localizer[ScanMatchingParams]):
-    """Corrects odometry by matching laser scans against the map in its context."""
+    """Corrects odometry by matching laser scans against a known map: its context's, or the mapper's that replaces it.
+
+    It never matches what a mapper marks from the same scans.
+    """
 
     name = "scan_matching"
     claims = {Claim.CORRECTS_DRIFT}
@@ -42,7 +46,8 @@ class ScanMatching(Localizer[ScanMatchingParams]):
 
     def __init__(self, params: ScanMatchingParams, context: Context) -> None:
         super().__init__(params, context)
-        self._field = field_of_map(self.context.map, params)
+        self._known = self.context.map
+        self._field = field_of_map(self._known, params)
         self.reset()
 
     def reset(self) -> None:
@@ -59,7 +64,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
 
     def configure(self, params: ScanMatchingParams) -> None:
         """Take new parameters and keep the pose."""
-        self._field = field_of_map(self.context.map, params)
+        self._field = field_of_map(self._known, params)
         self.params, self._tracker.settings, self._tracker.field = params, params.settings(), self._field
 
     @classmethod
@@ -71,6 +76,8 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
+        if given.known is not None and given.known is not self._known:
+            self._take_map(given.known)
         odometry, tracker = given.odometry, self._tracker
         points = _predict(tracker, given, self._stamp_ns, self.params)
         self._stamp_ns = odometry.stamp_ns
@@ -83,6 +90,17 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         state, reason = self._judge.state, self._judge.reason
         pose = Pose2D(*tracker.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
+
+    def _take_map(self, known: OccupancyGrid) -> None:
+        """Match another known map from now on; another message of the same map changes nothing."""
+        old, self._known = self._known, known
+        if old is None or not _is_same(old, known):
+            self._field = self._tracker.field = field_of_map(known, self.params)
+
+
+def _is_same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
+    place = (one.origin, one.resolution) == (other.origin, other.resolution)
+    return place and np.array_equal(one.cells, other.cells)
 
 
 class ScanOdometry(Localizer[ScanOdometryParams]):

@@ -101,6 +101,7 @@ class GoalNode(Node):
             self.reference.value,
             self._selected,
             self.trajectory.value,
+            self._is_through_seen(),
         )
         for request in self.request.values:
             if request.do == "goal" and request.goal is not None:
@@ -121,6 +122,11 @@ class GoalNode(Node):
             self.restarted.clear()
         for port, message in self.machine.step(seen):
             self._out[port].put(message)
+
+    def _is_through_seen(self) -> bool:
+        """Whether the planner's newest path is one of the known map, because what the mapper saw leaves none."""
+        answer, failure = self._answer, self.failure.value
+        return isinstance(answer, Path) and failure is not None and failure.request_id == answer.request_id
 
     def _note(self) -> str:
         if not (self.fault or self.is_lost or self.restarted or self.submitted):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from contextlib import nullcontext, suppress
 
+import numpy as np
+
 from navloom.engine.door import LocalizerDoor
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.streams import LocalizerPorts, MapperPorts, PlatformPorts
-from navloom.messages import OperatorRequest, Pose2D
+from navloom.messages import MapUpdate, OperatorRequest, Pose2D
 from navloom.roles import Localizer, LocalizerInput
 from navloom.roles.base import InputError
 
@@ -25,12 +27,14 @@ class LocalizerNode(RoleNode[Localizer]):
     scans = Sensors(RANGES)
     readings = OtherSensors(RANGES)
     map = Latest(MapperPorts.map, delayed=True)
+    known = Latest(MapperPorts.known, delayed=True)
     pose = Output(LocalizerPorts.pose)
     cause = odometry
 
     def __init__(self, plugin: Localizer) -> None:
         self.plugin = plugin
         self.door = LocalizerDoor(plugin)
+        self._known: MapUpdate | None = None
 
     def place(self, request: OperatorRequest, is_active: bool) -> None:
         """Take the pose of an operator's "place", between two steps.
@@ -47,5 +51,9 @@ class LocalizerNode(RoleNode[Localizer]):
         odometry = self.odometry.value
         assert odometry is not None
         scans, names = in_order(self.scans)
-        seen = LocalizerInput(odometry, scans, self.map.value, names, readings_of(self.readings), self.extra())
+        known = self.known.value
+        if known is not None and (self._known is None or self._known.grid is not known):
+            self._known = MapUpdate(tick.time_ns, known, np.empty((0, 4)), ())
+        map = self.map.value if known is None else self._known
+        seen = LocalizerInput(odometry, scans, map, names, readings_of(self.readings), self.extra(), known)
         self.pose.put(self.door.check(self.plugin.localize(seen), seen))

@@ -11,7 +11,7 @@ from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, of_kind, readings_of
 from navloom.engine.ports import New, OtherSensors, Output, Sensors, Track
 from navloom.engine.streams import GoalPorts, LocalizerPorts, MapperPorts, PlatformPorts
-from navloom.messages import PoseEstimate, PoseTrack, RangeScan, Sweep
+from navloom.messages import OccupancyGrid, PoseEstimate, PoseTrack, RangeScan, Sweep
 from navloom.roles import Mapper, MapperInput
 
 __all__ = ["MapperNode"]
@@ -29,19 +29,22 @@ class MapperNode(RoleNode[Mapper]):
     readings = OtherSensors(RANGES, triggers=True)
     track = Track(LocalizerPorts.pose)
     clear = New(GoalPorts.clear, delayed=True, triggers=True)
+    known = Output(MapperPorts.known)
     map = Output(MapperPorts.map)
     cause = track
 
     def __init__(self, plugin: Mapper) -> None:
         self.plugin = plugin
         self.door = MapperDoor(plugin)
+        self._known: OccupancyGrid | None = None
 
     def step(self, tick: Tick) -> None:
         data, names = in_order(self.scans)
         named = list(zip(data, names, strict=True))
         sweeps, sweep_sensors = of_kind(Sweep, named)
         scans, sensors = of_kind(RangeScan, named)
-        track = _covering(self.track.values, min((message.stamp_ns for message in data), default=tick.time_ns))
+        poses = self.track.values
+        track = _covering(poses, min((message.stamp_ns for message in data), default=tick.time_ns))
         seen = MapperInput(
             tick.time_ns,
             sweeps,
@@ -52,8 +55,13 @@ class MapperNode(RoleNode[Mapper]):
             sweep_sensors,
             readings_of(self.readings),
             self.extra(),
+            not poses or poses[-1].state == "tracking",
         )
         update = self.door.check(self.plugin.update(seen), seen)
+        known = self.plugin.known()
+        if known is not None and known is not self._known:
+            self._known = known
+            self.known.put(known)
         if update is not None:
             self.map.put(update)
 

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from navloom.engine.door import PlannerDoor
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RoleNode
 from navloom.engine.ports import Latest, New, Output
 from navloom.engine.streams import GoalPorts, MapperPorts, PlannerPorts
-from navloom.messages import Path
+from navloom.messages import MapUpdate, Path, PlanFailure
 from navloom.roles import Planner, PlannerInput
 
 __all__ = ["PlannerNode"]
 
 
 class PlannerNode(RoleNode[Planner]):
-    """Turns the newest request into a path, or the reason why there is none. `tolerance` is the goal's, m."""
+    """Turns the newest request into a path, or the reason why there is none. `tolerance` is the goal's, m.
+
+    If what the mapper saw leaves no path, the node also plans on the known map and publishes both answers: a
+    person in the only door may have left before the robot is there, and until then the avoider stops it.
+    """
 
     role = "planner"
     plan = New(GoalPorts.plan, triggers=True)
     map = Latest(MapperPorts.map)
+    known = Latest(MapperPorts.known)
     path = Output(PlannerPorts.path)
     failure = Output(PlannerPorts.failure)
     cause = plan
@@ -28,12 +35,19 @@ class PlannerNode(RoleNode[Planner]):
         self.door = PlannerDoor(plugin, tolerance)
 
     def step(self, tick: Tick) -> None:
-        known = self.map.value
-        if known is None:
+        newest, known = self.map.value, self.known.value
+        if newest is None:
             return
-        seen = PlannerInput(self.plan.values[-1], known, self.extra())
-        answer = self.door.check(self.plugin.plan(seen), seen)
+        answer = self._plan(newest)
         if isinstance(answer, Path):
             self.path.put(answer)
-        else:
-            self.failure.put(answer)
+            return
+        if known is not None:
+            otherwise = self._plan(MapUpdate(newest.stamp_ns, known, np.empty((0, 4)), ()))
+            if isinstance(otherwise, Path):
+                self.path.put(otherwise)  # first: a failure that comes alone ends the goal
+        self.failure.put(answer)
+
+    def _plan(self, given: MapUpdate) -> Path | PlanFailure:
+        seen = PlannerInput(self.plan.values[-1], given, self.extra())
+        return self.door.check(self.plugin.plan(seen), seen)

@@ -270,7 +270,7 @@ def test_less_than_a_hundredth_of_a_millimetre_is_rounding(nearer: float, hit: i
 
 def test_a_footprint_turns_with_its_pose() -> None:
     """At (0.3, 0.2), where cos = 0.8 and sin = 0.6, the front is 0.75 m along (0.8, 0.6), the rear 0.5 m."""
-    poses = np.array([(-9.0, 7.0, 0.1), (-8.0, 5.0, 0.2), (0.3, 0.2, math.atan2(0.6, 0.8))])
+    poses = np.array([(-9.0, 7.0, 0.1), (-8.0, 5.0, 0.9), (0.3, 0.2, math.atan2(0.6, 0.8))])
     front = (0.3 + 0.77 * 0.8, 0.2 + 0.77 * 0.6)
     rear = (0.3 - 0.52 * 0.8 - 0.4 * 0.6, 0.2 - 0.52 * 0.6 + 0.4 * 0.8)
     aside = (0.3 + 0.4 * 0.8 - 0.37 * 0.6, 0.2 + 0.4 * 0.6 + 0.37 * 0.8)  # the left edge is at 0.32 there

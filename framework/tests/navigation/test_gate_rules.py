@@ -223,8 +223,8 @@ def test_a_later_gate_takes_over_a_latched_stop(reason: str, fault: str, has_con
 
 @pytest.mark.parametrize(
     ("reason", "rests"),
-    [("no_trajectory", True), ("ending", True), ("waits: avoider main", True), ("stale: avoider main", False), ("", False),
-     ("operator", False)],
+    [("no_trajectory", True), ("ending", True), ("waits: avoider main", True), ("stale: avoider main", False),
+     ("operator", False), ("", False)],
 )  # fmt: skip
 def test_a_robot_with_nothing_to_drive_is_at_rest(reason: str, rests: bool) -> None:
     assert is_at_rest(reason) is rests

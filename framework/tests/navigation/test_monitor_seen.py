@@ -1,71 +1,15 @@
-"""Known space: which cells a robot and its beams enter, for how long, and where a way leaves them."""
+"""Known space: which cells a robot and its beams enter, and for how long."""
 
 from __future__ import annotations
 
-import copy
 import math
 
 import numpy as np
 import pytest
 from navloom.navigation.monitor_seen import SeenSpace
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-
-MEMORY, FRESH = 5.0, 0.5
-CELL = 0.05
-ACROSS = 12.8
-"""Size of the grid, m: 256 cells of 5 cm."""
-NORTH = 0.5 * math.pi
-RISING = math.atan2(0.6, 0.8)
-"""A direction of cosine 0.8 and sine 0.6."""
-DOT = np.array([(0.001, 0.001), (-0.001, 0.001), (-0.001, -0.001), (0.001, -0.001)])
-"""A footprint that is within one cell."""
-
-
-def centre(x: float, y: float) -> tuple[float, float]:
-    """Centre of the cell of a place, m."""
-    return (math.floor(x / CELL) + 0.5) * CELL, (math.floor(y / CELL) + 0.5) * CELL
-
-
-def knows(space: SeenSpace, x: float, y: float, time: float = 0.0, way: float = 0.0) -> bool:
-    """Whether a robot of no size that comes from 1 m to the left may go to a place."""
-    probe = copy.copy(space)
-    probe.rim, probe.outward = np.zeros((1, 2)), np.array([(1.0, 0.0)])
-    return probe.first_unseen(np.array([(-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)]), 2, np.array([x, y, 0.0]), time, way) < 0
-
-
-def look(
-    space: SeenSpace,
-    bearing: float,
-    distance: float,
-    half: float = 0.0,
-    origin: tuple[float, float] = (0.0, 0.0),
-    base: tuple[float, float, float] = (0.025, 0.025, 0.0),
-    limits: tuple[float, float] = (0.2, 4.0),
-    at: tuple[float, float] = (0.0, 0.0),
-) -> None:
-    """Enter a scan of one beam."""
-    beam = np.array([origin]), np.array([bearing]), np.array([half]), np.array([distance])
-    space.look(np.array([base]), beam, np.array(limits), np.array(at))
-
-
-def known_cells(space: SeenSpace, reach: float, **at: float) -> set[tuple[int, int]]:
-    """Columns and rows of the known cells about the origin of the odometry, as far as a reach, m."""
-    cells = range(-round(reach / CELL), round(reach / CELL))
-    return {(i, k) for i in cells for k in cells if knows(space, (i + 0.5) * CELL, (k + 0.5) * CELL, **at)}
-
+from seen_cells import ACROSS, CELL, DOT, FRESH, MEMORY, NORTH, RISING, centre, known_cells, knows, look, stood
 
 # --- where the robot was ----------------------------------------------------------------------------------------------
-
-
-def stood(*places: tuple[float, float], way: float = 0.0) -> SeenSpace:
-    """A space in which a robot of no size stood far away first, and then in some places."""
-    space = SeenSpace(DOT, MEMORY, FRESH)
-    space.stand(np.array([5.0, -5.0, 0.0]), -100.0)
-    for x, y in places:
-        space.stand(np.array([x, y, 0.0]), way)
-    return space
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.52, 1.23), (-0.52, 1.23), (0.52, -1.23), (-0.02, -0.03), (6.38, -6.38)])
@@ -118,22 +62,26 @@ def test_the_outline_has_points_at_most_a_cell_apart_and_directions_away_from_th
 
 def test_a_short_edge_has_one_point() -> None:
     assert len(SeenSpace(DOT, MEMORY, FRESH).rim) == 4
+    assert len(SeenSpace(np.concatenate([DOT, DOT[-1:]]), MEMORY, FRESH).rim) == 5, "also one of no length"
 
 
-def test_at_the_start_the_room_to_turn_is_assumed_to_be_free() -> None:
-    """A footprint that reaches 5 cm: rings of 0, 2.5, 5 and 7.5 cm about it, with a point every half radian."""
-    space = SeenSpace(np.array([(0.03, 0.04), (-0.03, 0.04), (-0.03, -0.04), (0.03, -0.04)]), MEMORY, FRESH)
+@pytest.mark.parametrize(("x", "y", "step"), [(0.03, 0.04, 0.5), (0.28, 0.45, 0.05 / 1.06)])
+def test_at_the_start_the_room_to_turn_is_assumed_to_be_free(x: float, y: float, step: float) -> None:
+    """Footprints that reach 5 and 53 cm: rings 2.5 cm apart, also a cell beyond, of points 2.5 cm apart."""
+    space = SeenSpace(np.array([(x, y), (-x, y), (-x, -y), (x, -y)]), MEMORY, FRESH)
     space.stand(np.array([0.11, -0.28, 0.7]), 0.25)
-    rings = [
-        (math.floor((0.11 + r * math.cos(0.5 * k)) / CELL), math.floor((-0.28 + r * math.sin(0.5 * k)) / CELL))
-        for r in (0.0, 0.025, 0.05, 0.075)
-        for k in range(13)
-    ]
-    assert known_cells(space, 0.6) == set(rings)
-    assert known_cells(space, 0.6, way=5.25) == set(rings)
+    rings = {
+        (math.floor((0.11 + r * math.cos(angle)) / CELL), math.floor((-0.28 + r * math.sin(angle)) / CELL))
+        for r in np.arange(0.0, math.hypot(x, y) + 0.05, 0.025)
+        for angle in np.arange(0.0, math.tau, step)
+    }
+    assert known_cells(space, 1.0) == rings
     assert known_cells(space, 0.6, way=5.26) == set()
     space.stand(np.array([0.5, 0.5, 0.0]), 5.0)
-    assert len(known_cells(space, 0.6, way=6.0)) <= 9, "only at the start"
+    corner = {
+        (i, k) for i, k in known_cells(space, 1.0, way=6.0) if math.hypot(i - 9.5, k - 9.5) * CELL < 0.9 * x - 0.1
+    }
+    assert corner == set(), "only at the start"
 
 
 def test_the_room_to_turn_has_no_gap() -> None:
@@ -185,6 +133,9 @@ def test_free_space_is_known_for_5_m_of_way_and_looked_at_for_half_a_second() ->
     assert not knows(space, 0.53, 0.03, time=2.51, way=6.26)
     assert knows(space, 0.53, 0.03, time=2.5, way=6.26)
     assert not knows(space, 0.53, 0.13, time=2.5, way=6.26)
+    open_end = SeenSpace(DOT, MEMORY, FRESH)
+    look(open_end, 0.0, math.inf, at=(2.0, 1.25), limits=(0.2, 0.61))
+    assert [knows(open_end, 0.68, 0.03, time=2.6, way=way) for way in (6.25, 6.26)] == [True, False]
     assert [knows(space, *place, time=2.6, way=6.25) for place in ((-0.07, 0.03), (0.53, 0.13), (0.53, -0.07))] == [
         True
     ] * 3
@@ -254,6 +205,30 @@ def test_a_sonar_frees_its_whole_cone() -> None:
     assert cone <= known
 
 
+def looked_at(angles: list[float], y: float) -> set[tuple[int, int]]:
+    """Cells of readings of 1.01 m from (0.025, y): a place every 5 cm, and the echo."""
+    return {
+        (math.floor((0.025 + r * math.cos(angle)) / CELL), math.floor((y + r * math.sin(angle)) / CELL))
+        for angle in angles
+        for r in [*(CELL * k for k in range(20)), 1.01]
+    }
+
+
+@pytest.mark.parametrize(
+    ("half", "y", "angles"),
+    [
+        (0.25, 0.025, [0.1 - 0.25 + 0.5 * k / 11 for k in range(12)]),  # an arc of 0.505 m: 11 steps
+        (0.02, 0.02, [0.08, 0.12]),  # of 0.04 m: its two edges
+        (0.0, 0.025, [0.1]),
+    ],
+)
+def test_a_cone_is_entered_along_rays_at_most_a_cell_apart(half: float, y: float, angles: list[float]) -> None:
+    """After 6 m of way the cells that are looked at now are known, and nothing beside them."""
+    space = SeenSpace(DOT, MEMORY, FRESH)
+    look(space, 0.1, 1.01, half=half, base=(0.025, y, 0.0))
+    assert known_cells(space, 1.3, time=0.5, way=6.0) == looked_at(angles, y)
+
+
 def test_an_echo_of_a_sonar_may_be_anywhere_on_its_arc_and_takes_nothing() -> None:
     space = SeenSpace(DOT, MEMORY, FRESH)
     look(space, 0.0, 2.01, half=0.25)
@@ -304,8 +279,19 @@ def test_an_echo_below_range_min_stays_unknown_though_space_beside_it_is_free() 
     look(space, 0.0, 0.42, half=0.01, limits=NEAR)
     for y in (0.1, -0.1):
         look(space, 0.0, 1.01, base=(0.025, 0.025 + y, 0.0), limits=(0.2, 4.0))
+    look(space, NORTH, 1.01)
     assert not knows(space, 0.275, 0.025)
     assert knows(space, 0.475, 0.025), "beyond the reading the space beside it counts"
+
+
+def test_assumed_space_is_taken_where_the_sonar_is() -> None:
+    """At (2.0, -0.5), from the cell (40, -10) to the left: cells -8 to -3 of its column, and no other."""
+    space = SeenSpace(BODY, MEMORY, FRESH)
+    space.stand(np.array([2.0, -0.5, NORTH]), 0.0)
+    look(space, NORTH, 0.42, half=0.01, base=(2.025, -0.475, 0.0), limits=NEAR)
+    column = {row for row in range(-18, -2) if not knows(space, 2.025, (row + 0.5) * CELL)}
+    assert column == {-8, -7, -6, -5, -4, -3}
+    assert all(knows(space, x, (row + 0.5) * CELL) for row in range(-18, -2) for x in (1.975, 2.075))
 
 
 def test_a_laser_has_no_such_echo() -> None:
@@ -320,81 +306,3 @@ def test_where_the_robot_has_stood_an_echo_below_range_min_takes_nothing() -> No
     before = beam_cells(space, time=0.6)
     look(space, 0.0, 0.42, half=0.01, limits=NEAR)
     assert [i for i in before if i not in beam_cells(space, time=0.6)] == [2, 3, 4, 5, 7]
-
-
-# --- where a way leaves known space -----------------------------------------------------------------------------------
-
-
-def first(
-    space: SeenSpace, poses: list[tuple[float, float, float]], base: tuple[float, float, float], count: int = 0
-) -> int:
-    """Index of the first pose in unknown space."""
-    return space.first_unseen(np.array(poses), count or len(poses), np.array(base), 0.0, 0.0)
-
-
-def point_at(space: SeenSpace, x: float, y: float) -> SeenSpace:
-    """The same known space for a robot that is one point of the base frame."""
-    probe = copy.copy(space)
-    probe.rim = np.array([(x, y)])
-    probe.outward = probe.rim / math.hypot(x, y)
-    return probe
-
-
-def test_the_first_pose_whose_outline_is_in_unknown_space_is_found() -> None:
-    """A point 0.4 m before and 0.2 m left of the base, which is at (1.0, -2.0) and turned to (0.8, 0.6).
-
-    Poses: (0, 0), then 0.5 along and 0.3 aside, there turned by 90 degrees, then farther on.
-    """
-    # First: (1, -2) + 0.8 * 0.4 - 0.6 * 0.2, 0.6 * 0.4 + 0.8 * 0.2. Second: the base is at (1.22, -1.46), its axis is
-    # (-0.6, 0.8), its left (-0.8, -0.6): (1.22 - 0.24 - 0.16, -1.46 + 0.32 - 0.12).
-    places = [(1.2, -1.6), (0.82, -1.26)]
-    poses = [(0.0, 0.0, 0.0), (0.5, 0.3, NORTH), (2.0, 0.0, 0.0)]
-    assert first(point_at(stood(*places), 0.4, 0.2), poses, (1.0, -2.0, RISING)) == 2
-    assert first(point_at(stood(places[0]), 0.4, 0.2), poses, (1.0, -2.0, RISING)) == 1
-    assert first(point_at(stood(*places), 0.4, 0.2), poses, (1.0, -2.0, RISING), count=2) == -1
-
-
-def test_each_point_of_the_outline_counts() -> None:
-    """Of two points beside each other, the second leaves the cell that it stands in."""
-    space = stood((0.325, 0.125), (0.325, -0.125), (0.425, 0.125))
-    space.rim, space.outward = np.array([(0.325, 0.125), (0.325, -0.125)]), np.array([(1.0, 0.0), (1.0, 0.0)])
-    assert first(space, [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)], (0.0, 0.0, 0.0)) == 1
-    space.stand(np.array([0.1, 0.0, 0.0]), 0.0)
-    assert first(space, [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)], (0.0, 0.0, 0.0)) == -1
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "is_refused"),
-    [
-        (1.15e-4, 0.0, True),
-        (1e-4, 0.0, False),  # rounding
-        (0.9e-4, 0.0, False),
-        (-0.3, 0.0, False),
-        (0.0, 0.3, False),
-        (0.1, 0.3, True),
-    ],
-)
-def test_who_is_in_unknown_space_may_only_leave_it(x: float, y: float, is_refused: bool) -> None:
-    """A point straight before the base, at x = 0, so that distances have no rounding."""
-    space = SeenSpace(DOT, MEMORY, FRESH)
-    space.rim, space.outward = np.zeros((1, 2)), np.array([(1.0, 0.0)])
-    assert (first(space, [(0.0, 0.0, 0.0), (x, y, 0.0)], (0.0, 0.0, 0.0)) == 1) is is_refused
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "is_refused"), [(0.1, 0.0, True), (-0.1, 0.0, False), (0.1, -0.15, True), (0.1, -0.25, False),
-                               (-0.1, 0.25, True), (-0.1, 0.15, False)]
-)  # fmt: skip
-def test_away_is_the_direction_from_the_base_to_the_point_as_the_base_is_turned(
-    x: float, y: float, is_refused: bool
-) -> None:
-    """The point is 0.4 m before and 0.2 m left of the base: away is along (2, 1) in its frame."""
-    space = point_at(SeenSpace(DOT, MEMORY, FRESH), 0.4, 0.2)
-    assert (first(space, [(0.0, 0.0, 0.0), (x, y, 0.0)], (1.0, -2.0, RISING)) == 1) is is_refused
-
-
-def test_turning_moves_a_point_away_too() -> None:
-    """A point beside the base that turns to the front comes nearer to it in no direction but its own."""
-    space = point_at(SeenSpace(DOT, MEMORY, FRESH), 0.4, 0.2)
-    poses = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.3)]
-    assert first(space, poses, (1.0, -2.0, RISING)) == -1

@@ -102,6 +102,13 @@ def test_the_nearest_reading_that_another_one_agrees_with_begins_the_surface() -
     assert surfaces(points) == pytest.approx(np.array([polar(1.25, 45.0)]), abs=1e-9)
 
 
+@pytest.mark.parametrize("aside", [-20.0, 20.0])
+def test_a_reading_two_directions_aside_begins_no_surface(aside: float) -> None:
+    """From 1.0 m on, 1.05 and 1.09 would agree; from 1.05 m on, 1.14 does too."""
+    points = [polar(1.0, 45.0 + aside), *(polar(d, 45.0) for d in (1.05, 1.09, 1.14))]
+    assert surfaces(points) == pytest.approx(np.array([polar((1.05 + 1.09 + 1.14) / 3, 45.0)]))
+
+
 @pytest.mark.parametrize(("agreement", "count"), [(0.25, 1), (0.2499, 0)])
 def test_readings_agree_up_to_and_with_the_limit(agreement: float, count: int) -> None:
     """Straight ahead, where distances are exact."""
@@ -237,6 +244,18 @@ def test_neighbours_agree_across_180_degrees() -> None:
     assert not len(arcs([0.0, math.pi], [1.0, 1.0]))
 
 
+def test_the_angle_between_beams_is_the_smaller_of_two() -> None:
+    """3.5 rad are 2.783 rad the other way round; 2.5 rad are 2.5 rad."""
+    for gap, half, counts in ((3.5, 1.395, True), (3.5, 1.385, False), (2.5, 1.255, True), (2.5, 1.245, False)):
+        for first, second in ((-gap / 2, gap / 2), (gap / 2, -gap / 2)):
+            assert (len(arcs([first, second], [1.0, 1.0], halves=[half] * 2, rows=9)) > 0) is counts
+
+
+def test_a_neighbour_without_an_echo_agrees_with_nothing() -> None:
+    """A reading of range_max is none, however near."""
+    assert not len(arcs([0.0, 0.1], [MAX - 0.0625, MAX]))
+
+
 def test_only_the_beams_before_and_after_it_are_neighbours() -> None:
     assert not len(arcs([0.0, 2.0, 0.1], [1.0, MAX, 1.0]))
     assert not len(arcs([0.0, 2.0, 4.0, 0.1], [1.0, MAX, MAX, 1.0])), "the first and the last are none"
@@ -264,6 +283,8 @@ def test_a_beam_reads_through_from_its_own_origin() -> None:
     for origin, bearing, reading, is_free in (
         ((1.0, -0.5), NORTH, 0.7, True),
         ((1.0, -0.5), -NORTH, 0.7, False),
+        ((0.0, 0.0), -0.01, 2.0, True),  # just at the edge of its cone
+        ((0.0, 0.0), -0.011, 2.0, False),
         ((1.0, -0.5), NORTH, 0.6, False),
         ((0.6, 0.3), -RISING, 0.7, True),
         ((0.6, 0.3), RISING, 0.7, False),

@@ -311,6 +311,13 @@ def test_odometry_that_jumps_is_silent_or_goes_back_shows_a_restart(
     assert (len(made._given) == 0) is restarted
 
 
+@pytest.mark.parametrize(("x", "heading"), [(0.6125, 0.0), (0.0, 1.125)])
+def test_the_farthest_that_a_robot_may_go_is_no_restart(x: float, heading: float) -> None:
+    """In 1/16 s 0.3 m + 0.3125 m, or 0.5 rad + 0.625 rad, without rounding."""
+    made = monitor((1.0, 0.0, 0.0, 0.0), (1.0625, x, 0.0, heading))
+    assert len(made._stamps) == 2
+
+
 def test_the_heading_may_pass_180_degrees() -> None:
     made = monitor((1.0, 0.0, 0.0, 3.1), (1.01, 0.0, 0.0, -3.1), (1.02, 0.0, 0.0, 3.1))
     assert len(made._stamps) == 3

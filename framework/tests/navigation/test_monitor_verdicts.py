@@ -109,6 +109,15 @@ def test_a_command_in_the_other_direction_may_fall_to_nothing() -> None:
     assert verdict.twist.vx == 0.0 and verdict.is_stopped
 
 
+@pytest.mark.parametrize(("place", "v", "w", "speed"), [((-0.36, 0.1), -0.7, 0.0, 0.5), ((0.3, 0.23), 0.0, 3.0, 0.5)])
+def test_reversing_and_turning_may_fall_to_any_share(
+    place: tuple[float, float], v: float, w: float, speed: float
+) -> None:
+    verdict = judge(monitor(place), v, w, speed)
+    assert 0.3 < verdict.share < 0.95
+    assert (verdict.twist.vx, verdict.twist.wz) == (v * verdict.share, w * verdict.share)
+
+
 def test_a_turn_may_fall_to_nothing() -> None:
     """A point beside the front corner: at any turn to the left the corner comes nearer."""
     verdict = judge(monitor((0.3, 0.205)), 0.0, 0.8, speed=0.5)
@@ -124,6 +133,7 @@ def test_a_turn_may_fall_to_nothing() -> None:
         (0.8, 0.0013, 0.025),  # 1/32, and 2.5 cm/s: 1.25 mm
         (0.8, 0.0012, 0.0),
         (-0.8, 0.0013, -0.025),
+        (0.64, 0.0012, 0.02),  # 1/32, and 2 cm/s
     ],
 )
 def test_a_small_share_of_a_slow_command_stops_the_robot(v: float, gap: float, twist: float) -> None:
@@ -172,10 +182,11 @@ def test_commands_in_flight_and_the_age_of_the_odometry_count(more: float, share
     assert judge(made, 0.7, time=1.05).share == share
 
 
-def test_odometry_that_is_newer_than_the_command_has_no_age() -> None:
-    made = monitor((FRONT + 0.5 * 0.2 + stopping(0.7) + 0.001, 0.1), limits=LATE)
+@pytest.mark.parametrize(("more", "share"), [(0.001, 1.0), (-0.001, 31 / 32)])
+def test_odometry_that_is_newer_than_the_command_has_no_age(more: float, share: float) -> None:
+    made = monitor((FRONT + 0.5 * 0.2 + stopping(0.7) + more, 0.1), limits=LATE)
     made.give(0.75, Twist2D(0.5, 0.0, 0.0))
-    assert judge(made, 0.7, time=0.9).share == 1.0
+    assert judge(made, 0.7, time=0.9).share == share
 
 
 @pytest.mark.parametrize("v", [1.1, -1.1])
@@ -240,6 +251,32 @@ def test_space_that_no_sensor_has_seen_is_not_entered() -> None:
     made = blind()
     made.ignores_unseen = True
     assert judge(made, 0.7, 0.1).kind == ""
+
+
+def test_a_monitor_minds_unseen_space_unless_it_is_told_otherwise() -> None:
+    made = CollisionMonitor(LIMITS)
+    made.move(Odometry(10**9, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
+    assert judge(made, 0.7).kind == "unseen"
+
+
+def test_space_that_a_laser_sees_may_be_entered() -> None:
+    """A fan of 2 rad that meets nothing."""
+    made, bearings = blind(), np.linspace(-1.0, 1.0, 101)
+    nothing = np.zeros(101)
+    seen = RangeScan(10**9, np.zeros((101, 2)), bearings, nothing, nothing, np.full(101, math.inf), 0.05, 4.0)
+    assert made.look("laser", seen)
+    assert judge(made, 0.7).share == 1.0
+    assert judge(made, -0.7).kind == "unseen"
+
+
+@pytest.mark.parametrize(("steps", "kind"), [(98, ""), (104, "unseen")])
+def test_seen_space_counts_for_5_m_of_way(steps: int, kind: str) -> None:
+    """The robot goes 5 cm to and fro; then it turns into the room that was free at its start."""
+    made = blind()
+    for k in range(steps):
+        x, y = 3.0 + 0.05 * (k % 2) * math.cos(2.5), -1.0 + 0.05 * (k % 2) * math.sin(2.5)
+        made.move(Odometry(round((1.05 + 0.05 * k) * 1e9), Pose2D(x, y, 2.5), Twist2D(0.0, 0.0, 0.0)))
+    assert judge(made, 0.0, 9.0, time=made._stamps[-1]).kind == kind
 
 
 def slide(made: CollisionMonitor, first: float) -> None:
@@ -315,7 +352,7 @@ def test_only_what_is_nearer_than_1_5_m_is_held() -> None:
 
 def test_directions_are_counted_from_the_lasers_own_place() -> None:
     """Two readings of 0.35 m, 1.9 degrees apart, from a laser at (0.25, -0.1); from the base their distances differ."""
-    made = monitor(limits=replace(LIMITS, sigma=0.001))
+    made = monitor(limits=replace(LIMITS, sigma=0.0001))
     bearings, nothing = np.radians([50.0, 51.9]), np.zeros(2)
     origins = np.tile((0.25, -0.1), (2, 1))
     made.look("laser", RangeScan(10**9, origins, bearings, nothing, nothing, np.full(2, 0.35), 0.05, 4.0))
@@ -323,3 +360,19 @@ def test_directions_are_counted_from_the_lasers_own_place() -> None:
     x = 0.25 + 0.175 * (math.cos(bearings[0]) + math.cos(bearings[1]))
     y = -0.1 + 0.175 * (math.sin(bearings[0]) + math.sin(bearings[1]))
     assert place is not None and (place.x, place.y) == pytest.approx((x, y))
+
+
+def test_directions_are_counted_from_where_the_last_beam_began() -> None:
+    """In 0.1 s the robot comes 0.5 m nearer; both echoes are 0.4 m before it then, at 19 and 21 degrees."""
+    made = CollisionMonitor(replace(LIMITS, sigma=0.0001))
+    made.ignores_unseen = True
+    for time, x in ((1.0, -0.5), (1.1, 0.0)):
+        made.move(Odometry(round(time * 1e9), Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
+    (x0, y0), (x1, y1) = ((0.4 * math.cos(b), 0.4 * math.sin(b)) for b in np.radians([19.0, 21.0]))
+    bearings = np.array([math.atan2(y0, 0.5 + x0), math.atan2(y1, x1)])
+    ranges = np.array([math.hypot(0.5 + x0, y0), 0.4])
+    made.look(
+        "laser", RangeScan(10**9, np.zeros((2, 2)), bearings, np.zeros(2), np.array([0.0, 0.1]), ranges, 0.05, 4.0)
+    )
+    place = judge(made, 0.7, time=1.1).place
+    assert place is not None and (place.x, place.y) == pytest.approx((0.5 * (x0 + x1), 0.5 * (y0 + y1)))

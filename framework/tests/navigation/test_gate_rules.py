@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from navloom.messages import GateStatus, Point2D, Twist2D
-from navloom.navigation.gate import STOPPED, CommandGate, GateLimits, Offer, Sensed, is_at_rest
+from navloom.navigation.gate import HIDING, STOPPED, CommandGate, GateLimits, Offer, Sensed, is_at_rest
 from navloom.navigation.monitor import Verdict
 
 LIMITS = GateLimits(
@@ -228,6 +228,12 @@ def test_a_later_gate_takes_over_a_latched_stop(reason: str, fault: str, has_con
 )  # fmt: skip
 def test_a_robot_with_nothing_to_drive_is_at_rest(reason: str, rests: bool) -> None:
     assert is_at_rest(reason) is rests
+
+
+@pytest.mark.parametrize(("more", "hides"), [({"is_silent": True}, True), ({"sensors_ns": {"b": 0}}, True),
+                                             ({"touching": True}, False)])  # fmt: skip
+def test_a_silent_robot_hides_that_the_operator_is_silent(more: dict[str, Any], hides: bool) -> None:
+    assert CommandGate(LIMITS).fault(sensed(**more)).startswith(HIDING) is hides
 
 
 # --- with a monitor ---------------------------------------------------------------------------------------------------

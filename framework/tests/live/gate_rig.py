@@ -20,6 +20,8 @@ from navloom.transport.keyspace import KeySpace
 from toys import give, silent_bus
 
 PERIOD = 0.05
+MS = 1_000_000
+GOAL = ("goal", "main")
 KEYS = KeySpace("lab", "r1")
 OTHER = ("avoider", "other")
 SHADOW = 'alternative=[{name="other", role="avoider", plugin="vfh"}]'
@@ -98,3 +100,48 @@ def follow(gate: Gate) -> None:
 
 def rings(gate: Gate) -> set[str]:
     return {feed.wire.input.name for feed in gate.hosted.cell.feeds if feed.inlet.rings}
+
+
+def stamped(system: System = SYSTEM) -> Gate:
+    """A gate whose messages have stamps, in a robot whose nodes are all alive."""
+    gate = Gate(system)
+    gate.has_stamps = True
+    gate.begin(*all_sources(system))
+    return gate
+
+
+def at(gate: Gate, ms: float) -> None:
+    """Set the clock to a run time, ms."""
+    gate.clock.now = round(ms * MS)
+
+
+def command(gate: Gate, *roles: str, tick: int, twist: Twist2D = AHEAD) -> None:
+    for role in roles:
+        gate.give((role, gate.node.selected[role]), "command", Command(twist), tick)
+
+
+def driving(system: System = SYSTEM) -> Gate:
+    """A gate that follows a trajectory; it has decided for the ticks 0 to 2, and the clock is at 100 ms."""
+    gate = stamped(system)
+    gate.give(GOAL, "drive", Drive(1, 1, None, False), 0)
+    for tick in range(3):
+        at(gate, 50 * tick)
+        command(gate, "controller", "avoider", tick=tick)
+        gate.tick(tick)
+    assert stepped(gate) == 2
+    return gate
+
+
+def stepped(gate: Gate) -> int:
+    return gate.hosted.cell.stepper.stepped
+
+
+def published(gate: Gate, port: str = "command") -> int:
+    """Number of messages on a port so far."""
+    return gate.hosted.cell.outlets[port].sequence
+
+
+def last(gate: Gate, port: str = "status") -> Any:
+    found = gate.hosted.cell.outlets[port].last
+    assert found is not None
+    return found[0]

@@ -104,7 +104,22 @@ def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal()
     gate.report(("goal", "main"), 2, 19)  # a step without a pose, which does not reflect the restart
     gate.look()
     assert gate.node.gone == "goal main does not step"
-    gate.report(("goal", "main"), 3, 21)
+    gate.report(("goal", "main"), 3, 20)  # nor is one in the same tick a later one
+    gate.look()
+    assert gate.node.gone == "goal main does not step"
+    gate.report(("goal", "main"), 4, 21)
+    gate.look()
+    assert gate.node.gone == ""
+
+
+def test_a_platform_may_restart_at_tick_0() -> None:
+    gate = Gate()
+    gate.begin(*all_sources(SYSTEM))
+    gate.tick(300)
+    gate.give(PLATFORM, "odometry", Odometry(0, ORIGIN, STILL), 0)
+    gate.look()
+    assert gate.node.gone == "goal main does not step"
+    gate.report(("goal", "main"), 1, 1)
     gate.look()
     assert gate.node.gone == ""
 
@@ -261,3 +276,28 @@ def test_a_lost_token_of_another_process_stops_the_robot_at_once(live: Gate) -> 
     live.lose(LOCALIZER, life="alone")
     go_on(live, 21, steps=True)
     assert reason(live) == f"gone: localizer {LOCALIZER[1]}"
+
+
+def test_a_process_without_tokens_is_gone_62_5_ms_after_its_last_message(live: Gate) -> None:
+    """The last messages are of tick 19; only the localizer's process is in doubt."""
+    live.lose(*THINKING, life="think")
+    for before_ns, gone, wait in ((2, "", 2e-9), (1, "", 1e-9), (0, f"localizer {LOCALIZER[1]}", None)):
+        live.clock.now = 950_000_000 + 62_500_000 - before_ns
+        live.look()
+        assert live.node.gone == gone
+        if wait is None:  # the next that may happen: the tick and its commands at 1.02 s
+            assert live.runner.wait_time() == pytest.approx(0.0075 + 0.0002)
+        else:
+            assert live.runner.wait_time() == pytest.approx(wait + 0.0002, abs=1e-10)
+
+
+def test_a_command_shows_that_its_process_runs(live: Gate) -> None:
+    """Controller and avoider send no reports to the gate."""
+    controller = ("controller", live.node.selected["controller"])
+    live.lose(controller, life="a")
+    for tick in range(20, 25):
+        go_on(live, tick, steps=True)
+        assert reason(live) == ""
+    live.clock.now += 63_000_000
+    live.look()
+    assert live.node.gone == " ".join(controller)

@@ -268,9 +268,15 @@ def test_an_added_process_that_stays_down_may_be_added_again(robot: Robot) -> No
     assert robot["more"].state == "waiting", "earlier crashes no longer count"
 
 
-@pytest.mark.parametrize(("name", "code", "beats", "state"), [
-    ("more", 2, False, "failed"), ("more", 3, False, "waiting"), ("more", 2, True, "waiting"), ("drive", 2, False, "waiting"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "code", "beats", "state"),
+    [
+        ("more", 2, False, "failed"),
+        ("more", 3, False, "waiting"),
+        ("more", 2, True, "waiting"),
+        ("drive", 2, False, "waiting"),
+    ],
+)
 def test_an_added_process_that_is_unfit_stays_down_at_once(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, name: str, code: int, beats: bool, state: str
 ) -> None:

@@ -280,12 +280,14 @@ def test_ticks_and_late_ones_are_counted(robot: Robot) -> None:
     assert (robot.runner.ticks, robot.runner.late) == (6, 4), "two were skipped"
 
 
-def test_only_ticks_in_which_the_wheels_turn_are_driven(robot: Robot) -> None:
+@pytest.mark.parametrize(("age", "own"), [(0.019, 1), (0.02, 1), (0.021, 0)])
+def test_only_ticks_in_which_the_wheels_turn_are_driven(robot: Robot, age: float, own: int) -> None:
+    """The command of the tick at 100 ms derives from its stamp or later."""
     robot.turn(0.12)
     assert (robot.runner.ticks, robot.runner.driven, robot.runner.own) == (3, 0, 0)
-    robot.command(AHEAD, 1, 0.019)
+    robot.command(AHEAD, 1, age)
     robot.turn(0.06)
-    assert (robot.runner.ticks, robot.runner.driven, robot.runner.own) == (4, 1, 1)
+    assert (robot.runner.ticks, robot.runner.driven, robot.runner.own) == (4, 1, own)
 
 
 class Listening(Base):
@@ -372,8 +374,10 @@ def test_the_fault_of_a_step_comes_before_a_refusal(robot: Robot) -> None:
     robot.command(AHEAD, 1)
     robot.turn(0.05)
     assert "gave a scan of 'sonar'" in robot.runner.fault and robot.runner.faulted == 1
+    robot.base.broken = 1
+    robot.command(STILL, 2)
     robot.turn(0.05)
-    assert robot.runner.faulted == 2
+    assert "gave a scan of 'sonar'" in robot.runner.fault and robot.runner.faulted == 2
 
 
 def test_wheels_may_be_unreachable_for_a_second_again_after_they_were_reached(robot: Robot) -> None:

@@ -84,7 +84,8 @@ def lines_of(path: Path) -> list[Mutant]:
     """All line mutants of a file, in order."""
     source = _Source(path)
     found = [source.mutant(node, new) for node, new in _changes(source.tree)]
-    return [m for m in found if m.source() != source.text.decode() and _compiles(m)]
+    same = ast.dump(source.tree)
+    return [m for m in found if _tree(m) not in ("", same)]
 
 
 def sampled(mutants: list[Mutant], count: int, rng: random.Random) -> list[Mutant]:
@@ -96,12 +97,14 @@ def sampled(mutants: list[Mutant], count: int, rng: random.Random) -> list[Mutan
     return [rng.choice(by_line[line]) for line in lines]
 
 
-def _compiles(mutant: Mutant) -> bool:
+def _tree(mutant: Mutant) -> str:
+    """Syntax tree of a mutant; empty if it does not compile."""
     try:
-        compile(mutant.source(), str(mutant.path), "exec")
+        tree = ast.parse(mutant.source())
+        compile(tree, str(mutant.path), "exec")
     except (SyntaxError, ValueError):
-        return False
-    return True
+        return ""
+    return ast.dump(tree)
 
 
 def _changes(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:

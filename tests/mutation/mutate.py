@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import importlib
 import itertools
 import json
@@ -32,7 +33,10 @@ from watched_tests import Outcomes, run_tests
 
 TOP = Path(__file__).resolve().parents[2]
 PAPER = ("improved_vfh", "vfh", "vff", "ipabd", "astar", "lyapunov_tracker")
-LIBRARIES = ("numpy", "scipy.ndimage", "numba", "pydantic", "pytest", "hypothesis")
+LIBRARIES = (
+    "numpy", "scipy.ndimage", "numba", "pydantic", "pytest", "hypothesis", "pytest_benchmark.plugin",
+    "navloom.messages", "navloom.testing.pytest_plugin",
+)  # fmt: skip
 COMPILING = 90.0
 """Time that a test may take to compile kernels, s."""
 SLACK = 20.0
@@ -60,8 +64,9 @@ class Verdict:
 class Course:
     """Runs tests against mutants, and remembers how the tests do without one."""
 
-    def __init__(self, tree: Tree, slowest: float, tiers: int, compiles: bool) -> None:
+    def __init__(self, tree: Tree, slowest: float, tiers: int, compiles: bool, tests: Sequence[Path] = ()) -> None:
         self.tree, self.slowest, self.tiers, self.compiles = tree, slowest, tiers, compiles
+        self.tests = [test.resolve() for test in tests]
         self._known: dict[tuple[str, bool, Path], dict[str, float]] = {}
 
     def verdict(self, mutant: Mutant) -> Verdict:
@@ -74,7 +79,7 @@ class Course:
 
     def _failures(self, mutant: Mutant) -> Iterator[tuple[str, str]]:
         """Run tests with kernels in plain Python, then those that pass with compiled ones only."""
-        tiers = [tests for tests in self.tree.tiers(mutant.path)[: self.tiers] if tests]
+        tiers = [self.tests] if self.tests else [t for t in self.tree.tiers(mutant.path)[: self.tiers] if t]
         for is_pure, tests in itertools.product((True, False) if self.compiles else (True,), tiers):
             sound = [self._baseline(mutant.path, test, is_pure) for test in tests]
             chosen = {name: took for passed in sound for name, took in passed.items()}
@@ -118,7 +123,8 @@ class Course:
                 die_with_parent()
                 try:
                     tell_children(Path(scratch), name, source, uncached, is_pure)
-                    sys.path[:0] = [str(root) for root in self.tree.roots]
+                    for module in uncached:
+                        sys.modules.pop(module, None)
                     install(name, source, uncached, is_pure)
                     outcomes = run_tests(
                         self.tree.top,
@@ -184,6 +190,7 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     )
     add("--constants", action="store_true", help="change each constant of the presets in params.py")
     add("--lines", type=int, default=0, metavar="N", help="change N random lines, one at a time")
+    add("--every", action="store_true", help="make every change of every line, one at a time")
     add("--change", nargs="+", default=[], metavar="NAME=VALUE", help="set constants of the presets, each alone")
     add("--together", action="store_true", help="make all changes of --change at once")
     add("--seed", type=int, default=1, help="of the choice of lines and of the direction of constants (default: 1)")
@@ -195,6 +202,7 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
         choices=(1, 2, 3),
         help="1: tests of the module; 2: of its distribution too; 3: all that reach it (default: 2)",
     )
+    add("--tests", nargs="+", type=Path, default=[], metavar="FILE", help="run these test files, not the nearest")
     add(
         "--compiled",
         action="store_true",
@@ -205,8 +213,8 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     add("--list", action="store_true", help="print the mutants and run nothing")
     add("--top", type=Path, default=TOP, metavar="DIR", help="folder of the checkout (default: this one)")
     given = parser.parse_args(words)
-    if not (given.constants or given.lines or given.change):
-        parser.error("nothing to change: expected --constants, --lines or --change")
+    if not (given.constants or given.lines or given.every or given.change):
+        parser.error("nothing to change: expected --constants, --lines, --every or --change")
     return given
 
 
@@ -222,9 +230,10 @@ def mutants_of(given: argparse.Namespace, tree: Tree) -> list[Mutant]:
         found += [preset_change(path, change) for path in presets for change in sets]
     if given.constants:
         found += [mutant for path in presets for mutant in constants_of(path, rng)]
-    if given.lines:
+    if given.lines or given.every:
         lines = [mutant for path in files if path.name != "params.py" for mutant in lines_of(path)]
-        found += sorted(sampled(lines, given.lines, rng), key=lambda mutant: (mutant.path, mutant.line))
+        some = lines if given.every else sampled(lines, given.lines, rng)
+        found += sorted(some, key=lambda mutant: (mutant.path, mutant.line))
     return [m for m in found if given.only in f"{m.path}:{m.line} {m.before} -> {m.after}"]
 
 
@@ -254,9 +263,12 @@ def main(words: Sequence[str] | None = None) -> int:
     if given.list:
         print(*(f"{m.path.relative_to(tree.top)}:{m.line}  {m.before} -> {m.after}" for m in mutants), sep="\n")
         return 0
+    sys.path[:0] = [str(root) for root in tree.roots]
     for library in LIBRARIES:
         importlib.import_module(library)
-    course, verdicts = Course(tree, given.slowest, given.tiers, given.compiled), list[Verdict]()
+    gc.freeze()  # so that pytest's collections in the forks do not look at these modules
+    course = Course(tree, given.slowest, given.tiers, given.compiled, given.tests)
+    verdicts = list[Verdict]()
     for mutant in mutants:
         verdict = course.verdict(mutant)
         verdicts.append(verdict)

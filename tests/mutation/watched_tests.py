@@ -111,6 +111,14 @@ def run_tests(
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
         with contextlib.suppress(SystemExit, RanLong):
-            words = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", *(["-x"] if chosen is not None else [])]
+            words = [
+                "-q",
+                "--assert=plain",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:xdist",
+                *(["-x"] if chosen is not None else []),
+            ]
             pytest.main([*words, *map(str, tests)], plugins=[watch])
     return watch.outcomes

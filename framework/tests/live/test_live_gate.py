@@ -6,98 +6,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, rings
 from navloom.config import load_config
-from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
-from navloom.engine.nodes.gate import GateNode
-from navloom.engine.system import System
 from navloom.live import live_gate, mailbox
-from navloom.live.cell import Source
-from navloom.live.cells import Hosted, all_sources, make_cell
+from navloom.live.cells import all_sources
 from navloom.live.hold import held_rate, hold
-from navloom.live.live_gate import LiveGate
-from navloom.live.presence import Presence
-from navloom.live.run_clock import RunClock
-from navloom.live.switchboard import Switchboard
-from navloom.messages import (
-    Command,
-    Drive,
-    GateStatus,
-    Odometry,
-    OperatorRequest,
-    PortMark,
-    Pose2D,
-    StepReport,
-    TrackingCommand,
-    Twist2D,
-)
+from navloom.messages import Command, Drive, GateStatus, Odometry, OperatorRequest, Pose2D, TrackingCommand, Twist2D
 from navloom.operating.looking import why_stopped
-from navloom.transport.keyspace import KeySpace
-from toys import give, silent_bus
-
-PERIOD = 0.05
-KEYS = KeySpace("lab", "r1")
-OTHER = ("avoider", "other")
-SHADOW = 'alternative=[{name="other", role="avoider", plugin="vfh"}]'
-SYSTEM = assemble(load_config("paper", [SHADOW]))
-PLATFORM = ("platform", SYSTEM.config.platform.instance)
-STILL, AHEAD, ORIGIN = Twist2D(0.0, 0.0, 0.0), Twist2D(0.1, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0)
-
-
-class SetClock(RunClock):
-    """A run clock on a monotonic clock that the test sets, ns."""
-
-    def __init__(self) -> None:
-        super().__init__(lambda: self.now)
-        self.now = 0
-
-    def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
-        super().observe(stamp_ns, self.now, tick)
-
-
-class Gate:
-    """The runner of the gate; the test sets which nodes are alive."""
-
-    def __init__(self, system: System = SYSTEM, clock: SetClock | None = None) -> None:
-        self.clock, self.presence = clock or SetClock(), Presence(KEYS, (), lambda source, restarted: None)
-        self.has_stamps = False
-        self.begin(OTHER)
-        node = own_node(system, "gate", lambda role, name: False, is_live=True)
-        assert isinstance(node, GateNode)
-        self.hosted: Hosted = make_cell(system, ("gate", "main"), node, Switchboard(silent_bus(), KEYS, lossless=False))
-        self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, self.presence, system)
-        self.node = node
-
-    def begin(self, *sources: Source, life: str = "a") -> None:
-        """Nodes of one process announce that they are alive."""
-        for source in sources:
-            self.presence.change(KEYS.alive(*source, life), True)
-
-    def lose(self, *sources: Source, life: str = "a") -> None:
-        """Their tokens are reported as lost."""
-        for source in sources:
-            self.presence.change(KEYS.alive(*source, life), False)
-
-    def tick(self, tick: int) -> None:
-        """The platform ticks."""
-        stamp = round(tick * PERIOD * 1e9)
-        self.give(PLATFORM, "odometry", Odometry(stamp, ORIGIN, STILL), tick)
-        self.look()
-
-    def report(self, source: Source, published: int, tick: int) -> None:
-        """Receive the step report of a node."""
-        marks = (PortMark("command", published),)
-        self.give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
-
-    def look(self) -> None:
-        """It looks at what came in."""
-        self.runner.take_in()
-        self.runner.act()
-
-    def give(self, source: Source, port: str, message: Any, tick: int, sequence: int | None = None) -> None:
-        """Receive a message of a node."""
-        stamp = round(tick * PERIOD * 1e9) if self.has_stamps else 0
-        give(self.hosted.cell, KEYS.port(*source, port), message, tick, sequence=sequence, stamp_ns=stamp)
 
 
 def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:
@@ -177,18 +93,6 @@ def test_it_records_how_long_the_commands_of_a_tick_took() -> None:
     assert list(gate.runner.chains_s) == pytest.approx([0.004, 0.03])
 
 
-def follow(gate: Gate) -> None:
-    """Follow a trajectory; the commands of its first tick arrive 4 ms after the tick."""
-    gate.begin(*all_sources(SYSTEM))
-    gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
-    gate.tick(0)
-    gate.clock.now += 4_000_000
-    for role in ("controller", "avoider"):
-        gate.give((role, gate.node.selected[role]), "command", Command(AHEAD), 0)
-    gate.look()
-    assert gate.hosted.cell.stepper.stepped == 0
-
-
 def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal() -> None:
     gate = Gate()
     gate.begin(*all_sources(SYSTEM))
@@ -201,7 +105,22 @@ def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal()
     gate.report(("goal", "main"), 2, 19)  # a step without a pose, which does not reflect the restart
     gate.look()
     assert gate.node.gone == "goal main does not step"
-    gate.report(("goal", "main"), 3, 21)
+    gate.report(("goal", "main"), 3, 20)  # nor is one in the same tick a later one
+    gate.look()
+    assert gate.node.gone == "goal main does not step"
+    gate.report(("goal", "main"), 4, 21)
+    gate.look()
+    assert gate.node.gone == ""
+
+
+def test_a_platform_may_restart_at_tick_0() -> None:
+    gate = Gate()
+    gate.begin(*all_sources(SYSTEM))
+    gate.tick(300)
+    gate.give(PLATFORM, "odometry", Odometry(0, ORIGIN, STILL), 0)
+    gate.look()
+    assert gate.node.gone == "goal main does not step"
+    gate.report(("goal", "main"), 1, 1)
     gate.look()
     assert gate.node.gone == ""
 
@@ -222,10 +141,6 @@ def test_after_a_restart_of_the_platform_the_monitor_begins_again() -> None:
     stand(98, 0.0, 1)
     stand(99, 0.0, 2)
     assert monitor.judge(Twist2D(0.02, 0.0, 0.0), 0.0, 99 * PERIOD).kind == ""
-
-
-def rings(gate: Gate) -> set[str]:
-    return {feed.wire.input.name for feed in gate.hosted.cell.feeds if feed.inlet.rings}
 
 
 def test_only_the_last_command_of_a_tick_wakes_it() -> None:
@@ -408,3 +323,28 @@ def test_a_restarted_controller_is_no_second_one() -> None:
         gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick if tick < 6 else tick - 5)
         gate.tick(tick)
     assert gate.runner.gate.gone == ""
+
+
+def test_a_process_without_tokens_is_gone_62_5_ms_after_its_last_message(live: Gate) -> None:
+    """The last messages are of tick 19; only the localizer's process is in doubt."""
+    live.lose(*THINKING, life="think")
+    for before_ns, gone, wait in ((2, "", 2e-9), (1, "", 1e-9), (0, f"localizer {LOCALIZER[1]}", None)):
+        live.clock.now = 950_000_000 + 62_500_000 - before_ns
+        live.look()
+        assert live.node.gone == gone
+        if wait is None:  # the next that may happen: the tick and its commands at 1.02 s
+            assert live.runner.wait_time() == pytest.approx(0.0075 + 0.0002)
+        else:
+            assert live.runner.wait_time() == pytest.approx(wait + 0.0002, abs=1e-10)
+
+
+def test_a_command_shows_that_its_process_runs(live: Gate) -> None:
+    """Controller and avoider send no reports to the gate."""
+    controller = ("controller", live.node.selected["controller"])
+    live.lose(controller, life="a")
+    for tick in range(20, 25):
+        go_on(live, tick, steps=True)
+        assert reason(live) == ""
+    live.clock.now += 63_000_000
+    live.look()
+    assert live.node.gone == " ".join(controller)

@@ -215,9 +215,11 @@ def steering_flips_per_metre(trail: Trail) -> float | None:
 
 def stopped_time(trail: Trail) -> float | None:
     """Time in which the robot neither drove nor turned, s."""
-    motion = np.maximum(np.abs(trail.vx) / STILL_SPEED, np.abs(trail.wz) / STILL_TURN)
-    share = _share_below(trail.time, motion - 1.0)
-    return None if share is None else share * trail.duration
+    if not trail.time.size:
+        return None
+    begins, ends = zip(*(_within(trail.vx / STILL_SPEED), _within(trail.wz / STILL_TURN)), strict=True)
+    shares = np.maximum(np.minimum(*ends) - np.maximum(*begins), 0.0)
+    return float((shares * np.diff(trail.time)).sum())
 
 
 def avoider_share(trail: Trail) -> float | None:
@@ -298,3 +300,17 @@ def _share_below(time: Floats, values: Floats) -> float | None:
     rise = np.abs(b - a)
     below = np.where(rise > 0.0, np.maximum(-np.minimum(a, b), 0.0) / np.where(rise > 0.0, rise, 1.0), a <= 0.0)
     return float((np.minimum(below, 1.0) * np.diff(time)).sum() / (time[-1] - time[0]))
+
+
+def _within(values: Floats) -> tuple[Floats, Floats]:
+    """Where a polyline of values enters -1 to 1 in each of its n - 1 pieces, and where it leaves it: (n - 1,) shares.
+
+    The values keep their signs: a line between magnitudes would not show a standstill between two directions.
+    """
+    a, rise = values[:-1], np.diff(values)
+    is_level = rise == 0.0
+    slope = np.where(is_level, 1.0, rise)
+    low, high = np.sort([(-1.0 - a) / slope, (1.0 - a) / slope], axis=0)
+    is_in = np.abs(a) <= 1.0
+    low, high = np.where(is_level, np.where(is_in, 0.0, 1.0), low), np.where(is_level, np.where(is_in, 1.0, 0.0), high)
+    return np.clip(low, 0.0, 1.0), np.clip(high, 0.0, 1.0)

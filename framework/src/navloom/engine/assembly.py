@@ -49,6 +49,7 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         lambda role, instance, values: configure(system, role, instance, values),
         observers,
         trace,
+        system.braking,
     )
     may_wait = system.may_wait
     if may_wait:
@@ -141,6 +142,7 @@ def goal_rules(system: System) -> GoalRules:
         deadline=system.time_limit,
         scans_on_request=system.scans_on_request,
         feedback_ticks=max(1, round(0.5 / run.period)),
+        braking=system.braking,
         replan=ReplanRules(
             rules.replan_when_blocked,
             rules.replan_period,

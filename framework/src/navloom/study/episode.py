@@ -87,6 +87,7 @@ class Episode:
             "optimal_to_tolerance_m": trail.optimal,
             "truly_reached": trail.succeeded if trail.has_truth and trail.goal_distance is not None else None,
             "goal_error_m": trail.goal_distance if trail.has_truth else None,
+            "heading_error_rad": trail.heading_error,
             "pose_error_m": None if errors["rms"] is None else errors,
             "spl": measures.spl(trail),
             "min_clearance_m": recorder.min_clearance,
@@ -151,7 +152,7 @@ def run_episode(
             beside += onlookers.begin(run_info(loaded, "lockstep"))
         executor = lockstep_of(system, beside, TraceWriter(trace))
         run = loaded.config.run
-        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+        ticks = system.longest_run
         tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
         executor.inspector = StepInspector(found, looks_at)
         log = executor.run(ticks, tell)

@@ -115,7 +115,8 @@ def test_truth_looks_at_the_heading_asked_for(
 
 
 @pytest.mark.parametrize(("tolerance", "distance", "outcome"), [
-    (0.2, 0.299, "succeeded"), (0.2, 0.301, "false_success"), (0.01, 0.019, "succeeded"), (0.01, 0.021, "false_success"),
+    (0.2, 0.299, "succeeded"), (0.2, 0.301, "false_success"),
+    (0.01, 0.019, "succeeded"), (0.01, 0.021, "false_success"),
 ])  # fmt: skip
 def test_the_allowance_of_truth_is_0_1_m_but_no_more_than_the_tolerance(
     tolerance: float, distance: float, outcome: str

@@ -91,7 +91,7 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "goal":
         return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)), system.catalogue.optional)
     if role == "reference":
-        return ReferenceNode.of(system.config, system.robot)
+        return ReferenceNode.of(system.config, system.robot, system.braking, system.goal_tolerance)
     if role == "gate":
         return GateNode(CommandGate(gate_limits(system), gate_monitor(system)), _selected(system), is_warm)
     return None

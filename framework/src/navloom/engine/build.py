@@ -123,8 +123,9 @@ def _system(
     least = least_tolerance(system.braking)
     if tolerance < least:
         raise ConfigError(
-            f"navigation.goal_tolerance: is {tolerance:g} m, but from {SLOWEST:g} m/s this robot needs {least:.2g} m to "
-            "stop, by run.period, robot.motor_lag, robot.dead_time and robot.max_deceleration: expected at least that"
+            f"navigation.goal_tolerance: is {tolerance:g} m, but this robot needs {least:.2g} m to stop from "
+            f"{SLOWEST:g} m/s, by run.period, robot.motor_lag, robot.dead_time and robot.max_deceleration: "
+            "expected at least that"
         )
     return system
 

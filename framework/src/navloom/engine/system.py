@@ -73,7 +73,12 @@ class System:
         """How the robot comes to rest."""
         robot = self.robot
         return Braking(
-            robot.max_deceleration, self.config.run.period, robot.motor_lag, robot.dead_time, robot.max_linear
+            robot.max_deceleration,
+            self.config.run.period,
+            robot.motor_lag,
+            robot.dead_time,
+            robot.max_linear,
+            robot.max_angular_acceleration,
         )
 
     @property

@@ -85,6 +85,12 @@ class ActiveGoal:
         """Distance from the next point to be reached, m."""
         return math.hypot(self.legs[0].x - pose.x, self.legs[0].y - pose.y)
 
+    def seen_from(self, pose: Pose2D) -> tuple[float, float]:
+        """How far the next point to be reached is ahead and to the left of the robot, m."""
+        dx, dy = self.legs[0].x - pose.x, self.legs[0].y - pose.y
+        cos, sin = math.cos(pose.heading), math.sin(pose.heading)
+        return cos * dx + sin * dy, cos * dy - sin * dx
+
     def heading_error(self, pose: Pose2D) -> float:
         """Difference from the heading asked for at the goal, rad; 0 for none."""
         wanted = self.goal.heading

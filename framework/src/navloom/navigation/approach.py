@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.navigation.stopping import Braking
+from navloom.navigation.stopping import ACROSS, Braking
 
 __all__ = ["SLOWEST", "least_tolerance", "slow_down"]
 
@@ -17,8 +17,6 @@ Floats = NDArray[np.float64]
 
 SLOWEST = 0.01
 """Lowest speed of an approach, m/s: wheels do not turn steadily at less."""
-WITHIN = 1.5
-"""Longest way to standstill from where a robot comes within the tolerance, in tolerances: 2 lead across it."""
 
 
 def least_tolerance(braking: Braking) -> float:
@@ -41,7 +39,7 @@ def slow_down(samples: Floats, braking: Braking, tolerance: float) -> Floats:
         The same array if it is slow enough, else a read-only copy with lower speeds.
     """
     left = samples[-1, 0] - samples[:, 0]
-    if braking.way(float(np.interp(-tolerance, -left, samples[:, 5]))) <= WITHIN * tolerance:
+    if braking.way(float(np.interp(-tolerance, -left, samples[:, 5]))) <= ACROSS * tolerance:
         return samples
     v = max(SLOWEST, braking.speed_within(tolerance))
     gentle = min(braking.deceleration, 0.5 * v / braking.delay)

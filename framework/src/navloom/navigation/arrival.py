@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from navloom.messages import Drive, Pose2D
+from navloom.messages import Drive, Pose2D, PoseEstimate
 from navloom.navigation.active_goal import MISSES, ActiveGoal
 from navloom.navigation.goal_rules import GoalRules, GoalView
-from navloom.navigation.stopping import Standstill
+from navloom.navigation.stopping import ACROSS, Standstill
 
 __all__ = ["Arrival", "Move"]
 
@@ -54,6 +54,27 @@ class Arrival:
             return True
         return seen.time - since > self.rules.braking.patience
 
+    def is_due(self, active: ActiveGoal, drive: Drive, seen: GoalView) -> bool:
+        """Whether the robot is within the tolerance of its next point, or turns or stops at the goal.
+
+        An avoider does not follow the reference, and may come too fast to stop within the tolerance of the goal. Then
+        the robot begins to brake where it needs to, if it drives straight at the goal.
+        """
+        assert seen.estimate is not None
+        pose, tolerance = seen.estimate.pose, self.rules.tolerance
+        if self.since is not None or drive.stop_here or active.distance(pose) <= tolerance:
+            return True
+        reference, speed, is_engaged = seen.reference, seen.estimate.twist.vx, seen.handover and seen.handover.engaged
+        if not is_engaged or reference is None or len(active.legs) > 1 or speed <= 0.0 or self._fits(seen.estimate):
+            return False
+        ahead, left = active.seen_from(pose)
+        is_straight = abs(left) <= tolerance and reference.remaining <= ahead + tolerance
+        return is_straight and ahead <= self.rules.braking.way(speed)
+
+    def _fits(self, estimate: PoseEstimate) -> bool:
+        """Whether a robot that comes within the tolerance with its present speed stops within it."""
+        return self.rules.braking.way(abs(estimate.twist.vx)) <= ACROSS * self.rules.tolerance
+
     def step(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
         """The next move of a robot that is within the tolerance of the goal, turns there, or stops there."""
         if self.since is None:
@@ -71,7 +92,8 @@ class Arrival:
         return self._turn(active, self._path_id, seen) if is_near else Move(plans=True)
 
     def _stop_or_turn(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
-        if active.heading_error(pose) <= self.rules.heading_tolerance:
+        assert seen.estimate is not None
+        if self._is_turned(active, seen.estimate) or not (drive.stop_here or self._fits(seen.estimate)):
             self.since, self._path_id = seen.time, drive.path_id
             self._standstill.note(True, seen.time)  # the status of the drive that ends here may still be on its way
             return Move(Drive(0, 0, None, False))
@@ -80,6 +102,11 @@ class Arrival:
         if seen.time - active.moved_at > self.rules.stuck_after:
             return Move(outcome="stuck", reason=f"the heading asked for was not reached: {active.off_by(pose)} off")
         return Move()
+
+    def _is_turned(self, active: ActiveGoal, estimate: PoseEstimate) -> bool:
+        """Whether the robot has the heading asked for, or turns so fast that it must slow down now to stop there."""
+        off, way = active.heading_error(estimate.pose), self.rules.braking.turn(estimate.twist.wz)
+        return off <= self.rules.heading_tolerance or (way > ACROSS * self.rules.heading_tolerance and off <= way)
 
     def _turn(self, active: ActiveGoal, path_id: int, seen: GoalView) -> Move:
         """Turn in place, at the end of a path."""

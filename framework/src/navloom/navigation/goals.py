@@ -181,10 +181,8 @@ class GoalMachine:
 
     def _while_driving(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
-        pose = seen.estimate.pose
-        stops = self._arrival.since is not None or self._drive.stop_here
-        if stops or active.distance(pose) <= self.rules.tolerance:
-            self._arrive(active, pose, seen)
+        if self._arrival.is_due(active, self._drive, seen):
+            self._arrive(active, seen.estimate.pose, seen)
             return
         path_id = self._drive.path_id
         said = seen.avoider if seen.avoider is not active.avoider else None

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 from navloom.messages import Twist2D
 
-__all__ = ["Braking", "Ending", "Standstill"]
+__all__ = ["ACROSS", "Braking", "Ending", "Standstill"]
 
 AT_REST = 0.005
 """Measured speed of a robot that stands, m/s and rad/s: below it, a robot with a lag of 1 s moves 5 mm further."""
 SETTLING = 5.0
 """Lags after which less than 1 % of a motor's speed is left."""
+ACROSS = 1.5
+"""Longest way to standstill from where a robot comes within a tolerance, in tolerances: 2 lead across it."""
 MORE = 1.0
 """Additional wait for a robot whose measured speed does not fall to `AT_REST`, s."""
 
@@ -27,6 +29,7 @@ class Braking:
         lag: Time constant of the motors, s.
         dead_time: From a command until it acts on the wheels, s.
         fastest: Largest speed, m/s.
+        turn_deceleration: Of the ramp, rad/s²; infinite for no limit.
     """
 
     deceleration: float = 1.0
@@ -34,6 +37,7 @@ class Braking:
     lag: float = 0.0
     dead_time: float = 0.0
     fastest: float = 0.5
+    turn_deceleration: float = math.inf
 
     @property
     def delay(self) -> float:
@@ -48,6 +52,10 @@ class Braking:
     def way(self, speed: float) -> float:
         """Distance to standstill, m, from a speed, m/s: v t + v² / 2a."""
         return speed * self.delay + 0.5 * speed * speed / self.deceleration
+
+    def turn(self, rate: float) -> float:
+        """Angle to standstill, rad, from a turn rate, rad/s."""
+        return abs(rate) * self.delay + 0.5 * rate * rate / self.turn_deceleration
 
     def speed_within(self, way: float) -> float:
         """Speed, m/s, from which a distance, m, is enough to stop: the inverse of `way`."""

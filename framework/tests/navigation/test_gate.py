@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from navloom.messages import Odometry, Pose2D, Twist2D
+from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
 from navloom.navigation.gate import CommandGate, GateLimits, Offer, Sensed
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
 
@@ -107,12 +107,129 @@ def test_the_turn_rate_is_clipped() -> None:
     assert twist.wz == -0.4
 
 
-def test_a_stop_commands_zero_at_once() -> None:
-    gate = CommandGate(LIMITS)
-    for _ in range(30):
-        decide(gate, {"controller": offer(0.5), "avoider": offer(0.0)})
+LATE = {"controller": offer(0.5, cause_ns=NOW - 100_000_001), "avoider": offer(0.0)}
+
+
+def driving_at(
+    speed: float, turn: float = 0.0, monitor: CollisionMonitor | None = None, **limits: float
+) -> CommandGate:
+    """A gate whose last command is this one, of the controller."""
+    gate = CommandGate(replace(LIMITS, acceleration=100.0, **limits), monitor)
+    for _ in range(3):
+        decide(gate, {"controller": offer(speed, turn), "avoider": offer(0.0)})
+    assert (gate.speed, gate.turn) == (speed, turn)
+    return gate
+
+
+def ramp(gate: CommandGate, offers: dict[str, Offer | None], ticks: int) -> list[tuple[float, float]]:
+    twists = [gate.decide(Sensed(NOW, False, {}), offers, False, 0, ())[0] for _ in range(ticks)]
+    return [(twist.vx, twist.wz) for twist in twists]
+
+
+ORDINARY: dict[str, tuple[str, dict[str, Offer | None]]] = {
+    "an operator's stop": ("stop", BOTH),
+    "no trajectory": ("release", {}),
+}
+
+
+@pytest.mark.parametrize("stop", ORDINARY)
+def test_an_ordinary_stop_brakes_by_the_deceleration_along_the_curvature(stop: str) -> None:
+    """From 0.18 m/s and 0.09 rad/s (radius 2 m) by 1 m/s² · 0.05 s a tick."""
+    do, offers = ORDINARY[stop]
+    gate = driving_at(0.18, 0.09)
+    gate.request(do)
+    found = ramp(gate, offers, 5)
+    assert found == [pytest.approx(one) for one in ((0.13, 0.065), (0.08, 0.04), (0.03, 0.015), (0, 0), (0, 0))]
+
+
+def test_a_ramp_backwards_ends_at_zero() -> None:
+    gate = CommandGate(replace(LIMITS, acceleration=100.0))
+    decide(gate, {"recovery": offer(-0.08)})
+    assert [vx for vx, _ in ramp(gate, {}, 3)] == pytest.approx([-0.03, 0.0, 0.0])
+
+
+def test_a_turn_ends_by_the_turn_acceleration_at_a_stop() -> None:
+    """2 rad/s² · 0.05 s: 0.1 rad/s a tick, although the forward speed is gone after one."""
+    gate = driving_at(0.03, 0.25, turn_acceleration=2.0)
+    assert ramp(gate, {}, 4) == [pytest.approx(one) for one in ((0.0, 0.15), (0.0, 0.05), (0.0, 0.0), (0.0, 0.0))]
+
+
+def test_the_status_says_stopped_only_when_zero_is_commanded() -> None:
+    gate = driving_at(0.08)
     gate.request("stop")
-    assert decide(gate, BOTH)[0] == 0.0
+    found = [gate.decide(Sensed(NOW, False, {}), BOTH, False, 0, ())[2] for _ in range(2)]
+    assert [(one.source, one.stopped, one.latched, one.reason) for one in found] == [
+        ("none", False, True, "operator"), ("none", True, True, "operator"),
+    ]  # fmt: skip
+
+
+def test_a_ramp_derives_from_the_newest_platform_stamp() -> None:
+    gate = driving_at(0.18)
+    assert gate.decide(Sensed(NOW + 50_000_000, False, {}), {}, False, 0, ())[1] == NOW + 50_000_000
+
+
+FAULTS: dict[str, Sensed] = {
+    "contact": Sensed(NOW, True, {}),
+    "silent: platform": Sensed(NOW, False, {}, is_silent=True),
+    "silent: sensor laser": Sensed(NOW, False, {"laser": NOW - 500_000_001}),
+    "gone: controller a": Sensed(NOW, False, {}, gone="controller a"),
+    "stale: goal main": Sensed(NOW, False, {}, late="goal main"),
+}
+
+
+@pytest.mark.parametrize("reason", FAULTS)
+@pytest.mark.parametrize("stop", ORDINARY)
+def test_a_fault_during_a_ramp_is_a_step_to_zero(stop: str, reason: str) -> None:
+    do, offers = ORDINARY[stop]
+    gate = driving_at(0.18)
+    gate.request(do)
+    assert ramp(gate, offers, 1) == [pytest.approx((0.13, 0.0))]
+    twist, _, status = gate.decide(FAULTS[reason], offers, False, 0, ())
+    assert (twist.vx, status.stopped) == (0.0, True)
+    assert status.reason == ("operator" if do == "stop" else reason)
+
+
+def test_a_stale_command_of_the_source_that_drives_is_a_step_to_zero() -> None:
+    gate = driving_at(0.18)
+    assert decide(gate, LATE) == (0.0, "none", "stale: controller a")
+
+
+def test_a_drive_whose_first_command_is_not_there_yet_leaves_the_ramp_as_it_is() -> None:
+    gate = driving_at(0.18)
+    assert ramp(gate, {}, 1) == [pytest.approx((0.13, 0.0))]
+    assert decide(gate, LATE) == (pytest.approx(0.08), "none", "no_trajectory")
+    assert decide(gate, {"controller": offer(0.1), "avoider": offer(0.0)}) == (0.1, "controller", "")
+
+
+def test_an_operator_whose_robot_lacks_a_node_is_released_by_a_ramp() -> None:
+    gate = CommandGate(replace(LIMITS, acceleration=100.0))
+    lacking = Sensed(NOW, False, {}, gone="controller a", late="goal main")
+    gate.decide(lacking, {"operator": offer(0.18)}, False, 0, ())
+    twist, _, status = gate.decide(lacking, {}, False, 0, ())
+    assert (twist.vx, status.reason) == (pytest.approx(0.13), "no_trajectory")
+
+
+def test_resume_during_a_ramp_drives_on_from_the_speed_it_has() -> None:
+    gate = driving_at(0.18)
+    gate.request("stop")
+    ramp(gate, BOTH, 1)
+    gate.request("resume")
+    assert decide(gate, {"controller": offer(0.14), "avoider": offer(0.0)}) == (0.14, "controller", "")
+
+
+def test_the_monitor_judges_each_step_of_a_ramp() -> None:
+    """A laser echo 1 cm before the bumper: the monitor orders zero."""
+    square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
+    monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
+    monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
+    gate = driving_at(0.18, 0.0, monitor)
+    bearings, one = np.linspace(-0.2, 0.2, 9), np.ones(9)
+    for stamp in (NOW + 50_000_000, NOW + 100_000_000):
+        monitor.move(Odometry(stamp, Pose2D(0.0, 0.0, 0.0), Twist2D(0.18, 0.0, 0.0)))
+        scan = RangeScan(stamp, np.zeros((9, 2)), bearings, 0.0 * one, 0.0 * one, 0.31 / np.cos(bearings), 0.05, 4.0)
+        assert monitor.look("laser", scan)
+    twist, _, status = gate.decide(Sensed(NOW + 100_000_000, False, {}), {}, False, 0, ())
+    assert (twist.vx, status.stopped, status.limit, status.reason) == (0.0, True, "obstacle", "no_trajectory")
 
 
 @pytest.mark.parametrize("reason", ["operator", "contact", "stale: operator main"])

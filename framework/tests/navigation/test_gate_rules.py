@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 from navloom.messages import GateStatus, Point2D, Twist2D
-from navloom.navigation.gate import HIDING, STOPPED, CommandGate, GateLimits, Offer, Sensed, is_at_rest
+from navloom.navigation.gate import STOPPED, CommandGate, GateLimits, Offer, Sensed
 from navloom.navigation.monitor import Verdict
+from navloom.navigation.stop_reasons import HIDING, is_at_rest
 
 LIMITS = GateLimits(
     linear=0.7, angular=0.9, acceleration=0.6, deceleration=1.1, period=0.05, turn_acceleration=1.3,

@@ -45,7 +45,8 @@ def pose(x: float = 0.0, heading: float = 0.0) -> PoseEstimate:
 
 def seen(time: float, **more: object) -> GoalView:
     base = GoalView(round(time * 20), time, round(time * 1e9), estimate=pose(), selected=("ipabd", "astar"))
-    return replace(base, **more)  # type: ignore[arg-type]
+    view = replace(base, **more)  # type: ignore[arg-type]
+    return view if view.estimate is None else replace(view, estimate=replace(view.estimate, stamp_ns=view.time_ns))
 
 
 def a_map(stamp: float) -> MapUpdate:
@@ -106,20 +107,73 @@ def test_without_sweeps_on_request_any_map_will_do() -> None:
     assert ports(machine.step(seen(0.5, map=a_map(0.1)))) == ["plan"]
 
 
-def test_within_the_tolerance_it_has_succeeded_and_stops() -> None:
+DRIVES = GateStatus("controller", "a", False, False, "", ())
+BRAKES = GateStatus("none", "", False, False, "no_trajectory", ())
+STANDS = GateStatus("none", "", True, False, "no_trajectory", ())
+
+
+def rolling(x: float, speed: float, heading: float = 0.0) -> PoseEstimate:
+    return replace(pose(x, heading), twist=Twist2D(speed, 0.0, 0.0))
+
+
+def test_within_the_tolerance_it_stops_and_decides_at_rest() -> None:
     machine = driving()
-    assert ports(machine.step(seen(3.0, estimate=pose(3.79)))) == []
-    out = machine.step(seen(3.1, estimate=pose(3.81)))
-    assert result(out)[0] == "succeeded" and ports(out) == ["result", "drive"]
-    assert machine.is_idle
+    assert ports(machine.step(seen(3.0, estimate=rolling(3.79, 0.4), gate=DRIVES))) == []
+    assert ports(machine.step(seen(3.05, estimate=rolling(3.81, 0.4), gate=DRIVES))) == ["drive"]
+    assert ports(machine.step(seen(3.1, estimate=rolling(3.83, 0.4), gate=BRAKES))) == []
+    assert ports(machine.step(seen(3.5, estimate=rolling(3.9, 0.01), gate=STANDS))) == []  # it still rolls
+    out = machine.step(seen(3.55, estimate=rolling(3.9, 0.0), gate=STANDS))
+    assert result(out)[0] == "succeeded" and machine.is_idle
 
 
-def test_a_heading_is_turned_to_at_the_end() -> None:
+def stopped_at(machine: GoalMachine, time: float, x: float, heading: float = 0.0) -> list[tuple[str, Message]]:
+    """The step at rest, after one within the tolerance."""
+    machine.step(seen(time, estimate=rolling(3.9, 0.4, heading), gate=DRIVES))
+    return machine.step(seen(time + 0.5, estimate=pose(x, heading), gate=STANDS))
+
+
+def test_a_robot_that_rolled_past_the_goal_drives_on() -> None:
+    machine = driving()
+    assert ports(stopped_at(machine, 3.0, 4.21)) == ["plan"]  # 0.21 m past it, the tolerance is 0.2 m
+    machine.step(seen(3.6, estimate=pose(4.21), answer=path(3), gate=STANDS))
+    assert result(stopped_at(machine, 4.0, 4.19))[0] == "succeeded"
+
+
+def test_a_goal_that_is_missed_four_times_ends_stuck_with_the_distance() -> None:
+    machine = driving()
+    for number in range(3, 6):
+        assert ports(stopped_at(machine, float(number), 4.25)) == ["plan"]
+        machine.step(seen(number + 0.6, estimate=pose(4.25), answer=path(number), gate=STANDS))
+    assert result(stopped_at(machine, 6.0, 4.25)) == (
+        "stuck", "stopped 4 times at the goal, the last time 0.250 m off",
+    )  # fmt: skip
+
+
+def test_a_platform_that_never_comes_to_rest_does_not_hold_the_goal() -> None:
+    """The ramp from 0.5 m/s at 1 m/s² takes 0.5 s, a tick 0.05 s; after 1 s more the goal is decided as it is."""
+    machine = driving()
+    machine.step(seen(3.0, estimate=rolling(3.9, 0.4), gate=DRIVES))
+    assert ports(machine.step(seen(4.5, estimate=rolling(3.9, 0.1), gate=STANDS))) == []
+    assert result(machine.step(seen(4.6, estimate=rolling(3.9, 0.1), gate=STANDS)))[0] == "succeeded"
+
+
+def test_a_goal_reached_at_its_deadline_is_decided_at_rest() -> None:
+    machine = driving(replace(RULES, deadline=3.2))
+    assert result(stopped_at(machine, 3.1, 3.9))[0] == "succeeded"
+
+
+def test_a_heading_is_turned_to_at_the_end_and_looked_at_at_rest() -> None:
+    """The tolerance is 0.1 rad: the turn ends at 0.95 rad, and overshoots to 1.11 rad, so the robot turns back."""
     machine = driving(goal=replace(GOAL, heading=1.0))
-    (drive,) = [m for p, m in machine.step(seen(3.0, estimate=pose(3.9))) if p == "drive"]
+    (drive,) = [m for p, m in machine.step(seen(3.0, estimate=pose(3.9), gate=DRIVES)) if p == "drive"]
     assert drive.turn_to == 1.0 and drive.stop_here  # type: ignore[attr-defined]
-    assert ports(machine.step(seen(3.1, estimate=pose(3.9, heading=0.8)))) == []
-    assert result(machine.step(seen(3.2, estimate=pose(3.9, heading=0.95))))[0] == "succeeded"
+    assert ports(machine.step(seen(3.1, estimate=pose(3.9, heading=0.8), gate=DRIVES))) == []
+    (ended,) = [m for p, m in machine.step(seen(3.2, estimate=pose(3.9, heading=0.95), gate=DRIVES)) if p == "drive"]
+    assert ended.path_id == 0  # type: ignore[attr-defined]
+    (back,) = [m for p, m in machine.step(seen(3.7, estimate=pose(3.9, heading=1.11), gate=STANDS)) if p == "drive"]
+    assert back == drive
+    machine.step(seen(3.8, estimate=pose(3.9, heading=1.05), gate=DRIVES))
+    assert result(machine.step(seen(4.3, estimate=pose(3.9, heading=1.02), gate=STANDS)))[0] == "succeeded"
 
 
 @pytest.mark.parametrize(
@@ -291,8 +345,11 @@ def test_a_swapped_in_mapper_or_planner_means_a_new_plan() -> None:
 def test_a_waiting_mapper_gets_a_sweep() -> None:
     machine = driving()
     waiting = GateStatus("controller", "a", False, False, "", ("mapper other",))
-    out = machine.step(seen(3.0, gate=waiting))
-    assert ports(out) == ["drive", "sweep"] and machine.state == "mapping"
+    out = machine.step(seen(3.0, gate=waiting, estimate=rolling(1.0, 0.4)))
+    assert ports(out) == ["drive"] and machine.state == "mapping"
+    assert ports(machine.step(seen(3.2, gate=waiting, estimate=rolling(1.1, 0.2)))) == []  # it still brakes
+    stands = replace(waiting, source="none", stopped=True, reason="no_trajectory")
+    assert ports(machine.step(seen(3.6, gate=stands, estimate=pose(1.2)))) == ["sweep"]
 
 
 @pytest.mark.parametrize("state", ["idle", "recovering", "waiting"])
@@ -469,7 +526,8 @@ def test_at_the_end_of_its_path_beside_the_goal_it_plans_again_at_once() -> None
     assert beside_the_goal(machine, 4.0, 2) == ["plan"]
     out = machine.step(seen(4.1, estimate=pose(3.7), answer=path(3)))
     assert ports(out) == ["drive"] and machine.state == "driving"
-    assert result(machine.step(seen(5.0, estimate=pose(3.9), reference=reference(3, 0.1))))[0] == "succeeded"
+    machine.step(seen(5.0, estimate=pose(3.9), reference=reference(3, 0.1)))
+    assert result(machine.step(seen(5.2, estimate=pose(3.9), reference=reference(3, 0.1))))[0] == "succeeded"
 
 
 def test_a_robot_that_passes_the_end_of_its_path_or_is_stopped_there_has_not_missed_its_goal() -> None:

@@ -56,13 +56,26 @@ def trail(
     scalars: dict[str, Any] = {
         "outcome": "succeeded", "reason": "", "touches": 0, "recoveries": 0, "gate_stops": 0, "period": period,
         "optimal": 1.0, "goal_distance": 0.1, "limit": 100.0, "max_linear": 0.5, "max_deceleration": 1.0,
-        "reaction": 0.1,
+        "reaction": 0.1, "heading_error": 0.05,
     }  # fmt: skip
     return Trail(**{**arrays, **scalars, **more})
 
 
 def constant(value: float) -> Law:
     return lambda time: 0.0 * time + value
+
+
+def test_times_scores_and_spl_end_where_the_goal_was_reached_and_the_track_where_the_robot_stands() -> None:
+    """20 s at 0.5 m/s, reached after 18 s: 9 m of 10 m; the clock of BARN runs from 0.1 m, after 0.2 s."""
+    found = measure(trail(20.0, constant(0.5), optimal=7.2, arrived=18.0))
+    assert (found["time"], found["path_length"]) == (18.0, pytest.approx(10.0))
+    assert found["spl"] == pytest.approx(7.2 / 9.0)
+    assert found["barn_2_8"] == pytest.approx(3.6 / 17.8)
+
+
+def test_the_heading_error_is_that_of_the_trail() -> None:
+    assert measure(trail(1.0, constant(0.5)))["heading_error"] == 0.05
+    assert measure(trail(1.0, constant(0.5), heading_error=None))["heading_error"] is None
 
 
 def test_line() -> None:

@@ -27,7 +27,7 @@ from navloom.messages import (
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import measure
 from navloom.study.recorder import Recorder
-from navloom.study.trail import WayLengths, ways_of
+from navloom.study.trail import WayLengths, _truly, ways_of
 from toys import discovery, toy_config
 
 
@@ -84,6 +84,47 @@ def test_truth_decides_whether_a_robot_that_reports_success_has_arrived(tmp_path
     assert found["pose_error_max"] == pytest.approx(1.0) and summary["pose_error_m"]["rms"] == pytest.approx(1.0)
 
 
+def test_a_run_ends_when_the_robot_stands_and_its_time_when_it_came_within_the_tolerance(toy: Episode) -> None:
+    trail, summary = toy.trail, toy.summary()
+    away = np.hypot(trail.x - 3.0, trail.y)
+    first = float(trail.time[np.argmax(away <= 0.2)])
+    assert trail.arrived == first == measure(trail)["time"] == summary["sim_time_s"]
+    braking = trail.command_vx[trail.time >= first - 1e-9]
+    assert np.diff(braking).min() >= -0.05 - 1e-9 and braking[-1] == trail.vx[-1] == 0.0  # 1 m/s² · 0.05 s
+    assert trail.duration > first + 0.3
+
+
+@pytest.mark.parametrize(("wanted_deg", "tolerance_deg", "outcome"), [
+    (4.9, 5.0, "succeeded"), (9.9, 5.0, "succeeded"), (10.1, 5.0, "false_success"), (-27.0, 5.0, "false_success"),
+    (24.9, 20.0, "succeeded"), (25.1, 20.0, "false_success"), (1.9, 1.0, "succeeded"), (2.1, 1.0, "false_success"),
+])  # fmt: skip
+def test_truth_looks_at_the_heading_asked_for(
+    tmp_path: Path, wanted_deg: float, tolerance_deg: float, outcome: str
+) -> None:
+    """The robot believes that it has turned; its true heading is 0. The allowance is 5°, or a smaller tolerance."""
+    episode = run_episode(
+        toy_config(tmp_path, f"navigation.heading_tolerance_deg={tolerance_deg}"), discovery=discovery()
+    )
+    (number,) = episode.recorder.goals
+    wanted = math.radians(wanted_deg)
+    episode.recorder.goals[number] = replace(episode.recorder.goals[number], heading=wanted)
+    trail, found = episode.trail, measure(episode.trail)
+    assert trail.outcome == outcome
+    assert found["heading_error"] == episode.summary()["heading_error_rad"] == pytest.approx(abs(wanted))
+    assert (found["false_success"], episode.summary()["truly_reached"]) == (outcome != "succeeded", trail.succeeded)
+
+
+@pytest.mark.parametrize(("tolerance", "distance", "outcome"), [
+    (0.2, 0.299, "succeeded"), (0.2, 0.301, "false_success"),
+    (0.01, 0.019, "succeeded"), (0.01, 0.021, "false_success"),
+])  # fmt: skip
+def test_the_allowance_of_truth_is_0_1_m_but_no_more_than_the_tolerance(
+    tolerance: float, distance: float, outcome: str
+) -> None:
+    result = GoalResult(1, "succeeded", "", Point2D(0.0, 0.0))
+    assert _truly(result, distance, None, tolerance, 0.1)[0] == outcome
+
+
 def test_with_via_points_plan_and_shortest_way_are_of_all_legs(tmp_path: Path) -> None:
     """From the origin to 1.5 m, then to 3 m ahead: two plans; the last 0.2 m are tolerance."""
     episode = run_episode(toy_config(tmp_path, "navigation.via=[{ x = 1.5, y = 0.0 }]"), discovery=discovery())
@@ -103,7 +144,9 @@ def test_a_way_beside_the_straight_one_is_through_its_via_point(tmp_path: Path) 
 def test_no_robot_that_arrives_drives_less_than_the_shortest_way_to_the_tolerance(toy: Episode) -> None:
     summary = toy.summary()
     assert summary["optimal_to_tolerance_m"] <= summary["path_length_m"] < summary["optimal_length_m"]
-    assert summary["spl"] == pytest.approx(summary["optimal_to_tolerance_m"] / summary["path_length_m"])
+    to_goal = toy.trail.path_length_to_goal  # without the way on which it brakes
+    assert summary["optimal_to_tolerance_m"] <= to_goal < summary["path_length_m"]
+    assert summary["spl"] == pytest.approx(summary["optimal_to_tolerance_m"] / to_goal)
 
 
 def test_the_reference_length_is_the_world_s_for_the_world_s_own_task(toy: Episode) -> None:
@@ -121,7 +164,7 @@ def test_a_stop_by_the_gate_counts_from_the_tick_in_which_it_acts(tmp_path: Path
     events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 5.0\ndo = "resume"\n'
     trail = run_episode(toy_config(tmp_path, more=events), discovery=discovery()).trail
     stopped = trail.time[trail.stopped_by_gate]
-    assert stopped[0] == pytest.approx(2.0) and stopped[-1] == pytest.approx(4.95)
+    assert stopped[0] == pytest.approx(2.4) and stopped[-1] == pytest.approx(4.95)  # 0.4 m/s by 1 m/s²
     assert trail.gate_stops == 1 and trail.outcome == "succeeded"
     assert not trail.command_vx[trail.stopped_by_gate].any()
     assert measure(trail)["stopped_time"] == pytest.approx(3.0, abs=0.3)

@@ -49,6 +49,7 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         lambda role, instance, values: configure(system, role, instance, values),
         observers,
         trace,
+        system.braking,
     )
     may_wait = system.may_wait
     if may_wait:
@@ -90,7 +91,7 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "goal":
         return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)), system.catalogue.optional)
     if role == "reference":
-        return ReferenceNode.of(system.config, system.robot)
+        return ReferenceNode.of(system.config, system.robot, system.braking, system.goal_tolerance)
     if role == "gate":
         return GateNode(CommandGate(gate_limits(system), gate_monitor(system)), _selected(system), is_warm)
     return None
@@ -141,6 +142,7 @@ def goal_rules(system: System) -> GoalRules:
         deadline=system.time_limit,
         scans_on_request=system.scans_on_request,
         feedback_ticks=max(1, round(0.5 / run.period)),
+        braking=system.braking,
         replan=ReplanRules(
             rules.replan_when_blocked,
             rules.replan_period,

@@ -23,6 +23,7 @@ from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.inputs.assignments import assignments
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
+from navloom.navigation.approach import SLOWEST, least_tolerance
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles import Platform, RobotSpec, Role, SensorSpec
@@ -119,7 +120,15 @@ def _system(
     start, goal, tolerance = _task(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
-    return System(loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks)
+    system = System(loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks)
+    least = least_tolerance(system.braking)
+    if tolerance < least:
+        raise ConfigError(
+            f"navigation.goal_tolerance: is {tolerance:g} m, but this robot needs {least:.2g} m to stop from "
+            f"{SLOWEST:g} m/s, by run.period, robot.motor_lag, robot.dead_time and robot.max_deceleration: "
+            "expected at least that"
+        )
+    return system
 
 
 def stride_of(table: RoleTable, period: float) -> int:

@@ -19,8 +19,9 @@ from navloom.engine.nodes.operator import OperatorNode
 from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
-from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
+from navloom.messages import Envelope, GateStatus, GoalResult, Message, Odometry, OperatorRequest, Selection, StepRecord
 from navloom.navigation.stop_reasons import is_at_rest
+from navloom.navigation.stopping import Braking, Ending
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
@@ -103,6 +104,7 @@ class Lockstep:
         configure: Changes parameters for `set`: (role, instance, assignments).
         observers: Receive messages and step records.
         trace: Receives the active nodes' messages.
+        braking: How the robot comes to rest, which the end of a run waits for.
 
         Attributes:
             inspector: Runs and inspects the steps of some ticks; None for no inspection.
@@ -117,6 +119,7 @@ class Lockstep:
         configure: Callable[[str, str, tuple[str, ...]], None],
         observers: Sequence[Observer] = (),
         trace: TraceWriter | None = None,
+        braking: Braking | None = None,
     ) -> None:
         self.catalogue = catalogue
         self.steppers = list(steppers)
@@ -125,6 +128,7 @@ class Lockstep:
         self.configure = configure
         self.trace = trace or TraceWriter()
         self.log = RunLog()
+        self._ending = Ending(braking or Braking(period=period), max(self.requests, default=0), period)
         self._by_name = {(one.role, one.name): one for one in self.steppers}
         self._active = {one.role: one for one in self.steppers if one.active}
         self._delayed = [one for one in self.steppers if one.delay]
@@ -165,9 +169,12 @@ class Lockstep:
         return waiting_words(found[0].role, found[0].name, found[0].lacks) if found else ""
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
-        """Run until the last goal has ended, but at most this many ticks. `progress` receives the newest tick."""
+        """Run until the last goal has ended and the robot stands, but at most this many ticks.
+
+        `progress` receives the newest tick.
+        """
         started, told = perf_counter_ns(), 0
-        last_request = max(self.requests, default=0)
+        odometry = self._active["platform"].slots["odometry"]
         try:
             for number in range(ticks):
                 before = perf_counter_ns()
@@ -179,7 +186,8 @@ class Lockstep:
                 if progress is not None and now - told >= TELL_NS:
                     told = now
                     progress(number)
-                if self._goal.machine.is_idle and number >= last_request + 1:
+                measured = odometry.message.twist if isinstance(odometry.message, Odometry) else None
+                if self._ending.is_over(number, self._goal.machine.is_idle, self.gate.gate.is_moving, measured):
                     break
         finally:
             self.trace.flush()

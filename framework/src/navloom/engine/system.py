@@ -14,6 +14,7 @@ from navloom.engine.parts import Part
 from navloom.engine.ports import NodeSpec
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D
+from navloom.navigation.stopping import Braking
 from navloom.roles import ROLES, RobotSpec, Role, SensorSpec
 
 __all__ = ["System"]
@@ -61,6 +62,24 @@ class System:
         authored = self.world.time_limit if self.world is not None else None
         stop_after = self.config.run.stop_after
         return stop_after if authored is None else min(stop_after, authored)
+
+    @property
+    def longest_run(self) -> int:
+        """Most ticks of a run: up to its time limit, and until a robot that then drives stands."""
+        return math.ceil(round((self.time_limit + 2.0 * self.braking.patience) / self.config.run.period, 6)) + 2
+
+    @property
+    def braking(self) -> Braking:
+        """How the robot comes to rest."""
+        robot = self.robot
+        return Braking(
+            robot.max_deceleration,
+            self.config.run.period,
+            robot.motor_lag,
+            robot.dead_time,
+            robot.max_linear,
+            robot.max_angular_acceleration,
+        )
 
     @property
     def true_start(self) -> Pose2D:

@@ -14,9 +14,22 @@ from navloom.live.cell import Source
 from navloom.live.cells import all_sources
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.switchboard import Switchboard
-from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, OperatorRequest, PortMark, Selection
+from navloom.messages import (
+    Command,
+    Envelope,
+    Feedback,
+    GateStatus,
+    GoalResult,
+    Message,
+    Odometry,
+    OperatorRequest,
+    PortMark,
+    Selection,
+    Twist2D,
+)
 from navloom.messages.codec import schema_label
 from navloom.messages.steps import StepReport
+from navloom.navigation.stopping import Ending
 from navloom.transport.keyspace import STEP
 
 __all__ = ["BarrierError", "Conductor"]
@@ -71,18 +84,19 @@ class Conductor:
         self._check = check
         self._chosen = {role: system.config.role_table(role).instance for role in system.config.roles}
         self._selection: Selection | None = None
-        self._idle = True
+        self._idle, self._is_commanded = True, False
+        self._measured: Twist2D | None = None
         self._moved_at = 0.0
         self._reported = 0
         self._tick = 0
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
-        """Run until the last goal has ended, but at most this many ticks.
+        """Run until the last goal has ended and the robot stands, but at most this many ticks.
 
         Raises:
             BarrierError: A node that should have reported did not.
         """
-        last_request = max(self.requests, default=0)
+        ending = Ending(self.system.braking, max(self.requests, default=0), self.system.config.run.period)
         began = time.perf_counter_ns()
         self._moved_at = time.monotonic()
         self._let_begin(0)
@@ -94,7 +108,7 @@ class Conductor:
             self.log.tick_ns.append(time.perf_counter_ns() - before)
             if progress is not None and number % 16 == 0:
                 progress(number)
-            if self._idle and number >= last_request + 1:
+            if ending.is_over(number, self._idle, self._is_commanded, self._measured):
                 break
         self.log.wall_ns = time.perf_counter_ns() - began
         self.log.ticks = len(self.log.tick_ns)
@@ -154,6 +168,10 @@ class Conductor:
             self.log.results.append(message)
         elif isinstance(message, Feedback):
             self._idle = message.goal_id == 0
+        elif isinstance(message, Odometry):
+            self._measured = message.twist
+        elif isinstance(message, Command) and role == "gate":
+            self._is_commanded = message.twist.vx != 0.0 or message.twist.wz != 0.0
 
     def _while_waiting(self) -> None:
         self._check()

@@ -206,7 +206,8 @@ class GateStatus(Message):
         instance: Name of its instance; empty for none.
         stopped: The gate commands zero.
         latched: The stop stays until `resume`.
-        reason: Why it is stopped (`operator`, `no_trajectory`, `stale: …`, …); empty while driving.
+        reason: Why it is stopped, or brakes to a stop (`operator`, `no_trajectory`, `stale: …`, …); empty while a
+            source drives.
         pending: "role instance" of swaps that wait for the instance to warm up, sorted by role.
         share: Share of the command that passes when the monitor slows the robot; 1 for all of it.
         limit: Why the monitor slows or stops the robot: an `obstacle`, or `unseen` space; empty for no reason;

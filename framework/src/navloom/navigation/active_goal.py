@@ -20,7 +20,8 @@ MISSED = 1.0
 END = 0.01
 """Remaining length of a trajectory at which the robot counts as being at its end, m."""
 MISSES = 3
-"""How often a goal or via point may be missed like this before it counts as no progress."""
+"""How often a goal or via point may be missed like this before it counts as no progress; also how often a robot that
+stopped at the goal, and is not within its tolerances at rest, drives on."""
 PROGRESS = 0.05
 """Decrease of the remaining length that counts as progress, m."""
 
@@ -41,7 +42,8 @@ class ActiveGoal:
         free_at: When the gate last did not stop the robot for an obstacle, s.
         first_path: Number of the first path of this drive; references of older paths are ignored.
         ended_at: When the robot reached the end of its trajectory, s; None before.
-        misses: How often it was at the end of a trajectory, but not at the goal or via point.
+        misses: How often it was at the end of a trajectory, but not at the goal or via point, or stopped at the goal
+            outside its tolerances.
         asked_ns: Stamp from which on a map answers the newest request for one, ns.
         plan_id: Number of the newest request for a path.
         asked: Port and message of the newest request.
@@ -78,6 +80,26 @@ class ActiveGoal:
         self.best, self.has_driven = math.inf, True
         self.moved_at = self.followed_at = self.free_at = time
         self.first_path, self.ended_at = path_id, None
+
+    def distance(self, pose: Pose2D) -> float:
+        """Distance from the next point to be reached, m."""
+        return math.hypot(self.legs[0].x - pose.x, self.legs[0].y - pose.y)
+
+    def seen_from(self, pose: Pose2D) -> tuple[float, float]:
+        """How far the next point to be reached is ahead and to the left of the robot, m."""
+        dx, dy = self.legs[0].x - pose.x, self.legs[0].y - pose.y
+        cos, sin = math.cos(pose.heading), math.sin(pose.heading)
+        return cos * dx + sin * dy, cos * dy - sin * dx
+
+    def heading_error(self, pose: Pose2D) -> float:
+        """Difference from the heading asked for at the goal, rad; 0 for none."""
+        wanted = self.goal.heading
+        return 0.0 if wanted is None else abs(math.remainder(wanted - pose.heading, math.tau))
+
+    def off_by(self, pose: Pose2D) -> str:
+        """How far the robot is from the goal, in words."""
+        turned = f" and {math.degrees(self.heading_error(pose)):.1f}°" if self.goal.heading is not None else ""
+        return f"{self.distance(pose):.3f} m{turned}"
 
     def change_path(self, time: float) -> None:
         """Another path is taken without a stop."""

@@ -1,15 +1,21 @@
-"""The command gate: the last decision before the wheels. Pure: time and messages are handed in."""
+"""The command gate: the last decision before the wheels. Pure: time and messages are handed in.
+
+An ordinary stop (`ORDINARY`) is a ramp: the speed falls by the robot's limits along the curvature of the last command,
+and the collision monitor checks each step of it. Any other stop is a step to zero: contact, silence of the platform or
+a sensor, a stale, missing or outdated command of the source that drives, a missing node, and the end of the gate's own
+process. The monitor may order zero at any time.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
-from navloom.navigation.stop_reasons import LEFT, OBSTACLE, RIVALS, WAITING
+from navloom.navigation.stop_reasons import LEFT, OBSTACLE, ORDINARY, RIVALS, WAITING
 
 __all__ = ["STOPPED", "CommandGate", "GateLimits", "Offer", "Sensed"]
 
@@ -86,6 +92,7 @@ class CommandGate:
         self.monitor = monitor
         self.speed, self.turn = 0.0, 0.0
         self.enters_unseen = False
+        self._driver, self._ramp = "none", ""
         self._operator_stop = False
         self._contact = False
         self._last: tuple[tuple[Any, ...], GateStatus] | None = None
@@ -101,9 +108,12 @@ class CommandGate:
 
     def fault(self, sensed: Sensed) -> str:
         """Why no source is allowed to drive; empty if one is."""
+        hindrance = self._hindrance(sensed)
+        return "operator" if self._operator_stop else hindrance
+
+    def _hindrance(self, sensed: Sensed) -> str:
+        """Contact or silence, which forbid a ramp too; empty for neither."""
         self._contact = self._contact or sensed.touching
-        if self._operator_stop:
-            return "operator"
         if self._contact:
             return "contact"
         if sensed.is_silent:
@@ -112,6 +122,20 @@ class CommandGate:
             if sensed.platform_ns - stamp > self.limits.sensor_timeout_ns:
                 return f"silent: sensor {name}"
         return ""
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the last command was not zero."""
+        return self.speed != 0.0 or self.turn != 0.0
+
+    def ramps(self, reason: str, sensed: Sensed) -> bool:
+        """Whether a stop for this reason, from `choose`, is a ramp."""
+        return (
+            self.is_moving
+            and reason.startswith(ORDINARY)
+            and not self._hindrance(sensed)
+            and not self._absent(self._driver, sensed)
+        )
 
     @property
     def has_contact(self) -> bool:
@@ -142,7 +166,11 @@ class CommandGate:
             if found is not None:
                 source, offer = role, found
                 break
-        reason = self.fault(sensed) or self._refusal(source, offer, offers, sensed, epoch)
+        fault = self.fault(sensed)
+        reason = fault or self._refusal(source, offer, offers, sensed, epoch)
+        is_braking = self._ramp and self.is_moving and not fault and not self._absent(self._driver, sensed)
+        if reason and is_braking and not reason.startswith(ORDINARY):
+            reason = self._ramp  # a source that does not drive yet, as at the start of the next goal, is no fault
         return source, offer, reason
 
     def decide(
@@ -158,8 +186,11 @@ class CommandGate:
             pending: Pending swaps.
         """
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
+        if self.ramps(reason, sensed):
+            return self._slow_down(reason, sensed, pending)
         if reason or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
+        self._driver, self._ramp = source, ""
         speed, monitor = self.speed, self.monitor
         limited = self._limit(offer.twist)
         if monitor is None:
@@ -171,13 +202,30 @@ class CommandGate:
 
     def look_again(self, status: GateStatus, time: float) -> tuple[Twist2D, GateStatus] | None:
         """Slow down or stop for scans after the last command; None if it is still free. `time` is run time, s."""
-        if self.monitor is None or status.stopped:
+        if self.monitor is None or not self.is_moving:
             return None
         verdict = self.monitor.judge(Twist2D(self.speed, 0.0, self.turn), self.speed, time)
         if not verdict.kind:
             return None
         self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+        if self._ramp:
+            return verdict.twist, self._braking(verdict, status.pending)
         return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
+
+    def _slow_down(self, reason: str, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
+        """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
+        self._ramp, speed = reason, self.speed
+        slower = math.copysign(max(0.0, abs(speed) - self.limits.deceleration * self.limits.period), speed)
+        verdict = Verdict(self._limit(Twist2D(slower, 0.0, self.turn * slower / speed if speed else 0.0)))
+        if self.monitor is not None:
+            verdict = self.monitor.judge(verdict.twist, speed, sensed.platform_ns * 1e-9)
+            self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+        return verdict.twist, sensed.platform_ns, self._braking(verdict, pending)
+
+    def _braking(self, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
+        """The status during a ramp, with the monitor's verdict."""
+        limited = self._status("none", "", verdict, pending)
+        return replace(limited, stopped=not self.is_moving, latched=self.is_latched, reason=self._ramp)
 
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
         """The status of a driving source with the monitor's verdict, rounded so that noise alone does not change it."""
@@ -205,7 +253,7 @@ class CommandGate:
 
     def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
         """Forget the speed, and return a status in which no source drives."""
-        self.speed, self.turn = 0.0, 0.0
+        self.speed, self.turn, self._ramp = 0.0, 0.0, ""
         return GateStatus("none", "", True, self.is_latched, reason, tuple(pending))
 
     def _refusal(
@@ -213,7 +261,8 @@ class CommandGate:
     ) -> str:
         """Why an offer is refused: nothing to drive, a stale or missing part of the chain, or an older selection."""
         if offer is None:
-            return f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory"
+            absent = self._absent(self._driver, sensed) if self.is_moving else ""
+            return absent or (f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory")
         if sensed.gone and source != "operator":
             return sensed.gone if sensed.gone.startswith(RIVALS) else f"gone: {sensed.gone}"
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
@@ -228,6 +277,12 @@ class CommandGate:
         if offer.epoch < epoch and source != "operator":
             return f"old_selection: {source} {offer.instance}"
         return ""
+
+    def _absent(self, driver: str, sensed: Sensed) -> str:
+        """A missing node or a late goal node as a reason; empty for neither, or if an operator drives."""
+        if driver == "operator":
+            return ""
+        return f"gone: {sensed.gone}" if sensed.gone else f"stale: {sensed.late}" if sensed.late else ""
 
     def _limit(self, twist: Twist2D) -> Twist2D:
         limits = self.limits

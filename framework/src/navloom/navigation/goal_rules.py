@@ -17,6 +17,7 @@ from navloom.messages import (
     Trajectory,
 )
 from navloom.navigation.replanning import ReplanRules
+from navloom.navigation.stopping import Braking
 
 __all__ = ["GoalRules", "GoalView"]
 
@@ -32,6 +33,7 @@ class GoalRules:
         max_recoveries: Most recoveries for one goal.
         map_timeout, plan_timeout: How long to wait for a map or a plan, s.
         deadline: Run time at which a goal times out, s; live, how long a goal may take, s.
+        braking: How the robot comes to rest.
         is_live: The run has no end of its own, and messages can be lost.
         replan: Rules for replanning while driving.
         scans_on_request: The mapper depends on stop-and-scan sweeps, which must be requested.
@@ -47,6 +49,7 @@ class GoalRules:
     deadline: float
     scans_on_request: bool
     feedback_ticks: int
+    braking: Braking = field(default_factory=Braking)
     is_live: bool = False
     replan: ReplanRules = field(default_factory=ReplanRules)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from navloom.messages import (
@@ -20,6 +19,7 @@ from navloom.messages import (
     SweepRequest,
 )
 from navloom.navigation.active_goal import ActiveGoal, feedback_of
+from navloom.navigation.arrival import Arrival
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
 
@@ -58,6 +58,7 @@ class GoalMachine:
         self._out: list[tuple[str, Message]] = []
         self._replanning = Replanning(rules.replan)
         self._placed_ns = 0
+        self._arrival = Arrival(rules)
 
     @property
     def is_idle(self) -> bool:
@@ -137,10 +138,11 @@ class GoalMachine:
     def step(self, seen: GoalView) -> list[tuple[str, Message]]:
         """Advance the active goal by one tick, and return the messages to publish."""
         active = self._active
+        self._arrival.look(seen)
         if active is not None and seen.estimate is not None:
             if seen.gate is not None and seen.gate.reason == "contact":
                 self._finish("collision", "the robot touched something", seen)
-            elif seen.time >= active.deadline:
+            elif seen.time >= active.deadline and self._arrival.since is None:
                 stopped = seen.gate is not None and seen.gate.latched
                 self._finish(
                     "stopped" if stopped else "timeout",
@@ -159,7 +161,9 @@ class GoalMachine:
     # --- the states -----------------------------------------------------------------------------------------------
 
     def _while_mapping(self, active: ActiveGoal, seen: GoalView) -> None:
-        if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
+        if self._scan is not None and active.asked is None:
+            self._ask_scan(active, self._scan[0], seen)
+        elif seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
         elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
             self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
@@ -184,10 +188,8 @@ class GoalMachine:
 
     def _while_driving(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
-        pose = seen.estimate.pose
-        target = active.legs[0]
-        if math.hypot(target.x - pose.x, target.y - pose.y) <= self.rules.tolerance or self._drive.stop_here:
-            self._arrive(active, pose, seen)
+        if self._arrival.is_due(active, self._drive, seen):
+            self._arrive(active, seen.estimate.pose, seen)
             return
         path_id = self._drive.path_id
         said = seen.avoider if seen.avoider is not active.avoider else None
@@ -268,7 +270,7 @@ class GoalMachine:
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
         self._set_drive(NO_DRIVE)
-        active.since = seen.time
+        active.since, self._arrival.since = seen.time, None
         self.state = state
 
     def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
@@ -278,15 +280,15 @@ class GoalMachine:
         """
         active = self._active
         assert active is not None
-        active.since, active.asked_ns, active.asked = seen.time, 0, None
+        active.since, active.asked_ns, active.asked, self._arrival.since = seen.time, 0, None, None
         if self.rules.scans_on_request and not self._has_scanned:
             self._has_scanned = True
             self._requests += 1
             self._scan = SweepRequest(self._requests), seen.time_ns
         if self._scan is not None:  # of this goal, or of an earlier one that received no map
             self._set_drive(NO_DRIVE)
-            request, active.asked_ns = self._scan
-            self._ask(active, "sweep", request, seen)
+            active.asked_ns = self._scan[1]
+            self._ask_scan(active, self._scan[0], seen)
         elif is_cleared:
             self._set_drive(NO_DRIVE)
             active.asked_ns = seen.time_ns
@@ -295,8 +297,13 @@ class GoalMachine:
             return
         self.state = "mapping"
 
+    def _ask_scan(self, active: ActiveGoal, request: SweepRequest, seen: GoalView) -> None:
+        """Request a sweep once the robot stands."""
+        if self._arrival.is_at_rest(active.since, seen):
+            self._ask(active, "sweep", request, seen)
+
     def _ask_plan(self, active: ActiveGoal, seen: GoalView) -> None:
-        self._scan = None
+        self._scan, self._arrival.since = None, None
         self._request_plan(active, seen)
         self.state = "planning"
 
@@ -330,15 +337,13 @@ class GoalMachine:
             active.misses = 0
             self._ask_plan(active, seen)
             return
-        wanted = active.goal.heading
-        off = 0.0 if wanted is None else abs(math.remainder(wanted - pose.heading, math.tau))
-        if off <= self.rules.heading_tolerance:
-            self._finish("succeeded", "the goal was reached", seen)
-        elif not self._drive.stop_here:
-            self._set_drive(replace(self._drive, turn_to=wanted, stop_here=True))
-            active.moved_at = seen.time
-        elif seen.time - active.moved_at > self.rules.stuck_after:
-            self._finish("stuck", "the heading asked for was not reached", seen)
+        move = self._arrival.step(active, pose, self._drive, seen)
+        if move.drive is not None:
+            self._set_drive(move.drive)
+        if move.plans:
+            self._ask_plan(active, seen)
+        elif move.outcome:
+            self._finish(move.outcome, move.reason, seen)
 
     def _recover(self, active: ActiveGoal, why: str, seen: GoalView) -> None:
         if active.recoveries >= self.rules.max_recoveries:
@@ -381,7 +386,7 @@ class GoalMachine:
         self._out.append(("result", GoalResult(active.goal.goal_id, outcome, reason, place)))  # type: ignore[arg-type]
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
-        self._active = None
+        self._active, self._arrival.since = None, None
         self.state = "idle"
         self._set_drive(NO_DRIVE)
 

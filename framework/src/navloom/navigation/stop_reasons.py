@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "RIVALS", "WAITING", "is_at_rest"]
+__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "ORDINARY", "RIVALS", "WAITING", "is_at_rest"]
 
 OBSTACLE = "obstacle"
 """Reason of a stop for an obstacle ahead."""
@@ -12,6 +12,10 @@ LEFT = "stale: operator"
 """Beginning of the reason while a driving operator is silent: no other source drives until `resume`."""
 WAITING = "waits: "
 """Beginning of the reason while a node of the chain waits for the first message of an input."""
+ORDINARY = ("operator", "no_trajectory", WAITING)
+"""Beginnings of the reasons of ordinary stops: an operator's stop, and nothing to drive. The latter covers a goal that
+was reached, cancelled or ended in any other way, a drive that pauses or waits for a new plan, and an operator who
+releases the robot."""
 RIVALS = "rivals: "
 """Beginning of the reason while two processes publish one of the streams that the gate decides on."""
 HIDING = ("silent: platform", "silent: sensor")

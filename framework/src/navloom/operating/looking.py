@@ -6,6 +6,7 @@ import contextlib
 import difflib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -200,6 +201,8 @@ def who_drives(status: GateStatus, feedback: Feedback | None = None, result: Goa
     """The source that drives the robot, or why it is stopped, in a few words; see `why_stopped`."""
     if status.stopped:
         return f"stopped: {why_stopped(status, feedback, result)[0]}"
+    if status.source == "none":
+        return f"brakes: {why_stopped(replace(status, stopped=True), feedback, result)[0]}"
     who = "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
     if status.limit == "overridden":
         return f"{who}, also into space that no sensor has seen"

@@ -193,7 +193,8 @@ class _Runner:
         self.sensors = {
             spec.role: [one.name for one in spec.inputs if one.name.startswith("scan.")] for spec in self.system.specs
         }
-        self.reference = ReferenceNode.of(self.config, self.system.robot)
+        system = self.system
+        self.reference = ReferenceNode.of(self.config, system.robot, system.braking, system.goal_tolerance)
         self.result = LogReplay()
         if "avoider" in roles:
             name = self.config.avoider.instance

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import IO
@@ -64,7 +63,7 @@ def run_barrier(
             system, board, schedule(loaded.config, system.goal), [recorder, *shown], TraceWriter(trace), check
         )
         board.connect()
-        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+        ticks = system.longest_run
         tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
         log = conductor.run(ticks, tell)
         return Episode(system, log, recorder, warnings=LiveWarnings(robot.bus, robot.keys).look())

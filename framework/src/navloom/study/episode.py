@@ -68,6 +68,7 @@ class Episode:
     def summary(self) -> dict[str, Any]:
         """The object that `run --json` prints. SI units, or ms and µs if the name says so."""
         log, recorder, result, trail = self.log, self.recorder, self.result, self.trail
+        last = (log.ticks - 1) * self.system.config.run.period
         errors = {name: measure(trail) for name, measure in POSE_ERRORS.items()}
         tick_us = np.array(log.tick_ns) * 1e-3
         cross = np.abs(np.array(recorder.cross_tracks))
@@ -77,7 +78,7 @@ class Episode:
             "config_sha256": self.system.loaded.sha256(),
             "trace_sha256": log.trace_sha256 or None,
             "seed": self.system.config.run.seed,
-            "sim_time_s": round((log.ticks - 1) * self.system.config.run.period, 9),
+            "sim_time_s": round(last if trail.arrived is None else trail.arrived, 9),
             "wall_s": log.wall_ns * 1e-9,
             "ticks": log.ticks,
             "tick_us": {"p50": float(np.percentile(tick_us, 50)), "p99": float(np.percentile(tick_us, 99))},
@@ -87,6 +88,7 @@ class Episode:
             "optimal_to_tolerance_m": trail.optimal,
             "truly_reached": trail.succeeded if trail.has_truth and trail.goal_distance is not None else None,
             "goal_error_m": trail.goal_distance if trail.has_truth else None,
+            "heading_error_rad": trail.heading_error,
             "pose_error_m": None if errors["rms"] is None else errors,
             "spl": measures.spl(trail),
             "min_clearance_m": recorder.min_clearance,
@@ -151,7 +153,7 @@ def run_episode(
             beside += onlookers.begin(run_info(loaded, "lockstep"))
         executor = lockstep_of(system, beside, TraceWriter(trace))
         run = loaded.config.run
-        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+        ticks = system.longest_run
         tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
         executor.inspector = StepInspector(found, looks_at)
         log = executor.run(ticks, tell)

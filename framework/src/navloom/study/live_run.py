@@ -228,7 +228,7 @@ class LiveRun:
             if self._ended or (self.feedback is not None and self.feedback.goal_id):
                 idle_since = time.monotonic()
             self._tell_ended(client, tell)
-            if until_idle and not requests and time.monotonic() - idle_since > QUIET:
+            if until_idle and not requests and self._has_come_to_rest(time.monotonic() - idle_since):
                 return
         self._take()
         if self.feedback is not None and self.feedback.goal_id:
@@ -236,6 +236,11 @@ class LiveRun:
         if is_ours:
             self._give_up(robot.keys.prefix)
         self._tell_ended(client, tell)
+
+    def _has_come_to_rest(self, idle: float) -> bool:
+        """Whether a robot without a goal for this long, s, may end: it no longer brakes, or never comes to rest."""
+        brakes = self.status is not None and self.status.source == "none" and not self.status.stopped
+        return idle > (QUIET + self.system.braking.patience if brakes else QUIET)
 
     def _patience(self, requests: Sequence[tuple[int, Any]], first: int | None, tick: int) -> float:
         """Time until the next poll, s: short enough not to miss the tick of the config's next request by many."""

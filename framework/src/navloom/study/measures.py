@@ -34,6 +34,7 @@ __all__ = [
     "gate_limits",
     "gate_stops",
     "goal_distance",
+    "heading_error",
     "integrated_jerk",
     "path_length",
     "pose_error_max",
@@ -101,7 +102,7 @@ def spl(trail: Trail) -> float | None:
     optimal = _optimal(trail)
     if optimal is None or _is_untold(trail):
         return None
-    return optimal / max(trail.path_length, optimal) if trail.succeeded else 0.0
+    return optimal / max(trail.path_length_to_goal, optimal) if trail.succeeded else 0.0
 
 
 def barn_2_8(trail: Trail) -> float | None:
@@ -118,7 +119,7 @@ def time_to_goal(trail: Trail) -> float | None:
     """Time from the start of the run to the goal, s. A failure counts as the limit, so that giving up is not fast."""
     if _is_untold(trail):
         return None
-    return trail.duration if trail.succeeded else trail.limit
+    return round(trail.end - float(trail.time[0]), 9) if trail.succeeded else trail.limit
 
 
 def path_length(trail: Trail) -> float | None:
@@ -129,6 +130,11 @@ def path_length(trail: Trail) -> float | None:
 def goal_distance(trail: Trail) -> float | None:
     """Distance to the goal at the end, m."""
     return trail.goal_distance
+
+
+def heading_error(trail: Trail) -> float | None:
+    """Difference between the final heading and the one asked for, rad."""
+    return trail.heading_error
 
 
 def clearance_min(trail: Trail) -> float | None:
@@ -266,7 +272,7 @@ def _barn(trail: Trail, low: float, high: float) -> float | None:
 
 
 def _moving_time(trail: Trail) -> float:
-    """AT, s: from the time when the robot was first 0.1 m from its start to the end; 0 if it never was."""
+    """AT, s: from when the robot was first 0.1 m from its start until it reached the goal; 0 if it never was."""
     if not trail.time.size:
         return 0.0
     away = np.hypot(trail.x - trail.x[0], trail.y - trail.y[0])
@@ -274,7 +280,7 @@ def _moving_time(trail: Trail) -> float:
     if first == 0:
         return 0.0
     began = np.interp(CLOCK_STARTS, away[first - 1 : first + 1], trail.time[first - 1 : first + 1])
-    return float(trail.time[-1] - began)
+    return max(0.0, trail.end - float(began))
 
 
 def _known(values: Floats) -> Floats:

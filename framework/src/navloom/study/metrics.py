@@ -118,8 +118,8 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "spl", "1", "higher", measures.spl,
-        "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, with the shortest path up "
-        "to the goal's tolerance. Undefined if no shortest path is known.",
+        "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, both up to the goal's "
+        "tolerance. Undefined if no shortest path is known.",
         SHARE,
     ),
     Metric(
@@ -135,7 +135,8 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "time", "s", "lower", measures.time_to_goal,
-        "Time from the start of the run to the goal; a failed episode counts with the longest time it was allowed.",
+        "Time from the start of the run until the robot last came within the goal's tolerances; a failed episode "
+        "counts with the longest time it was allowed.",
         NOT_NEGATIVE,
     ),
     Metric(
@@ -211,8 +212,8 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "false_success", "1", "lower", measures.false_success,
-        "1 if the robot reported that it had arrived and was further from the goal than its tolerance plus 0.1 m. "
-        "Undefined without ground truth.",
+        "1 if the robot reported that it had arrived, and was further from the goal or from the heading asked for than "
+        "the tolerance plus 0.1 m or 5°, or than twice a smaller tolerance. Undefined without ground truth.",
         SHARE, is_share=True,
     ),
     Metric(
@@ -233,6 +234,11 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "gate_limits", "1", "lower", measures.gate_limits,
         "Number of times the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "heading_error", "rad", "lower", measures.heading_error,
+        "Difference between the final heading and the one asked for. Undefined if none was, or without ground truth.",
         NOT_NEGATIVE,
     ),
 )  # fmt: skip

@@ -14,6 +14,7 @@ from navloom.messages import (
     Command,
     Envelope,
     GateStatus,
+    Goal,
     HandOver,
     MapUpdate,
     Message,
@@ -55,7 +56,8 @@ class Recorder:
         known: The newest known map that it publishes beside that one.
         recoveries: Number of recovery attempts.
         estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
-        goals: (x m, y m) of each goal by its number.
+        goals: Each goal by its number.
+        given_at: Time at which each of them was given, s, by its number.
         legs: Number of legs of the first goal: one more than its `via` points.
         asked: Goal (x m, y m) of each plan request, by the number of the request.
     """
@@ -95,7 +97,8 @@ class Recorder:
     known: OccupancyGrid | None = None
     recoveries: int = 0
     estimates: list[tuple[float, float, float, float]] = field(default_factory=list)
-    goals: dict[int, tuple[float, float]] = field(default_factory=dict)
+    goals: dict[int, Goal] = field(default_factory=dict)
+    given_at: dict[int, float] = field(default_factory=dict)
     legs: int = 1
     asked: dict[int, tuple[float, float]] = field(default_factory=dict)
     _touching: bool = False
@@ -130,7 +133,7 @@ class Recorder:
         goal = request.goal
         if goal is not None:
             self.legs = self.legs if self.goals else len(goal.via) + 1
-            self.goals[goal.goal_id] = (goal.x, goal.y)
+            self.goals[goal.goal_id], self.given_at[goal.goal_id] = goal, time
 
     def _keep_command(self, command: Command, time: float) -> None:
         self.commands.append((time, command.twist.vx, command.twist.wz))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.overlap import overlap_depth
 from navloom.geometry.world import Place, World
-from navloom.messages import GoalResult
+from navloom.messages import Goal, GoalResult
 
 if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
@@ -29,7 +29,10 @@ Bools = NDArray[np.bool_]
 FALSE_SUCCESS = "false_success"
 """Outcome of an episode whose robot reported that it had arrived but had not."""
 TRUTH_MARGIN = 0.1
-"""Margin beyond the goal's tolerance within which the true position still counts as arrived, m."""
+"""Margin beyond the goal's tolerance within which the true position still counts as arrived, m, but no more than the
+tolerance itself."""
+HEADING_MARGIN = math.radians(5.0)
+"""The same for the heading asked for, rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,9 @@ class Trail:
         gate_limits: Number of times the gate's monitor began to slow or stop the robot.
         reference: Reference length of the BARN scores, m: the world's `reference_length`, else the shortest path to the
             goal itself; None means `optimal`.
+        heading_error: Difference between the final heading and the one asked for, rad; None if none was.
+        arrived: When the robot last came within the tolerances of a goal that it reached, by its own estimate, s; it
+            then brakes until it stands. None means the last tick.
     """
 
     time: Floats
@@ -95,6 +101,8 @@ class Trail:
     pose_error: Floats = field(default_factory=lambda: np.empty(0))
     gate_limits: int = 0
     reference: float | None = None
+    heading_error: float | None = None
+    arrived: float | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -112,9 +120,20 @@ class Trail:
         return round(float(self.time[-1] - self.time[0]), 9) if self.time.size else 0.0
 
     @property
+    def end(self) -> float:
+        """When the goal was reached, else the last tick, s; needs a tick."""
+        return float(self.time[-1]) if self.arrived is None else self.arrived
+
+    @property
     def path_length(self) -> float:
         """Distance driven, m: the sum of the chords between ticks."""
         return float(np.hypot(np.diff(self.x), np.diff(self.y)).sum())
+
+    @property
+    def path_length_to_goal(self) -> float:
+        """Distance driven until `end`, m."""
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))])
+        return float(np.interp(self.end, self.time, way)) if self.time.size else 0.0
 
 
 def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult) -> Trail:
@@ -129,9 +148,14 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     commands = np.array(recorder.commands, dtype=np.float64).reshape(-1, 3)
     references = np.array(recorder.reference_times, dtype=np.float64)
     end = (truth[-1, 1], truth[-1, 2]) if len(truth) else (result.place.x, result.place.y)
-    goal = recorder.goals.get(result.goal_id) or (None if system.goal is None else (system.goal.x, system.goal.y))
-    goal_distance = None if goal is None else math.hypot(goal[0] - end[0], goal[1] - end[1])
-    outcome, reason = _truly(result, goal_distance if len(truth) else None, system.goal_tolerance)
+    goal = recorder.goals.get(result.goal_id) or _goal_of(system)
+    goal_distance = None if goal is None else math.hypot(goal.x - end[0], goal.y - end[1])
+    heading_error = _turned(goal, float(truth[-1, 3])) if goal is not None and len(truth) else None
+    tolerances = system.goal_tolerance, math.radians(config.navigation.heading_tolerance_deg)
+    outcome, reason = _truly(result, goal_distance if len(truth) else None, heading_error, *tolerances)
+    arrived = None
+    if outcome == "succeeded" and goal is not None:
+        arrived = _arrival(goal, recorder, *tolerances)
     ways = ways_of(system)
     return Trail(
         time=time,
@@ -162,6 +186,8 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         pose_error=_pose_error(truth, recorder),
         gate_limits=log.gate_limits,
         reference=ways.reference,
+        heading_error=heading_error,
+        arrived=arrived,
     )
 
 
@@ -283,11 +309,54 @@ def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
     return clearance
 
 
-def _truly(result: GoalResult, distance: float | None, tolerance: float) -> tuple[str, str]:
-    """Outcome and reason; if the robot reports success, its true distance from the goal, m, decides."""
-    if result.outcome != "succeeded" or distance is None or distance <= tolerance + TRUTH_MARGIN:
+def _goal_of(system: System) -> Goal | None:
+    """The config's own goal."""
+    own = system.goal
+    if own is None:
+        return None
+    return Goal(0, own.x, own.y, None if own.heading_deg is None else math.radians(own.heading_deg), ())
+
+
+def _turned(goal: Goal, heading: float) -> float | None:
+    """Difference between a heading and the one that a goal asks for, rad; None if it asks for none."""
+    return None if goal.heading is None else abs(math.remainder(goal.heading - heading, math.tau))
+
+
+def _truly(
+    result: GoalResult, distance: float | None, turned: float | None, tolerance: float, heading_tolerance: float
+) -> tuple[str, str]:
+    """Outcome and reason; if the robot reports success, its true distance from the goal, m, and heading error decide.
+
+    Args:
+        result: What the robot reports.
+        distance: None without ground truth.
+        turned: True heading error, rad; None if no heading was asked for.
+        tolerance, heading_tolerance: Of the goal, m and rad.
+    """
+    if result.outcome != "succeeded" or distance is None:
         return result.outcome, result.reason
-    return FALSE_SUCCESS, f"succeeded by its own estimate, {distance:.1f} m from the goal by ground truth"
+    off = []
+    if distance > tolerance + min(TRUTH_MARGIN, tolerance):
+        off.append(f"{distance:.2g} m from the goal")
+    if turned is not None and turned > heading_tolerance + min(HEADING_MARGIN, heading_tolerance):
+        off.append(f"{math.degrees(turned):.0f}° from its heading")
+    if not off:
+        return result.outcome, result.reason
+    return FALSE_SUCCESS, f"succeeded by its own estimate, {' and '.join(off)} by ground truth"
+
+
+def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance: float) -> float | None:
+    """When the estimate last came within the tolerances of a goal, s; not before the goal was given."""
+    said = np.array(recorder.estimates, dtype=np.float64).reshape(-1, 4)
+    is_off = np.hypot(said[:, 1] - goal.x, said[:, 2] - goal.y) > tolerance
+    if goal.heading is not None:
+        turned = np.abs(np.angle(np.exp(1j * (said[:, 3] - goal.heading))))
+        is_off |= turned > heading_tolerance
+    if not len(said) or is_off[-1]:
+        return None
+    outside = np.flatnonzero(is_off)
+    first = int(outside[-1]) + 1 if len(outside) else 0
+    return max(float(said[first, 0]), recorder.given_at.get(goal.goal_id, 0.0))
 
 
 def _pose_error(truth: Floats, recorder: Recorder) -> Floats:

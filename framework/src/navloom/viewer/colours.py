@@ -58,6 +58,7 @@ STATES: dict[str, Colour] = {
     "avoider": ORANGE,
     "recovery": PURPLE,
     "operator": SKY,
+    "braking": YELLOW,
     "stopped": VERMILION,
     "standing": (90, 90, 90, 255),
     "clear": GREEN,

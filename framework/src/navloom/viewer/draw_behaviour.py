@@ -151,7 +151,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     from navloom.operating.looking import what_limits, who_drives, why_stopped
 
     name = seen.actor.name
-    state: str = message.source if message.source != "none" else "stopped"
+    state: str = message.source if message.source != "none" else "braking"
     if message.stopped:
         state = "standing" if is_at_rest(message.reason) else "stopped"
     yield seen.lane("driver"), Change(state, rr.StateChange(state=state))

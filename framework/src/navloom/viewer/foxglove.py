@@ -94,7 +94,9 @@ class FoxgloveServer:
             twist = message.twist
             self._json("/command", {"vx": twist.vx, "vy": twist.vy, "wz": twist.wz}, at)
         elif isinstance(message, GateStatus):
-            said = f"stopped: {message.reason}" if message.stopped else f"{message.source} {message.instance} drives"
+            said = f"{message.source} {message.instance} drives"
+            if message.stopped or message.source == "none":
+                said = f"{'stopped' if message.stopped else 'brakes'}: {message.reason}"
             level = self._messages.LogLevel.Warning if message.stopped else self._messages.LogLevel.Info
             self._log("/gate", "Log", at, level=level, message=said, name="gate")
 

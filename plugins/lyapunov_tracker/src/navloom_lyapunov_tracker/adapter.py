@@ -6,7 +6,14 @@ import math
 
 from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
 
-from navloom_lyapunov_tracker.law import final_turn, tracking_command, tracking_error, turn_direction, turn_that_stops, wrap
+from navloom_lyapunov_tracker.law import (
+    final_turn,
+    tracking_command,
+    tracking_error,
+    turn_direction,
+    turn_that_stops,
+    wrap,
+)
 from navloom_lyapunov_tracker.params import PRINTED, ROBUST, LyapunovTrackerParams
 
 __all__ = ["LyapunovTracker"]

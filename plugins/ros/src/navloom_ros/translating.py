@@ -263,10 +263,12 @@ class Translator:
 
     def _gate(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
         names = ("source", "instance", "latched", "limit", "share", "distance")
+        is_braking = message.source == "none" and not message.stopped
+        why = f"{'brakes' if is_braking else 'stopped'}: {message.reason}"
         status = {
             "level": _WARN if message.stopped else _OK,
             "name": "navloom: gate",
-            "message": f"stopped: {message.reason}" if message.stopped else f"{message.source} drives",
+            "message": why if is_braking or message.stopped else f"{message.source} drives",
             "values": [{"key": name, "value": str(getattr(message, name))} for name in names],
         }
         header = {"stamp": stamp, "frame_id": ""}

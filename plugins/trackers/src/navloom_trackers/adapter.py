@@ -7,7 +7,14 @@ from abc import abstractmethod
 from typing import TypeVar
 
 from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
-from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_error, turn_direction, turn_that_stops, wrap
+from navloom_lyapunov_tracker.law import (
+    TrackingError,
+    final_turn,
+    tracking_error,
+    turn_direction,
+    turn_that_stops,
+    wrap,
+)
 
 from navloom_trackers import fierro_lewis, kanayama, pure_pursuit, ramsete
 from navloom_trackers.limits import DriveLimits, within_limits, within_reach

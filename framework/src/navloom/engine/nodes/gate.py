@@ -106,14 +106,18 @@ class GateNode(Node):
         self._note(has_contact)
 
     def check(self, tick: Tick) -> None:
-        """Between two ticks: stop at once if something is wrong; does nothing if all is well or already stopped."""
+        """Between two ticks: stop at once if something is wrong; does nothing if all is well or already stopped.
+
+        An ordinary stop begins, and goes on, with the ticks: its ramp loses speed by the period.
+        """
         sensed, has_contact = self._sensed(), self.gate.has_contact
         has_seen = self._see()
         reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
         said = self._status
-        if not reason and said is not None and has_seen:
-            self._look_again(said, sensed.platform_ns)
-        elif reason and (said is None or not said.stopped or said.latched != self.gate.is_latched):
+        if not reason or self.gate.ramps(reason, sensed):
+            if said is not None and has_seen:
+                self._look_again(said, sensed.platform_ns)
+        elif said is None or not said.stopped or said.latched != self.gate.is_latched:
             self._note(has_contact)
             self.stop(reason, sensed.platform_ns)
 

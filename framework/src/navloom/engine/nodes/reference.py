@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,9 @@ from navloom.engine.ports import Latest, Output
 from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, ReferencePorts
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
+from navloom.navigation.approach import slow_down
 from navloom.navigation.projection import Projection, project, way_ahead
+from navloom.navigation.stopping import Braking
 from navloom.navigation.trajectory import SpeedLimits, keep_corners, make_trajectory
 from navloom.roles import RobotSpec
 
@@ -55,6 +59,7 @@ class ReferenceNode(Node):
         look_ahead: Arc length from the reference point to the avoider's target, m.
         corridor: Half width of the strip that must be free, m.
         rounds: Whether corners of the path are pruned and rounded.
+        slows: Makes a trajectory slow enough at its end; see `navigation.approach`.
     """
 
     role = "reference"
@@ -67,16 +72,24 @@ class ReferenceNode(Node):
     reference = Output(ReferencePorts.reference)
     cause = pose
 
-    def __init__(self, limits: SpeedLimits, look_ahead: float, corridor: float, rounds: bool = True) -> None:
+    def __init__(
+        self,
+        limits: SpeedLimits,
+        look_ahead: float,
+        corridor: float,
+        rounds: bool = True,
+        slows: Callable[[Floats], Floats] = lambda samples: samples,
+    ) -> None:
         self.limits, self.look_ahead, self.corridor, self.rounds = limits, look_ahead, corridor, rounds
+        self.slows = slows
         self._paths: dict[int, Path] = {}
         self._trajectory: Trajectory | None = None
         self._driven = 0
         self._progress = 0.0
 
     @classmethod
-    def of(cls, config: Config, robot: RobotSpec) -> ReferenceNode:
-        """The node a config asks for."""
+    def of(cls, config: Config, robot: RobotSpec, braking: Braking, tolerance: float) -> ReferenceNode:
+        """The node that a config asks for, with the goal's tolerance, m."""
         rules = config.navigation
         limits = SpeedLimits(
             slowest=min(rules.speed[0], robot.max_linear),
@@ -88,7 +101,8 @@ class ReferenceNode(Node):
             turn_acceleration=robot.max_angular_acceleration,
         )
         half_width = float(np.abs(robot.footprint[:, 1]).max())
-        return cls(limits, rules.look_ahead, half_width + rules.corridor_margin, rules.path_shape == "rounded")
+        slows = partial(slow_down, braking=braking, tolerance=tolerance)
+        return cls(limits, rules.look_ahead, half_width + rules.corridor_margin, rules.path_shape == "rounded", slows)
 
     def step(self, tick: Tick) -> None:
         path, drive, estimate = self.path.value, self.drive.value, self.pose.value
@@ -98,7 +112,8 @@ class ReferenceNode(Node):
         if drive is None or drive.path_id not in self._paths or estimate is None:
             return
         if drive.path_id != self._driven or self._trajectory is None:
-            self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits, self.rounds)
+            made = trajectory_of(self._paths[drive.path_id], self.limits, self.rounds)
+            self._trajectory = Trajectory(made.path_id, self.slows(made.samples))
             self._driven, self._progress = drive.path_id, self._start(self._trajectory, estimate.pose)
             self.trajectory.put(self._trajectory)
         self.reference.put(self._reference(self._trajectory, drive, estimate.pose))

@@ -1,0 +1,114 @@
+"""The stop at the goal: whether the goal was reached is decided at rest, after the final turn."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from navloom.messages import Drive, Pose2D, PoseEstimate
+from navloom.navigation.active_goal import MISSES, ActiveGoal
+from navloom.navigation.goal_rules import GoalRules, GoalView
+from navloom.navigation.stopping import ACROSS, Standstill
+
+__all__ = ["Arrival", "Move"]
+
+
+class Move(NamedTuple):
+    """What the goal does next; the default is to wait.
+
+    Attributes:
+        drive: The drive from now on; None for the same as before.
+        plans: Drive on: request another path.
+        outcome, reason: The goal ends; empty if it does not.
+    """
+
+    drive: Drive | None = None
+    plans: bool = False
+    outcome: str = ""
+    reason: str = ""
+
+
+class Arrival:
+    """Stops the robot at the goal, and looks at rest whether it is there.
+
+    Args:
+        rules: Tolerances, and how the robot comes to rest.
+
+    Attributes:
+        since: When the stop at the goal began, s; None while the robot does not stop there.
+    """
+
+    def __init__(self, rules: GoalRules) -> None:
+        self.rules = rules
+        self.since: float | None = None
+        self._path_id = 0
+        self._standstill = Standstill(rules.braking)
+
+    def look(self, seen: GoalView) -> None:
+        """Take the gate's status, once a tick."""
+        self._standstill.note(seen.gate is not None and not seen.gate.stopped, seen.time)
+
+    def is_at_rest(self, since: float, seen: GoalView) -> bool:
+        """Whether the robot stands, or has had more than enough time for it since a run time, s."""
+        estimate = seen.estimate
+        if estimate is not None and self._standstill.stands(estimate.twist, estimate.stamp_ns * 1e-9):
+            return True
+        return seen.time - since > self.rules.braking.patience
+
+    def is_due(self, active: ActiveGoal, drive: Drive, seen: GoalView) -> bool:
+        """Whether the robot is within the tolerance of its next point, or turns or stops at the goal.
+
+        An avoider does not follow the reference, and may come too fast to stop within the tolerance of the goal. Then
+        the robot begins to brake where it needs to, if it drives straight at the goal.
+        """
+        assert seen.estimate is not None
+        pose, tolerance = seen.estimate.pose, self.rules.tolerance
+        if self.since is not None or drive.stop_here or active.distance(pose) <= tolerance:
+            return True
+        reference, speed, is_engaged = seen.reference, seen.estimate.twist.vx, seen.handover and seen.handover.engaged
+        if not is_engaged or reference is None or len(active.legs) > 1 or speed <= 0.0 or self._fits(seen.estimate):
+            return False
+        ahead, left = active.seen_from(pose)
+        is_straight = abs(left) <= tolerance and reference.remaining <= ahead + tolerance
+        return is_straight and ahead <= self.rules.braking.way(speed)
+
+    def _fits(self, estimate: PoseEstimate) -> bool:
+        """Whether a robot that comes within the tolerance with its present speed stops within it."""
+        return self.rules.braking.way(abs(estimate.twist.vx)) <= ACROSS * self.rules.tolerance
+
+    def step(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
+        """The next move of a robot that is within the tolerance of the goal, turns there, or stops there."""
+        if self.since is None:
+            return self._stop_or_turn(active, pose, drive, seen)
+        if not self.is_at_rest(self.since, seen):
+            return Move()
+        self.since = None
+        is_near = active.distance(pose) <= self.rules.tolerance
+        if is_near and active.heading_error(pose) <= self.rules.heading_tolerance:
+            return Move(outcome="succeeded", reason="the goal was reached")
+        if active.misses >= MISSES:
+            where = active.off_by(pose)
+            return Move(outcome="stuck", reason=f"stopped {MISSES + 1} times at the goal, the last time {where} off")
+        active.misses += 1
+        return self._turn(active, self._path_id, seen) if is_near else Move(plans=True)
+
+    def _stop_or_turn(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
+        assert seen.estimate is not None
+        if self._is_turned(active, seen.estimate) or not (drive.stop_here or self._fits(seen.estimate)):
+            self.since, self._path_id = seen.time, drive.path_id
+            self._standstill.note(True, seen.time)  # the status of the drive that ends here may still be on its way
+            return Move(Drive(0, 0, None, False))
+        if not drive.stop_here:
+            return self._turn(active, drive.path_id, seen)
+        if seen.time - active.moved_at > self.rules.stuck_after:
+            return Move(outcome="stuck", reason=f"the heading asked for was not reached: {active.off_by(pose)} off")
+        return Move()
+
+    def _is_turned(self, active: ActiveGoal, estimate: PoseEstimate) -> bool:
+        """Whether the robot has the heading asked for, or turns so fast that it must slow down now to stop there."""
+        off, way = active.heading_error(estimate.pose), self.rules.braking.turn(estimate.twist.wz)
+        return off <= self.rules.heading_tolerance or (way > ACROSS * self.rules.heading_tolerance and off <= way)
+
+    def _turn(self, active: ActiveGoal, path_id: int, seen: GoalView) -> Move:
+        """Turn in place, at the end of a path."""
+        active.moved_at = seen.time
+        return Move(Drive(active.goal.goal_id, path_id, active.goal.heading, True))

@@ -1,9 +1,11 @@
 """The gate's collision monitor: the last check of a command before it reaches the wheels.
 
-It uses no map and no pose, only range scans, odometry and the commands that it let pass. It scales forward and turn
-speed of a command down together, to the largest share after which the robot can still stop without touching anything
-(`monitor_rollout`). If no share is free, the robot brakes along its current curvature, which the previous check found
-free.
+It uses range scans, odometry and the commands that it let pass. It scales forward and turn speed of a command down
+together, to the largest share after which the robot can still stop without touching anything (`monitor_rollout`). If
+no share is free, the robot brakes along its current curvature, which the previous check found free.
+
+While the localizer tracks, the map is a second limit, where no echo shows its surfaces (`monitor_map`). It only ever
+slows the robot.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
+from navloom.messages import Odometry, OccupancyGrid, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom.navigation import monitor_map
 from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
+from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
 from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, stopping_way
 from navloom.navigation.monitor_seen import SeenSpace
 
@@ -51,6 +55,8 @@ DOUBT = 0.1
 """Additional margin of the footprint per speed, s: m for each m/s of forward speed, at most sigma."""
 HELD = 1.5
 """Largest distance at which a laser's echo is kept while no beam points at it, m."""
+OLD_POSE = 1.0
+"""Age of a pose, s, from which on the map does not count: odometry alone drifts."""
 NO_POINTS = np.empty((0, 2))
 
 
@@ -143,6 +149,9 @@ class CollisionMonitor:
         self._waiting: list[tuple[str, RangeScan]] = []
         self._given: deque[tuple[float, float, float]] = deque()
         self._is_free = True
+        self._estimate: PoseEstimate | None = None
+        self._grid: OccupancyGrid | None = None
+        self._mapped = NO_SURFACES
 
     def move(self, odometry: Odometry) -> None:
         """Take the newest odometry."""
@@ -167,6 +176,10 @@ class CollisionMonitor:
         waiting, self._waiting = self._waiting, []
         for name, scan in waiting:
             self.look(name, scan)
+
+    def locate(self, estimate: PoseEstimate | None, grid: OccupancyGrid | None) -> None:
+        """Take the newest pose and map; None before the first."""
+        self._estimate, self._grid = estimate, grid
 
     def _begins_again(self, pose: Pose2D, time: float) -> bool:
         """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""
@@ -273,6 +286,7 @@ class CollisionMonitor:
         age = max(0.0, time - self._stamps[-1])
         in_flight = np.array([(at - self._stamps[-1], v, w) for at, v, w in self._given]).reshape(-1, 3)
         points = self._near(twist, age)
+        self._mapped = self._surfaces(self._reach(twist, age), points)
         touched = self._touch(twist.vx, twist.wz, in_flight, age, points)
         if touched is None:
             return Verdict(twist)
@@ -307,10 +321,12 @@ class CollisionMonitor:
         """What the robot would touch first if it followed a command for one period and then braked."""
         count = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
         margin = self.limits.margin + min(self.limits.sigma, DOUBT * abs(v))
-        hit = first_touch(self._rolled, count, self._outline, points, margin)
-        if hit >= 0:
-            x, y = float(points[hit, 0]), float(points[hit, 1])
-            return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
+        beside = self.limits.margin + min(self.limits.sigma, DOUBT * (abs(v) + self._radius * abs(w)))
+        for seen, room in ((points, margin), (self._mapped, beside)):
+            hit = first_touch(self._rolled, count, self._outline, seen, room)
+            if hit >= 0:
+                x, y = float(seen[hit, 0]), float(seen[hit, 1])
+                return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
         if not self.ignores_unseen:
             base = np.array(self._poses[-1])
             place = self._seen.first_unseen(self._rolled, count, base, self._stamps[-1], self._ways[-1])
@@ -319,12 +335,35 @@ class CollisionMonitor:
                 return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
         return None
 
-    def _near(self, twist: Twist2D, age: float) -> Floats:
-        """(k, 2) obstacle points in reach, m, base frame of the newest odometry."""
+    def _reach(self, twist: Twist2D, age: float) -> float:
+        """How far from the base the robot may come until it has stopped, m."""
         limits = self.limits
         v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
         time = age + limits.dead_time + limits.period + 5.0 * limits.lag + 0.5 * v / limits.deceleration + 0.1
-        reach = self._radius + limits.margin + v * time
+        return self._radius + limits.margin + v * time
+
+    def _surfaces(self, reach: float, echoes: Floats) -> Floats:
+        """(k, 2) points of mapped surfaces in reach that no echo shows, m, base frame of the newest odometry.
+
+        None while the localizer does not track, and before its first pose after a restart of the platform.
+        """
+        estimate, grid = self._estimate, self._grid
+        if estimate is None or grid is None or estimate.state != "tracking":
+            return NO_SURFACES
+        time, base = estimate.stamp_ns * 1e-9, estimate.pose
+        if not self._stamps[0] <= time or time < self._stamps[-1] - OLD_POSE:
+            return NO_SURFACES
+        if time < self._stamps[-1]:
+            x, y, heading = self._poses_at(np.array([time]))[0]
+            here = self._poses[-1]
+            turn = base.heading - heading
+            cos, sin, dx, dy = math.cos(turn), math.sin(turn), here[0] - x, here[1] - y
+            base = Pose2D(base.x + cos * dx - sin * dy, base.y + sin * dx + cos * dy, turn + here[2])
+        return surfaces_without_echo(grid, base, reach, echoes)
+
+    def _near(self, twist: Twist2D, age: float) -> Floats:
+        """(k, 2) obstacle points in reach, m, base frame of the newest odometry."""
+        reach = self._reach(twist, age)
         x, y, heading = self._poses[-1]
         cos, sin = math.cos(heading), math.sin(heading)
         near = []
@@ -369,6 +408,7 @@ def _directions(bearings: Floats) -> int:
 
 def warm_up() -> None:
     """Compile the kernels for the array types of messages."""
+    monitor_map.warm_up()
     two, one, wide = np.zeros((2, 2)), np.ones(2), np.full(2, 0.1)
     for array in (two, one, wide):
         array.flags.writeable = False

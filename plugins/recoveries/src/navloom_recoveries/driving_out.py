@@ -131,7 +131,11 @@ class DrivingOut:
         if len(mapped):  # a surface of the map is smoother than its echoes, and reaches behind the last beam
             seen = seen[[np.hypot(*(mapped - place).T).min() > CLOSE for place in seen]] if len(seen) else seen
             seen = np.concatenate([seen, mapped])
-        if gap(seen, self._edges) >= CLOSE or has_room(seen, self._radius + ROOMS[-1]):
+        has_driven = math.isfinite(self._place[0])
+        if has_room(seen, self._radius + ROOMS[-1]):
+            self.has_arrived = has_driven
+            return False
+        if not has_driven and gap(seen, self._edges) >= CLOSE:
             return False
         moved = math.dist(pose[:2], self._place) >= MOVED
         self._tries = TRIES if moved else self._tries - 1

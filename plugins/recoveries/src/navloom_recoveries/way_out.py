@@ -25,7 +25,7 @@ LONGEST = 4.0
 """Longest way, m."""
 MOST = 3000
 """Most arcs of a search."""
-BENDS = np.array([3.0, 1.5, 0.8, 0.4, 0.2, 0.1, 0.05, 0.0])
+BENDS = np.array([3.0, 1.5, 0.8, 0.4, 0.2, 0.1, 0.05, 0.025, 0.0])
 """Curvatures that are tried at each step, 1/m; at 0.15 m/s the first is 26 degrees per second."""
 CHANGE = 0.3
 """Cost of a change between forwards and backwards, m."""
@@ -33,8 +33,8 @@ GREED = 4.0
 """Weight of the room that is still missing, against the way so far."""
 PLACE, TURN = 0.05, 0.05
 """Two places of the search nearer than this, m and rad, are one."""
-NEARER = 1e-4
-"""How much nearer a step may bring the robot to what is within its margin, m: rounding."""
+NEARER = 0.02 * STEP
+"""How much nearer a step may bring the robot to what is within its margin, m: as much as the gate allows."""
 
 
 def has_room(points: Floats, radius: float) -> bool:

@@ -20,6 +20,7 @@ from navloom.messages import (
     SweepRequest,
 )
 from navloom.navigation.active_goal import ActiveGoal, feedback_of
+from navloom.navigation.gate import NO_ROOM
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
 
@@ -334,6 +335,8 @@ class GoalMachine:
             self._finish("stuck", "the heading asked for was not reached", seen)
 
     def _recover(self, active: ActiveGoal, why: str, seen: GoalView) -> None:
+        if why == "blocked" and seen.gate is not None and seen.gate.reason == NO_ROOM:
+            why = f"blocked: {NO_ROOM}"
         if active.recoveries >= self.rules.max_recoveries:
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
             self._finish("stuck", why, seen)

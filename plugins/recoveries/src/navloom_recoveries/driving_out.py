@@ -18,8 +18,11 @@ Pose = tuple[float, float, float]
 
 CLOSE = 0.1
 """Gap below which a robot may lack the room to turn, m."""
-ROOMS = (0.05, 0.02)
-"""Room beside the turning robot, m, in order of preference: the gate slows a turn that passes something nearer."""
+ROOMS = (0.1, 0.05, 0.02)
+"""Room beside the turning robot, m, in order of preference; n times as much in the n-th attempt.
+
+An echo of a laser with a noise of 3 cm may be 5 cm too near, and the gate keeps a margin to it.
+"""
 SHARES = (1.0, 0.6, 0.4)
 """Shares of the wished margin, in order of preference; 0.4 of 3 cm is just more than the gate's 1 cm."""
 LOOK = 0.3
@@ -61,10 +64,11 @@ class DrivingOut:
     ) -> None:
         self._edges, self._radius, self._margin = edges, radius, margin
         self._speed, self._turn_rate, self._patience = speed, turn_rate, HELD + delay
-        self.start(0.0)
+        self.start(0.0, 1)
 
-    def start(self, time: float) -> None:
-        """Start an attempt at a run time, s."""
+    def start(self, time: float, attempt: int) -> None:
+        """Start an attempt, numbered from 1, at a run time, s."""
+        self._rooms = [self._radius + attempt * room for room in ROOMS]
         self.has_arrived = False
         self._goes, self._tries, self._began, self._place = [True, True], TRIES, time, (math.inf, 0.0)
         self._look_again(time)
@@ -132,7 +136,7 @@ class DrivingOut:
             seen = seen[[np.hypot(*(mapped - place).T).min() > CLOSE for place in seen]] if len(seen) else seen
             seen = np.concatenate([seen, mapped])
         has_driven = math.isfinite(self._place[0])
-        if has_room(seen, self._radius + ROOMS[-1]):
+        if has_room(seen, self._rooms[-1]):
             self.has_arrived = has_driven
             return False
         if not has_driven and gap(seen, self._edges) >= CLOSE:
@@ -142,8 +146,8 @@ class DrivingOut:
         if moved:
             self._place = pose[:2]
         both = (self._goes[0], self._goes[1])
-        for room, goes, share in product(ROOMS, ((self._goes[0], False), both), SHARES):
-            way = way_out(seen, self._edges, self._radius, share * self._margin, self._radius + room, goes)
+        for room, goes, share in product(self._rooms, ((self._goes[0], False), both), SHARES):
+            way = way_out(seen, self._edges, self._radius, share * self._margin, room, goes)
             if len(way) > 1:
                 self._way, self._from, self._at, self._moved_at = way, pose, 0, time
                 return True

@@ -92,7 +92,7 @@ class Retracing:
     def start(self, time: float, attempt: int, pose: Pose, trail: Floats) -> None:
         """Start an attempt, numbered from 1, at a run time, s; `trail` is (k, 3), oldest pose first."""
         self.phase = "out"
-        self._out.start(time)
+        self._out.start(time, attempt)
         self._began, self._last, self._trail = time, pose, trail
         self._left = self._asked = self._moved_left = self.rules.distance * attempt
         self._moved_at = time

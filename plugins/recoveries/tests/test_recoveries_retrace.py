@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from navloom import RangeScan
 from navloom_recoveries.adapter import less_noisy
+from navloom_recoveries.driving_out import LOOK
 from navloom_recoveries.motion import edges_of, gap, is_free, margin_of, turn_back
 from navloom_recoveries.retracing import Retracing, Rules
 
@@ -90,7 +91,7 @@ def test_motors_that_lag_make_it_stop_earlier():
 def test_a_robot_that_is_wedged_in_stays_where_it_is_and_ends():
     box = np.array([(side * x, y) for side in (-1, 1) for x, y in ((0.215, 0.15), (0.215, -0.15))])
     poses, time = drive(np.concatenate([box, box[:, ::-1]]), attempt=3)
-    assert np.abs(poses).max() < 1e-9 and time == pytest.approx(RULES.rest, abs=1.1 * PERIOD)
+    assert np.abs(poses).max() < 1e-9 and time == pytest.approx(LOOK + RULES.rest, abs=1.1 * PERIOD)
 
 
 def test_a_robot_that_begins_nearer_than_its_margin_may_leave_but_comes_no_nearer():

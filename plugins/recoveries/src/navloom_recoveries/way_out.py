@@ -42,7 +42,9 @@ def has_room(points: Floats, radius: float) -> bool:
     return not len(points) or float(np.hypot(points[:, 0], points[:, 1]).min()) >= radius
 
 
-def way_out(points: Floats, edges: Floats, radius: float, margin: float, room: float, goes: tuple[bool, bool]) -> Floats:
+def way_out(
+    points: Floats, edges: Floats, radius: float, margin: float, room: float, goes: tuple[bool, bool]
+) -> Floats:
     """The poses of a way to the nearest place with room to turn; no rows if none was found.
 
     Args:
@@ -152,8 +154,11 @@ def _search(points, edges, radius, margin, room, forwards, backwards):  # type: 
             x, y, heading = poses[count - 1, 0], poses[count - 1, 1], poses[count - 1, 2]
             is_known = False
             for i in range(total):
-                if (abs(nodes[i, 0] - x) < PLACE and abs(nodes[i, 1] - y) < PLACE
-                        and abs(math.sin(0.5 * (nodes[i, 2] - heading))) < 0.5 * TURN):
+                if (
+                    abs(nodes[i, 0] - x) < PLACE
+                    and abs(nodes[i, 1] - y) < PLACE
+                    and abs(math.sin(0.5 * (nodes[i, 2] - heading))) < 0.5 * TURN
+                ):
                     is_known = True
                     break
             missing = _missing(points, room, x, y)

@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages import Odometry, OccupancyGrid, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation import monitor_map
 from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
 from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo

@@ -18,6 +18,8 @@ Pose = tuple[float, float, float]
 
 CLOSE = 0.1
 """Gap below which a robot may lack the room to turn, m."""
+FAR = 0.2
+"""Gap, to the nearest of many noisy echoes, with which a robot need not look, m."""
 ROOMS = (0.1, 0.05, 0.02)
 """Room beside the turning robot, m, in order of preference; n times as much in the n-th attempt.
 
@@ -28,7 +30,7 @@ SHARES = (1.0, 0.6, 0.4)
 LOOK = 0.3
 """Time for which the robot looks before it chooses a way, s: the mean of several scans is less noisy."""
 HELD = 1.0
-"""Time without progress after which the gate counts as holding the robot, s: at 2 cm/s, its slowest, a robot makes 2 cm."""
+"""Time without progress after which the gate counts as holding the robot, s: at 2 cm/s, its slowest, it makes 2 cm."""
 STRAIGHT = 0.1
 """How far the robot drives straight on where the gate does not let it bend, m."""
 STARTING = 0.02
@@ -87,6 +89,8 @@ class DrivingOut:
             echoes: (k, 2) of the last scans, m, base frame. mapped: (n, 2) surfaces of the map near the robot, m.
         """
         if not len(self._way):
+            if not self._has_driven and len(echoes) and gap(np.concatenate([echoes, mapped]), self._edges) > FAR:
+                return None
             if time - self._moved_at < LOOK:
                 return 0.0, 0.0
             is_over = self._tries == 0 or time - self._began > LONGEST_DRIVE
@@ -121,6 +125,11 @@ class DrivingOut:
         self._look_again(time)
         return 0.0, 0.0
 
+    @property
+    def _has_driven(self) -> bool:
+        """Whether a way was chosen in this attempt."""
+        return math.isfinite(self._place[0])
+
     def _follow(self, x: float, y: float, heading: float, pace: float) -> tuple[float, float]:
         """The command; it turns as fast as fits the pace, m/s, that it has, or it would turn on the spot at first."""
         way_x, way_y, way_heading, bend, ahead = self._way[self._at]
@@ -135,11 +144,10 @@ class DrivingOut:
         if len(mapped):  # a surface of the map is smoother than its echoes, and reaches behind the last beam
             seen = seen[[np.hypot(*(mapped - place).T).min() > CLOSE for place in seen]] if len(seen) else seen
             seen = np.concatenate([seen, mapped])
-        has_driven = math.isfinite(self._place[0])
         if has_room(seen, self._rooms[-1]):
-            self.has_arrived = has_driven
+            self.has_arrived = self._has_driven
             return False
-        if not has_driven and gap(seen, self._edges) >= CLOSE:
+        if not self._has_driven and gap(seen, self._edges) >= CLOSE:
             return False
         moved = math.dist(pose[:2], self._place) >= MOVED
         self._tries = TRIES if moved else self._tries - 1

@@ -1,8 +1,8 @@
 """A way along which a robot without room to turn gets to where it can: a search over short arcs. Pure; SI.
 
-Beside a wall the rear corner of a robot that turns away comes nearer to the wall first. So each arc of the search bends,
-at every step, as far to its side as the margin lets it: hardly at the beginning, more with each centimetre won. The
-search is a best-first one (Pohl 1970: weighted A*) over such arcs, forwards and backwards.
+Beside a wall the rear corner of a robot that turns away comes nearer to the wall first. So each arc of the search
+bends, at every step, as far to its side as the margin lets it: hardly at the beginning, more with each centimetre won.
+The search is a best-first one (Pohl 1970: weighted A*) over such arcs, forwards and backwards.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _missing(points, room, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _arc(points, edges, radius, margin, room, pose, mode, poses):  # type: ignore[no-untyped-def]
-    """Drive one arc from a pose; return the number of poses filled in. Modes: to the left, right, straight; then back."""
+    """Drive one arc from a pose; return the number of poses filled in. Modes: to the left, right, straight; and back."""
     ahead = 1.0 if mode < 3 else -1.0
     side = (1.0, -1.0, 0.0)[mode % 3]
     x, y, heading = pose[0], pose[1], pose[2]

@@ -54,7 +54,7 @@ def surfaces_without_echo(grid: OccupancyGrid, base: Pose2D, reach: float, echoe
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _surfaces(cells, frame, reach, echoes):  # type: ignore[no-untyped-def]
-    """As above; `frame` is x, y, m, and heading, rad, of the corner of cell (0, 0) in the base frame, and the cell, m."""
+    """As above; `frame` is x, y, m, heading, rad, of the corner of cell (0, 0) in the base frame, and its edge, m."""
     rows, columns = cells.shape
     cos, sin, cell = math.cos(frame[2]), math.sin(frame[2]), frame[3]
     x, y = -(cos * frame[0] + sin * frame[1]) / cell, (sin * frame[0] - cos * frame[1]) / cell

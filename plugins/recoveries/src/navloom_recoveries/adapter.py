@@ -26,7 +26,10 @@ AGREEMENT = 0.1
 
 
 class Retrace(Recovery[RetraceParams]):
-    """Drives to where it can turn, or backs up along the robot's trail, turns in place, and clears the map; moves only as far as the scans allow."""
+    """Drives out to where it can turn, or backs up along the trail, turns in place, and clears the map.
+
+    It moves only as far as the scans allow.
+    """
 
     name = "retrace"
     accepts = (RangeScan,)

@@ -100,7 +100,7 @@ def _missing(points, room, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _arc(points, edges, radius, margin, room, pose, mode, poses):  # type: ignore[no-untyped-def]
-    """Drive one arc from a pose; return the number of poses filled in. Modes: to the left, right, straight; and back."""
+    """Drive one arc from a pose; return the number of poses filled in. Modes: left, right, straight; and backwards."""
     ahead = 1.0 if mode < 3 else -1.0
     side = (1.0, -1.0, 0.0)[mode % 3]
     x, y, heading = pose[0], pose[1], pose[2]

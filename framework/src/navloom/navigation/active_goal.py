@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from navloom.messages import AvoiderStatus, Feedback, Goal, Message, Point2D, Pose2D
 from navloom.navigation.goal_rules import GoalView
-from navloom.navigation.stop_reasons import OBSTACLE
+from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE
 
 __all__ = ["ActiveGoal", "feedback_of"]
 
@@ -130,7 +130,7 @@ class ActiveGoal:
 
     def is_blocked(self, seen: GoalView) -> bool:
         """Whether the gate has stopped the robot for an obstacle for too long."""
-        if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
+        if seen.gate is None or not (seen.gate.stopped and seen.gate.reason in (OBSTACLE, NO_ROOM)):
             self.free_at = seen.time
         return seen.time - self.free_at > BLOCKED
 

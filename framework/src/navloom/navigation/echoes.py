@@ -59,6 +59,14 @@ class EchoMemory:
         """
         return float(_nearest(self._points, self._cursor, base.x, base.y, way, half_width, time - self.keep))
 
+    def near(self, base: Pose2D, reach: float, time: float) -> Floats:
+        """(k, 2) echoes within reach, m, of a pose in the map, in its frame, since `time - keep`, s."""
+        held = self._points[: int(self._cursor[1])]
+        x, y = held[:, 0] - base.x, held[:, 1] - base.y
+        kept = (held[:, 2] >= time - self.keep) & (x * x + y * y <= reach * reach)
+        x, y, cos, sin = x[kept], y[kept], math.cos(base.heading), math.sin(base.heading)
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+
 
 @njit(cache=True, nogil=True)
 def _add(

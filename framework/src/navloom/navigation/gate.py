@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
-from navloom.navigation.stop_reasons import LEFT, OBSTACLE, ORDINARY, RIVALS, WAITING
+from navloom.navigation.stop_reasons import LEFT, NO_ROOM, OBSTACLE, ORDINARY, RIVALS, WAITING
 
 __all__ = ["STOPPED", "CommandGate", "GateLimits", "Offer", "Sensed"]
 
@@ -95,6 +95,7 @@ class CommandGate:
         self._driver, self._ramp = "none", ""
         self._operator_stop = False
         self._contact = False
+        self._turns = False
         self._last: tuple[tuple[Any, ...], GateStatus] | None = None
 
     def request(self, do: str) -> None:
@@ -193,6 +194,7 @@ class CommandGate:
         self._driver, self._ramp = source, ""
         speed, monitor = self.speed, self.monitor
         limited = self._limit(offer.twist)
+        self._turns = limited.vx == 0.0 and limited.wz != 0.0
         if monitor is None:
             return limited, offer.cause_ns, self._free(source, offer.instance, pending)
         monitor.ignores_unseen = self.enters_unseen and source == "operator"
@@ -236,18 +238,19 @@ class CommandGate:
         share, limit = round(verdict.share, 1), verdict.kind or ("overridden" if is_overridden else "")
         where = None if place is None else (round(place.x, 1), round(place.y, 1))
         gap = None if distance is None else round(distance, 2)
-        return self._said((source, instance, is_stopped, tuple(pending), share, limit, where, gap))
+        reason = "" if not is_stopped else NO_ROOM if self._turns and limit == "obstacle" else OBSTACLE
+        return self._said((source, instance, reason, tuple(pending), share, limit, where, gap))
 
     def _free(self, source: str, instance: str, pending: Sequence[str]) -> GateStatus:
         """The status of a driving source whose command is not limited."""
-        return self._said((source, instance, False, tuple(pending), 1.0, "", None, None))
+        return self._said((source, instance, "", tuple(pending), 1.0, "", None, None))
 
     def _said(self, key: tuple[Any, ...]) -> GateStatus:
-        """The status of (source, instance, whether it is stopped, pending, share, limit, place, distance)."""
+        """The status of (source, instance, why it is stopped, pending, share, limit, place, distance)."""
         if self._last is None or self._last[0] != key:  # in most ticks it is the same as before
-            source, instance, is_stopped, pending, share, limit, where, gap = key
-            reason, point = OBSTACLE if is_stopped else "", None if where is None else Point2D(*where)
-            status = GateStatus(source, instance, is_stopped, False, reason, pending, share, limit, point, gap)
+            source, instance, reason, pending, share, limit, where, gap = key
+            point = None if where is None else Point2D(*where)
+            status = GateStatus(source, instance, bool(reason), False, reason, pending, share, limit, point, gap)
             self._last = key, status
         return self._last[1]
 

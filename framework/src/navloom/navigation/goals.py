@@ -22,6 +22,7 @@ from navloom.navigation.active_goal import ActiveGoal, feedback_of
 from navloom.navigation.arrival import Arrival
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
+from navloom.navigation.stop_reasons import NO_ROOM
 
 __all__ = ["GoalMachine"]
 
@@ -346,6 +347,8 @@ class GoalMachine:
             self._finish(move.outcome, move.reason, seen)
 
     def _recover(self, active: ActiveGoal, why: str, seen: GoalView) -> None:
+        if why == "blocked" and seen.gate is not None and seen.gate.reason == NO_ROOM:
+            why = f"blocked: {NO_ROOM}"
         if active.recoveries >= self.rules.max_recoveries:
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
             self._finish("stuck", why, seen)

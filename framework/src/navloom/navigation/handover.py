@@ -10,11 +10,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom.messages import HandOver, Pose2D, RangeScan, Twist2D
+from navloom.messages import HandOver, OccupancyGrid, Pose2D, RangeScan, Twist2D
 from navloom.navigation import echoes
 from navloom.navigation.echoes import EchoMemory
+from navloom.navigation.monitor_map import surfaces_without_echo
+from navloom.navigation.monitor_rollout import first_touch
 
-__all__ = ["HandOverRule", "own_way", "warm_up"]
+__all__ = ["HandOverRule", "own_turn", "own_way", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +27,9 @@ OWN_STEP = 0.1
 """Distance between two points of that way, m."""
 MOST_TURN = 0.5 * math.pi
 """Largest turn along the robot's own way, rad."""
+TURN_STEP = 0.02
+"""Largest motion of a corner between two poses of a turn, m."""
+NO_TURN = np.empty((0, 3))
 
 
 def own_way(base: Pose2D, twist: Twist2D, reach: float) -> Floats:
@@ -42,6 +47,30 @@ def own_way(base: Pose2D, twist: Twist2D, reach: float) -> Floats:
         return NOWHERE
     way: Floats = _arc(base.x, base.y, base.heading, twist.vx, twist.wz, reach)
     return way
+
+
+def own_turn(twist: Twist2D, footprint: Floats) -> Floats:
+    """The poses of a robot that keeps a velocity with which it turns on the spot or drives back.
+
+    A turn whose centre lies under the robot counts as one on the spot: no strip covers what its corners sweep.
+
+    Args:
+        twist: Commanded velocity.
+        footprint: (n, 2) m, base frame.
+
+    Returns:
+        (k, 3) x, y, m, heading, rad, in the frame of the first pose, as far as HORIZON and MOST_TURN; k = 0 if the
+        robot stops or drives forward.
+    """
+    v, w = twist.vx, twist.wz
+    if not len(footprint) or v > abs(w) * np.abs(footprint[:, 1]).max() or (v == 0.0 and w == 0.0):
+        return NO_TURN
+    time = min(HORIZON, MOST_TURN / abs(w)) if w != 0.0 else HORIZON
+    radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+    steps = math.ceil(time * (abs(v) + radius * abs(w)) / TURN_STEP) + 1
+    headings = np.linspace(0.0, w * time, steps)
+    chords = np.linspace(0.0, v * time, steps) * np.sinc(headings / math.tau)
+    return np.column_stack([chords * np.cos(0.5 * headings), chords * np.sin(0.5 * headings), headings])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -70,6 +99,7 @@ def warm_up() -> None:
     """Compile the kernels, also those of the echo memory."""
     echoes.warm_up()
     own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
+    first_touch(NO_TURN, 0, NOWHERE, NOWHERE, 0.0)
 
 
 class HandOverRule:
@@ -82,6 +112,7 @@ class HandOverRule:
         spread: Share of a sonar's arc that counts; see `EchoMemory`.
         margin: Part of the strip's half width that is room beside the robot, m. The robot's own way is checked
             without it: the next command changes that way, and a robot on a narrow trajectory swings a little.
+        footprint: (n, 2) m, base frame, convex, counter-clockwise, for turns.
     """
 
     def __init__(
@@ -91,11 +122,13 @@ class HandOverRule:
         keep: float = 0.5,
         spread: float = 0.5,
         margin: float = 0.0,
+        footprint: Floats = NOWHERE,
     ) -> None:
         self.mode, self.release, self.margin = mode, release, margin
         self.engaged = mode == "always"
         self._blocked_at = 0.0
         self._memory = EchoMemory(keep, spread)
+        self.footprint = np.ascontiguousarray(footprint)
 
     def reset(self) -> None:
         """Forget echoes and engagement."""
@@ -103,12 +136,21 @@ class HandOverRule:
         self._memory.clear()
 
     def step(
-        self, time: float, scans: Iterable[RangeScan], base: Pose2D, way: Floats, width: float, own: Floats = NOWHERE
+        self,
+        time: float,
+        scans: Iterable[RangeScan],
+        base: Pose2D,
+        way: Floats,
+        width: float,
+        own: Floats = NOWHERE,
+        turn: Floats = NO_TURN,
+        grid: OccupancyGrid | None = None,
     ) -> HandOver:
         """Whether the avoider drives in this tick.
 
         It engages when the strip along the trajectory or the strip along the robot's own way is blocked; the two differ
-        when the robot is beside the trajectory. It releases when both strips and the straight strip to the target
+        when the robot is beside the trajectory. It also engages when echoes, or surfaces of the map that no echo shows,
+        lie in what the footprint sweeps in a turn. It releases when both strips and the straight strip to the target
         have been free for `release`.
 
         Args:
@@ -118,12 +160,16 @@ class HandOverRule:
             way: (k, 2) the trajectory from the reference point to the target, m, map frame.
             width: Half width of the strip, m.
             own: (k, 2) the robot's own way (see `own_way`), m, map frame; k = 0 for none.
+            turn: (k, 3) the poses of a turn (see `own_turn`); k = 0 for none.
+            grid: The map; None for none, and while the localizer does not track.
         """
         for scan in scans:
             self._memory.add(scan, base, time)
         nearest = self._memory.nearest(base, way, width, time)
         if len(own) > 1:
             nearest = min(nearest, self._memory.nearest(base, own, width - self.margin, time))
+        if len(turn) > 1:
+            nearest = min(nearest, self._nearest_in_turn(time, base, turn, grid))
         if self.mode == "when_blocked":
             straight = np.array([(base.x, base.y), way[-1]]) if self.engaged else way
             if math.isfinite(nearest) or (
@@ -133,3 +179,15 @@ class HandOverRule:
             elif self.engaged and time - self._blocked_at >= self.release:
                 self.engaged = False
         return HandOver(self.engaged, nearest)
+
+    def _nearest_in_turn(self, time: float, base: Pose2D, turn: Floats, grid: OccupancyGrid | None) -> float:
+        """Distance from base, m, of the first thing that the footprint touches in a turn; infinite if it is free."""
+        radius = float(np.hypot(self.footprint[:, 0], self.footprint[:, 1]).max())
+        reach = radius + float(np.hypot(turn[:, 0], turn[:, 1]).max())
+        echoes = self._memory.near(base, reach, time)
+        mapped = NOWHERE if grid is None else surfaces_without_echo(grid, base, reach, echoes)
+        for points in (echoes, mapped):
+            hit = first_touch(turn, len(turn), self.footprint, points, 0.0)
+            if hit >= 0:
+                return math.hypot(points[hit, 0], points[hit, 1])
+        return math.inf

@@ -1,9 +1,11 @@
 """The gate's collision monitor: the last check of a command before it reaches the wheels.
 
-It uses no map and no pose, only range scans, odometry and the commands that it let pass. It scales forward and turn
-speed of a command down together, to the largest share after which the robot can still stop without touching anything
-(`monitor_rollout`). If no share is free, the robot brakes along its current curvature, which the previous check found
-free.
+It uses range scans, odometry and the commands that it let pass. It scales forward and turn speed of a command down
+together, to the largest share after which the robot can still stop without touching anything (`monitor_rollout`). If
+no share is free, the robot brakes along its current curvature, which the previous check found free.
+
+While the localizer tracks, the map is a second limit, where no echo shows its surfaces (`monitor_map`). It only ever
+slows the robot.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
+from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom.navigation import monitor_map
 from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
+from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
     MOST_POSES,
     distance_to_outline,
@@ -60,8 +64,15 @@ one gap beyond its last beam, and the mean of the last readings half a gap befor
 DRIFT, MOST_DRIFT = 0.06, 0.08
 """How far an echo may be misplaced while no beam points at it, m per m that the base drives or 2 rad that it turns, and
 at most, m: odometry with a slip of 1 cm per root metre is wrong by 3° after a metre."""
+SLIDING, SLOPE = 0.05, 0.02
+"""Speed, m/s, up to which a robot may slide along what is within its margin, and the slope at which it may come nearer.
+
+A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope, the drift of its wheels would hold it.
+"""
 HELD = 1.5
 """Largest distance at which a laser's echo is kept while no beam points at it, m."""
+OLD_POSE = 1.0
+"""Age of a pose, s, from which on the map does not count: odometry alone drifts."""
 NO_POINTS = np.empty((0, 3))
 NO_COMMANDS = np.empty((0, 3))
 
@@ -163,6 +174,8 @@ class CollisionMonitor:
         self._waiting: list[tuple[str, RangeScan]] = []
         self._given: deque[tuple[float, float, float]] = deque()
         self._is_free = True
+        self._estimate: PoseEstimate | None = None
+        self._grid: OccupancyGrid | None = None
 
     def move(self, odometry: Odometry) -> None:
         """Take the newest odometry."""
@@ -187,6 +200,10 @@ class CollisionMonitor:
         waiting, self._waiting = self._waiting, []
         for name, scan in waiting:
             self.look(name, scan)
+
+    def locate(self, estimate: PoseEstimate | None, grid: OccupancyGrid | None) -> None:
+        """Take the newest pose and map; None before the first."""
+        self._estimate, self._grid = estimate, grid
 
     def _begins_again(self, pose: Pose2D, time: float) -> bool:
         """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""
@@ -333,13 +350,14 @@ class CollisionMonitor:
         """What the robot would touch first if it followed a command for one period and then braked."""
         rolled = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
         wide = margins(points, v, w, self.limits.margin)
-        hit = first_touch(self._rolled, rolled, self._outline, points, wide)
+        slope = SLOPE if abs(v) <= SLIDING else 0.0
+        hit = first_touch(self._rolled, rolled, self._outline, points, wide, slope)
         if hit < 0:  # measured speed is noisy: each tick, it may seem to lead away by more than the command approaches
             wide[~within(points, self._outline, wide)] = -math.inf
             count = stopping_way(
                 np.zeros(2), NO_COMMANDS, 0.0, np.array([v, w]), self._motor, self._radius, self._alone
             )
-            hit = first_touch(self._alone, count, self._outline, points, wide)
+            hit = first_touch(self._alone, count, self._outline, points, wide, slope)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
@@ -351,12 +369,35 @@ class CollisionMonitor:
                 return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
         return None
 
-    def _near(self, twist: Twist2D, age: float) -> Floats:
-        """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""
+    def _reach(self, twist: Twist2D, age: float) -> float:
+        """How far from the base the robot may come until it has stopped, m."""
         limits = self.limits
         v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
         time = age + limits.dead_time + limits.period + 5.0 * limits.lag + 0.5 * v / limits.deceleration + 0.1
-        reach = self._radius + limits.margin + MOST_DRIFT + v * time
+        return self._radius + limits.margin + MOST_DRIFT + v * time
+
+    def _surfaces(self, reach: float, echoes: Floats) -> Floats:
+        """(k, 2) points of mapped surfaces in reach that no echo shows, m, base frame of the newest odometry.
+
+        None while the localizer does not track, and before its first pose after a restart of the platform.
+        """
+        estimate, grid = self._estimate, self._grid
+        if estimate is None or grid is None or estimate.state != "tracking":
+            return NO_SURFACES
+        time, base = estimate.stamp_ns * 1e-9, estimate.pose
+        if not self._stamps[0] <= time or time < self._stamps[-1] - OLD_POSE:
+            return NO_SURFACES
+        if time < self._stamps[-1]:
+            x, y, heading = self._poses_at(np.array([time]))[0]
+            here = self._poses[-1]
+            turn = base.heading - heading
+            cos, sin, dx, dy = math.cos(turn), math.sin(turn), here[0] - x, here[1] - y
+            base = Pose2D(base.x + cos * dx - sin * dy, base.y + sin * dx + cos * dy, turn + here[2])
+        return surfaces_without_echo(grid, base, reach, echoes)
+
+    def _near(self, twist: Twist2D, age: float) -> Floats:
+        """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""
+        reach = self._reach(twist, age)
         x, y, heading = self._poses[-1]
         cos, sin = math.cos(heading), math.sin(heading)
         near = []
@@ -366,7 +407,9 @@ class CollisionMonitor:
             dx, dy = dx[kept], dy[kept]
             beyond = sensor.obstacles[kept, 2]
             near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx, beyond], axis=1))
-        return np.concatenate(near) if near else NO_POINTS
+        seen = np.concatenate(near) if near else NO_POINTS
+        mapped = self._surfaces(reach, seen[:, :2])
+        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
 
 
 def _out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
@@ -402,6 +445,7 @@ def _directions(bearings: Floats) -> int:
 
 def warm_up() -> None:
     """Compile the kernels for the array types of messages."""
+    monitor_map.warm_up()
     two, one, wide = np.zeros((2, 2)), np.ones(2), np.full(2, 0.1)
     for array in (two, one, wide):
         array.flags.writeable = False

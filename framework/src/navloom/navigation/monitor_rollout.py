@@ -126,27 +126,29 @@ def margins(points, v, w, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyped-def]
+def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: ignore[no-untyped-def]
     """Index of the first point that a footprint touches on its way; -1 for none.
 
-    A point that is too near from the beginning counts only if the footprint comes nearer to it.
+    A point that is too near from the beginning counts only if the footprint comes nearer to it, by more than the slope.
 
     Args:
         poses: (count or more, 3) poses of the base: x, y, m, heading, rad, in the frame of the points.
         outline: (n, 2) footprint, m, base frame.
         points: (k, 2 or more) m.
         margin: (k,) distance from the footprint that counts as touching, m.
+        slope: Largest approach per distance from the first pose that does not count.
     """
     starts = np.empty(points.shape[0])
     for place in range(count):
         x, y = poses[place, 0], poses[place, 1]
         cos, sin = math.cos(poses[place, 2]), math.sin(poses[place, 2])
+        nearer = NEARER + slope * math.hypot(x - poses[0, 0], y - poses[0, 1])
         for i in range(points.shape[0]):
             dx, dy = points[i, 0] - x, points[i, 1] - y
             distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
             if place == 0:
                 starts[i] = distance
-            elif distance < margin[i] and distance < starts[i] - NEARER:
+            elif distance < margin[i] and distance < starts[i] - nearer:
                 return i
     return -1
 

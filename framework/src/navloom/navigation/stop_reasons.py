@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "ORDINARY", "RIVALS", "WAITING", "is_at_rest"]
+__all__ = ["ENDING", "HIDING", "LEFT", "NO_ROOM", "OBSTACLE", "ORDINARY", "RIVALS", "WAITING", "is_at_rest"]
 
 OBSTACLE = "obstacle"
 """Reason of a stop for an obstacle ahead."""
+NO_ROOM = "no room to turn"
+"""Reason of a stop for something beside a robot that is to turn on the spot."""
 ENDING = "ending"
 """Reason of the last stop of a gate that shuts down normally."""
 LEFT = "stale: operator"

@@ -17,7 +17,7 @@ from navloom.live.mailbox import Inlet, Mailbox, Packet
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.messages.generic import GenericMessage
-from navloom.navigation.stop_reasons import OBSTACLE, WAITING
+from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE, WAITING
 from navloom.operating.client import OPEN, Client
 from navloom.plugins.opening import OPENER
 from navloom.transport.quality import is_retained, kind_of, most_of
@@ -239,6 +239,8 @@ def why_stopped(
         return _without_path(feedback, result)
     if status.reason == OBSTACLE:
         return what_limits(status), "the goal recovers after 2 s; `navloom teleop` drives away from it"
+    if status.reason == NO_ROOM:
+        return f"{NO_ROOM}, {what_limits(status)}", "the recovery drives out and turns where there is room, after 2 s"
     if status.reason in _STOPS:
         return _STOPS[status.reason]
     kind, _, who = status.reason.partition(": ")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
+from navloom.messages import MapUpdate, PoseEstimate, RangeScan, RecoveryStep
 from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
@@ -31,6 +31,7 @@ class RecoveryInput:
         sensors: Name of the sensor of each scan.
         readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
+        map: The newest map; None before the first.
     """
 
     stamp_ns: int
@@ -43,6 +44,7 @@ class RecoveryInput:
     sensors: tuple[str, ...] = ()
     readings: Readings = NO_READINGS
     extra: Extras = NO_EXTRAS
+    map: MapUpdate | None = None
 
 
 class Recovery(Role[P]):

@@ -11,14 +11,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom_recoveries.driving_out import DrivingOut
 from navloom_recoveries.motion import edges_of, gap, gap_after, is_free, margin_of, turn_back
 
 __all__ = ["Retracing", "Rules"]
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
-Phase = Literal["leave", "back", "turn", "rest"]
+Phase = Literal["out", "leave", "back", "turn", "rest"]
 
+NO_POINTS = np.empty((0, 2))
 _LOOK = 0.25
 """Distance of the trail point that the robot steers backwards to, m."""
 _REACTION = 0.2
@@ -75,6 +77,8 @@ class Retracing:
     def __init__(self, rules: Rules, footprint: Floats) -> None:
         self.rules = rules
         self._edges = edges_of(footprint)
+        radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+        self._out = DrivingOut(self._edges, radius, rules.margin, rules.speed, rules.turn_rate, rules.delay)
         self._echoes: deque[tuple[float, Floats]] = deque()
         self.phase: Phase = "rest"
         self._began = self._rested = 0.0
@@ -87,7 +91,8 @@ class Retracing:
 
     def start(self, time: float, attempt: int, pose: Pose, trail: Floats) -> None:
         """Start an attempt, numbered from 1, at a run time, s; `trail` is (k, 3), oldest pose first."""
-        self.phase = "leave"
+        self.phase = "out"
+        self._out.start(time, attempt)
         self._began, self._last, self._trail = time, pose, trail
         self._left = self._asked = self._moved_left = self.rules.distance * attempt
         self._moved_at = time
@@ -97,15 +102,26 @@ class Retracing:
         self._margin = None
         self._echoes.clear()
 
-    def step(self, time: float, pose: Pose, points: Iterable[Floats]) -> tuple[float, float, bool]:
+    def step(
+        self, time: float, pose: Pose, points: Iterable[Floats], mapped: Floats = NO_POINTS, moving: float = 0.0
+    ) -> tuple[float, float, bool]:
         """Compute speed, m/s, turn rate, rad/s, and whether the attempt is over.
 
         Args:
             time: Run time, s.
             pose: x, y, m, heading, rad, map frame.
             points: (k, 2) echoes of each scan of this tick, m, base frame.
+            mapped: (n, 2) surfaces of the map near the robot, m, base frame.
+            moving: Measured speed, m/s.
         """
         seen = self._remember(time, pose, points)
+        if self.phase == "out":
+            command = self._out.step(time, pose, moving, seen, mapped)
+            if command is not None:
+                return *command, False
+            self.phase = "rest" if self._out.has_arrived else "leave"
+            self._began = self._rested = self._moved_at = time
+            self._last = pose
         if self._margin is None:
             self._margin = margin_of(seen, self._edges, self.rules.margin, self.rules.noise)
         self._count(pose)

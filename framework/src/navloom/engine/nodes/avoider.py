@@ -8,9 +8,9 @@ from navloom.engine.door import TwistDoor
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
-from navloom.engine.streams import AvoiderPorts, ControllerPorts, GatePorts, LocalizerPorts, ReferencePorts
+from navloom.engine.streams import AvoiderPorts, ControllerPorts, GatePorts, LocalizerPorts, MapperPorts, ReferencePorts
 from navloom.messages import Avoidance, AvoiderStatus, Command
-from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
+from navloom.navigation.handover import NO_TURN, NOWHERE, HandOverRule, own_turn, own_way
 from navloom.roles import Avoider, AvoiderInput
 
 __all__ = ["AvoiderNode"]
@@ -33,6 +33,7 @@ class AvoiderNode(RoleNode[Avoider]):
     pose = Latest(LocalizerPorts.pose)
     reference = Latest(ReferencePorts.reference)
     gate = Latest(GatePorts.status, delayed=True)
+    map = Latest(MapperPorts.map)
     command = Output(AvoiderPorts.command)
     status = Output(AvoiderPorts.status)
     handover = Output(AvoiderPorts.handover)
@@ -64,8 +65,12 @@ class AvoiderNode(RoleNode[Avoider]):
             self.extra(),
         )
         answer = self.door.check(self.plugin.avoid(seen))
-        own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
-        handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor, own)
+        own, turn, known = NOWHERE, NO_TURN, self.map.value
+        if self.look_ahead > 0.0:
+            own, turn = own_way(estimate.pose, desired, self.look_ahead), own_turn(desired, self.rule.footprint)
+        grid = known.grid if known is not None and estimate.state == "tracking" else None
+        way, width = reference.way, reference.corridor
+        handover = self.rule.step(tick.time, scans, estimate.pose, way, width, own, turn, grid)
         self.command.put(Command(answer.twist))
         self.status.put(AvoiderStatus(answer.status, answer.diagnostics))
         self.handover.put(handover)

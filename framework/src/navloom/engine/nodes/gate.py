@@ -13,6 +13,8 @@ from navloom.engine.streams import (
     ControllerPorts,
     GatePorts,
     GoalPorts,
+    LocalizerPorts,
+    MapperPorts,
     OperatorPorts,
     PlatformPorts,
     RecoveryPorts,
@@ -51,6 +53,8 @@ class GateNode(Node):
     contact = Latest(PlatformPorts.contact)
     required = SensorOffers(Message, of="avoider")
     scans = Sensors(RangeScan)
+    pose = Latest(LocalizerPorts.pose)
+    map = Latest(MapperPorts.map)
     operator = Offers(OperatorPorts.command)
     drive = Latest(GoalPorts.drive)
     recovering = Latest(GoalPorts.recovery, delayed=True)
@@ -192,7 +196,7 @@ class GateNode(Node):
         self.status.put(self._status)
 
     def _see(self) -> bool:
-        """Pass new odometry and scans to the collision monitor; True if there was a scan.
+        """Pass new odometry, scans, pose and map to the collision monitor; True if there was a scan.
 
         A restarted platform may stand anywhere: what the monitor knows from before does not hold for it.
         """
@@ -203,6 +207,8 @@ class GateNode(Node):
             self.has_new_platform, self._has_forgotten = False, True
             monitor.forget()
         monitor.move(odometry)
+        known = self.map.value
+        monitor.locate(self.pose.value, None if known is None else known.grid)
         news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
         return any(news)
 

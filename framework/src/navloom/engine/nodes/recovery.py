@@ -11,7 +11,7 @@ from navloom.engine.door import TwistDoor
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
-from navloom.engine.streams import GoalPorts, LocalizerPorts, RecoveryPorts
+from navloom.engine.streams import GoalPorts, LocalizerPorts, MapperPorts, RecoveryPorts
 from navloom.messages import Command, PoseEstimate, RecoveryStep
 from navloom.roles import Recovery, RecoveryInput
 
@@ -33,6 +33,7 @@ class RecoveryNode(RoleNode[Recovery]):
     scans = Sensors(RANGES)
     readings = OtherSensors(RANGES)
     pose = Latest(LocalizerPorts.pose)
+    map = Latest(MapperPorts.map)
     command = Output(RecoveryPorts.command)
     status = Output(RecoveryPorts.status)
     cause = pose
@@ -68,6 +69,7 @@ class RecoveryNode(RoleNode[Recovery]):
             names,
             readings_of(self.readings),
             self.extra(),
+            self.map.value,
         )
         answer = self.door.check(self.plugin.recover(seen))
         self._is_over = answer.state != "running"

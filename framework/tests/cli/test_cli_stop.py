@@ -103,6 +103,7 @@ class Robots:
             self.stopped.append(robot)
 
         monkeypatch.setattr(stopping, "robots", lambda: iter(there))
+        monkeypatch.setattr(stopping, "elsewhere", dict)
         monkeypatch.setattr(stopping, "join", join)
         monkeypatch.setattr("navloom.operating.acts.stop", stop)
 

@@ -16,8 +16,9 @@ from typing import Any
 
 import pytest
 from navloom.hosting import claims
-from navloom.hosting.claims import Claimant, Claims, claimant_of
+from navloom.hosting.claims import Claimant, Claims, claimant_of, elsewhere
 from navloom.hosting.directory import DirectoryError
+from navloom.operating.joining import find_robot
 from navloom.transport.keyspace import KeySpace
 from navloom.transport.links import Link
 from navloom.transport.zenoh_bus import Bus
@@ -76,6 +77,20 @@ def test_a_second_process_is_refused_whatever_its_shell_says_of_runtime_folders(
         with holding(robot, TMPDIR=str(tmp_path)) as (_, refusal):
             assert f"robot lab/{robot}: gate main runs already on host " in refusal
             assert f"process {first.pid}, since 2" in refusal
+
+
+@linux_only
+def test_a_tool_of_another_shell_is_told_where_the_robot_is(
+    robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("NAVLOOM_RUNTIME_DIR", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    with holding(robot, XDG_RUNTIME_DIR=str(tmp_path)) as (_, said):
+        assert said == "taken" and elsewhere()[f"lab/{robot}"] == tmp_path / "navloom"
+        with pytest.raises(DirectoryError, match=f"{robot} is up in the runtime folder {tmp_path}/navloom, which this"):
+            find_robot(robot)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        assert f"lab/{robot}" not in elsewhere()
 
 
 @linux_only

@@ -21,15 +21,17 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from navloom.hosting.directory import DirectoryError
-from navloom.live.cell import Source
+from navloom.hosting.directory import DirectoryError, runtime_folder
 from navloom.transport.connection import Connection
 from navloom.transport.keyspace import CLAIM, KeySpace
 from navloom.transport.links import Link
 
-__all__ = ["Claimant", "Claims", "claimant_of", "process_start"]
+if TYPE_CHECKING:  # tools that look for a robot load no nodes
+    from navloom.live.cell import Source
+
+__all__ = ["Claimant", "Claims", "claimant_of", "elsewhere", "process_start"]
 
 STARTING, RUNNING = "starting", "running"
 """States in a token. A running process keeps its nodes; of two that start at the same moment, the lower key wins."""
@@ -223,16 +225,49 @@ def _address(keys: KeySpace, source: Source) -> str:
     return f"\0{text}"
 
 
+def elsewhere() -> dict[str, Path]:
+    """Robots of this user that run on this host, but in a runtime folder that this process does not use, by REALM/NAME.
+
+    Their shells have another XDG_RUNTIME_DIR or TMPDIR. With a NAVLOOM_RUNTIME_DIR, robots are kept apart on purpose.
+    """
+    found: dict[str, Path] = {}
+    if os.environ.get("NAVLOOM_RUNTIME_DIR"):
+        return found
+    begin = f"@navloom/{os.getuid()}//"
+    for name in sorted(name for name in _abstract() if name.startswith(begin)):
+        realm, robot, *_ = name.removeprefix(begin).split("/")
+        pid = None if f"{realm}/{robot}" in found else _holder(f"\0{name[1:]}")
+        folder = None if pid is None else _folder_of(pid)
+        if folder is not None and folder != runtime_folder():
+            found[f"{realm}/{robot}"] = folder
+    return found
+
+
+def _folder_of(pid: int) -> Path | None:
+    """Runtime folder that a process of this user uses, by its environment."""
+    try:
+        text = Path(f"/proc/{pid}/environ").read_bytes().decode("utf-8", "surrogateescape")
+    except OSError:
+        return None
+    return runtime_folder(dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry))
+
+
+def _abstract() -> dict[str, str]:
+    """Abstract sockets of this host: name, as @…, and how a link in /proc names each."""
+    try:
+        lines = [line.split(maxsplit=7) for line in Path("/proc/net/unix").read_text("utf-8").splitlines()]
+    except OSError:
+        return {}
+    return {line[7]: f"socket:[{line[6]}]" for line in lines if len(line) == 8 and line[7].startswith("@")}
+
+
 def _holder(address: str) -> int | None:
     """Process of this user that holds an abstract socket; None if it is another user's."""
-    name = f"@{address[1:]}"
-    with contextlib.suppress(OSError):
-        lines = [line.split(maxsplit=7) for line in Path("/proc/net/unix").read_text("utf-8").splitlines()]
-        nodes = {f"socket:[{line[6]}]" for line in lines if len(line) == 8 and line[7] == name}
-        for pid in sorted(int(entry) for entry in os.listdir("/proc") if entry.isdecimal()):
-            if pid != os.getpid() and nodes & _open_files(pid):
-                return pid
-    return os.getpid() if nodes & _open_files(os.getpid()) else None
+    link = _abstract().get(f"@{address[1:]}")
+    if link is None:
+        return None
+    pids = sorted(int(entry) for entry in os.listdir("/proc") if entry.isdecimal())
+    return next((pid for pid in pids if link in _open_files(pid)), None)
 
 
 def _open_files(pid: int) -> set[str]:

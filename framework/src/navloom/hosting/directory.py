@@ -76,13 +76,19 @@ class Fate:
     cut: int = 0
 
 
-def runtime_folder() -> Path:
-    """This user's folder: NAVLOOM_RUNTIME_DIR, otherwise in XDG_RUNTIME_DIR or the folder for temporary files."""
-    given = os.environ.get("NAVLOOM_RUNTIME_DIR")
-    if given:
-        return Path(given)
-    base = os.environ.get("XDG_RUNTIME_DIR")
-    return Path(base) / "navloom" if base else Path(tempfile.gettempdir()) / f"navloom-{os.getuid()}"
+def runtime_folder(environment: Mapping[str, str] | None = None) -> Path:
+    """This user's folder: NAVLOOM_RUNTIME_DIR, otherwise in XDG_RUNTIME_DIR or the folder for temporary files.
+
+    Args:
+        environment: Environment of another process of this user; None for that of this one.
+    """
+    given = os.environ if environment is None else environment
+    if given.get("NAVLOOM_RUNTIME_DIR"):
+        return Path(given["NAVLOOM_RUNTIME_DIR"])
+    if given.get("XDG_RUNTIME_DIR"):
+        return Path(given["XDG_RUNTIME_DIR"]) / "navloom"
+    temporary = tempfile.gettempdir() if environment is None else environment.get("TMPDIR", "/tmp")
+    return Path(temporary) / f"navloom-{os.getuid()}"
 
 
 def refuse_foreign(folder: Path) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from navloom.hosting.claims import elsewhere
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running, robots
 from navloom.misspelt import close_to
 from navloom.operating.client import Client
@@ -38,6 +39,8 @@ def find_robot(robot: str | None) -> Running:
         if len(found) == 1:
             return found[0]
         if not found:
+            if others := elsewhere():
+                raise DirectoryError(_in_other_folders(others))
             raise DirectoryError(
                 "no robot of this user is up on this host: start one with `navloom up CONFIG`, "
                 "or reach one elsewhere with --connect ENDPOINT"
@@ -49,8 +52,18 @@ def find_robot(robot: str | None) -> Running:
     if matches:
         full = [f"{one.realm}/{one.robot}" for one in matches]
         raise DirectoryError(f"--robot {robot}: several robots of that name are up: {', '.join(full)}; add the realm")
+    others = {name: folder for name, folder in elsewhere().items() if robot in (name, name.partition("/")[2])}
+    if others:
+        raise DirectoryError(_in_other_folders(others))
     up = f"; up are {', '.join(names)}" if names else "; none is up"
     raise DirectoryError(f"--robot {robot}: it is not up on this host{up}{close_to(robot, names)}")
+
+
+def _in_other_folders(others: Mapping[str, Path]) -> str:
+    """Message that robots are up, but were started by a shell with another runtime folder."""
+    each = [f"robot {name} is up in the runtime folder {folder}" for name, folder in others.items()]
+    remedy = f"set NAVLOOM_RUNTIME_DIR={next(iter(others.values()))} to reach it"
+    return f"{'; '.join(each)}, which this shell does not use: {remedy}"
 
 
 def split_name(robot: str) -> tuple[str, str]:

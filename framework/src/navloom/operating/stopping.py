@@ -6,13 +6,17 @@ wait for it, see `read_options`. On a loaded computer that is the difference bet
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from navloom.errors import NavloomError
-from navloom.hosting.directory import DirectoryError, Running, robots
+from navloom.hosting.claims import elsewhere
+from navloom.hosting.directory import DirectoryError, robots
 from navloom.logs import Level, set_up_logging
 from navloom.operating import acts
 from navloom.operating.joining import find_robot, join
@@ -86,14 +90,38 @@ def stop_robots(
             acts.stop(client)
         print(STOPPED, flush=True)
         return 0
-    found = list(robots()) or [find_robot(None)]  # which says that none is up
-    threads = [_Stop(running, keys, insecure) for running in found]
-    for one in threads:  # at the same time: one that does not answer must not delay the others
+    own, others = [f"{one.realm}/{one.robot}" for one in robots()], elsewhere()
+    if not own and not others:
+        find_robot(None)  # which says that none is up
+    stops = _stop_each(own, keys, insecure)
+    for name, folder in others.items():
+        with _in_folder(folder):
+            stops += _stop_each([name], keys, insecure)
+    return int(any(one.outcome != STOPPED for one in stops))
+
+
+def _stop_each(names: Sequence[str], keys: str | None, insecure: bool) -> list[_Stop]:
+    """Stop robots of one runtime folder, and print what happened to each."""
+    stops = [_Stop(name, keys, insecure) for name in names]
+    for one in stops:  # at the same time: one that does not answer must not delay the others
         one.start()
-    for one in threads:
+    for one in stops:
         one.join()
         print(f"{one.name}: {one.outcome}", flush=True)
-    return int(any(one.outcome != STOPPED for one in threads))
+    return stops
+
+
+@contextmanager
+def _in_folder(folder: Path) -> Iterator[None]:
+    """Use another runtime folder of this user."""
+    before = os.environ.get("NAVLOOM_RUNTIME_DIR")
+    os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ["NAVLOOM_RUNTIME_DIR"]
+        if before is not None:
+            os.environ["NAVLOOM_RUNTIME_DIR"] = before
 
 
 class _Stop(threading.Thread):
@@ -103,8 +131,8 @@ class _Stop(threading.Thread):
         outcome: What happened.
     """
 
-    def __init__(self, running: Running, keys: str | None, insecure: bool) -> None:
-        super().__init__(name=f"{running.realm}/{running.robot}", daemon=True)
+    def __init__(self, name: str, keys: str | None, insecure: bool) -> None:
+        super().__init__(name=name, daemon=True)
         self.outcome = "not stopped"
         self._keys, self._insecure = keys, insecure
 

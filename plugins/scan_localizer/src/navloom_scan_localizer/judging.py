@@ -39,6 +39,8 @@ _MOVED_SIGMA = 0.3
 """Standard deviation of the position above which a moved pose is not trusted, m: it is some place along a corridor."""
 _PROOF = 1.0
 """Drive along which scans must fit before a pose is proven, m: then an obstacle starts no search for another."""
+_FEW = 0.15
+"""Share of the beams to a mapped wall that may pass through it in that drive: maps have errors."""
 _AT_REST = 0.02
 """Speed, m/s, and turn rate, rad/s, below which the robot counts as standing."""
 
@@ -158,7 +160,7 @@ class Judge:
         if self._blind is not None and max(way, abs(off[2])) > _AT_REST * passed:
             self._blind += passed
         through = self._seen.through
-        is_fit = self._blind is None and through <= (1.0 - s.sure_share) * (through + self._seen.fit)
+        is_fit = self._blind is None and through <= _FEW * (through + self._seen.fit)
         self._proven = self._proven + way if is_fit else 0.0
         if self._proven >= _PROOF:
             self._is_moved, self._rival = False, ""

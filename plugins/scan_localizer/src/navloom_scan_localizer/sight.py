@@ -115,8 +115,8 @@ class Sight:
 
     @property
     def score(self) -> float:
-        """How well the echoes fit: 1 if all do; an occluded one adds nothing, a beam through a wall subtracts two."""
-        return (self.fit - 2.0 * self.through) / max(float(self.counts[:4].sum()), 1.0)
+        """How well the echoes fit: 1 if all do; an occluded one adds nothing, one through a wall subtracts one."""
+        return (self.fit - self.through) / max(float(self.counts[:4].sum()), 1.0)
 
 
 def look_along(

@@ -161,6 +161,13 @@ def test_after_a_restart_of_the_run_clock_stamps_begin_again() -> None:
         platform.give(S, ears=scan(900_000_000))
 
 
+def test_the_first_stamps_may_be_0_at_the_start_and_after_a_restart() -> None:
+    platform = Platform()
+    for now in (9 * S, S):
+        platform.give(now, odometry_ns=0, ears=scan(0), eye=sweep(0, 0))
+        platform.give(now, ears=scan(now), eye=sweep(now, 0))
+
+
 def test_a_scan_may_have_a_range_of_one_value() -> None:
     Platform().give(0, ears=scan(0, 4.0, 4.0))
     with refused("gave a scan of 'ears' with range_min 4.5, expected at most 4 m"):

@@ -133,7 +133,8 @@ def test_a_track_gives_the_newest_messages_read_before_or_not() -> None:
 
 @pytest.mark.parametrize(
     ("numbers", "found"),
-    [([], ()), ([5], (5, 5)), ([5, 6, 7], (5, 7)), ([1, 3], (1, 1, 3, 3)), ([1, 2, 4, 5, 9], (1, 2, 4, 5, 9, 9)), ([4, 4], (4, 4, 4, 4))],
+    [([], ()), ([5], (5, 5)), ([5, 6, 7], (5, 7)), ([1, 3], (1, 1, 3, 3)), ([1, 2, 4, 5, 9], (1, 2, 4, 5, 9, 9)),
+     ([4, 4], (4, 4, 4, 4))],
 )  # fmt: skip
 def test_runs_of_numbers(numbers: list[int], found: tuple[int, ...]) -> None:
     assert runs(numbers) == found

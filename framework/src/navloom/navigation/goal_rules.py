@@ -72,3 +72,5 @@ class GoalView:
     selected: tuple[str, str] = ("", "")
     """Active instances of mapper and planner."""
     trajectory: Trajectory | None = None
+    speed: float = 0.0
+    """Forward speed that the gate last commanded, m/s."""

@@ -64,16 +64,16 @@ class Arrival:
         pose, tolerance = seen.estimate.pose, self.rules.tolerance
         if self.since is not None or drive.stop_here or active.distance(pose) <= tolerance:
             return True
-        reference, speed, is_engaged = seen.reference, seen.estimate.twist.vx, seen.handover and seen.handover.engaged
-        if not is_engaged or reference is None or len(active.legs) > 1 or speed <= 0.0 or self._fits(seen.estimate):
+        is_engaged, reference = seen.handover is not None and seen.handover.engaged, seen.reference
+        if not is_engaged or reference is None or len(active.legs) > 1 or seen.speed <= 0.0 or self._fits(seen):
             return False
         ahead, left = active.seen_from(pose)
         is_straight = abs(left) <= tolerance and reference.remaining <= ahead + tolerance
-        return is_straight and ahead <= self.rules.braking.way(speed)
+        return is_straight and ahead <= self.rules.braking.way(seen.speed)
 
-    def _fits(self, estimate: PoseEstimate) -> bool:
+    def _fits(self, seen: GoalView) -> bool:
         """Whether a robot that comes within the tolerance with its present speed stops within it."""
-        return self.rules.braking.way(abs(estimate.twist.vx)) <= ACROSS * self.rules.tolerance
+        return self.rules.braking.way(abs(seen.speed)) <= ACROSS * self.rules.tolerance
 
     def step(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
         """The next move of a robot that is within the tolerance of the goal, turns there, or stops there."""
@@ -93,7 +93,7 @@ class Arrival:
 
     def _stop_or_turn(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
         assert seen.estimate is not None
-        if self._is_turned(active, seen.estimate) or not (drive.stop_here or self._fits(seen.estimate)):
+        if self._is_turned(active, seen.estimate) or not (drive.stop_here or self._fits(seen)):
             self.since, self._path_id = seen.time, drive.path_id
             self._standstill.note(True, seen.time)  # the status of the drive that ends here may still be on its way
             return Move(Drive(0, 0, None, False))

@@ -74,3 +74,5 @@ class GoalView:
     trajectory: Trajectory | None = None
     is_through_seen: bool = False
     """The answer is a path of the known map that leads through what the mapper has seen: no other was found."""
+    speed: float = 0.0
+    """Forward speed that the gate last commanded, m/s."""

@@ -55,6 +55,7 @@ class GoalNode(Node):
     handover = Latest(AvoiderPorts.handover, delayed=True)
     recovery = New(RecoveryPorts.status, delayed=True)
     gate = Latest(GatePorts.status, delayed=True)
+    commanded = Latest(GatePorts.command, delayed=True)
     selection = Latest(GatePorts.selection, delayed=True)
     plan = Output(GoalPorts.plan)
     sweep = Output(GoalPorts.sweep)
@@ -102,6 +103,7 @@ class GoalNode(Node):
             self._selected,
             self.trajectory.value,
             self._is_through_seen(),
+            0.0 if self.commanded.value is None else self.commanded.value.twist.vx,
         )
         for request in self.request.values:
             if request.do == "goal" and request.goal is not None:

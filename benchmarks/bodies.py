@@ -3,9 +3,10 @@
     python benchmarks/bodies.py [--episodes 300] [--seeds A:B] [--bodies 0,3] [--scenes door,post] [--jobs 2]
         [--set A.B=V] [--json]
 
-Ten bodies, of 0.7 to 1.5 m, with the base in each quarter of the body, drive `building`'s chain in lockstep. An episode draws
-its body, scene, beam spacing, noise and seed from a stream of its own number, so that two versions of navloom are given
-the same episodes. A way is *roomy* if it is wider than the body by at least 0.4 m and the body can turn before it.
+Ten bodies of 0.7 to 1.5 m, with the base in each quarter of the body, drive with `building`'s plugins in lockstep. Bodies
+and scenes take turns; beam spacing, noise, room and seed are drawn from a stream of the episode's number, so that two
+versions of navloom get the same episodes. A way is *roomy* if it is wider than the body by at least 0.4 m and leaves
+room to turn.
 """
 
 from __future__ import annotations
@@ -136,7 +137,10 @@ def _world(task: Task) -> str:
     width = body.width + task.room
     if task.scene == "door":
         middle = float(stream.uniform(-2.4, 2.4))
-        room += [("wall left", -4.0, middle - 0.5 * width, 3.0, 3.2), ("wall right", middle + 0.5 * width, 4.0, 3.0, 3.2)]
+        room += [
+            ("wall left", -4.0, middle - 0.5 * width, 3.0, 3.2),
+            ("wall right", middle + 0.5 * width, 4.0, 3.0, 3.2),
+        ]
     elif task.scene == "corner":  # a passage beside the wall, round the end of a partition
         across = 2.0 * body.radius + task.room
         side = 1.0 if stream.random() < 0.5 else -1.0
@@ -148,9 +152,7 @@ def _world(task: Task) -> str:
         for k in range(3):
             x, y, size = stream.uniform((-1.5, 1.8, 0.02), (1.5, 4.8, 0.15)).tolist()
             room.append((f"post {k}", x - size, x + size, y - size, y + size))
-    boxes = "".join(
-        f'[[box]]\nname = "{name}"\nx = [{a!r}, {b!r}]\ny = [{c!r}, {d!r}]\n' for name, a, b, c, d in room
-    )
+    boxes = "".join(f'[[box]]\nname = "{name}"\nx = [{a!r}, {b!r}]\ny = [{c!r}, {d!r}]\n' for name, a, b, c, d in room)
     return (
         f"bounds = [-4.2, -2.2, 4.2, 8.2]\nstart = {{ x = {start[0]}, y = {start[1]}, heading_deg = 90.0 }}\n"
         f"goal = {{ x = {goal[0]!r}, y = {goal[1]!r} }}\n{boxes}"

@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 
 from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
 from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
-from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, margins, stopping_way, within
+from navloom.navigation.monitor_rollout import (
+    MOST_POSES,
+    distance_to_outline,
+    first_touch,
+    margins,
+    stopping_way,
+    within,
+)
 from navloom.navigation.monitor_seen import SeenSpace
 
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
@@ -329,7 +336,9 @@ class CollisionMonitor:
         hit = first_touch(self._rolled, rolled, self._outline, points, wide)
         if hit < 0:  # measured speed is noisy: each tick, it may seem to lead away by more than the command approaches
             wide[~within(points, self._outline, wide)] = -math.inf
-            count = stopping_way(np.zeros(2), NO_COMMANDS, 0.0, np.array([v, w]), self._motor, self._radius, self._alone)
+            count = stopping_way(
+                np.zeros(2), NO_COMMANDS, 0.0, np.array([v, w]), self._motor, self._radius, self._alone
+            )
             hit = first_touch(self._alone, count, self._outline, points, wide)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])

@@ -33,6 +33,8 @@ Cells = NDArray[np.bool_]
 
 TURNING = 0.5
 """Share of the turn acceleration that the reference takes; the tracking law needs the rest for its corrections."""
+_CRAWL = 0.02
+"""Speed that a limited turn acceleration leaves in the tightest corner, m/s: there the robot turns in place."""
 _FINEST = 0.005
 _PER_FILLET = 8.0
 """Samples on the shortest fillet, as far as steps of at least `_FINEST`, m, allow."""
@@ -170,7 +172,7 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
     speed = np.minimum(speed, limits.turn_rate / bend)
     turning = 0.5 * TURNING * limits.turn_acceleration
-    speed = np.minimum(speed, np.sqrt(turning / _bend_change(step, curvature)))
+    speed = np.minimum(speed, np.maximum(_CRAWL, np.sqrt(turning / _bend_change(step, curvature))))
     speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
     speed[-1] = min(speed[-1], limits.slowest)
     gain, loss = (2.0 * step * np.minimum(rate, turning / bend) for rate in (limits.acceleration, limits.deceleration))
@@ -246,7 +248,7 @@ def _bend_change(step: float, curvature: Floats) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _limit_acceleration(speed, gain, loss):  # type: ignore[no-untyped-def]
-    """Forward and backward pass, in place: v² rises by at most `gain` (n,) and falls by at most `loss` (n,) per step."""
+    """Forward and backward pass, in place: v² rises by at most `gain` (n,) and falls by at most `loss` (n,) a step."""
     for k in range(1, speed.shape[0]):
         speed[k] = min(speed[k], math.sqrt(speed[k - 1] ** 2 + gain[k]))
     for k in range(speed.shape[0] - 2, -1, -1):

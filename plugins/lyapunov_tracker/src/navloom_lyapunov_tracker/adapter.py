@@ -8,6 +8,7 @@ from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand
 
 from navloom_lyapunov_tracker.law import (
     final_turn,
+    stopping_turn,
     tracking_command,
     tracking_error,
     turn_direction,
@@ -48,4 +49,5 @@ class LyapunovTracker(Controller[LyapunovTrackerParams]):
             v, w = 0.0, self._turning * turn_that_stops(error.e3, *limits)
         else:
             v, w = tracking_command(error, reference.speed, reference.turn_rate, self.params.k1, self.params.k3)
+            w = stopping_turn(w, reference.turn_rate, self.params.k3, robot.max_angular_acceleration)
         return TrackingCommand(Twist2D(v, 0.0, w), *error)

@@ -14,6 +14,7 @@ __all__ = [
     "energy",
     "final_turn",
     "sinc",
+    "stopping_turn",
     "tracking_command",
     "tracking_error",
     "turn_direction",
@@ -115,3 +116,21 @@ def turn_that_stops(e3: float, w_max: float, acceleration: float) -> float:
     The other half covers the lag of its motors.
     """
     return min(w_max, math.sqrt(acceleration * abs(e3)))
+
+
+def stopping_turn(w: float, w_ref: float, gain: float, acceleration: float) -> float:
+    """A law's turn rate, rad/s, with less correction of the heading where the robot could not end it in time.
+
+    A law that corrects an angle φ at the rate `gain` φ slows down by `gain`² φ. If that is more than the robot can, it
+    turns past. See `turn_that_stops`.
+
+    Args:
+        w: Of the law, rad/s.
+        w_ref: Of the reference, rad/s.
+        gain: Of the heading error in the law, 1/s, > 0.
+        acceleration: Largest turn acceleration, rad/s²; infinite for no limit.
+    """
+    correction = w - w_ref
+    if gain * abs(correction) <= acceleration:
+        return w
+    return w_ref + math.copysign(turn_that_stops(correction / gain, math.inf, acceleration), correction)

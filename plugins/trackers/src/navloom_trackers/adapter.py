@@ -10,6 +10,7 @@ from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand
 from navloom_lyapunov_tracker.law import (
     TrackingError,
     final_turn,
+    stopping_turn,
     tracking_error,
     turn_direction,
     turn_that_stops,
@@ -35,6 +36,8 @@ __all__ = ["FierroLewis", "Kanayama", "PurePursuit", "Ramsete"]
 
 
 P = TypeVar("P", bound=TrackerParams)
+Wanted = tuple[float, tuple[float, float], float]
+"""Direction to face, rad from the heading in [-π, π); a law's velocity, m/s and rad/s; its gain of the heading, 1/s."""
 
 
 class _Tracker(Controller[P]):
@@ -64,7 +67,8 @@ class _Tracker(Controller[P]):
         else:
             target = reference.pose
             error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
-            bearing, wanted = self._follow(given, error)
+            bearing, (v, w), gain = self._follow(given, error)
+            wanted = (v, stopping_turn(w, reference.turn_rate, gain, limits[1]))
             self._turning = turn_direction(bearing, self._turning, self._above, self._until)
             if self._turning:
                 wanted = (0.0, self._turning * turn_that_stops(bearing, *limits))
@@ -72,8 +76,8 @@ class _Tracker(Controller[P]):
         return TrackingCommand(Twist2D(v, 0.0, w), *error)
 
     @abstractmethod
-    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
-        """Compute the direction to face, rad from the heading in [-π, π), and the law's velocity, m/s and rad/s."""
+    def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
+        """Apply the law."""
 
 
 class Kanayama(_Tracker[KanayamaParams]):
@@ -82,13 +86,13 @@ class Kanayama(_Tracker[KanayamaParams]):
     name = "kanayama"
     presets = {"robust": ROBUST, "printed": KANAYAMA_PRINTED}
 
-    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+    def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference = self.params, given.reference
         k_theta = kanayama.critical_gain(own.k_y) if own.k_theta is None else own.k_theta
         if own.approach_deg < 90.0:
             error = within_reach(error, kanayama.reach(own.k_y, k_theta, math.radians(own.approach_deg)))
         wanted = kanayama.control_rule(error, reference.speed, reference.turn_rate, own.k_x, own.k_y, k_theta)
-        return error.e3, wanted
+        return error.e3, wanted, k_theta * reference.speed
 
 
 class FierroLewis(_Tracker[FierroLewisParams]):
@@ -97,7 +101,7 @@ class FierroLewis(_Tracker[FierroLewisParams]):
     name = "fierro_lewis"
     presets = {"robust": ROBUST, "printed": FIERRO_LEWIS_PRINTED}
 
-    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+    def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference, twist = self.params, given.reference, given.estimate.twist
         v_ref, w_ref, gains = reference.speed, reference.turn_rate, (own.k1, own.k2, own.k3)
         curvature = w_ref / v_ref
@@ -110,7 +114,8 @@ class FierroLewis(_Tracker[FierroLewisParams]):
         v, w = fierro_lewis.kinematic_command(error, v_ref, w_ref, *gains)
         v_rate, w_rate = fierro_lewis.command_rates(error, rates, v_ref, *gains)
         v = fierro_lewis.velocity_after(twist.vx, v, v_rate, own.k4, self.context.period)
-        return error.e3, (v, fierro_lewis.velocity_after(twist.wz, w, w_rate, own.k4, self.context.period))
+        w = fierro_lewis.velocity_after(twist.wz, w, w_rate, own.k4, self.context.period)
+        return error.e3, (v, w), own.k3 * v_ref
 
 
 class Ramsete(_Tracker[RamseteParams]):
@@ -119,11 +124,11 @@ class Ramsete(_Tracker[RamseteParams]):
     name = "ramsete"
     presets = {"robust": ROBUST, "printed": RAMSETE_PRINTED}
 
-    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+    def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, law = self.params, (given.reference.speed, given.reference.turn_rate, self.params.zeta, self.params.b)
         if own.approach_deg < 90.0:
             error = within_reach(error, ramsete.reach(*law, math.radians(own.approach_deg)))
-        return error.e3, ramsete.tracking_command(error, *law)
+        return error.e3, ramsete.tracking_command(error, *law), ramsete.feedback_gain(*law)
 
 
 class PurePursuit(_Tracker[PurePursuitParams]):
@@ -132,7 +137,7 @@ class PurePursuit(_Tracker[PurePursuitParams]):
     name = "pure_pursuit"
     presets = {"robust": ROBUST, "printed": PURE_PURSUIT_PRINTED}
 
-    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+    def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference, pose = self.params, given.reference, given.estimate.pose
         away = pure_pursuit.look_ahead(
             given.estimate.twist.vx, own.look_ahead_time, own.min_look_ahead, own.max_look_ahead
@@ -143,4 +148,4 @@ class PurePursuit(_Tracker[PurePursuitParams]):
         curvature = pure_pursuit.pursuit_curvature(ahead, left)
         v = pure_pursuit.curvature_speed(reference.speed, curvature, own.slow_radius, own.min_arc_speed)
         v = pure_pursuit.proximity_speed(v, reference.remaining, own.approach_distance, own.min_approach_speed)
-        return math.atan2(left, ahead), (v, v * curvature)
+        return math.atan2(left, ahead), (v, v * curvature), 2.0 * v / max(math.hypot(ahead, left), own.min_look_ahead)

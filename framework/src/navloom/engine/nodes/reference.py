@@ -121,7 +121,7 @@ class ReferenceNode(Node):
     def _speeds(self, at: Projection, heading: float) -> tuple[float, float]:
         """Speed, m/s, and turn rate, rad/s, of the reference: less while a robot that turns slowly is turned away.
 
-        It takes 2 sqrt(e / a) to turn by an angle e at a turn acceleration a, and drives beside its trajectory meanwhile.
+        To turn by an angle e takes it 2 sqrt(e / a) at a turn acceleration a; meanwhile it leaves its trajectory.
         """
         away = abs(math.remainder(at.heading - heading, math.tau))
         beside = away * math.sqrt(away / self.limits.turn_acceleration)

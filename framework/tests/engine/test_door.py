@@ -12,15 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from navloom.engine.door import (
-    AnswerError,
-    LocalizerDoor,
-    MapperDoor,
-    PlannerDoor,
-    PlatformDoor,
-    TwistDoor,
-    notes_of,
-    verb_place,
-)
+    AnswerError, LocalizerDoor, MapperDoor, PlannerDoor, PlatformDoor, TwistDoor, notes_of, verb_place,
+)  # fmt: skip
 from navloom.messages import (
     Contact,
     MapUpdate,

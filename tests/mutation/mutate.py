@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mutant_import import VARIABLE, install, tell_children
 from mutants import Mutant, constants_of, lines_of, preset_change, sampled
 from nearest_tests import Tree
-from watched_tests import Outcomes, run_tests
+from watched_tests import BUDGET, Outcomes, run_tests
 
 TOP = Path(__file__).resolve().parents[2]
 PAPER = ("improved_vfh", "vfh", "vff", "ipabd", "astar", "lyapunov_tracker")
@@ -99,7 +99,7 @@ class Course:
         uncached = self.tree.uncached(path)
         key = uncached[0], is_pure, test
         if key not in self._known:
-            outcomes = self._run(path, None, [test], None, is_pure, 120.0 if is_pure else 2.0 * COMPILING)
+            outcomes = self._run(path, None, [test], None, is_pure, 120.0 + BUDGET * self.slowest)
             passed = outcomes.passed if outcomes else {}
             if not is_pure:
                 plain = self._baseline(path, test, True)

@@ -11,16 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from navloom.engine.door import (
-    AnswerError,
-    LocalizerDoor,
-    MapperDoor,
-    PlannerDoor,
-    PlatformDoor,
-    TwistDoor,
-    notes_of,
-    verb_place,
-)
+from navloom.engine import door as doors
+from navloom.engine.door import AnswerError, LocalizerDoor, MapperDoor, PlannerDoor, PlatformDoor, TwistDoor
 from navloom.messages import (
     Contact,
     MapUpdate,
@@ -40,14 +32,7 @@ from navloom.messages import (
     Truth,
     Twist2D,
 )
-from navloom.roles import (
-    LocalizerInput,
-    MapperInput,
-    PlannerInput,
-    PlatformInput,
-    PlatformOutput,
-    SensorSpec,
-)
+from navloom.roles import LocalizerInput, MapperInput, PlannerInput, PlatformInput, PlatformOutput, SensorSpec
 
 S = 1_000_000_000
 ORIGIN, STILL = Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
@@ -364,7 +349,7 @@ def test_a_command_ten_times_beyond_a_limit_is_noted(vx: float, wz: float, note:
     command = tracking(vx, wz)
     assert door.check(command) is command
     assert door.notes == ([f"asked for {note} ({PLACE}); the gate limits it"] if note else [])
-    assert notes_of(SimpleNamespace(door=door)) is door.notes
+    assert doors.notes_of(SimpleNamespace(door=door)) is door.notes
 
 
 def test_only_the_first_command_far_beyond_a_limit_is_noted() -> None:
@@ -388,16 +373,16 @@ def test_a_role_gives_its_own_kind_of_command() -> None:
 
 
 def test_a_node_without_a_door_has_no_notes() -> None:
-    assert notes_of(object()) == [] and notes_of(SimpleNamespace(door=object())) == []
+    assert doors.notes_of(object()) == [] and doors.notes_of(SimpleNamespace(door=object())) == []
 
 
 def test_the_place_of_a_verb_is_its_line_and_empty_where_it_has_no_source() -> None:
-    assert verb_place(Plugin("planner")) == PLACE  # type: ignore[arg-type]
+    assert doors.verb_place(Plugin("planner")) == PLACE  # type: ignore[arg-type]
 
     class Compiled(Plugin):
         plan = abs  # type: ignore[assignment]
 
-    assert verb_place(Compiled("planner")) == ""  # type: ignore[arg-type]
+    assert doors.verb_place(Compiled("planner")) == ""  # type: ignore[arg-type]
     door = PlannerDoor(Compiled("planner"), 0.25)  # type: ignore[arg-type]
     with pytest.raises(AnswerError, match=r"expected Path or PlanFailure$"):
         door.check(None, PlannerInput(ASKED, map_of(0)))

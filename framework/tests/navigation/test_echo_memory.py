@@ -210,6 +210,18 @@ def test_the_nearest_to_the_base_counts_wherever_the_way_begins() -> None:
         assert nearest(made, BEND, 0.3, (-3.0, -2.2)) == pytest.approx(1.5)
 
 
+def test_a_way_may_lead_back_to_the_base() -> None:
+    """The base is at its end; the echo is 0.1 m from its first point."""
+    assert nearest(at((-0.6, -1.0)), BEND, 0.3, (0.5, -2.5)) == pytest.approx(math.hypot(1.1, 1.5))
+
+
+def test_rounding_loses_no_echo_and_takes_no_farther_one() -> None:
+    """A fifth of a nanometre before the end of the strip, and behind another echo."""
+    way = [(0.0, 0.0), (0.75, 0.0)]
+    assert nearest(at((1.0 - 2e-10, 0.0)), way, 0.25, (0.0, 0.0)) == 1.0 - 2e-10
+    assert nearest(at((0.5 + 1e-10, 0.0), (0.5, 0.0)), way, 0.25, (0.0, 0.0)) == 0.5
+
+
 def test_a_way_whose_first_points_are_the_same_begins_there() -> None:
     """Nothing is behind a segment of no length."""
     way = [(0.0, 0.0), (0.0, 0.0), (1.0, 0.0)]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, rings
+from gate_rig import AHEAD, GOAL, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, rings
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.live import live_gate, mailbox
@@ -348,3 +348,72 @@ def test_a_command_shows_that_its_process_runs(live: Gate) -> None:
     live.clock.now += 63_000_000
     live.look()
     assert live.node.gone == " ".join(controller)
+
+
+def command(gate: Gate) -> tuple[float, int]:
+    """The newest command, m/s, and the platform's stamp that it derives from, ms."""
+    sent: Any = gate.hosted.cell.outlets["command"].last
+    return round(sent[0].twist.vx, 3), round(sent[1].cause_ns * 1e-6)
+
+
+def status(gate: Gate) -> Any:
+    sent: Any = gate.hosted.cell.outlets["status"].last
+    return sent[0]
+
+
+def end_drive(gate: Gate, tick: int) -> None:
+    """The goal ends its drive between two ticks; controller and avoider then publish nothing."""
+    gate.clock.now = round((tick - 0.5) * PERIOD * 1e9)
+    gate.give(GOAL, "drive", Drive(0, 0, None, False), tick)
+    gate.look()
+
+
+def idle(gate: Gate, tick: int, steps: bool = True) -> None:
+    """One tick without commands."""
+    gate.clock.now = round(tick * PERIOD * 1e9)
+    if steps:
+        gate.report(GOAL, 0, tick)
+    gate.tick(tick)
+
+
+def test_the_ramp_goes_on_with_the_ticks_after_the_drive_is_gone(live: Gate) -> None:
+    """From 0.1 m/s by 1 m/s² · 50 ms, each command from the newest stamp."""
+    assert command(live) == (0.1, 950)
+    end_drive(live, 20)
+    assert command(live) == (0.1, 950)  # the ramp begins with the next tick
+    idle(live, 20)
+    assert command(live) == (0.05, 1000) and not status(live).stopped and reason(live) == "no_trajectory"
+    idle(live, 21)
+    assert command(live) == (0.0, 1050) and status(live).stopped
+
+
+def test_a_latched_stop_of_a_driving_robot_is_told_at_once_and_braked_by_a_ramp(live: Gate) -> None:
+    live.runner.obey(OperatorRequest("stop"))
+    live.look()
+    told = status(live)
+    assert (told.latched, told.stopped, told.reason) == (True, False, "operator") and command(live) == (0.1, 950)
+    go_on(live, 20, steps=True)
+    go_on(live, 21, steps=True)
+    assert command(live) == (0.0, 1050) and status(live).stopped
+
+
+def test_a_silent_platform_during_a_ramp_is_a_step_to_zero_within_150_ms(live: Gate) -> None:
+    end_drive(live, 20)
+    idle(live, 20)
+    began = live.clock.now
+    while command(live)[0] and live.clock.now < began + 1e9:
+        live.clock.now += max(1, round(live.runner.wait_time() * 1e9))
+        live.look()
+    assert 0.1 <= (live.clock.now - began) * 1e-9 < 0.15
+    assert (status(live).stopped, reason(live)) == (True, "silent: platform")
+
+
+def test_a_node_that_dies_during_a_ramp_is_a_step_to_zero_at_once(live: Gate) -> None:
+    end_drive(live, 20)
+    idle(live, 20)
+    controller = ("controller", live.node.selected["controller"])
+    live.lose(controller)
+    live.lose(*[source for source in all_sources(SYSTEM) if source not in THINKING])
+    live.clock.now += 80_000_000
+    live.look()
+    assert command(live)[0] == 0.0 and reason(live).startswith("gone: ")

@@ -214,6 +214,11 @@ class CommandGate:
             return verdict.twist, self._braking(verdict, status.pending)
         return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
 
+    def announce(self, reason: str, pending: Sequence[str]) -> GateStatus:
+        """The status of a ramp that begins with the next tick."""
+        self._ramp = reason
+        return GateStatus("none", "", False, self.is_latched, reason, tuple(pending))
+
     def _slow_down(self, reason: str, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
         """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
         self._ramp, speed = reason, self.speed

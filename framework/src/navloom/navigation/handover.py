@@ -99,7 +99,7 @@ def warm_up() -> None:
     """Compile the kernels, also those of the echo memory."""
     echoes.warm_up()
     own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
-    first_touch(NO_TURN, 0, NOWHERE, NOWHERE, 0.0)
+    first_touch(NO_TURN, 0, NOWHERE, NOWHERE, np.empty(0))
 
 
 class HandOverRule:
@@ -187,7 +187,7 @@ class HandOverRule:
         echoes = self._memory.near(base, reach, time)
         mapped = NOWHERE if grid is None else surfaces_without_echo(grid, base, reach, echoes)
         for points in (echoes, mapped):
-            hit = first_touch(turn, len(turn), self.footprint, points, 0.0)
+            hit = first_touch(turn, len(turn), self.footprint, points, np.zeros(len(points)))
             if hit >= 0:
                 return math.hypot(points[hit, 0], points[hit, 1])
         return math.inf

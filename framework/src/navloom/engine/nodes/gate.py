@@ -112,13 +112,19 @@ class GateNode(Node):
     def check(self, tick: Tick) -> None:
         """Between two ticks: stop at once if something is wrong; does nothing if all is well or already stopped.
 
-        An ordinary stop begins, and goes on, with the ticks: its ramp loses speed by the period.
+        The ramp of an ordinary stop begins, and goes on, with the ticks. Only a latched stop is told at once: one that
+        was not told is not remembered.
         """
         sensed, has_contact = self._sensed(), self.gate.has_contact
         has_seen = self._see()
         reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
         said = self._status
-        if not reason or self.gate.ramps(reason, sensed):
+        ramps = self.gate.ramps(reason, sensed)
+        if ramps and said is not None and said.latched != self.gate.is_latched:
+            self._note(has_contact)
+            said = self._status = self.gate.announce(reason, self.pending)
+            self.status.put(said)
+        if not reason or ramps:
             if said is not None and has_seen:
                 self._look_again(said, sensed.platform_ns)
         elif said is None or not said.stopped or said.latched != self.gate.is_latched:

@@ -89,6 +89,8 @@ def test_a_tool_of_another_shell_is_told_where_the_robot_is(
         assert said == "taken" and elsewhere()[f"lab/{robot}"] == tmp_path / "navloom"
         with pytest.raises(DirectoryError, match=f"{robot} is up in the runtime folder {tmp_path}/navloom, which this"):
             find_robot(robot)
+        with holding(f"{robot}-apart", NAVLOOM_RUNTIME_DIR=str(tmp_path / "apart")):
+            assert f"lab/{robot}-apart" not in elsewhere() and all(name.startswith("lab/") for name in elsewhere())
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         assert f"lab/{robot}" not in elsewhere()
 

@@ -35,6 +35,8 @@ __all__ = ["Claimant", "Claims", "claimant_of", "elsewhere", "process_start"]
 
 STARTING, RUNNING = "starting", "running"
 """States in a token. A running process keeps its nodes; of two that start at the same moment, the lower key wins."""
+USUAL = "usual"
+"""Part of the names of sockets of robots without a NAVLOOM_RUNTIME_DIR."""
 FIND = 1.0
 """Longest wait for a router before the start, s; longer than joining one takes that is there."""
 SETTLE = 0.5
@@ -216,7 +218,7 @@ class Claims:
 def _address(keys: KeySpace, source: Source) -> str:
     """Abstract socket of a node: one for each user, and one for each NAVLOOM_RUNTIME_DIR, which keeps robots apart."""
     given = os.environ.get("NAVLOOM_RUNTIME_DIR")
-    scope = str(Path(given).resolve()) if given else ""
+    scope = f"in:{Path(given).resolve()}" if given else USUAL
     text = f"navloom/{os.getuid()}/{scope}/{keys.prefix}/{'/'.join(source)}"
     if len(text.encode()) > 100:  # a socket's name has at most 107 bytes
         from hashlib import sha256
@@ -233,7 +235,7 @@ def elsewhere() -> dict[str, Path]:
     found: dict[str, Path] = {}
     if os.environ.get("NAVLOOM_RUNTIME_DIR"):
         return found
-    begin = f"@navloom/{os.getuid()}//"
+    begin = f"@navloom/{os.getuid()}/{USUAL}/"
     for name in sorted(name for name in _abstract() if name.startswith(begin)):
         realm, robot, *_ = name.removeprefix(begin).split("/")
         pid = None if f"{realm}/{robot}" in found else _holder(f"\0{name[1:]}")

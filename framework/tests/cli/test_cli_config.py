@@ -36,7 +36,7 @@ def test_a_config_that_cannot_drive_does_not_fit(in_process: CommandLine, tmp_pa
         assert error.splitlines()[-1] == (
             f"navloom: {path}: mapper.plugin: ipabd, the default, needs a sensor that gives Sweep, and there is none "
             "among laser_2d: add a [[sensor]] of kind pitched_laser, or take another mapper, as known_map or "
-            "ros_map or scan_grid"
+            "layered or ros_map or scan_grid"
         )
 
 
@@ -61,7 +61,7 @@ def test_show_prints_each_value_and_its_source(in_process: CommandLine) -> None:
     assert shown["sensor.0.range_max"] == (20.0, "file")
     assert shown["sensor.0.dropout"] == (0.0, "default")  # of the platform
     assert shown["avoider.sensors"] == (["laser"], "default")
-    assert shown["mapper.name"] == ("known_map", "default")
+    assert shown["mapper.name"] == ("layered", "default")
     assert shown["navigation.goal.y"] == (6.0, "world")
     assert shown["map.ref"] == ("world", "default")
 

@@ -118,7 +118,7 @@ def test_a_plugin_of_the_project_that_is_missing_is_refused_with_what_to_install
     assert refusal(found, "platform", "sensors_sim") == f"no plugin 'platform.sensors_sim' is installed: {install}"
     assert refusal(found, "planner", "asta") == "no plugin 'planner.asta' is installed; did you mean 'astar'?"
     assert refusal(found, "planner", "q") == "no plugin 'planner.q' is installed; known are mine"
-    brings = f"{every} adds ipabd, known_map, ros_map, scan_grid, union"
+    brings = f"{every} adds ipabd, known_map, layered, ros_map, scan_grid, union"
     assert refusal(found, "mapper", "q") == f"no plugin 'mapper.q' is installed; no mapper is installed: {brings}"
 
 

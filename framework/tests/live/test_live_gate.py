@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from gate_rig import AHEAD, GOAL, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, rings
+from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, rings
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.live import live_gate, mailbox

@@ -112,10 +112,15 @@ class Claims:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._closing.set()
+        self.leave_network()
         self._drop()
+
+    def leave_network(self) -> None:
+        """Release the claims on the network: before a router of this process ends, which it would otherwise rejoin."""
+        self._closing.set()
         if self._connection is not None:
             self._connection.close()
+            self._connection = None
 
     def _drop(self) -> None:
         """Release the sockets; a forked child must not hold them for its parent's successor."""
@@ -150,21 +155,26 @@ class Claims:
         Raises:
             DirectoryError: Another process runs one of the nodes, or starts it at the same moment and takes precedence.
         """
-        self._connection = Connection(link, waits=False)
+        if not self._sources:  # of a host with nothing but the router
+            return
+        connection = self._connection = Connection(link, waits=False)
         limit = time.monotonic() + FIND
-        while now and not self._connection.neighbours() and time.monotonic() < limit:
+        while now and not connection.neighbours() and time.monotonic() < limit:
             time.sleep(LOOK)
-        if self._connection.neighbours():
-            if refusal := self._decide(self._connection):
+        if connection.neighbours():
+            if refusal := self._decide(connection):
                 raise DirectoryError(refusal)
         else:
-            threading.Thread(target=self._take_later, args=(self._connection,), name="claims", daemon=True).start()
+            threading.Thread(target=self._take_later, args=(connection,), name="claims", daemon=True).start()
 
     def _take_later(self, connection: Connection) -> None:
         while not connection.neighbours():
             if self._closing.wait(LOOK):
                 return
-        self.lost = self._decide(connection)
+        lost = self._decide(connection)
+        if self._closing.is_set():
+            return
+        self.lost = lost
         if self.lost:  # a robot that is complete by now goes on: `navloom doctor` names both
             self._say(self.lost)
             self._announce(connection, RUNNING)

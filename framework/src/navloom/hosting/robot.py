@@ -250,6 +250,8 @@ class LiveRobot:
     def _stop(self) -> None:
         self._ended.set()
         try:
+            if self.network.starts_router:
+                self._claims.leave_network()
             self.supervisor.stop()
             if self.folder.is_there():
                 self.folder.clear()

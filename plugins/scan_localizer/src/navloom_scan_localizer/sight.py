@@ -44,10 +44,10 @@ def _is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-unt
         if 0 <= row < rows and 0 <= column < columns:
             distance = values[row, column]
             if distance < 0.5 * spacing:
-                _, gx, gy, _ = sample(values, frame, x - back * dx, y - back * dy)
+                before, gx, gy, _ = sample(values, frame, x - back * dx, y - back * dy)
                 facing = -(gx * dx + gy * dy)
                 if distance < 0.0 or facing > 0.0:
-                    return back * max(facing, _GRAZING) > gate
+                    return back * max(facing, _GRAZING) - before > gate
         back -= max(distance - 0.5 * spacing, 0.5 * spacing)
     return False
 

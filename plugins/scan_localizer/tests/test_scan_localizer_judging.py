@@ -117,6 +117,15 @@ def test_it_tracks_again_once_it_sees_the_room_again():
     assert robot.error()[0] < 0.05
 
 
+def test_a_robot_that_is_carried_does_not_trust_a_place_nearby_that_fits():
+    robot = Robot(TRUE)
+    robot.see(ROOM, 1.0)
+    there = TRUE + (0.5, -0.3, math.radians(15.0))
+    assert robot.see(ROOM, 2.0, there)[-1] == "searching"
+    assert robot.error(there)[0] < 0.05
+    assert "carried" in robot.judge.reason
+
+
 def test_echoes_before_every_wall_do_not_contradict_the_pose_of_a_robot_at_rest():
     robot = Robot(TRUE)
     robot.see(ROOM, 1.0)

@@ -38,10 +38,11 @@ def test_an_echo_ahead_of_a_wall_2_m_away(length, kind):
 
 
 def test_the_depth_behind_a_wall_is_measured_across_it():
-    # At 60 deg to the normal the wall is 4 m away; 0.3 m more are 0.15 m behind its front, 0.4 m are 0.2 m.
-    slanted = math.radians(60.0)
-    assert counts(beam(4.3, slanted), pose=(1.0, 0.2, 0.0))[2] == 0.0
-    assert counts(beam(4.4, slanted), pose=(1.0, 0.2, 0.0))[2] == 1.0
+    # At 45 deg the wall 2 m away is met after 2.828 m, by a ray 0.1 m beside it after 2.928 m; 0.2 m more are 0.14 m
+    # behind its front, 0.25 m are 0.18 m.
+    slanted = math.radians(45.0)
+    assert counts(beam(3.13, slanted), pose=(1.0, 0.5, 0.0))[2] == 0.0
+    assert counts(beam(3.18, slanted), pose=(1.0, 0.5, 0.0))[2] == 1.0
 
 
 def test_beams_without_an_echo_pass_a_wall_or_none():
@@ -66,7 +67,12 @@ def test_a_part_of_the_beams_is_counted():
 
 def test_what_the_counts_mean():
     seen = Sight(np.array([10.0, 4.0, 3.0, 3.0, 1.0, 4.0]))
-    # 14 echoes fit; 3 pass through, and 4 beams without an echo count half; 10 - 4 + 3 + 1 + 4 of 25 see the map.
+    # 14 echoes fit; 3 pass through, and 4 beams without an echo count half; 10 - 4 + 3 of 20 echoes are of the map.
     assert (seen.fit, seen.through, seen.total) == (14.0, 5.0, 25.0)
-    assert seen.support == pytest.approx(14.0 / 25.0)
+    assert seen.support == pytest.approx(9.0 / 20.0)
     assert seen.score == pytest.approx((14.0 - 5.0) / 20.0)
+
+
+def test_few_echoes_say_little_about_the_sight_of_the_map():
+    # A quarter of the beams have an echo, none of the map: half the weight is left.
+    assert Sight(np.array([0.0, 0.0, 0.0, 5.0, 15.0, 0.0])).support == pytest.approx(0.5)

@@ -202,7 +202,9 @@ class Judge:
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
         self._is_moved, self._rival = True, ""
-        if others or score < _SURE:
+        if self._blind is not None and self._blind < math.inf:
+            self._rival = "the map went out of sight at once: the robot may have been carried anywhere"
+        elif others or score < _SURE:
             self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
         tracker.relocate(pose, inverse(fused))
         self._seen, self._last_pose, self._proven = Sight(np.zeros(6)), tracker.pose.copy(), 0.0

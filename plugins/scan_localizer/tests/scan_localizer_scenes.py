@@ -176,7 +176,11 @@ def some_way(world, metres, rng):
 
 
 def some_laser(rng):
-    return float(rng.choice([180.0, 270.0, 360.0])), float(rng.choice([5.0, 20.0])), float(rng.choice([0.01, 0.02, 0.03]))
+    return (
+        float(rng.choice([180.0, 270.0, 360.0])),
+        float(rng.choice([5.0, 20.0])),
+        float(rng.choice([0.01, 0.02, 0.03])),
+    )
 
 
 def is_clear(path, x, y, width, depth, gap=0.45):
@@ -349,7 +353,9 @@ def run(scene, seed, observe=None):
         time = tick * PERIOD
         true = path[at]
         stamp = round(1e9 * time)
-        scan = RangeScan(stamp, nowhere, bearings, halves, none, look(scene, true, time, bearings, rng), 0.05, scene.laser[1])
+        scan = RangeScan(
+            stamp, nowhere, bearings, halves, none, look(scene, true, time, bearings, rng), 0.05, scene.laser[1]
+        )
         said = localizer.localize(
             LocalizerInput(Odometry(stamp, Pose2D(*odometry.tolist()), Twist2D(0.0, 0.0, 0.0)), (scan,), None)
         )

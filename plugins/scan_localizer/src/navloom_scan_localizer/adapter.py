@@ -185,9 +185,7 @@ def _without_echo(scan: RangeScan, p: _BeamLimits) -> NDArray[np.float64]:
     return np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
 
 
-def _points(
-    scan: RangeScan, odometry: Odometry, p: _BeamLimits, ranges: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits, ranges: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 4) end points, m, and directions of a scan's beams, in the base frame at the time of the odometry."""
     twist, late = odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
     if abs(late) > p.max_age:

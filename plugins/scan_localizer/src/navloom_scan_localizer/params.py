@@ -48,7 +48,9 @@ class ScanMatchingParams(Params):
     least_seen: float = Field(
         0.05, ge=0.0, le=1.0, description="Share of beams that must see what the map has at the start."
     )
-    blind_after: float = Field(3.0, ge=0.0, le=600.0, description="Longest drive after the map went out of sight at once, s.")
+    blind_after: float = Field(
+        3.0, ge=0.0, le=600.0, description="Longest drive after the map went out of sight at once, s."
+    )
     trusted_share: float = Field(
         0.6, ge=0.0, le=1.0, description="Share of beams to a mapped wall that must end at it, not behind it, no unit."
     )

@@ -162,7 +162,7 @@ class PoseTracker:
         return True
 
     def _is_usable(self, beams: Floats, pose: Floats, inliers: int) -> bool:
-        """Whether enough beams fit a pose, (3,): of all, or, if most are occluded, of those that reach a mapped wall."""
+        """Whether enough beams fit a pose, (3,): of all or, if most are occluded, of those to a mapped wall."""
         s, count = self.settings, len(beams)
         if not self.is_proven or inliers < s.least_inliers or inliers >= s.least_share * count:
             return inliers >= max(s.least_inliers, s.least_share * count)

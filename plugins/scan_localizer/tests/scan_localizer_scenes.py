@@ -288,7 +288,6 @@ class Drive:
     Attributes:
         states: State of each tick. errors: Error of the position, m. sigmas: Its standard deviation, m.
         moving: Whether the robot was driven in that tick.
-        mapped: Whether its scans belong to the map: false where it was put into another building.
     """
 
     states: list[str]
@@ -297,8 +296,11 @@ class Drive:
     moving: list[bool]
 
     def falsely_lost(self):
-        """Time in which it says lost while the position is less than 0.1 m off, s."""
-        return PERIOD * sum(s == "lost" and e < 0.1 for s, e in zip(self.states, self.errors, strict=True))
+        """Whether it says lost, or ends because it is not tracking, while the position is less than 0.1 m off."""
+        ends = zip(self.states, self.errors, strict=True)
+        return any(state == "lost" and error < 0.1 for state, error in ends) or (
+            self.states[-1] != "tracking" and self.errors[-1] < 0.1
+        )
 
     def missed(self):
         """Longest time of motion in one go in which it says tracking while the position is more than 0.3 m off, s."""

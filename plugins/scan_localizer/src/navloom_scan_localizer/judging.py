@@ -100,12 +100,12 @@ class Judge:
         self._last_pose = tracker.pose.copy()
         self._support, self._wanted = 0.0, tracker.settings.least_seen
         """Share of the last scan's beams that saw the map, and the share that is wanted for `_blind` to end."""
-        self._blind: float | None = math.inf
-        """Time driven since the sight of the map was lost at once, s; infinite before it was seen; None if in sight."""
+        self._blind: float | None = None
+        """Time driven since the sight of the map was lost at once, s; infinite if it was never seen; else None."""
         self._proven = 0.0
         """Way driven with scans that fit, m."""
         self._is_moved, self._rival = False, ""
-        """Whether the pose was moved since a drive last proved it; why it is not trusted then."""
+        """Whether the tracker was moved to a pose that no drive has proven yet; why it is not trusted then."""
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
@@ -153,24 +153,26 @@ class Judge:
             seen = look_along(tracker.field, beams, echoes, tracker.pose, gate, part)
             self._seen = Sight(math.exp(-passed / _MEMORY) * self._seen.counts + seen.counts)
             support, before, self._support = seen.support, self._support, seen.support
-            if self._blind is None and support < (1.0 - _SUDDEN) * before:
+            if self._blind is None and support < (1.0 - _SUDDEN) * before and before >= s.least_seen:
                 self._blind, self._wanted = 0.0, (1.0 - _SUDDEN) * before
-            elif support >= self._wanted:
+            elif min(support, self._seen.support) >= self._wanted:
                 self._blind = None
+            elif self._blind is None and not tracker.is_proven and self._seen.support < s.least_seen:
+                self._blind, self._wanted = math.inf, s.least_seen
         if self._blind is not None and max(way, abs(off[2])) > _AT_REST * passed:
             self._blind += passed
         through = self._seen.through
         is_fit = self._blind is None and through <= _FEW * (through + self._seen.fit)
         self._proven = self._proven + way if is_fit else 0.0
         if self._proven >= _PROOF:
-            self._is_moved, self._rival = False, ""
+            tracker.is_proven, self._is_moved, self._rival = True, False, ""
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
         s, seen = self._tracker.settings, self._seen
         is_doubtful = self._is_moved or self._blind is not None
         through, most = seen.through, (0.5 if is_doubtful else 1.0) * (1.0 - s.trusted_share)
-        if through > most * (through + seen.fit) and through > 0.5 * s.least_seen * seen.total:
+        if through > most * (through + seen.fit) and through > s.least_seen * seen.total:
             share = through / (through + seen.fit)
             return f"{share:.0%} of the beams to a wall of the map pass through it, more than {most:.0%}"
         if self._blind is not None and self._blind > s.blind_after:
@@ -200,11 +202,13 @@ class Judge:
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
         self._is_moved, self._rival = True, ""
-        if others or score < _SURE:
+        if self._blind is not None and self._blind < math.inf:
+            self._rival = "the map went out of sight at once: the robot may have been carried anywhere"
+        elif others or score < _SURE:
             self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
         tracker.relocate(pose, inverse(fused))
         self._seen, self._last_pose, self._proven = Sight(np.zeros(6)), tracker.pose.copy(), 0.0
-        self._blind, self._support, self._wanted = math.inf, 0.0, s.least_seen
+        self._blind, self._support, self._wanted = None, 0.0, s.least_seen
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
         self.reason = (
             f"{share:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "

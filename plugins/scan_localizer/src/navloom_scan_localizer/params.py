@@ -46,7 +46,7 @@ class ScanMatchingParams(Params):
     max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
 
     least_seen: float = Field(
-        0.1, ge=0.0, le=1.0, description="Share of beams that must see what the map has at the start."
+        0.05, ge=0.0, le=1.0, description="Share of beams that must see what the map has at the start."
     )
     blind_after: float = Field(
         3.0, ge=0.0, le=600.0, description="Longest drive after the map went out of sight at once, s."

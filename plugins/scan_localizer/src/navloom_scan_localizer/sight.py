@@ -44,10 +44,10 @@ def _is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-unt
         if 0 <= row < rows and 0 <= column < columns:
             distance = values[row, column]
             if distance < 0.5 * spacing:
-                _, gx, gy, _ = sample(values, frame, x - back * dx, y - back * dy)
+                before, gx, gy, _ = sample(values, frame, x - back * dx, y - back * dy)
                 facing = -(gx * dx + gy * dy)
                 if distance < 0.0 or facing > 0.0:
-                    return back * max(facing, _GRAZING) > gate
+                    return back * max(facing, _GRAZING) - before > gate
         back -= max(distance - 0.5 * spacing, 0.5 * spacing)
     return False
 
@@ -105,13 +105,15 @@ class Sight:
 
     @property
     def support(self) -> float:
-        """Share of the beams that see what the map has.
+        """Share of the echoes that come from what the map has; nearer to 1 if fewer than half of the beams have one.
 
         Echoes of unmapped things that are near a wall by chance are as often in the outer half of the gate as in the
         inner one; so the outer ones are subtracted.
         """
-        inner, outer, through, _, free, silent = self.counts
-        return float((max(inner - outer, 0.0) + through + free + silent) / max(self.total, 1.0))
+        inner, outer, through = self.counts[:3]
+        echoes = max(float(self.counts[:4].sum()), 1.0)
+        weight = min(1.0, 2.0 * echoes / max(self.total, 1.0))
+        return 1.0 - weight + weight * float(max(inner - outer, 0.0) + through) / echoes
 
     @property
     def score(self) -> float:

@@ -61,7 +61,7 @@ class Settings:
     iterations: int = 8
     max_shift: float = 0.03
     max_turn: float = math.radians(2.0)
-    least_seen: float = 0.1
+    least_seen: float = 0.05
     blind_after: float = 3.0
     trusted_share: float = 0.6
     sure_share: float = 0.9
@@ -117,6 +117,7 @@ class PoseTracker:
         covariance: (3, 3) of the pose; m², m rad, rad².
         inliers: Beams of the last scan that fit the map; 0 if it was not used.
         share: Share of the last scan's echoes that fit the map; None if it had too few echoes.
+        is_proven: Whether a drive has proven the pose: then scans that are mostly occluded are used too.
     """
 
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
@@ -132,6 +133,7 @@ class PoseTracker:
         self.covariance: Floats = np.diag([place, place, turn])
         self.inliers = 0
         self.share: float | None = None
+        self.is_proven = False
 
     def predict(self, odometry: Floats, time: float) -> None:
         """Move the pose by the motion of odometry since the last call.
@@ -160,10 +162,10 @@ class PoseTracker:
         return True
 
     def _is_usable(self, beams: Floats, pose: Floats, inliers: int) -> bool:
-        """Whether enough beams fit a pose, (3,): of all, or, if most are occluded, of those that reach a mapped wall."""
+        """Whether enough beams fit a pose, (3,): of all or, if most are occluded, of those to a mapped wall."""
         s, count = self.settings, len(beams)
-        if inliers < s.least_inliers or inliers >= s.least_share * count:
-            return inliers >= s.least_inliers
+        if not self.is_proven or inliers < s.least_inliers or inliers >= s.least_share * count:
+            return inliers >= max(s.least_inliers, s.least_share * count)
         seen = look_along(self.field, beams, count, pose, 2.0 * s.robust_scale)
         return seen.fit >= s.least_seen * count and seen.fit >= s.trusted_share * (seen.fit + seen.through)
 
@@ -189,6 +191,7 @@ class PoseTracker:
 
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""
+        self.is_proven = False
         self.pose = compose(np.array([pose[0], pose[1], 0.0]), np.array([0.0, 0.0, pose[2]]))
         self.covariance = 0.5 * (covariance + covariance.T)
 

@@ -1,0 +1,52 @@
+"""Robots that are lost and robots that are not, in made scenes; the README has the table of this campaign."""
+
+import math
+
+import numpy as np
+import pytest
+from scan_localizer_scenes import LOST, UNMAPPED, lost, run, scenes, unmapped
+
+DEVELOPMENT, FINAL = 1, 39
+"""Seed of the scenes with which the judgement was made, and of those that were run once, at the end."""
+COUNT = 60
+
+
+def table(make, kinds, seed, is_wrong):
+    """How many of the scenes of each kind go wrong, and the numbers of these scenes."""
+    wrong = dict.fromkeys(kinds, 0)
+    which = []
+    for k, scene in enumerate(scenes(make, kinds, COUNT, seed)):
+        if is_wrong(run(scene, (seed, k, 1))):
+            wrong[scene.kind] += 1
+            which.append(k)
+    print(make.__name__, seed, wrong, which)
+    return which
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [DEVELOPMENT, FINAL])
+def test_none_of_60_drives_past_unmapped_things_ends_lost_within_a_tenth_of_a_metre(seed):
+    assert table(unmapped, UNMAPPED, seed, lambda drive: drive.falsely_lost()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [DEVELOPMENT, FINAL])
+def test_at_most_one_of_60_lost_robots_drives_for_five_seconds_as_if_it_were_not(seed):
+    assert len(table(lost, LOST, seed, lambda drive: drive.missed() > 5.0)) <= 1
+
+
+@pytest.mark.parametrize("kind", UNMAPPED)
+def test_a_drive_past_unmapped_things_is_tracked(kind):
+    drive = run(unmapped(kind, np.random.default_rng((DEVELOPMENT, UNMAPPED.index(kind) + 5))), 1)
+    assert not drive.falsely_lost() and set(drive.states[-50:]) == {"tracking"}
+
+
+@pytest.mark.parametrize("kind", [kind for kind in LOST if kind != "half a metre"])
+def test_a_lost_robot_is_found_within_five_seconds_of_driving(kind):
+    drive = run(lost(kind, np.random.default_rng((DEVELOPMENT, LOST.index(kind)))), 1)
+    assert drive.missed() <= 5.0 and drive.states[-1] == "lost"
+
+
+def test_a_start_half_a_metre_off_is_corrected_before_it_drives():
+    drive = run(lost("half a metre", np.random.default_rng((DEVELOPMENT, 1))), 1)
+    assert drive.missed() == 0.0 and drive.errors[-1] < 0.1 and math.isfinite(drive.sigmas[-1])

@@ -1,0 +1,78 @@
+"""What beams see along the map: at a wall, through it, before it, or nothing."""
+
+import math
+
+import numpy as np
+import pytest
+from navloom_scan_localizer.field import distance_field
+from navloom_scan_localizer.sight import Sight, look_along
+
+GATE = 0.16
+
+
+def wall():
+    """Free space with a wall of one cell of 0.1 m, its faces at x = 3.0 and 3.1 m."""
+    occupied = np.zeros((40, 60), dtype=np.bool_)
+    occupied[:, 30] = True
+    return distance_field(occupied, 0.1, (0.0, 0.0, 0.0), 1.0)
+
+
+def beam(length, bearing=0.0):
+    return [length * math.cos(bearing), length * math.sin(bearing), math.cos(bearing), math.sin(bearing)]
+
+
+def counts(*beams, echoes=None, pose=(1.0, 2.0, 0.0)):
+    rows = np.array(beams)
+    return look_along(wall(), rows, len(rows) if echoes is None else echoes, np.array(pose), GATE).counts.tolist()
+
+
+@pytest.mark.parametrize(
+    ("length", "kind"),
+    [(2.0, 0), (1.93, 0), (1.87, 1), (1.8, 3), (0.5, 3), (2.15, 0), (2.2, 2), (3.5, 2)],
+)
+def test_an_echo_ahead_of_a_wall_2_m_away(length, kind):
+    # Within 0.08 m and 0.16 m of the wall; before it by more; behind its front by more than 0.16 m: through it.
+    expected = [0.0] * 6
+    expected[kind] = 1.0
+    assert counts(beam(length)) == expected
+
+
+def test_the_depth_behind_a_wall_is_measured_across_it():
+    # At 45 deg the wall 2 m away is met after 2.828 m, by a ray 0.1 m beside it after 2.928 m; 0.2 m more are 0.14 m
+    # behind its front, 0.25 m are 0.18 m.
+    slanted = math.radians(45.0)
+    assert counts(beam(3.13, slanted), pose=(1.0, 0.5, 0.0))[2] == 0.0
+    assert counts(beam(3.18, slanted), pose=(1.0, 0.5, 0.0))[2] == 1.0
+
+
+def test_beams_without_an_echo_pass_a_wall_or_none():
+    assert counts(beam(3.0), beam(3.0, math.pi / 2), echoes=0, pose=(1.0, 0.5, 0.0)) == [0, 0, 0, 0, 1, 1]
+
+
+def test_a_beam_that_cuts_a_single_cell_is_not_through_a_wall():
+    occupied = np.zeros((40, 60), dtype=np.bool_)
+    occupied[20, 30] = True
+    field = distance_field(occupied, 0.1, (0.0, 0.0, 0.0), 1.0)
+    assert look_along(field, np.array([beam(3.0)]), 1, np.array([1.0, 2.05, 0.0]), GATE).through == 0.0
+
+
+def test_a_beam_leaves_the_map_without_a_wall():
+    assert counts(beam(9.0), pose=(4.0, 2.0, 0.0)) == [0, 0, 0, 1, 0, 0]
+
+
+def test_a_part_of_the_beams_is_counted():
+    rows = np.array([beam(2.0), beam(0.5), beam(2.0), beam(0.5)])
+    assert look_along(wall(), rows, 4, np.array([1.0, 2.0, 0.0]), GATE, (1, 2)).counts.tolist() == [0, 0, 0, 2, 0, 0]
+
+
+def test_what_the_counts_mean():
+    seen = Sight(np.array([10.0, 4.0, 3.0, 3.0, 1.0, 4.0]))
+    # 14 echoes fit; 3 pass through, and 4 beams without an echo count half; 10 - 4 + 3 of 20 echoes are of the map.
+    assert (seen.fit, seen.through, seen.total) == (14.0, 5.0, 25.0)
+    assert seen.support == pytest.approx(9.0 / 20.0)
+    assert seen.score == pytest.approx((14.0 - 5.0) / 20.0)
+
+
+def test_few_echoes_say_little_about_the_sight_of_the_map():
+    # A quarter of the beams have an echo, none of the map: half the weight is left.
+    assert Sight(np.array([0.0, 0.0, 0.0, 5.0, 15.0, 0.0])).support == pytest.approx(0.5)

@@ -4,8 +4,9 @@ import re
 import tomllib
 from pathlib import Path
 
-from navloom_scan_grid.adapter import ScanGrid
-from navloom_scan_grid.params import ScanGridParams
+import pytest
+from navloom_scan_grid.adapter import Layered, ScanGrid
+from navloom_scan_grid.params import LayeredParams, ScanGridParams
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -16,18 +17,23 @@ def value(text):
     return words[text] if text in words else text if text.isalpha() else float(text)
 
 
-def test_every_parameter_is_listed_with_its_default_and_meaning():
-    table = README.partition("## Parameters")[2].partition("## Measured")[0]
+SECTIONS = [("Parameters", "Measured", ScanGridParams), ("layered", "Parameters", LayeredParams)]
+
+
+@pytest.mark.parametrize("heading, end, params", SECTIONS)
+def test_every_parameter_is_listed_with_its_default_and_meaning(heading, end, params):
+    table = README.partition(f"## {heading}")[2].partition(f"## {end}")[0]
     rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (.*) \|$", table, re.MULTILINE)
-    assert {name: value(default) for name, default, _ in rows} == ScanGridParams().model_dump()
-    fields = ScanGridParams.model_fields
+    assert {name: value(default) for name, default, _ in rows} == params().model_dump()
+    fields = params.model_fields
     assert {name: meaning for name, _, meaning in rows} == {name: fields[name].description for name in fields}
 
 
-def test_the_example_is_a_valid_table():
-    table = tomllib.loads(re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1])["mapper"]
-    assert table.pop("plugin") == ScanGrid.name
-    ScanGridParams(**table)
+def test_the_examples_are_valid_tables():
+    tables = [tomllib.loads(text)["mapper"] for text in re.findall(r"```toml\n(.*?)```", README, re.DOTALL)]
+    assert [table.pop("plugin") for table in tables] == [ScanGrid.name, Layered.name]
+    ScanGridParams(**tables[0])
+    LayeredParams(**tables[1])
 
 
 def test_every_function_of_the_table_exists():

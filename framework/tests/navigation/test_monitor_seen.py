@@ -214,7 +214,7 @@ def looked_at(angles: list[float], y: float) -> set[tuple[int, int]]:
 @pytest.mark.parametrize(
     ("half", "y", "angles"),
     [
-        (0.25, 0.025, [0.1 - 0.25 + 0.5 * k / 11 for k in range(12)]),  # an arc of 0.505 m: 11 steps
+        (0.4, 0.025, [0.1 - 0.4 + 0.8 * k / 17 for k in range(18)]),  # an arc of 0.808 m: 17 steps
         (0.02, 0.02, [0.08, 0.12]),  # of 0.04 m: its two edges
         (0.0, 0.025, [0.1]),
     ],

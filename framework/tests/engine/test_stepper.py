@@ -171,7 +171,7 @@ def test_a_delayed_reader_of_a_later_publisher_reads_the_slot() -> None:
 
 def test_an_envelope_is_made_once_and_again_for_the_next_message() -> None:
     slot = Slot("key", "place")
-    assert slot.envelope is None
+    assert slot.envelope is None and (slot.tick, slot.sequence, slot.older) == (-1, 0, (None, 0, -1))
     put(slot, 1, 1)
     first = slot.envelope
     assert slot.envelope is first
@@ -270,6 +270,7 @@ def test_it_says_how_long_a_step_took_and_since_when_it_runs(monkeypatch: pytest
     times = iter([100, 130, 1000, 1007])
     monkeypatch.setattr(stepper_module, "monotonic_ns", lambda: next(times))
     made, seen = stepper_of()[0], list[int | None]()
+    assert (made.spent_ns, made.busy_since_ns, made.stepped) == (0, None, -1)
     for spent in (30, 7):
         made.run(at(1), lambda tick: seen.append(made.busy_since_ns))
         assert made.spent_ns == spent and made.busy_since_ns is None

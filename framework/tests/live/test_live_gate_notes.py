@@ -197,16 +197,18 @@ def test_an_instance_without_reports_is_not_warm() -> None:
 
 def test_a_fault_between_two_ticks_is_noted_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
     gate = driving()
-    told: list[tuple[str, int]] = []
+    told: list[tuple[str, int, float]] = []
 
     def breaks(tick: Any) -> None:
         raise ValueError("broke")
 
     monkeypatch.setattr(gate.node, "check", breaks)
-    monkeypatch.setattr(gate.runner, "tell", lambda outputs, tick, trigger, read: told.append((trigger, tick.number)))
+    monkeypatch.setattr(
+        gate.runner, "tell", lambda outputs, tick, trigger, read: told.append((trigger, tick.number, tick.time))
+    )
     at(gate, 110)
     gate.look()
-    assert "broke" in gate.runner.fault and gate.runner.faulted == 1 and told == [(BETWEEN, 2)]
+    assert "broke" in gate.runner.fault and gate.runner.faulted == 1 and told == [(BETWEEN, 2, pytest.approx(0.1))]
 
 
 @pytest.mark.parametrize("role", ["avoider", "operator"])

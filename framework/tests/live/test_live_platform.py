@@ -275,10 +275,14 @@ def test_a_stale_stop_is_not_repeated_and_a_new_command_drives_again(robot: Robo
     assert robot.runner.stops == 2
 
 
-def test_a_turn_in_place_goes_stale_too(robot: Robot) -> None:
-    robot.command(Twist2D(0.0, 0.0, 0.4), 1)
-    robot.turn(0.13)
-    assert robot.base.told[-1] == STILL and robot.runner.stops == 1
+@pytest.mark.parametrize("twist", [AHEAD, Twist2D(0.0, 0.0, 0.4)], ids=["drive", "turn"])
+def test_a_command_is_stale_beyond_the_deadline_and_not_at_it(robot: Robot, twist: Twist2D) -> None:
+    robot.command(twist, 1)
+    for now, told in ((1000.0, [twist]), (1000.1, [twist]), (1000.100001, [twist, STILL])):
+        robot.now = now
+        robot.runner.take_in()
+        robot.runner.act()
+        assert robot.base.told == told
 
 
 def test_ticks_and_late_ones_are_counted(robot: Robot) -> None:

@@ -141,9 +141,9 @@ def test_controllers_planners_and_mappers_are_compared_too(tmp_path: Path) -> No
 
 
 def test_with_latency_answers_to_the_same_inputs_are_compared(tmp_path: Path) -> None:
-    (found,) = drive(tmp_path, more=AVOIDER + "latency = 0.2\n").summary()["shadows"]
+    (found,) = drive(tmp_path, more=AVOIDER + "latency = 0.6\n").summary()["shadows"]
     assert found["differences"]["vx"]["max"] == pytest.approx(0.16) and found["differences"]["wz"]["max"] == 0.0
-    # The answers of the last 0.2 s were not published.
+    # The answers of the last 0.6 s were not published; for 0.45 s of them the robot brakes without a reference.
     assert 0 < found["unanswered"] <= 4
 
 

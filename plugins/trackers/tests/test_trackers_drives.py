@@ -57,6 +57,16 @@ def test_a_heading_at_the_goal_is_turned_to() -> None:
     assert found.track[-1, 3] == pytest.approx(0.5 * math.pi, abs=math.radians(5.0))
 
 
+@pytest.mark.parametrize("tracker", [*TRACKERS, "lyapunov_tracker"])
+def test_a_tolerance_below_one_ticks_way_is_reached_at_rest(tracker: str) -> None:
+    """5 mm, where the reference's lowest speed is 1 cm a tick, and the robot drives on for 0.2 s before it brakes."""
+    sets = ["world.ref=empty", "localizer.plugin=odometry", "platform.slip=0", f"controller.plugin={tracker}"]
+    goal = ["navigation.goal={ x = 0.2, y = 1.0 }", "navigation.goal_tolerance=0.005", "run.stop_after=60"]
+    episode = run_episode(load_config("building", sets + goal))
+    assert episode.result.outcome == "succeeded"
+    assert episode.summary()["goal_error_m"] <= 0.005 and abs(episode.trail.vx[-1]) <= 0.005
+
+
 @pytest.mark.slow
 @EACH
 @pytest.mark.parametrize("path", sorted(PATHS))

@@ -1,0 +1,95 @@
+"""When a robot begins to stop at its goal, and when it and the run are at rest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from navloom.messages import Drive, Goal, HandOver, Point2D, Pose2D, PoseEstimate, Reference, Twist2D
+from navloom.navigation.active_goal import ActiveGoal
+from navloom.navigation.arrival import Arrival
+from navloom.navigation.goal_rules import GoalRules, GoalView
+from navloom.navigation.stopping import Braking, Ending, Standstill
+
+SOFT = Braking(deceleration=0.5, period=0.05, lag=0.1, dead_time=0.05, fastest=1.0)
+"""From 1 m/s it needs 0.2 m + 1 m, from 0.4 m/s 0.08 m + 0.16 m to stop."""
+RULES = GoalRules(
+    tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=SOFT,
+)  # fmt: skip
+FOLLOWS = Drive(1, 2, None, False)
+TURNS = Drive(1, 2, 0.0, True)
+
+
+def at(x: float, y: float = 0.0, heading: float = 0.0, turn: float = 0.0) -> PoseEstimate:
+    return PoseEstimate(0, Pose2D(x, y, heading), Twist2D(0.0, 0.0, turn), np.zeros((3, 3)))
+
+
+def due(
+    estimate: PoseEstimate, speed: float, remaining: float = 0.0, engaged: bool = True, via: tuple[Point2D, ...] = ()
+) -> bool:
+    """Whether the stop at the goal (4, 0) begins."""
+    left = remaining or 4.0 - estimate.pose.x
+    reference = Reference(2, 0.0, left, estimate.pose, 0.4, 0.0, 0.0, Point2D(4.0, 0.0), np.zeros((1, 2)), 0.5)
+    seen = GoalView(1, 1.0, 10**9, estimate, handover=HandOver(engaged, math.inf), reference=reference, speed=speed)
+    active = ActiveGoal(Goal(1, 4.0, 0.0, None, via), [*via, Point2D(4.0, 0.0)], 0.0, 60.0)
+    return Arrival(RULES).is_due(active, FOLLOWS, seen)
+
+
+def test_an_avoider_that_comes_too_fast_is_stopped_where_the_robot_needs_to_brake() -> None:
+    assert due(at(2.81), 1.0) and not due(at(2.79), 1.0)  # 1.2 m before the goal
+
+
+@pytest.mark.parametrize("other", [
+    {"engaged": False},  # the reference is slow enough
+    {"remaining": 1.5},  # the trajectory takes another way
+    {"via": (Point2D(4.0, 0.0),)},  # passed at speed
+    {"speed": 0.4},  # 0.24 m is less than 1.5 tolerances
+    {"estimate": at(3.0, 0.3)},  # it drives past the goal
+])  # fmt: skip
+def test_other_robots_are_stopped_within_the_tolerance(other: dict[str, object]) -> None:
+    assert not due(**{"estimate": at(3.0), "speed": 1.0, **other})  # type: ignore[arg-type]
+    assert due(at(3.81), 0.4, engaged=False)
+
+
+def moves(estimate: PoseEstimate, speed: float, drive: Drive) -> Drive | None:
+    seen = GoalView(1, 1.0, 10**9, estimate, speed=speed)
+    active = ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
+    return Arrival(RULES).step(active, estimate.pose, drive, seen).drive
+
+
+def test_a_robot_turns_to_the_heading_at_once_unless_it_is_too_fast() -> None:
+    assert moves(at(3.9, heading=1.0), 0.4, FOLLOWS) == TURNS
+    assert moves(at(3.9, heading=1.0), 1.0, FOLLOWS) == Drive(0, 0, None, False)
+
+
+def test_a_turn_ends_where_the_robot_needs_to_slow_down() -> None:
+    """At 1 rad/s it turns 0.2 rad further, more than 1.5 tolerances; at 0.5 rad/s 0.1 rad."""
+    assert moves(at(3.9, heading=-0.19, turn=1.0), 0.0, TURNS) == Drive(0, 0, None, False)
+    assert moves(at(3.9, heading=-0.21, turn=1.0), 0.0, TURNS) is None
+    assert moves(at(3.9, heading=-0.11, turn=0.5), 0.0, TURNS) is None
+    assert moves(at(3.9, heading=-0.09, turn=0.5), 0.0, TURNS) == Drive(0, 0, None, False)
+
+
+def test_a_robot_stands_when_it_is_measured_so_and_no_command_is_on_its_way() -> None:
+    """A dead time of 0.05 s and a tick of 0.05 s after the last command that was not zero."""
+    standstill = Standstill(SOFT)
+    assert standstill.stands(Twist2D(0.0, 0.0, 0.0), 0.0)
+    standstill.note(True, 1.0)
+    assert not standstill.stands(Twist2D(0.0, 0.0, 0.0), 1.09)
+    assert standstill.stands(Twist2D(0.004, 0.0, -0.004), 1.101)
+    assert not standstill.stands(Twist2D(0.006, 0.0, 0.0), 2.0) and not standstill.stands(Twist2D(0.0, 0.0, 0.006), 2.0)
+
+
+def test_a_run_ends_after_its_goals_and_requests_when_the_robot_stands() -> None:
+    ending, still = Ending(SOFT, 3, 0.05), Twist2D(0.0, 0.0, 0.0)
+    assert [ending.is_over(number, number > 4, number < 6, still) for number in range(8)] == [False] * 7 + [True]
+
+
+def test_a_run_does_not_wait_for_ever() -> None:
+    """Ramp 2 s, delay 0.2 s, five lags 0.5 s, and 1 s."""
+    ending, slides = Ending(SOFT, 0, 0.05), Twist2D(0.1, 0.0, 0.0)
+    assert SOFT.patience == pytest.approx(3.7)
+    ends = next(number for number in range(1, 200) if ending.is_over(number, True, False, slides))
+    assert ends * 0.05 == pytest.approx(3.75)

@@ -226,7 +226,7 @@ def test_lateral_acceleration_binds_where_it_is_small():
 
 
 def test_the_turn_acceleration_limits_the_speed_where_the_curvature_rises():
-    """v² dκ/ds is half the turn acceleration: v = sqrt(0.5 * 0.1 / 2) at dκ/ds = 2 /m². Before that, v² falls by 2 a s."""
+    """v² dκ/ds is half the turn acceleration: v = sqrt(0.5 * 0.1 / 2) at dκ/ds = 2 /m². Before, v² falls by 2 a s."""
     curvature = np.concatenate([np.zeros(300), np.linspace(0.0, 1.0, 51), np.ones(300)])
     speed = speed_profile(0.01, curvature, SpeedLimits(turn_acceleration=0.1))
     assert speed[300:351] == pytest.approx(math.sqrt(0.025))

@@ -3,10 +3,10 @@
     python benchmarks/bodies.py [--episodes 300] [--seeds A:B] [--bodies 0,3] [--scenes door,post] [--jobs 2]
         [--set A.B=V] [--json]
 
-Ten bodies of 0.7 to 1.5 m, with the base in each quarter of the body, drive with `building`'s plugins in lockstep. Bodies
-and scenes take turns; beam spacing, noise, room and seed are drawn from a stream of the episode's number, so that two
-versions of navloom get the same episodes. A way is *roomy* if it is wider than the body by at least 0.4 m and leaves
-room to turn.
+Ten bodies of 0.7 to 1.5 m, with the base in each quarter of the body, drive with `building`'s plugins in lockstep.
+Bodies and scenes take turns; beam spacing, noise, room and seed are drawn from a stream of the episode's number, so
+that two versions of navloom get the same episodes. A way is *roomy* if it is wider than the body by at least 0.4 m and
+leaves room to turn.
 """
 
 from __future__ import annotations

@@ -225,6 +225,45 @@ def test_lateral_acceleration_binds_where_it_is_small():
     assert speed[250] == pytest.approx(math.sqrt(0.05 / 0.5))
 
 
+def test_the_turn_acceleration_limits_the_speed_where_the_curvature_rises():
+    """v² dκ/ds is half the turn acceleration: v = sqrt(0.5 * 0.1 / 2) at dκ/ds = 2 /m². Before, v² falls by 2 a s."""
+    curvature = np.concatenate([np.zeros(300), np.linspace(0.0, 1.0, 51), np.ones(300)])
+    speed = speed_profile(0.01, curvature, SpeedLimits(turn_acceleration=0.1))
+    assert speed[300:351] == pytest.approx(math.sqrt(0.025))
+    assert speed[299] == pytest.approx(math.sqrt(0.025 + 2.0 * 0.5 * 0.01))
+
+
+def test_the_turn_acceleration_limits_how_fast_the_speed_changes_in_a_bend():
+    """κ dv/dt is a quarter of the turn acceleration: dv/dt = 0.25 * 0.2 / 2 at κ = 2 /m."""
+    speed = speed_profile(0.01, np.full(500, 2.0), SpeedLimits(slowest=0.1, turn_acceleration=0.2))
+    assert speed[1] == pytest.approx(math.sqrt(0.1**2 + 2.0 * 0.025 * 0.01))
+
+
+def turn_accelerations(limits):
+    """(n,) dω/dt of the reference round the corner of an L, rad/s²."""
+    cells, resolution = corridor()
+    samples = make_trajectory(np.array([[1.0, 1.5], [8.5, 1.5], [8.5, 9.0]]), limits, cells, resolution).samples
+    speed, step = samples[:, 5], samples[1, 0]
+    return np.diff(samples[:, 4] * speed) / (2.0 * step / (speed[1:] + speed[:-1]))
+
+
+@pytest.mark.parametrize("limit", [0.02, 0.05, 0.1])
+def test_the_turn_rate_changes_round_a_corner_by_less_than_the_turn_acceleration(limit):
+    limits = {"fastest": 0.8, "acceleration": 0.2, "deceleration": 0.2}
+    assert np.abs(turn_accelerations(SpeedLimits(**limits))).max() > 0.8 * limit
+    assert np.abs(turn_accelerations(SpeedLimits(**limits, turn_acceleration=limit))).max() <= 0.76 * limit
+
+
+def test_a_large_turn_acceleration_changes_no_trajectory():
+    cells, resolution = corridor()
+    points = np.array([[1.0, 1.5], [8.5, 1.5], [8.5, 9.0]])
+    free, large = (
+        make_trajectory(points, SpeedLimits(turn_acceleration=limit), cells, resolution).samples
+        for limit in (math.inf, 10.0)
+    )
+    assert (free == large).all()
+
+
 def test_a_given_start_speed_is_kept():
     assert speed_profile(0.01, np.zeros(500), LIMITS, start=0.3)[0] == pytest.approx(0.3)
 

@@ -12,10 +12,13 @@ from hypothesis import strategies as st
 from navloom_lyapunov_tracker.law import (
     TrackingError,
     energy,
+    final_turn,
     sinc,
+    stopping_turn,
     tracking_command,
     tracking_error,
     turn_direction,
+    turn_that_stops,
     wrap,
 )
 from scipy.integrate import solve_ivp
@@ -238,3 +241,32 @@ def test_turning_has_hysteresis_and_keeps_its_direction_near_180(e3_deg, turning
 
 def test_turning_can_be_switched_off():
     assert turn_direction(-math.pi, 0, math.pi, UNTIL) == 0
+
+
+# --- robots that are slow to turn ------------------------------------------------------------------------------------
+
+
+def test_a_turn_stops_in_time_at_half_the_turn_acceleration():
+    """w²/2 = 0.1 e: from 0.3 rad/s a robot that brakes with 0.1 rad/s² turns by 0.45 rad."""
+    assert turn_that_stops(-0.45, 1.0, 0.2) == pytest.approx(0.3)
+    assert turn_that_stops(0.45, 0.25, 0.2) == 0.25
+    assert turn_that_stops(0.45, 1.0, math.inf) == 1.0
+
+
+@pytest.mark.parametrize("limit", [0.1, 0.2, 0.5, 1.0])
+def test_a_final_turn_does_not_pass_its_heading(limit):
+    """The robot changes its turn rate by `limit` times the time, and begins 120 degrees away."""
+    left, w = math.radians(120.0), 0.0
+    for _ in range(4000):
+        wanted = final_turn(left, 1.0, limit)
+        w += max(-0.01 * limit, min(0.01 * limit, wanted - w))
+        left -= 0.01 * w
+        assert left > math.radians(-0.5)
+    assert abs(left) < math.radians(0.5)
+
+
+def test_a_correction_is_limited_where_the_robot_could_not_end_it():
+    """At gain 4 a correction of 0.8 rad/s turns by 0.2 rad: sqrt(0.2 * 0.2) = 0.2 rad/s can be stopped within that."""
+    assert stopping_turn(-0.7, 0.1, 4.0, 0.2) == pytest.approx(-0.1)
+    assert stopping_turn(0.14, 0.1, 4.0, 0.2) == 0.14
+    assert stopping_turn(-0.7, 0.1, 4.0, math.inf) == -0.7

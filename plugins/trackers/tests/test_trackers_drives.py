@@ -51,6 +51,21 @@ def test_the_papers_experiment_ends_at_its_goal(tracker: str) -> None:
     assert (found["truly_reached"], found["collisions"], found["recoveries"], found["gate_stops"]) == (True, 0, 0, 0)
 
 
+SLOW_TO_TURN = ["navigation.speed=[0.2, 0.8]", "robot.max_linear=0.8"]
+SLOW_TO_TURN += ["robot.max_acceleration=0.2", "robot.max_deceleration=0.2"]
+
+
+@pytest.mark.parametrize("turn_deg", [11.5, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (5.0, 30.0))])
+@pytest.mark.parametrize("tracker", ["lyapunov_tracker", *TRACKERS])
+def test_a_robot_that_is_slow_to_turn_stays_on_its_trajectory(tracker: str, turn_deg: float) -> None:
+    """The shortest way through the door is 6.7 m. Without the limit in the trajectory it was up to 9.4 m."""
+    slow = [*SLOW_TO_TURN, f"robot.max_angular_acceleration_deg={turn_deg}"]
+    found = run_episode(load_config("building", [f'controller={{plugin="{tracker}"}}', *slow], 1)).summary()
+    assert found["outcome"] == "succeeded"
+    assert found["path_length_m"] < 7.1
+    assert found["cross_track_max_m"] < 0.15
+
+
 def test_a_heading_at_the_goal_is_turned_to() -> None:
     found = drive("kanayama", "line", settings=["navigation.goal.heading_deg=90.0"])
     assert found.outcome == "succeeded"

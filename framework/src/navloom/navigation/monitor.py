@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation import monitor_map
-from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
+from navloom.navigation.monitor_echoes import arc_points, directions, nearest_surfaces, out_of_view, to_odometry
 from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
     MOST_POSES,
@@ -56,8 +56,9 @@ HALVINGS = 5
 """Bisection steps of the search for the largest share."""
 LEAST_SHARE = 0.05
 """Smallest share of a command that is driven; below it the robot stops, unless it drives at CREEPING or faster."""
-CREEPING = 0.02
-"""Speed that is driven even if the share is below LEAST_SHARE, m/s."""
+CREEPING, STILL = 0.02, 0.002
+"""Speed that is driven even if the share is below LEAST_SHARE, and speed of the footprint below which the robot stops,
+m/s: what counts as rounding in one tick adds up to a contact within a minute."""
 BETWEEN = 1.5
 """How far an obstacle may reach beyond a laser's echo, in gaps between two beams at its distance: an edge lies up to
 one gap beyond its last beam, and the mean of the last readings half a gap before that beam."""
@@ -69,8 +70,6 @@ SLIDING, SLOPE = 0.05, 0.02
 
 A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope, the drift of its wheels would hold it.
 """
-HELD = 1.5
-"""Largest distance at which a laser's echo is kept while no beam points at it, m."""
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
 NO_POINTS = np.empty((0, 3))
@@ -241,12 +240,12 @@ class CollisionMonitor:
         x, y, heading = base = poses[-1] if len(poses) else np.array(self._poses[-1])
         cos, sin = math.cos(heading), math.sin(heading)
         x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
-        bins = _directions(scan.bearings)
+        bins = directions(scan.bearings)
         found = np.empty((bins, 2))
         every = np.concatenate([points for _, points in sensor.scans])
         count = nearest_surfaces(every, x, y, bins, 3.0 * self.limits.sigma, found)
         reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
-        held = _out_of_view(sensor.obstacles, (x, y, heading), scan.bearings, bins)
+        held = out_of_view(sensor.obstacles, (x, y, heading), scan.bearings, bins)
         if sensor.seen_at is not None:
             moved = np.abs(base - sensor.seen_at)
             held[:, 2] = np.minimum(held[:, 2] + DRIFT * (math.hypot(*moved[:2]) + 0.5 * moved[2]), MOST_DRIFT)
@@ -332,7 +331,8 @@ class CollisionMonitor:
                 low = middle
             else:
                 high, touched = middle, hit
-        if low < LEAST_SHARE and abs(low * twist.vx) < CREEPING:
+        speed = low * abs(twist.vx)
+        if (low < LEAST_SHARE and speed < CREEPING) or speed + self._radius * low * abs(twist.wz) < STILL:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
         return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
 
@@ -410,37 +410,6 @@ class CollisionMonitor:
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
         return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
-
-
-def _out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
-    """Nearest echo in each direction that no beam covers now: it counts until a beam points there again.
-
-    Args:
-        points: (k, 2) obstacle points after the previous scan, m, odometry frame.
-        eye: x, y, m, of the laser and heading, rad, of the base, odometry frame.
-        bearings: (n,) of the beams, rad.
-        bins: Number of directions in a full turn.
-    """
-    is_covered = np.zeros(bins, dtype=bool)
-    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
-    for side in (-1, 0, 1):
-        is_covered[(looked + side) % bins] = True
-    dx, dy = points[:, 0] - eye[0], points[:, 1] - eye[1]
-    rows = np.floor((np.arctan2(dy, dx) - eye[2]) * (bins / math.tau)).astype(np.int64) % bins
-    far = np.hypot(dx, dy)
-    chosen = np.flatnonzero(~is_covered[rows] & (far < HELD))
-    chosen = chosen[np.argsort(far[chosen], kind="stable")]
-    _, first = np.unique(rows[chosen], return_index=True)
-    held: Floats = points[chosen[np.sort(first)]]
-    return held
-
-
-def _directions(bearings: Floats) -> int:
-    """Number of directions in a full turn, about one for each beam, from 180 to 1440."""
-    if len(bearings) < 2:
-        return 360
-    step = float(np.median(np.abs(np.diff(bearings))))
-    return min(1440, max(180, round(2.0 * math.pi / max(step, 1e-3))))
 
 
 def warm_up() -> None:

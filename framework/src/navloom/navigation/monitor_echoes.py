@@ -13,12 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["arc_points", "nearest_surfaces", "to_odometry"]
+__all__ = ["arc_points", "directions", "nearest_surfaces", "out_of_view", "to_odometry"]
 
 Floats = NDArray[np.float64]
 
 DEPTH = 12
 """Most readings per direction; older ones are left out."""
+HELD = 1.5
+"""Largest distance at which a laser's echo is kept while no beam points at it, m."""
 ARC_STEP = 0.05
 """Largest distance between two points of a sonar's arc, m."""
 
@@ -100,6 +102,37 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
                 break
             beyond = nearest
     return total
+
+
+def out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
+    """Nearest echo in each direction that no beam covers now: it counts until a beam points there again.
+
+    Args:
+        points: (k, 3) obstacles after the previous scan: x, y, odometry frame, and how far they may reach beyond, m.
+        eye: x, y, m, of the laser and heading, rad, of the base, odometry frame.
+        bearings: (n,) of the beams, rad.
+        bins: Number of directions in a full turn.
+    """
+    is_covered = np.zeros(bins, dtype=bool)
+    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
+    for side in (-1, 0, 1):
+        is_covered[(looked + side) % bins] = True
+    dx, dy = points[:, 0] - eye[0], points[:, 1] - eye[1]
+    rows = np.floor((np.arctan2(dy, dx) - eye[2]) * (bins / math.tau)).astype(np.int64) % bins
+    far = np.hypot(dx, dy)
+    chosen = np.flatnonzero(~is_covered[rows] & (far < HELD))
+    chosen = chosen[np.argsort(far[chosen], kind="stable")]
+    _, first = np.unique(rows[chosen], return_index=True)
+    held: Floats = points[chosen[np.sort(first)]]
+    return held
+
+
+def directions(bearings: Floats) -> int:
+    """Number of directions in a full turn, about one for each beam, from 180 to 1440."""
+    if len(bearings) < 2:
+        return 360
+    step = float(np.median(np.abs(np.diff(bearings))))
+    return min(1440, max(180, round(2.0 * math.pi / max(step, 1e-3))))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

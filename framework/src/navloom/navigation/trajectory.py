@@ -31,8 +31,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-TURNING = 0.5
-"""Share of the turn acceleration that the reference takes; the tracking law needs the rest for its corrections."""
 _CRAWL = 0.02
 """Speed that a limited turn acceleration leaves in the tightest corner, m/s: there the robot turns in place."""
 _FINEST = 0.005
@@ -49,7 +47,7 @@ class SpeedLimits:
         turn_rate: Largest |ω_r|, rad/s.
         lateral: Largest lateral acceleration v² |κ|, m/s².
         acceleration, deceleration: m/s², > 0.
-        turn_acceleration: Of the robot, rad/s², > 0; infinite for no limit. The reference uses TURNING of it.
+        turn_acceleration: Of the robot, rad/s², > 0; infinite for no limit.
     """
 
     slowest: float = 0.2
@@ -157,7 +155,8 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then limited by the accelerations.
 
     ω_lim takes precedence over v_min: in a corner too tight for both, v is ω_lim/|κ|. So does the turn acceleration
-    dω/dt = v² dκ/ds + κ dv/dt: half of its share bounds either term.
+    dω/dt = v² dκ/ds + κ dv/dt: half of it bounds the first term and a quarter the second, and the rest is left to the
+    corrections of the tracking law.
 
     Args:
         step: Arc length between samples, m.
@@ -171,11 +170,13 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     bend = np.maximum(np.abs(curvature), 1e-9)
     speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
     speed = np.minimum(speed, limits.turn_rate / bend)
-    turning = 0.5 * TURNING * limits.turn_acceleration
+    turning = 0.5 * limits.turn_acceleration
     speed = np.minimum(speed, np.maximum(_CRAWL, np.sqrt(turning / _bend_change(step, curvature))))
     speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
     speed[-1] = min(speed[-1], limits.slowest)
-    gain, loss = (2.0 * step * np.minimum(rate, turning / bend) for rate in (limits.acceleration, limits.deceleration))
+    gain, loss = (
+        2.0 * step * np.minimum(rate, 0.5 * turning / bend) for rate in (limits.acceleration, limits.deceleration)
+    )
     _limit_acceleration(speed, gain, loss)
     return speed
 
@@ -243,7 +244,8 @@ def _bend(samples: Floats) -> Floats:
 def _bend_change(step: float, curvature: Floats) -> Floats:
     """|dκ/ds| (n,), 1/m², the larger one of the steps before and after each sample."""
     change = np.abs(np.diff(curvature)) / step
-    return np.maximum(np.maximum(np.append(change, 0.0), np.append(0.0, change)), 1e-9)
+    largest: Floats = np.maximum(np.append(change, 0.0), np.append(0.0, change)).clip(1e-9)
+    return largest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
 
-__all__ = ["ENDING", "HIDING", "LEFT", "NO_ROOM", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "GateLimits", "Offer",
-           "Sensed", "is_at_rest"]  # fmt: skip
+__all__ = ["ENDING", "HIDING", "LEFT", "NO_ROOM", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "GateLimits",
+           "Offer", "Sensed", "is_at_rest"]  # fmt: skip
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
 OBSTACLE = "obstacle"

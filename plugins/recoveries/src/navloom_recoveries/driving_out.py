@@ -178,7 +178,7 @@ def _seen_from(origin: Pose, pose: Pose) -> Pose:
 
 
 def _surroundings(echoes: Floats, mapped: Floats) -> Floats:
-    """(k, 2) echoes and surfaces of the map, m. A surface of the map is smoother than its echoes and reaches farther."""
+    """(k, 2) echoes and surfaces of the map, m: a surface of the map is smoother than its echoes, and longer."""
     seen = _less_noisy(echoes)
     if not len(mapped):
         return seen

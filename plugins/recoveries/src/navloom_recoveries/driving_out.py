@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 CLOSE = 0.1
-"""Gap below which a robot may lack the room to turn, m."""
+"""Gap below which a robot drives out in the first attempt already, m."""
 FAR = 0.2
 """Gap, to the nearest of many noisy echoes, with which a robot need not look, m."""
 ROOMS = (0.1, 0.05, 0.02)
@@ -71,6 +71,7 @@ class DrivingOut:
 
     def start(self, time: float, attempt: int) -> None:
         """Start an attempt, numbered from 1, at a run time, s."""
+        self._attempt = attempt
         self._rooms = [self._radius + attempt * room for room in ROOMS]
         self.has_arrived = False
         self._goes, self._tries, self._began, self._place = [True, True], TRIES, time, (math.inf, 0.0)
@@ -92,7 +93,8 @@ class DrivingOut:
             echoes: (k, 2) of the last scans, m, base frame. mapped: (n, 2) surfaces of the map near the robot, m.
         """
         if not len(self._way):
-            if not self._has_driven and len(echoes) and gap(np.concatenate([echoes, mapped]), self._edges) > FAR:
+            is_first = self._attempt == 1 and not self._has_driven
+            if is_first and len(echoes) and gap(np.concatenate([echoes, mapped]), self._edges) > FAR:
                 return None
             if self._choices is None and time - self._moved_at < LOOK:
                 return 0.0, 0.0
@@ -155,7 +157,7 @@ class DrivingOut:
             if has_room(self._seen, self._rooms[-1]):
                 self.has_arrived = self._has_driven
                 return False
-            if not self._has_driven and gap(self._seen, self._edges) >= CLOSE:
+            if self._attempt == 1 and not self._has_driven and gap(self._seen, self._edges) >= CLOSE:
                 return False
             moved = math.dist(pose[:2], self._place) >= MOVED
             self._tries = TRIES if moved else self._tries - 1

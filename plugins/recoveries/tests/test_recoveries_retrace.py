@@ -91,7 +91,8 @@ def test_motors_that_lag_make_it_stop_earlier():
 def test_a_robot_that_is_wedged_in_stays_where_it_is_and_ends():
     box = np.array([(side * x, y) for side in (-1, 1) for x, y in ((0.215, 0.15), (0.215, -0.15))])
     poses, time = drive(np.concatenate([box, box[:, ::-1]]), attempt=3)
-    assert np.abs(poses).max() < 1e-9 and time == pytest.approx(LOOK + RULES.rest, abs=1.1 * PERIOD)
+    searches = 18 * PERIOD  # of 3 rooms, 2 choices of directions, 3 margins
+    assert np.abs(poses).max() < 1e-9 and time == pytest.approx(LOOK + searches + RULES.rest, abs=2.1 * PERIOD)
 
 
 def test_a_robot_that_begins_nearer_than_its_margin_may_leave_but_comes_no_nearer():

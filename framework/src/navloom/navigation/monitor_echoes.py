@@ -52,7 +52,9 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
 
     Readings of a direction and of its two neighbours agree if their distances differ by no more than `agreement`.
     The surface is the mean of the nearest agreeing reading and all within `agreement` behind it: averaging removes
-    most of the noise, and the window excludes what is farther behind.
+    most of the noise, and the window excludes what is farther behind. Of 30 readings the nearest is two standard
+    deviations too near, so the window cuts off the farthest, and its mean is 0.3 of one too near. A second window, to
+    two thirds of `agreement` behind that mean, leaves 0.07.
 
     Args:
         points: (n, 2) echoes of the scans that count, newest first, m; NaN for no echo.
@@ -88,14 +90,18 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
                         nearest = distances[other, k]
             if nearest == math.inf:
                 break
-            sum_x, sum_y, members = 0.0, 0.0, 0
-            for side in range(-1, 2):
-                other = (row + side) % bins
-                for k in range(counts[other]):
-                    if nearest <= distances[other, k] <= nearest + agreement:
-                        sum_x += points[held[other, k], 0]
-                        sum_y += points[held[other, k], 1]
-                        members += 1
+            least, most = nearest, nearest + agreement
+            for _ in range(2):
+                sum_x, sum_y, sum_d, members = 0.0, 0.0, 0.0, 0
+                for side in range(-1, 2):
+                    other = (row + side) % bins
+                    for k in range(counts[other]):
+                        if least <= distances[other, k] <= most:
+                            sum_x += points[held[other, k], 0]
+                            sum_y += points[held[other, k], 1]
+                            sum_d += distances[other, k]
+                            members += 1
+                most = sum_d / members + 2.0 / 3.0 * agreement
             if members > 1:
                 found[total, 0], found[total, 1] = sum_x / members, sum_y / members
                 total += 1

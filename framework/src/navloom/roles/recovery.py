@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages import MapUpdate, PoseEstimate, RangeScan, RecoveryStep
+from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
 from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
@@ -31,7 +31,8 @@ class RecoveryInput:
         sensors: Name of the sensor of each scan.
         readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
-        map: The newest map; None before the first.
+        surfaces: (n, 2) points of the map's surfaces within 5 m, m, base frame, at most 2.5 cm apart; n = 0 while the
+            localizer does not track.
     """
 
     stamp_ns: int
@@ -44,7 +45,7 @@ class RecoveryInput:
     sensors: tuple[str, ...] = ()
     readings: Readings = NO_READINGS
     extra: Extras = NO_EXTRAS
-    map: MapUpdate | None = None
+    surfaces: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 
 class Recovery(Role[P]):

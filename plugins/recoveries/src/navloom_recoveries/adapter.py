@@ -7,13 +7,11 @@ import math
 import numpy as np
 from navloom import Context, RangeScan, Recovery, RecoveryInput, RecoveryStep, Twist2D
 from navloom.geometry.echoes import beam_ends
-from navloom.navigation import monitor_map
-from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
 from numpy.typing import NDArray
 
 from navloom_recoveries.params import RetraceParams
 from navloom_recoveries.retracing import Retracing, Rules
-from navloom_recoveries.way_out import LONGEST, way_out
+from navloom_recoveries.way_out import way_out
 
 __all__ = ["Retrace"]
 
@@ -55,19 +53,15 @@ class Retrace(Recovery[RetraceParams]):
     @classmethod
     def warm_up(cls) -> None:
         """Compile the search."""
-        monitor_map.warm_up()
-        way_out(NO_SURFACES, np.zeros((4, 3)), 0.5, 0.03, 0.6, (True, True))
+        way_out(np.empty((0, 2)), np.zeros((4, 3)), 0.5, 0.03, 0.6, (True, True))
 
     def recover(self, given: RecoveryInput) -> RecoveryStep:
         place = given.estimate.pose
         pose, time = (place.x, place.y, place.heading), given.stamp_ns * 1e-9
         if given.starts:
             self._retracing.start(time, given.attempt, pose, given.trail)
-        mapped = NO_SURFACES
-        if given.map is not None and given.estimate.state == "tracking":
-            mapped = surfaces_without_echo(given.map.grid, place, LONGEST, NO_SURFACES)
         points, moving = [echoes(scan) for scan in given.scans], given.estimate.twist.vx
-        v, w, is_over = self._retracing.step(time, pose, points, mapped, moving)
+        v, w, is_over = self._retracing.step(time, pose, points, given.surfaces, moving)
         return RecoveryStep(Twist2D(v, 0.0, w), "done" if is_over else "running", is_over and self.params.clear_map)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
@@ -17,7 +18,7 @@ Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 CLOSE = 0.1
-"""Gap below which a robot may lack the room to turn, m."""
+"""Gap below which a robot drives out in the first attempt already, m."""
 FAR = 0.2
 """Gap, to the nearest of many noisy echoes, with which a robot need not look, m."""
 ROOMS = (0.1, 0.05, 0.02)
@@ -35,7 +36,7 @@ STRAIGHT = 0.1
 """How far the robot drives straight on where the gate does not let it bend, m."""
 STARTING = 0.02
 """Speed of a stopped robot that its turn rate is computed for, m/s."""
-TRIES = 4
+TRIES = 8
 """Most ways without a move in one attempt."""
 MOVED = 0.05
 """Least such move, m."""
@@ -70,6 +71,7 @@ class DrivingOut:
 
     def start(self, time: float, attempt: int) -> None:
         """Start an attempt, numbered from 1, at a run time, s."""
+        self._attempt = attempt
         self._rooms = [self._radius + attempt * room for room in ROOMS]
         self.has_arrived = False
         self._goes, self._tries, self._began, self._place = [True, True], TRIES, time, (math.inf, 0.0)
@@ -78,6 +80,8 @@ class DrivingOut:
     def _look_again(self, time: float) -> None:
         self._way, self._at, self._moved_at, self._from = np.empty((0, 5)), 0, time, (0.0, 0.0, 0.0)
         self._straight = 0.0
+        self._choices: Iterator[tuple[float, tuple[bool, bool], float]] | None = None
+        self._seen = np.empty((0, 2))
 
     def step(
         self, time: float, pose: Pose, moving: float, echoes: Floats, mapped: Floats
@@ -89,13 +93,16 @@ class DrivingOut:
             echoes: (k, 2) of the last scans, m, base frame. mapped: (n, 2) surfaces of the map near the robot, m.
         """
         if not len(self._way):
-            if not self._has_driven and len(echoes) and gap(np.concatenate([echoes, mapped]), self._edges) > FAR:
+            is_first = self._attempt == 1 and not self._has_driven
+            if is_first and len(echoes) and gap(np.concatenate([echoes, mapped]), self._edges) > FAR:
                 return None
-            if time - self._moved_at < LOOK:
+            if self._choices is None and time - self._moved_at < LOOK:
                 return 0.0, 0.0
             is_over = self._tries == 0 or time - self._began > LONGEST_DRIVE
             if is_over or not self._choose(time, pose, echoes, mapped):
                 return None
+            if not len(self._way):
+                return 0.0, 0.0
         x, y, heading = _seen_from(self._from, pose)
         if self._straight != 0.0:
             return self._go_straight(time, math.hypot(x, y))
@@ -122,6 +129,8 @@ class DrivingOut:
             return self._straight * self._speed, 0.0
         if driven < 0.5 * STEP:
             self._goes[0 if self._straight > 0.0 else 1] = False
+            if not any(self._goes):  # the noise of a scan may have held it
+                self._goes = [True, True]
         self._look_again(time)
         return 0.0, 0.0
 
@@ -139,33 +148,44 @@ class DrivingOut:
         return float(ahead * self._speed), float(min(max(turn, -self._turn_rate), self._turn_rate))
 
     def _choose(self, time: float, pose: Pose, echoes: Floats, mapped: Floats) -> bool:
-        """Choose a way; False if there is none, or no need for one."""
-        seen = _less_noisy(echoes)
-        if len(mapped):  # a surface of the map is smoother than its echoes, and reaches behind the last beam
-            seen = seen[[np.hypot(*(mapped - place).T).min() > CLOSE for place in seen]] if len(seen) else seen
-            seen = np.concatenate([seen, mapped])
-        if has_room(seen, self._rooms[-1]):
-            self.has_arrived = self._has_driven
+        """Try one more choice of room, directions and margin; False if there is none left, or no need for a way.
+
+        Only one in a tick: a search takes up to 0.1 s.
+        """
+        if self._choices is None:
+            self._from, self._seen = pose, _surroundings(echoes, mapped)
+            if has_room(self._seen, self._rooms[-1]):
+                self.has_arrived = self._has_driven
+                return False
+            if self._attempt == 1 and not self._has_driven and gap(self._seen, self._edges) >= CLOSE:
+                return False
+            moved = math.dist(pose[:2], self._place) >= MOVED
+            self._tries = TRIES if moved else self._tries - 1
+            self._place = pose[:2] if moved else self._place
+            both = (self._goes[0], self._goes[1])
+            self._choices = product(self._rooms, ((self._goes[0], False), both), SHARES)
+        choice = next(self._choices, None)
+        if choice is None:
             return False
-        if not self._has_driven and gap(seen, self._edges) >= CLOSE:
-            return False
-        moved = math.dist(pose[:2], self._place) >= MOVED
-        self._tries = TRIES if moved else self._tries - 1
-        if moved:
-            self._place = pose[:2]
-        both = (self._goes[0], self._goes[1])
-        for room, goes, share in product(self._rooms, ((self._goes[0], False), both), SHARES):
-            way = way_out(seen, self._edges, self._radius, share * self._margin, room, goes)
-            if len(way) > 1:
-                self._way, self._from, self._at, self._moved_at = way, pose, 0, time
-                return True
-        return False
+        room, goes, share = choice
+        self._way = way_out(self._seen, self._edges, self._radius, share * self._margin, room, goes)
+        self._moved_at = time
+        return True
 
 
 def _seen_from(origin: Pose, pose: Pose) -> Pose:
     """A pose in the frame of another one."""
     cos, sin, dx, dy = math.cos(origin[2]), math.sin(origin[2]), pose[0] - origin[0], pose[1] - origin[1]
     return cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - origin[2]
+
+
+def _surroundings(echoes: Floats, mapped: Floats) -> Floats:
+    """(k, 2) echoes and surfaces of the map, m: a surface of the map is smoother than its echoes, and longer."""
+    seen = _less_noisy(echoes)
+    if not len(mapped):
+        return seen
+    is_new = np.array([np.hypot(*(mapped - place).T).min() > CLOSE for place in seen], dtype=bool)
+    return np.concatenate([seen[is_new], mapped])
 
 
 def _less_noisy(echoes: Floats) -> Floats:

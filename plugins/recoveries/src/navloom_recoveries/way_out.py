@@ -31,7 +31,7 @@ CHANGE = 0.3
 """Cost of a change between forwards and backwards, m."""
 GREED = 4.0
 """Weight of the room that is still missing, against the way so far."""
-PLACE, TURN = 0.05, 0.05
+PLACE, TURN = 0.05, 0.01
 """Two places of the search nearer than this, m and rad, are one."""
 NEARER = 0.02 * STEP
 """How much nearer a step may bring the robot to what is within its margin, m: as much as the gate allows."""

@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navloom.engine.door import TwistDoor
 from navloom.engine.nodes.node import Tick
@@ -13,6 +14,7 @@ from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_
 from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.streams import GoalPorts, LocalizerPorts, MapperPorts, RecoveryPorts
 from navloom.messages import Command, PoseEstimate, RecoveryStep
+from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
 from navloom.roles import Recovery, RecoveryInput
 
 __all__ = ["RecoveryNode"]
@@ -20,6 +22,8 @@ __all__ = ["RecoveryNode"]
 TRAIL_STEP = 0.05
 """Distance between two points of the trail of past poses that recoveries receive, m."""
 TRAIL_LENGTH = 100
+AROUND = 5.0
+"""How far from the robot recoveries receive the surfaces of the map, m."""
 
 
 class RecoveryNode(RoleNode[Recovery]):
@@ -69,12 +73,19 @@ class RecoveryNode(RoleNode[Recovery]):
             names,
             readings_of(self.readings),
             self.extra(),
-            self.map.value,
+            self._surfaces(estimate),
         )
         answer = self.door.check(self.plugin.recover(seen))
         self._is_over = answer.state != "running"
         self.command.put(Command(answer.twist))
         self.status.put(answer)
+
+    def _surfaces(self, estimate: PoseEstimate) -> NDArray[np.float64]:
+        """(n, 2) points of the map's surfaces, m, base frame; none while the localizer does not track."""
+        known = self.map.value
+        if known is None or estimate.state != "tracking":
+            return NO_SURFACES
+        return surfaces_without_echo(known.grid, estimate.pose, AROUND, NO_SURFACES)
 
     def _follow(self, estimate: PoseEstimate | None) -> None:
         """Add the pose to the trail of where the robot has been."""

@@ -67,9 +67,9 @@ def test_a_part_of_the_beams_is_counted():
 
 def test_what_the_counts_mean():
     seen = Sight(10.0, 4.0, 3.0, 3.0, 1.0, 4.0)
-    # 14 echoes fit; 3 pass through, and 4 beams without an echo count half; 10 - 4 + 3 of 20 echoes are of the map.
+    # 14 echoes fit; 3 pass through, and 4 beams without an echo count half; 10 - 4 of 20 echoes are of the map.
     assert (seen.fit, seen.through, seen.total) == (14.0, 5.0, 25.0)
-    assert seen.support == pytest.approx(9.0 / 20.0)
+    assert seen.support == pytest.approx(6.0 / 20.0)
     assert seen.score == pytest.approx((14.0 - 5.0) / 20.0)
 
 

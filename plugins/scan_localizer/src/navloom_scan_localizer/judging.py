@@ -104,8 +104,9 @@ class Judge:
         """Time driven since the sight of the map was lost at once, s; infinite if it was never seen; else None."""
         self._proven = 0.0
         """Way driven with scans that fit, m."""
-        self._is_moved, self._rival = False, ""
-        """Whether the tracker was moved to a pose that no drive has proven yet; why it is not trusted then."""
+        self._is_moved, self._is_carried, self._rival = False, False, ""
+        """Until a drive proves the pose: whether the tracker was moved to it; when the map had gone out of sight at once;
+        why it is not trusted then."""
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
@@ -165,7 +166,7 @@ class Judge:
         is_fit = self._blind is None and through <= _FEW * (through + self._seen.fit)
         self._proven = self._proven + way if is_fit else 0.0
         if self._proven >= _PROOF:
-            tracker.is_proven, self._is_moved, self._rival = True, False, ""
+            tracker.is_proven, self._is_moved, self._is_carried, self._rival = True, False, False, ""
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
@@ -202,7 +203,8 @@ class Judge:
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
         self._is_moved, self._rival = True, ""
-        if self._blind is not None and self._blind < math.inf:
+        self._is_carried |= self._blind is not None and self._blind < math.inf
+        if self._is_carried:
             self._rival = "the map went out of sight at once: the robot may have been carried anywhere"
         elif others or score < _SURE:
             self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"

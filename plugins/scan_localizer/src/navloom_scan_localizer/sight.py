@@ -115,14 +115,14 @@ class Sight(NamedTuple):
 
     @property
     def support(self) -> float:
-        """Share of the echoes that come from what the map has; nearer to 1 if fewer than half of the beams have one.
+        """Share of the echoes at a mapped wall; nearer to 1 if fewer than half of the beams have one.
 
         Echoes of unmapped things that are near a wall by chance are as often in the outer half of the gate as in the
         inner one; so the outer ones are subtracted.
         """
         echoes = max(self.fit + self.behind + self.elsewhere, 1.0)
         weight = min(1.0, 2.0 * echoes / max(self.total, 1.0))
-        return 1.0 - weight + weight * (max(self.inner - self.outer, 0.0) + self.behind) / echoes
+        return 1.0 - weight + weight * max(self.inner - self.outer, 0.0) / echoes
 
     @property
     def score(self) -> float:

@@ -105,7 +105,7 @@ class Judge:
         self._proven = 0.0
         """Way driven with scans that fit, m."""
         self._is_moved, self._is_carried, self._rival = False, False, ""
-        """Until a drive proves the pose: whether the tracker was moved to it; when the map had gone out of sight at once;
+        """Until a drive proves the pose: whether the tracker was moved to it; when the map had just gone out of sight;
         why it is not trusted then."""
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:

@@ -106,7 +106,7 @@ def test_beams_that_pass_through_the_map_start_a_search_and_then_it_is_lost():
     assert states.index("searching") == pytest.approx(10, abs=1)
     assert states.index("lost") == pytest.approx(70, abs=2)
     assert states[-1] == "lost"
-    assert robot.judge.reason == "100% of the beams to a wall of the map pass through it, more than 40%"
+    assert robot.judge.reason == "100% of the beams to a wall of the map pass through it, more than 20%"
 
 
 def test_it_tracks_again_once_it_sees_the_room_again():

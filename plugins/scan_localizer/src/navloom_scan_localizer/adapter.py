@@ -83,8 +83,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         self._stamp_ns = odometry.stamp_ns
         if points:
             echoes = sum(len(rows) for rows in points)
-            silent = [_points(scan, odometry, self.params, _without_echo(scan, self.params)) for scan in _scans(given)]
-            joined = np.concatenate(points + silent)
+            joined = np.concatenate(points + _silent(given, self.params))
             tracker.correct(joined[:echoes])
             self._judge.look(joined, odometry.stamp_ns / 1e9, echoes)
         state, reason = self._judge.state, self._judge.reason
@@ -197,10 +196,15 @@ def _scans(given: LocalizerInput) -> list[RangeScan]:
     return [scan for scan in given.scans if isinstance(scan, RangeScan)]
 
 
-def _without_echo(scan: RangeScan, p: _BeamLimits) -> NDArray[np.float64]:
-    """(n,) how far a scan has seen along the beams without an echo, m; 0 for the others."""
-    limit = scan.range_max - p.limit_margin
-    return np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
+def _silent(given: LocalizerInput, p: _BeamLimits) -> list[NDArray[np.float64]]:
+    """Beams without an echo, as those of `_points`; they end where the sensor would still have seen a wall."""
+    found = []
+    for scan in _scans(given):
+        limit = scan.range_max - p.limit_margin
+        if len(scan.ranges) and scan.ranges.max() >= limit:
+            seen = np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
+            found.append(_points(scan, given.odometry, p, seen))
+    return found
 
 
 def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits, ranges: NDArray[np.float64]) -> NDArray[np.float64]:

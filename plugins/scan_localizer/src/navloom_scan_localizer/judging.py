@@ -94,18 +94,19 @@ class Judge:
         self._since: float | None = None
         """Time from which scans have contradicted the state, s; None if the last one agreed with it."""
         self._searching_since = 0.0
-        self._seen, self._part = Sight(np.zeros(6)), 0
+        self._seen, self._part = Sight(), 0
         """Recent counts, and the part of the next scan's beams that is counted."""
         self._time = -math.inf
-        self._last_pose = tracker.pose.copy()
+        self._last_pose = tuple(tracker.pose.tolist())
         self._support, self._wanted = 0.0, tracker.settings.least_seen
         """Share of the last scan's beams that saw the map, and the share that is wanted for `_blind` to end."""
         self._blind: float | None = None
         """Time driven since the sight of the map was lost at once, s; infinite if it was never seen; else None."""
         self._proven = 0.0
         """Way driven with scans that fit, m."""
-        self._is_moved, self._rival = False, ""
-        """Whether the tracker was moved to a pose that no drive has proven yet; why it is not trusted then."""
+        self._is_moved, self._is_carried, self._rival = False, False, ""
+        """Until a drive proves the pose: whether the tracker was moved to it; when the map had just gone out of sight;
+        why it is not trusted then."""
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
@@ -143,15 +144,15 @@ class Judge:
     def _observe(self, beams: Floats, echoes: int, time: float) -> None:
         """Count what a scan sees, and how far the robot has driven with and without seeing the map."""
         tracker, s = self._tracker, self._tracker.settings
-        passed, off = min(time - self._time, 1e9), _off(tracker.pose, self._last_pose)
-        way = math.hypot(off[0], off[1])
-        self._time, self._last_pose = time, tracker.pose.copy()
+        passed, (x, y, heading), (last_x, last_y, last) = time - self._time, tracker.pose.tolist(), self._last_pose
+        way, turn = math.hypot(x - last_x, y - last_y), abs(math.remainder(heading - last, math.tau))
+        self._time, self._last_pose = time, (x, y, heading)
         if len(beams):
             stride = max(1, len(beams) // _BEAMS)
             self._part = (self._part + 1) % stride
             part, gate = (self._part, stride), 2.0 * s.robust_scale
             seen = look_along(tracker.field, beams, echoes, tracker.pose, gate, part)
-            self._seen = Sight(math.exp(-passed / _MEMORY) * self._seen.counts + seen.counts)
+            self._seen = self._seen.then(seen, math.exp(-passed / _MEMORY))
             support, before, self._support = seen.support, self._support, seen.support
             if self._blind is None and support < (1.0 - _SUDDEN) * before and before >= s.least_seen:
                 self._blind, self._wanted = 0.0, (1.0 - _SUDDEN) * before
@@ -159,13 +160,13 @@ class Judge:
                 self._blind = None
             elif self._blind is None and not tracker.is_proven and self._seen.support < s.least_seen:
                 self._blind, self._wanted = math.inf, s.least_seen
-        if self._blind is not None and max(way, abs(off[2])) > _AT_REST * passed:
+        if self._blind is not None and max(way, turn) > _AT_REST * passed:
             self._blind += passed
         through = self._seen.through
         is_fit = self._blind is None and through <= _FEW * (through + self._seen.fit)
         self._proven = self._proven + way if is_fit else 0.0
         if self._proven >= _PROOF:
-            tracker.is_proven, self._is_moved, self._rival = True, False, ""
+            tracker.is_proven, self._is_moved, self._is_carried, self._rival = True, False, False, ""
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
@@ -202,12 +203,13 @@ class Judge:
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
         self._is_moved, self._rival = True, ""
-        if self._blind is not None and self._blind < math.inf:
+        self._is_carried |= self._blind is not None and self._blind < math.inf
+        if self._is_carried:
             self._rival = "the map went out of sight at once: the robot may have been carried anywhere"
         elif others or score < _SURE:
             self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
         tracker.relocate(pose, inverse(fused))
-        self._seen, self._last_pose, self._proven = Sight(np.zeros(6)), tracker.pose.copy(), 0.0
+        self._seen, self._last_pose, self._proven = Sight(), tuple(tracker.pose.tolist()), 0.0
         self._blind, self._support, self._wanted = None, 0.0, s.least_seen
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
         self.reason = (

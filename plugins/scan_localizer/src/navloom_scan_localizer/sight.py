@@ -7,7 +7,7 @@ through a mapped wall contradicts the pose, or the map.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -77,48 +77,57 @@ def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # 
                 counts[3] += 1
 
 
-@dataclass(frozen=True, slots=True)
-class Sight:
-    """What beams see from a pose.
+class Sight(NamedTuple):
+    """What beams see from a pose: numbers of beams.
 
     Attributes:
-        counts: (6,) echoes nearer than half a gate to a mapped wall, nearer than a gate, through a wall, and elsewhere;
-            beams without an echo that pass no wall, and that pass one.
+        inner, outer: Echoes nearer than half a gate to a mapped wall, and nearer than a gate.
+        behind: Echoes through a wall.
+        elsewhere: Other echoes.
+        free, silent: Beams without an echo that pass no wall, and that pass one.
     """
 
-    counts: Floats
+    inner: float = 0.0
+    outer: float = 0.0
+    behind: float = 0.0
+    elsewhere: float = 0.0
+    free: float = 0.0
+    silent: float = 0.0
+
+    def then(self, other: Sight, share: float) -> Sight:
+        """A share of these numbers, and those of another scan."""
+        return Sight(*(share * mine + new for mine, new in zip(self, other, strict=True)))
 
     @property
     def total(self) -> float:
         """Number of beams."""
-        return float(self.counts.sum())
+        return sum(self)
 
     @property
     def fit(self) -> float:
         """Number of echoes at a mapped wall."""
-        return float(self.counts[0] + self.counts[1])
+        return self.inner + self.outer
 
     @property
     def through(self) -> float:
         """Number of beams that pass through a wall; those without an echo count half."""
-        return float(self.counts[2] + _SILENT * self.counts[5])
+        return self.behind + _SILENT * self.silent
 
     @property
     def support(self) -> float:
-        """Share of the echoes that come from what the map has; nearer to 1 if fewer than half of the beams have one.
+        """Share of the echoes at a mapped wall; nearer to 1 if fewer than half of the beams have one.
 
         Echoes of unmapped things that are near a wall by chance are as often in the outer half of the gate as in the
         inner one; so the outer ones are subtracted.
         """
-        inner, outer, through = self.counts[:3]
-        echoes = max(float(self.counts[:4].sum()), 1.0)
+        echoes = max(self.fit + self.behind + self.elsewhere, 1.0)
         weight = min(1.0, 2.0 * echoes / max(self.total, 1.0))
-        return 1.0 - weight + weight * float(max(inner - outer, 0.0) + through) / echoes
+        return 1.0 - weight + weight * max(self.inner - self.outer, 0.0) / echoes
 
     @property
     def score(self) -> float:
         """How well the echoes fit: 1 if all do; an occluded one adds nothing, one through a wall subtracts one."""
-        return (self.fit - self.through) / max(float(self.counts[:4].sum()), 1.0)
+        return (self.fit - self.through) / max(self.fit + self.behind + self.elsewhere, 1.0)
 
 
 def look_along(
@@ -137,7 +146,7 @@ def look_along(
     """
     counts = np.zeros(6)
     _count(field.values, field.frame, beams, echoes, part[0], part[1], pose, gate, counts)
-    return Sight(counts)
+    return Sight(*counts.tolist())
 
 
 def warm_up() -> None:

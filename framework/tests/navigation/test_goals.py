@@ -145,7 +145,7 @@ def test_a_goal_that_is_missed_four_times_ends_stuck_with_the_distance() -> None
         assert ports(stopped_at(machine, float(number), 4.25)) == ["plan"]
         machine.step(seen(number + 0.6, estimate=pose(4.25), answer=path(number), gate=STANDS))
     assert result(stopped_at(machine, 6.0, 4.25)) == (
-        "stuck", "stopped 4 times at the goal, the last time 0.250 m off",
+        "stuck", "missed the goal 4 times, the last time by 0.250 m",
     )  # fmt: skip
 
 

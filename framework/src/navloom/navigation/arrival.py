@@ -87,7 +87,7 @@ class Arrival:
             return Move(outcome="succeeded", reason="the goal was reached")
         if active.misses >= MISSES:
             where = active.off_by(pose)
-            return Move(outcome="stuck", reason=f"stopped {MISSES + 1} times at the goal, the last time {where} off")
+            return Move(outcome="stuck", reason=f"missed the goal {MISSES + 1} times, the last time by {where}")
         active.misses += 1
         return self._turn(active, self._path_id, seen) if is_near else Move(plans=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import subprocess
 from pathlib import Path
@@ -365,3 +366,14 @@ def test_a_log_that_is_cut_is_told_once(robot: Robot, monkeypatch: pytest.Monkey
     robot.poll()
     robot.poll()
     assert len(robot.said) == 1 and robot.said[0].startswith("process safe writes too much: the last ")
+
+
+def test_a_deleted_folder_has_states_and_logs_again(robot: Robot, folder: RobotFolder) -> None:
+    assert folder.lock()
+    shutil.rmtree(folder.path)
+    robot.poll(0.5)
+    assert {name: fate.state for name, fate in folder.fates().items()} == dict.fromkeys(
+        ("drive", "safe", "base"), "running"
+    )
+    assert all((folder.path / f"{name}.log").exists() for name in ("drive", "safe", "base"))
+    folder.unlock()

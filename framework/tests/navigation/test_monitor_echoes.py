@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
+from navloom.navigation.monitor_echoes import arc_points, directions, nearest_surfaces, out_of_view, to_odometry
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -136,6 +136,41 @@ def test_a_sensor_sees_every_direction_once() -> None:
     points = [polar(1.5, 5.0 + 10.0 * k) for k in range(36)]
     assert surfaces(points * 2) == pytest.approx(surfaces(points))
     assert len(surfaces(points)) == 36
+
+
+@pytest.mark.parametrize(
+    ("bearings", "count"),
+    [
+        ([], 360), ([0.3], 360), ([0.3, 0.31], 628), ([0.31, 0.3], 628), ([0.0, 0.1, 0.2], 180), ([0.0, 1e-4], 1440),
+        ([0.0, 0.005, 0.01, 0.9], 1257),
+    ],
+)  # fmt: skip
+def test_a_laser_has_a_direction_for_each_beam(bearings: list[float], count: int) -> None:
+    assert directions(np.array(bearings)) == count
+
+
+def held(bearings: list[float], *places: tuple[float, float]) -> list[int]:
+    """Which of the places at (distance, bearing in degrees) from the laser of a base that heads 0.3 rad stay."""
+    points = [(*polar(d, b + math.degrees(0.3)), 0.001 * k) for k, (d, b) in enumerate(places)]
+    kept = out_of_view(np.array(points).reshape(-1, 3), (*EYE, 0.3), np.array(bearings), 36)
+    found = [round(1000 * beyond) for beyond in kept[:, 2]]
+    assert kept.tolist() == [list(points[k]) for k in found]
+    return found
+
+
+def test_what_a_beam_or_its_neighbours_cover_is_not_held() -> None:
+    """A beam at 5 degrees covers -10 to 20 degrees, one at -175 degrees 170 to -160."""
+    places = [(1.0, b) for b in (-11.0, -9.0, 19.0, 21.0, 169.0, 171.0, 179.0, -179.0, -161.0, -159.0)]
+    assert held([math.radians(5.0), math.radians(-175.0)], *places) == [0, 3, 4, 9]
+
+
+def test_the_nearest_in_each_direction_is_held_nearest_first() -> None:
+    assert held([math.pi], (1.2, 5.0), (1.1, 6.0), (0.4, 55.0), (0.7, -5.0), (1.3, 7.0)) == [2, 3, 1]
+    assert held([math.pi]) == []
+
+
+def test_only_what_is_nearer_than_1_5_m_is_held() -> None:
+    assert held([math.pi], (1.499, 5.0), (1.501, 25.0), (1.7, 45.0)) == [0]
 
 
 # --- sonars -----------------------------------------------------------------------------------------------------------

@@ -236,7 +236,7 @@ AHEAD = np.array([(0.0, 0.0, 0.0), (0.25, 0.0, 0.0), (0.5, 0.0, 0.0)])
 
 
 def touch(points: list[tuple[float, float]], margin: float, poses: Floats = AHEAD, count: int = 3) -> int:
-    return int(first_touch(poses, count, SQUARE, np.array(points).reshape(-1, 2), margin))
+    return int(first_touch(poses, count, SQUARE, np.array(points).reshape(-1, 2), np.full(len(points), margin)))
 
 
 def test_the_first_point_on_the_way_is_touched_and_not_the_first_of_the_list() -> None:
@@ -265,7 +265,7 @@ def test_a_point_that_is_too_near_from_the_beginning_counts_if_the_footprint_com
 def test_less_than_a_hundredth_of_a_millimetre_is_rounding(nearer: float, hit: int) -> None:
     """The front is at x = 0, so that distances have no rounding."""
     poses, outline = np.array([(0.0, 0.0, 0.0), (nearer, 0.0, 0.0)]), SQUARE - (0.5, 0.0)
-    assert first_touch(poses, 2, outline, np.array([(nearer, 0.0)]), 0.01) == hit
+    assert first_touch(poses, 2, outline, np.array([(nearer, 0.0)]), np.full(1, 0.01)) == hit
 
 
 def test_a_footprint_turns_with_its_pose() -> None:
@@ -276,4 +276,4 @@ def test_a_footprint_turns_with_its_pose() -> None:
     aside = (0.3 + 0.4 * 0.8 - 0.37 * 0.6, 0.2 + 0.4 * 0.6 + 0.37 * 0.8)  # the left edge is at 0.32 there
     for point, distance in ((front, 0.02), (rear, 0.02), (aside, 0.05 * 5 / math.sqrt(26))):
         for margin, hit in ((distance + 1e-9, 1), (distance - 1e-9, -1)):
-            assert first_touch(poses, 3, TRAPEZOID, np.array([(5.0, 5.0), point]), margin) == hit
+            assert first_touch(poses, 3, TRAPEZOID, np.array([(5.0, 5.0), point]), np.full(2, margin)) == hit

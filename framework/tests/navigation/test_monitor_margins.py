@@ -57,9 +57,30 @@ class Robot:
 
 def test_a_margin_covers_the_gap_between_beams_or_the_speed_of_the_body_beside_the_point() -> None:
     """The tip at (-1.1, 0.3) moves with hypot(0.06, 0.22) m/s at 0.2 rad/s; 0.1 s of it, and 1 cm."""
-    points = np.array([(-1.1, 0.3, 0.0), (-1.1, 0.3, 0.025), (1.0, 0.0, 0.0)])
-    assert margins(points, 0.0, -0.2, 0.01) == pytest.approx([0.01 + 0.1 * math.hypot(0.06, 0.22), 0.035, 0.03])
-    assert margins(points, 0.5, 0.0, 0.01) == pytest.approx([0.04, 0.04, 0.04]), "3 cm at most"
+    points = np.array([(-1.1, 0.3, 0.0), (-1.1, 0.3, 0.024), (-1.1, 0.3, 0.04), (1.0, 0.0, 0.0)])
+    tip = 0.01 + 0.1 * math.hypot(0.06, 0.22)
+    assert margins(points, 0.0, -0.2, 0.01) == pytest.approx([tip, tip, math.hypot(0.01, 0.04), 0.03])
+    assert margins(points, 0.0, 0.0, 0.01) == pytest.approx([0.01, 0.026, math.hypot(0.01, 0.04), 0.01])
+    assert margins(points, 0.5, 0.0, 0.01) == pytest.approx([0.04, 0.04, math.hypot(0.01, 0.04), 0.04]), "3 cm at most"
+
+
+def test_the_speed_beside_a_point_is_that_of_driving_and_turning() -> None:
+    """At (0.7, -0.5), 0.1 m/s and 0.2 rad/s move the body by (0.1 + 0.1, 0.14) m/s; with -0.2 rad/s by (0, -0.14)."""
+    point = np.array([(0.7, -0.5, 0.0)])
+    assert margins(point, 0.1, 0.2, 0.02) == pytest.approx([0.02 + 0.1 * math.hypot(0.2, 0.14)])
+    assert margins(point, 0.1, -0.2, 0.02) == pytest.approx([0.02 + 0.014])
+    assert margins(point, -0.1, -0.2, 0.02) == pytest.approx([0.02 + 0.1 * math.hypot(0.2, 0.14)])
+
+
+@pytest.mark.parametrize("v", [0.05, 0.3])
+def test_a_robot_2_cm_beside_a_wall_drives_along_it(v: float) -> None:
+    """Beams of 1 degree: beside the front corner, 0.35 m away, 0.9 cm may lie beyond an echo, and 1 cm is its error."""
+    wall = np.stack([np.arange(-1.0, 3.0, 0.002), np.full(2000, 0.27)], axis=1)
+    robot = Robot(np.array([(0.25, 0.25), (-0.25, 0.25), (-0.25, -0.25), (0.25, -0.25)]), wall)
+    robot.rest()
+    for _ in range(30):
+        assert robot.judge(v).twist.vx >= 0.04
+        robot.go(robot.pose[0] + 0.01)
 
 
 def test_a_better_laser_has_no_smaller_margin() -> None:
@@ -73,7 +94,7 @@ def test_a_better_laser_has_no_smaller_margin() -> None:
 
 def test_the_edge_of_a_post_may_be_hidden_between_two_beams() -> None:
     """A post 2.2 cm beside the way and 1.2 m ahead: beams of 1° are 2.1 cm apart there, beams of 0.25° 0.5 cm."""
-    post = np.array([(1.14, 0.322), (1.14, 0.3222)])
+    post = np.array([(1.135, 0.322), (1.135, 0.3222)])
     wide, dense = (Robot(LONG, post, spacing_deg=spacing) for spacing in (1.0, 0.25))
     for robot in (wide, dense):
         robot.rest()

@@ -14,8 +14,6 @@ FOOTPRINT = np.array([(0.35, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.35, -0.2)])
 LIMITS = MonitorLimits(FOOTPRINT, 0.05, deceleration=0.8, sigma=1e-6, margin=0.01)
 FRONT, REAR = 0.39, -0.29
 """Place of front and rear and the margin at 0.3 m/s or more, m: 4 cm."""
-GAP = 1.5 * math.tau / 1440
-"""How far an obstacle may reach beyond an echo, m per m of distance: one and a half of the narrowest directions."""
 
 
 def scan(time: float, *places: tuple[float, float]) -> RangeScan:
@@ -129,34 +127,33 @@ def test_a_turn_may_fall_to_nothing() -> None:
 @pytest.mark.parametrize(
     ("v", "gap", "twist"),
     [
-        (0.3, 0.00045, 0.0),  # 1/32 of it, 0.0094 m/s for 0.05 s: 0.47 mm
-        (0.3, 0.0005, 0.0),  # less than a twentieth and less than 2 cm/s
-        (0.3, 0.001, 0.01875),  # 2/32 is more than a twentieth: 0.94 mm
-        (0.8, 0.0014, 0.025),  # 1/32, and 2.5 cm/s: 1.25 mm, and 0.13 mm more margin than the echo has at standstill
-        (0.8, 0.0013, 0.0),
-        (-0.8, 0.0021, -0.025),  # 1.25 mm and 0.78 mm: behind, the echo is nearer
-        (-0.8, 0.0020, 0.0),
-        (0.64, 0.0012, 0.02),  # 1/32, and 2 cm/s
+        (0.3, 0.00135, 0.0),  # 1/32 of it, 0.0094 m/s for 0.05 s, and 0.1 s of margin: 1.41 mm
+        (0.3, 0.0015, 0.0),  # less than a twentieth and less than 2 cm/s
+        (0.3, 0.0029, 0.01875),  # 2/32 is more than a twentieth: 2.81 mm
+        (0.8, 0.0038, 0.025),  # 1/32, and 2.5 cm/s: 3.75 mm
+        (0.8, 0.0037, 0.0),
+        (-0.8, 0.0038, -0.025),
+        (0.64, 0.0031, 0.02),  # 1/32, and 2 cm/s: 3 mm
     ],
 )
 def test_a_small_share_of_a_slow_command_stops_the_robot(v: float, gap: float, twist: float) -> None:
-    """The place is the gap, 1 cm and what may lie beyond the echo before the front or behind the rear."""
-    made = monitor(((0.36 + gap) / (1.0 - GAP) if v > 0.0 else -(0.26 + gap) / (1.0 - GAP), 0.0))
+    made = monitor((0.36 + gap if v > 0.0 else -0.26 - gap, 0.0))
     assert judge(made, v).twist.vx == pytest.approx(twist, abs=1e-12)
 
 
 @pytest.mark.parametrize(
     ("w", "gap", "share"),
     [
-        (0.0, 0.00012, 0.0),  # 3/32 of 0.02 m/s for 0.05 s is 0.094 mm, 4/32 is 0.125 mm: 1.9 mm/s is too slow
-        (0.0, 0.00013, 4 / 32),  # 2.5 mm/s
-        (0.001, 0.00012, 0.0),  # and 0.04 mm/s of the farthest corner, which is 0.403 m from the base
-        (0.004, 0.00012, 3 / 32),  # 1.88 mm/s and 0.15 mm/s
-        (-0.004, 0.00012, 3 / 32),
+        (0.0, 0.00038, 0.0),  # 3/32 of 0.02 m/s for 0.05 s, and the margin: 0.37 mm, but 1.9 mm/s is too slow
+        (0.0, 0.00041, 4 / 32),  # 0.40 mm, 2.5 mm/s
+        (0.001, 0.00038, 0.0),  # and 0.04 mm/s of the farthest corner, which is 0.403 m from the base
+        (0.004, 0.00038, 3 / 32),  # 1.88 mm/s and 0.15 mm/s
+        (-0.004, 0.00038, 3 / 32),
     ],
 )
 def test_a_robot_slower_than_2_mm_s_stops(w: float, gap: float, share: float) -> None:
-    made = monitor(((0.36 + gap) / (1.0 - GAP), 0.0))
+    """At 0.36 m, 1.5 of the 1440 directions are 2.36 mm: with 1 cm, a margin of hypot(10, 2.36) = 10.27 mm."""
+    made = monitor((0.36 + gap, 0.0))
     assert judge(made, 0.02, w).share == share
 
 

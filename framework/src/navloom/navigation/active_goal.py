@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from navloom.messages import AvoiderStatus, Feedback, Goal, Message, Point2D, Pose2D
+from navloom.messages import AvoiderStatus, Feedback, Goal, GoalResult, Message, Point2D, Pose2D
 from navloom.navigation.goal_rules import GoalView
 from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE
 
-__all__ = ["ActiveGoal", "feedback_of"]
+__all__ = ["ActiveGoal", "feedback_of", "overdue", "result_of"]
 
 BLOCKED = 2.0
 """How long the gate may stop the robot for an obstacle before the goal starts a recovery, s."""
@@ -161,6 +161,21 @@ def feedback_of(active: ActiveGoal | None, state: str, seen: GoalView) -> Feedba
         recoveries=active.recoveries if active else 0,
         localizer="" if estimate is None or estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}",
     )
+
+
+def overdue(seen: GoalView) -> tuple[str, str]:
+    """Outcome and reason of a goal that is not reached at its deadline."""
+    if _is_held(seen):
+        return "stopped", "an operator's stop was not resumed"
+    return "timeout", f"not there after {seen.time:g} s"
+
+
+def result_of(active: ActiveGoal, outcome: str, reason: str, place: Point2D | None, seen: GoalView) -> GoalResult:
+    """The result of a goal that ends; without a place, where the robot is."""
+    if place is None:
+        pose = seen.estimate.pose if seen.estimate is not None else Pose2D(0.0, 0.0, 0.0)
+        place = Point2D(pose.x, pose.y)
+    return GoalResult(active.goal.goal_id, outcome, reason, place)  # type: ignore[arg-type]
 
 
 def _is_held(seen: GoalView) -> bool:

@@ -18,7 +18,7 @@ from navloom.messages import (
     RecoveryRequest,
     SweepRequest,
 )
-from navloom.navigation.active_goal import ActiveGoal, feedback_of
+from navloom.navigation.active_goal import ActiveGoal, feedback_of, overdue, result_of
 from navloom.navigation.arrival import Arrival
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
@@ -144,12 +144,7 @@ class GoalMachine:
             if seen.gate is not None and seen.gate.reason == "contact":
                 self._finish("collision", "the robot touched something", seen)
             elif seen.time >= active.deadline and self._arrival.since is None:
-                stopped = seen.gate is not None and seen.gate.latched
-                self._finish(
-                    "stopped" if stopped else "timeout",
-                    "an operator's stop was not resumed" if stopped else f"not there after {seen.time:g} s",
-                    seen,
-                )
+                self._finish(*overdue(seen), seen)
             elif seen.estimate.state != "tracking" and self.state not in ("waiting", "searching"):
                 self._pause(active, "searching", seen)
             else:
@@ -383,10 +378,7 @@ class GoalMachine:
     def _finish(self, outcome: str, reason: str, seen: GoalView, place: Point2D | None = None) -> None:
         active = self._active
         assert active is not None
-        if place is None:
-            pose = seen.estimate.pose if seen.estimate is not None else Pose2D(0.0, 0.0, 0.0)
-            place = Point2D(pose.x, pose.y)
-        self._out.append(("result", GoalResult(active.goal.goal_id, outcome, reason, place)))  # type: ignore[arg-type]
+        self._out.append(("result", result_of(active, outcome, reason, place, seen)))
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
         self._active, self._arrival.since = None, None

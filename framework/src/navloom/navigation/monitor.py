@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation import monitor_map
-from navloom.navigation.monitor_echoes import arc_points, directions, nearest_surfaces, out_of_view, to_odometry
+from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, SensorEchoes
 from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
     MOST_POSES,
@@ -40,8 +40,6 @@ Kind = Literal["", "obstacle", "unseen"]
 Touch = tuple[Kind, Point2D, float]
 """What the robot would touch: kind, place in the base frame, m, and distance from the footprint, m."""
 
-KEEP = 0.5
-"""How long an echo counts, s; the last two scans of each sensor always count."""
 UNSEEN_MEMORY = 5.0
 """Travelled distance for which space that was seen or occupied by the robot counts as known, m."""
 JUMP, FASTEST = 0.3, 5.0
@@ -59,12 +57,6 @@ LEAST_SHARE = 0.05
 CREEPING, STILL = 0.02, 0.002
 """Speed that is driven even if the share is below LEAST_SHARE, and speed of the footprint below which the robot stops,
 m/s: what counts as rounding in one tick adds up to a contact within a minute."""
-BETWEEN = 1.5
-"""How far an obstacle may reach beyond a laser's echo, in gaps between two beams at its distance: an edge lies up to
-one gap beyond its last beam, and the mean of the last readings half a gap before that beam."""
-DRIFT, MOST_DRIFT = 0.06, 0.08
-"""How far an echo may be misplaced while no beam points at it, m per m that the base drives or 2 rad that it turns, and
-at most, m: odometry with a slip of 1 cm per root metre is wrong by 3° after a metre."""
 SLIDING, SLOPE = 0.05, 0.02
 """Speed, m/s, up to which a robot may slide along what is within its margin, and the slope at which it may come nearer.
 
@@ -72,7 +64,6 @@ A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope
 """
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
-NO_POINTS = np.empty((0, 3))
 NO_COMMANDS = np.empty((0, 3))
 
 
@@ -124,23 +115,6 @@ class Verdict(NamedTuple):
         return bool(self.kind) and self.twist.vx == 0.0 and self.twist.wz == 0.0
 
 
-@dataclass
-class _Sensor:
-    """Echoes of one sensor.
-
-    Attributes:
-        scans: Stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first.
-        ranges: Of the newest scan, m.
-        obstacles: (k, 3) points, m, odometry frame, and how far an obstacle may reach beyond each, m.
-        seen_at: (3,) pose of the base at the newest scan, m, rad, odometry frame.
-    """
-
-    scans: deque[tuple[float, Floats]] = field(default_factory=deque)
-    ranges: Floats | None = None
-    obstacles: Floats = field(default_factory=lambda: NO_POINTS)
-    seen_at: Floats | None = None
-
-
 class CollisionMonitor:
     """Checks commands against scans and odometry.
 
@@ -165,7 +139,7 @@ class CollisionMonitor:
     def forget(self) -> None:
         """Forget all scans, odometry and commands, as after a restart of the platform."""
         self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
-        self._sensors: dict[str, _Sensor] = {}
+        self._sensors: dict[str, SensorEchoes] = {}
         self._stamps: list[float] = []
         self._poses: list[tuple[float, float, float]] = []
         self._twist = np.zeros(2)
@@ -215,7 +189,7 @@ class CollisionMonitor:
 
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take a scan; False if it is old, or must wait for the odometry of its time."""
-        time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, _Sensor())
+        time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, SensorEchoes(self.limits.sigma))
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
         if not self._stamps or time > self._stamps[-1]:
@@ -227,53 +201,18 @@ class CollisionMonitor:
         way = self._ways[bisect_right(self._stamps, time) - 1]
         self._seen.look(poses, (origins, bearings, halves, ranges), limits, np.array([time, way]))
         if halves.size and halves.max() > 0.0:
-            self._look_by_sonars(sensor, time, scan, poses)
+            sensor.look_by_sonars(time, scan, poses, self._moved_since(sensor, poses))
         else:
-            self._look_by_laser(sensor, time, scan, poses)
+            sensor.look_by_laser(time, scan, poses if len(poses) else np.array(self._poses[-1:]))
         return True
 
-    def _look_by_laser(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
-        points = np.empty((len(scan.ranges), 2))
-        to_odometry(poses, scan.origins, scan.bearings, scan.ranges, scan.range_max, points)
-        self._remember(sensor, time, points)
-        middle = scan.origins.mean(axis=0) if len(scan.origins) else np.zeros(2)
-        x, y, heading = base = poses[-1] if len(poses) else np.array(self._poses[-1])
-        cos, sin = math.cos(heading), math.sin(heading)
-        x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
-        bins = directions(scan.bearings)
-        found = np.empty((bins, 2))
-        every = np.concatenate([points for _, points in sensor.scans])
-        count = nearest_surfaces(every, x, y, bins, 3.0 * self.limits.sigma, found)
-        reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
-        held = out_of_view(sensor.obstacles, (x, y, heading), scan.bearings, bins)
-        if sensor.seen_at is not None:
-            moved = np.abs(base - sensor.seen_at)
-            held[:, 2] = np.minimum(held[:, 2] + DRIFT * (math.hypot(*moved[:2]) + 0.5 * moved[2]), MOST_DRIFT)
-        sensor.obstacles = np.concatenate([np.column_stack([found[:count], reach]), held])
-        sensor.seen_at = base
-
-    def _look_by_sonars(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
-        before, moved = sensor.ranges, 0.0
-        if before is None or len(before) != len(scan.ranges):
-            before = np.full(len(scan.ranges), math.nan)
-        elif sensor.scans:
-            x, y, heading = self._poses_at(np.array([sensor.scans[0][0]]))[0]
-            here = poses[-1]
-            moved = math.hypot(here[0] - x, here[1] - y) + self._radius * abs(here[2] - heading)
-        found = np.empty((64 * len(scan.ranges), 2))
-        count = arc_points(
-            poses[-1], scan.origins, scan.bearings, scan.half_angles, scan.ranges, before, moved,
-            np.array([scan.range_max, 3.0 * self.limits.sigma]), found,
-        )  # fmt: skip
-        sensor.ranges = scan.ranges.copy()
-        self._remember(sensor, time, found[:count].copy())
-        every = np.concatenate([points for _, points in sensor.scans])
-        sensor.obstacles = np.column_stack([every, np.zeros(len(every))])
-
-    def _remember(self, sensor: _Sensor, time: float, points: Floats) -> None:
-        sensor.scans.appendleft((time, points))
-        while len(sensor.scans) > 2 and sensor.scans[-1][0] < time - KEEP:
-            sensor.scans.pop()
+    def _moved_since(self, sensor: SensorEchoes, poses: Floats) -> float:
+        """Upper bound of the motion of any point of the robot from a sensor's previous scan to the last pose, m."""
+        if not sensor.scans:
+            return 0.0
+        x, y, heading = self._poses_at(np.array([sensor.scans[0][0]]))[0]
+        here = poses[-1]
+        return float(math.hypot(here[0] - x, here[1] - y) + self._radius * abs(here[2] - heading))
 
     def _poses_at(self, times: Floats) -> Floats:
         """(n, 3) poses of the base, odometry frame, at times, s; extrapolated by twist after the newest odometry."""

@@ -102,3 +102,107 @@ def test_up_to_5_cm_a_second_a_corner_may_come_nearer_by_two_percent_of_the_way(
     for curvature, lets_pass in ((0.02, True), (0.1, False)):  # the rear corner, 0.6 m behind, nears by 1.2 and 6 %
         found = verdict(beside, Twist2D(speed, 0.0, curvature * speed))
         assert found.share == pytest.approx(share, abs=1 / 32) if lets_pass else found.share < 0.1
+
+
+# --- surfaces by hand-worked numbers ----------------------------------------------------------------------------------
+
+
+def grid_of(*rows: str, cell: float = 0.05, at: Pose2D = BASE) -> OccupancyGrid:
+    """A map whose rows are given from the lowest: `#` is occupied, `.` free, `?` unknown."""
+    values = {"#": 100, ".": 0, "?": -1}
+    return OccupancyGrid(np.array([[values[letter] for letter in row] for row in rows], np.int8), cell, at)
+
+
+def surfaces(grid: OccupancyGrid, base: Pose2D = BASE, reach: float = 9.0, echoes: object = ()) -> list[list[float]]:
+    points = np.array(echoes, dtype=float).reshape(-1, 2)
+    found: list[list[float]] = sorted(surfaces_without_echo(grid, base, reach, points).round(9).tolist())
+    return found
+
+
+def test_cells_that_touch_have_no_surface_between_them() -> None:
+    """Two cells in a corner of the map, one on the other, of 2 cm: the outline has six edges of one point each."""
+    expected = [[0.0, 0.0], [0.0, 0.02], [0.0, 0.04], [0.02, 0.0], [0.02, 0.02], [0.02, 0.04]]
+    assert surfaces(grid_of("#..", "#..", cell=0.02)) == expected
+    assert surfaces(grid_of("...", "##.", cell=0.02)) == [[x, y] for x in (0.0, 0.02, 0.04) for y in (0.02, 0.04)]
+
+
+def test_a_row_of_cells_has_all_its_points_and_each_once() -> None:
+    """Sixty cells of 5 cm: 120 points above and below, two at each end; of them, 244 in all."""
+    found = surfaces(grid_of("." * 62, "." + "#" * 60 + ".", "." * 62))
+    assert len(found) == len({tuple(point) for point in found}) == 244
+    for y in (0.05, 0.075, 0.1):
+        xs = [x for x, at in found if at == y]
+        assert (min(xs), max(xs)) == (0.05, 3.05), y
+    assert sum(y == 0.05 for _, y in found) == sum(y == 0.1 for _, y in found) == 121
+
+
+def test_only_surfaces_within_reach_count() -> None:
+    """From (0.3, 0.3), a wall of 2.5 cm steps 0.2 m to the right: x and y in the base frame, at most 0.25 m away."""
+    grid = grid_of(*["." * 10 + "##"] * 12)
+    found = surfaces(grid, Pose2D(0.3, 0.3, 0.0), 0.2501)
+    assert found == [[0.2, y / 1000] for y in range(-150, 151, 25)]
+    assert surfaces(grid, Pose2D(0.3, 0.3, 0.0), 0.199) == []
+
+
+@pytest.mark.parametrize(
+    ("depth", "along", "shown"),
+    [(0.149, 0.0, True), (-0.149, 0.0, True), (0.151, 0.0, False), (-0.151, 0.0, False), (0.0, 0.049, True),
+     (0.0, -0.049, True), (0.0, 0.051, False), (0.0, -0.051, False), (0.1, 0.04, True)],
+)  # fmt: skip
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.0])
+def test_three_echoes_show_a_point_up_to_15_cm_before_or_behind_and_5_cm_beside_it(
+    depth: float, along: float, shown: bool, heading: float
+) -> None:
+    """One cell of 2 cm; the point of its right edge, whose normal is the map's x axis, is the corner (0.02, 0)."""
+    grid = grid_of("#", cell=0.02, at=Pose2D(0.0, 0.0, heading))
+    cos, sin = math.cos(heading), math.sin(heading)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        return round(cos * x - sin * y, 9), round(sin * x + cos * y, 9)
+
+    echo = place(0.02 + depth, along)
+    found = [tuple(point) for point in surfaces(grid, echoes=[echo] * 3)]
+    assert (place(0.02, 0.0) not in found) is shown
+    assert len(surfaces(grid, echoes=[echo] * 2)) == 4, "two are not enough"
+
+
+def placed(stamp: float, pose: Pose2D, grid: OccupancyGrid) -> CollisionMonitor:
+    """A monitor with a pose of a time; at 1.0 s the odometry is (2, 1, 0), at 1.2 s (2.3, 1.1, 0.5)."""
+    made = CollisionMonitor(LIMITS)
+    for time, odometry in ((1.0, Pose2D(2.0, 1.0, 0.0)), (1.2, Pose2D(2.3, 1.1, 0.5))):
+        made.move(Odometry(round(time * 1e9), odometry, STILL))
+    made.locate(PoseEstimate(round(stamp * 1e9), pose, STILL, np.zeros((3, 3))), grid)
+    return made
+
+
+def test_a_pose_is_carried_along_by_the_odometry_since() -> None:
+    """At (4, 5), heading 90 degrees, it drives 0.3 m ahead and 0.1 m to the left: (3.9, 5.3), and turns by 0.5 rad."""
+    grid = grid_of("#", cell=0.02, at=Pose2D(4.3, 5.5, 0.0))
+    found = placed(1.0, Pose2D(4.0, 5.0, math.pi / 2), grid)._surfaces(2.0, np.empty((0, 2)))
+    expected = surfaces_without_echo(grid, Pose2D(3.9, 5.3, math.pi / 2 + 0.5), 2.0, NO_SURFACES)
+    assert len(found) == 4 and found == pytest.approx(expected)
+    half = placed(1.1, Pose2D(4.0, 5.0, math.pi / 2), grid)._surfaces(2.0, np.empty((0, 2)))
+    # Half-way the odometry heads 0.25 rad: of the 0.15 m and 0.05 m since, in that frame, ahead is north of the map.
+    ahead, left = 0.15 * math.cos(0.25) + 0.05 * math.sin(0.25), 0.05 * math.cos(0.25) - 0.15 * math.sin(0.25)
+    there = Pose2D(4.0 - left, 5.0 + ahead, math.pi / 2 + 0.25)
+    assert half == pytest.approx(surfaces_without_echo(grid, there, 2.0, NO_SURFACES))
+
+
+def test_a_pose_of_the_newest_odometry_or_later_is_taken_as_it_is() -> None:
+    grid, pose = grid_of("#", cell=0.02, at=Pose2D(4.3, 5.5, 0.0)), Pose2D(4.0, 5.0, 1.0)
+    for stamp in (1.2, 1.25):
+        found = placed(stamp, pose, grid)._surfaces(2.0, np.empty((0, 2)))
+        assert found == pytest.approx(surfaces_without_echo(grid, pose, 2.0, NO_SURFACES)) and len(found) == 4
+
+
+def test_a_pose_of_before_the_first_odometry_does_not_count() -> None:
+    grid, pose = grid_of("#", cell=0.02, at=Pose2D(4.3, 5.5, 0.0)), Pose2D(4.0, 5.0, 1.0)
+    assert len(placed(0.99, pose, grid)._surfaces(2.0, np.empty((0, 2)))) == 0
+
+
+def test_echoes_and_mapped_surfaces_are_points_of_one_frame() -> None:
+    """Of a wall that ends 0.2 m beside the robot, in 13 mapped points; nothing lies beyond a mapped surface."""
+    made = placed(1.2, Pose2D(0.3, 0.3, 0.0), grid_of(*["." * 10 + "##"] * 12))
+    near = made._near(Twist2D(0.5, 0.0, 0.0), 0.0)
+    assert near.shape[1] == 3 and not near[:, 2].any()
+    assert [0.2, 0.0, 0.0] in near.round(9).tolist()

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, stopping_way
+from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, stopping_way, within
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -277,3 +277,39 @@ def test_a_footprint_turns_with_its_pose() -> None:
     for point, distance in ((front, 0.02), (rear, 0.02), (aside, 0.05 * 5 / math.sqrt(26))):
         for margin, hit in ((distance + 1e-9, 1), (distance - 1e-9, -1)):
             assert first_touch(poses, 3, TRAPEZOID, np.array([(5.0, 5.0), point]), np.full(2, margin)) == hit
+
+
+def test_each_point_has_its_own_margin() -> None:
+    """At the end the front is at x = 1.0; the first point is 3 cm before it, the second 2 cm."""
+    points = np.array([(1.03, 0.1), (1.02, 0.2)])
+    for wide, hit in ((0.031, 0.0), 0), ((0.029, 0.021), 1), ((0.029, 0.019), -1):
+        assert first_touch(AHEAD, 3, SQUARE, points, np.array(wide)) == hit
+
+
+@pytest.mark.parametrize(("slope", "hit"), [(0.0, 0), (0.019, 0), (0.0201, -1), (0.1, -1)])
+def test_a_point_may_come_nearer_by_the_slope_of_the_way(slope: float, hit: int) -> None:
+    """0.3 m ahead and 0.4 m aside, 0.5 m of way, take the left edge 1 cm nearer to a point beside it: 2 %."""
+    poses = np.array([(1.0, 2.0, 0.0), (1.3, 2.4, 0.0)])
+    outline = np.array([(9.0, 0.39), (-9.0, 0.39), (-9.0, -0.5), (9.0, -0.5)])
+    point = np.array([(1.0, 2.0 + 0.39 + 0.05)])
+    turned = np.array([(1.0, 2.0, 0.0), (1.0 + 0.5 * math.cos(0.02), 2.0 + 0.5 * math.sin(0.02), 0.0)])
+    assert first_touch(poses, 2, outline, point, np.full(1, 0.06), slope) == 0, "0.4 m nearer"
+    assert first_touch(turned, 2, outline, point, np.full(1, 0.06), slope) == hit
+
+
+def test_the_slope_counts_from_the_first_pose() -> None:
+    """Two steps of 0.5 m, each 0.9 cm nearer: 1.8 % after the first and after both; then 3 cm in 0.1 m."""
+    poses = np.array([(0.0, 0.0, 0.0), (0.5, 0.009, 0.0), (1.0, 0.018, 0.0), (1.1, 0.048, 0.0)])
+    outline = np.array([(9.0, 0.4), (-9.0, 0.4), (-9.0, -0.4), (9.0, -0.4)])
+    point = np.array([(0.0, 0.45)])
+    assert first_touch(poses, 3, outline, point, np.full(1, 0.06), 0.02) == -1
+    assert first_touch(poses, 4, outline, point, np.full(1, 0.06), 0.02) == 0
+    assert first_touch(poses, 3, outline, point, np.full(1, 0.06), 0.017) == 0
+
+
+def test_points_within_their_margin_are_those_nearer_than_it() -> None:
+    """Distances of 0.25, 0.3 and -0.15 m, and of 0.25 m that is just the margin."""
+    points = np.array([(1.0, 0.125, 7.0), (-0.8, 0.2, 7.0), (0.6, 0.0, 7.0), (1.0, 0.125, 7.0)])
+    near = within(points, TRAPEZOID, np.array([0.26, 0.29, 0.0, 0.25]))
+    assert near.tolist() == [True, False, True, False]
+    assert within(points[:0], TRAPEZOID, np.empty(0)).tolist() == []

@@ -184,6 +184,50 @@ def test_a_robot_that_can_brake_along_no_way_stops_at_once(given: Twist2D | None
     assert verdict.twist == Twist2D(0.0, 0.0, 0.0) and verdict.is_stopped and verdict.share == 0.0
 
 
+# --- what is within the margin ----------------------------------------------------------------------------------------
+
+AWAY = replace(LIMITS, lag=0.2)
+"""With a lag, a measured speed of -0.1 m/s lasts for 0.02 m: longer than a command of 0.04 m/s leads ahead."""
+
+
+@pytest.mark.parametrize("measured", [(-0.1, 0.0), (0.0, 0.0)])
+def test_a_measured_speed_makes_no_room_for_a_command_towards_what_is_within_the_margin(
+    measured: tuple[float, float],
+) -> None:
+    """A point 8 mm before the front, within the margin of 1 cm at any speed."""
+    assert judge(monitor((0.358, 0.1), limits=AWAY, twist=measured), 0.04).is_stopped
+
+
+def test_a_measured_speed_counts_for_what_is_beyond_the_margin() -> None:
+    """A point 1.5 cm before the front, from which the robot slides away: the command alone would bring it nearer."""
+    assert judge(monitor((0.365, 0.1), limits=AWAY), 0.04).share < 1.0
+    assert judge(monitor((0.365, 0.1), limits=AWAY, twist=(-0.1, 0.0)), 0.04).share == 1.0
+
+
+def test_a_command_away_from_what_is_within_the_margin_is_free() -> None:
+    for v in (-0.04, -0.7):
+        assert judge(monitor((0.355, 0.1)), v).share == 1.0
+
+
+@pytest.mark.parametrize(
+    ("v", "curvature", "kind"),
+    [
+        (0.05, 0.05, ""),  # the rear corner, 0.25 m behind, comes nearer by 1.25 % of the way
+        (0.0501, 0.05, "obstacle"),  # faster than 5 cm/s it must not
+        (0.05, 0.1, "obstacle"),  # 2.5 %
+        (0.05, -0.1, ""),  # it moves away
+        (-0.05, -0.05, ""),  # turning left backwards it comes nearer too
+        (-0.05, -0.1, "obstacle"),
+    ],
+)
+def test_up_to_5_cm_a_second_what_is_within_the_margin_may_come_nearer_by_two_percent(
+    v: float, curvature: float, kind: str
+) -> None:
+    """A point 5 mm beside the rear right corner, and the robot turns left: its rear swings out."""
+    made = monitor((-0.2501, -0.205))
+    assert judge(made, v, v * curvature).kind == kind
+
+
 # --- odometry of before, and commands on their way --------------------------------------------------------------------
 
 LATE = replace(LIMITS, dead_time=0.2)

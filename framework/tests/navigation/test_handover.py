@@ -172,3 +172,86 @@ def test_it_engages_for_a_mapped_wall_that_a_corner_sweeps() -> None:
     near, far = (OccupancyGrid(cells, 0.05, Pose2D(-1.0, y, 0.0)) for y in (-0.8, -0.9))  # surfaces at -0.3 and -0.4
     assert turning(Twist2D(0.0, 0.0, 1.0), None, near).engaged
     assert not turning(Twist2D(0.0, 0.0, 1.0), None, far).engaged
+
+
+LONG = np.array([(0.9, 0.25), (-0.3, 0.15), (-0.3, -0.35), (0.9, -0.25)])
+"""A long footprint, wider on its right; its farthest corner is hypot(0.9, 0.25) = 0.934 m from the base."""
+
+
+@pytest.mark.parametrize(
+    ("v", "w", "end"),
+    [
+        (-0.3, 0.0, (-0.3, 0.0, 0.0)),  # straight back for 1 s
+        (0.0, -4.0, (0.0, 0.0, -math.pi / 2)),  # a quarter turn to the right
+        (-0.2, -4.0, (-0.05, 0.05, -math.pi / 2)),  # a quarter of a circle of 5 cm
+        (0.2, 4.0, (0.05, 0.05, math.pi / 2)),
+        (-0.25, 0.5, (-0.5 * math.sin(0.5), -0.5 * (1.0 - math.cos(0.5)), 0.5)),
+    ],
+)
+def test_the_poses_of_a_turn_lie_on_its_arc(v: float, w: float, end: tuple[float, float, float]) -> None:
+    poses = own_turn(Twist2D(v, 0.0, w), LONG)
+    assert poses[0] == pytest.approx((0.0, 0.0, 0.0)) and poses[-1] == pytest.approx(end)
+    turned = poses[:, 2]
+    if w != 0.0:
+        assert poses[:, 0] == pytest.approx(v / w * np.sin(turned))
+        assert poses[:, 1] == pytest.approx(v / w * (1.0 - np.cos(turned)))
+
+
+@pytest.mark.parametrize(
+    ("v", "w", "poses"),
+    [
+        (0.0, 1.0, 48),  # 0.934 m of a corner's way in steps of at most 2 cm: 47 of them
+        (0.0, -1.0, 48),
+        (-0.3, 0.0, 16),
+        (-0.3, 0.5, 40),  # 0.3 + 0.467 m
+    ],
+)
+def test_no_corner_moves_more_than_2_cm_between_two_poses_of_a_turn(v: float, w: float, poses: int) -> None:
+    assert len(own_turn(Twist2D(v, 0.0, w), LONG)) == poses
+
+
+@pytest.mark.parametrize(("v", "turns"), [(0.35, True), (0.351, False)])
+@pytest.mark.parametrize("w", [1.0, -1.0])
+def test_a_turn_has_its_centre_under_the_wider_side(v: float, turns: bool, w: float) -> None:
+    assert (len(own_turn(Twist2D(v, 0.0, w), LONG)) > 0) is turns
+
+
+def test_without_a_footprint_no_turn_is_looked_along() -> None:
+    assert own_turn(Twist2D(0.0, 0.0, 1.0), np.empty((0, 2))).shape == (0, 3)
+    assert own_turn(Twist2D(0.3, 0.0, 0.0), LONG).shape == (0, 3)
+    assert own_way(BASE, Twist2D(-0.3, 0.0, 0.0), 1.0).shape == (0, 2)
+
+
+def long_turn(point: tuple[float, float], base: Pose2D = BASE, twist: Twist2D = Twist2D(0.0, 0.0, 0.5)) -> HandOver:  # noqa: B008
+    """A long robot turns left by 0.5 rad at a place of the map; the echo is in the base frame."""
+    rule = HandOverRule("when_blocked", release=0.5, footprint=LONG)
+    seen = scan(math.atan2(point[1], point[0]), math.hypot(*point))
+    ahead = np.array([(base.x, base.y), (base.x + 0.01, base.y)])
+    return rule.step(0.0, [seen], base, ahead, 0.01, turn=own_turn(twist, LONG))
+
+
+@pytest.mark.parametrize("base", [BASE, Pose2D(3.0, -2.0, 1.1)])
+def test_the_front_of_a_long_robot_sweeps_to_its_left(base: Pose2D) -> None:
+    """At 0.5 rad its left front corner is at (0.67, 0.651); the point (0.68, 0.55) is then 5 cm within."""
+    swept = long_turn((0.68, 0.55), base)
+    assert swept.engaged and swept.nearest == pytest.approx(math.hypot(0.68, 0.55))
+    assert not long_turn((0.68, 0.72), base).engaged, "beyond the corner's circle at that angle"
+    assert not long_turn((0.68, -0.4), base).engaged, "on the other side"
+    assert not long_turn((0.68, 0.55), base, Twist2D(0.0, 0.0, -0.5)).engaged
+
+
+def test_what_is_under_the_robot_already_is_no_reason_unless_it_comes_nearer() -> None:
+    assert not long_turn(
+        (0.5, -0.2)
+    ).engaged  # 8 cm within the right edge, which comes nearer until the point is outside
+    assert long_turn((0.5, 0.2)).engaged
+
+
+def test_a_reset_forgets_echoes_and_engagement() -> None:
+    rule = HandOverRule("when_blocked", release=0.5, keep=9.0)
+    assert rule.step(0.0, [scan(0.0, 1.5)], BASE, WAY, 0.5).engaged
+    rule.reset()
+    assert not rule.engaged and not rule.step(0.1, [], BASE, WAY, 0.5).engaged
+    always = HandOverRule("always", release=0.5)
+    always.reset()
+    assert always.engaged

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from navloom.messages import Drive, Goal, HandOver, Point2D, Pose2D, PoseEstimate, Reference, Twist2D
 from navloom.navigation.active_goal import ActiveGoal
-from navloom.navigation.arrival import Arrival
+from navloom.navigation.arrival import Arrival, Move
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.stopping import Braking, Ending, Standstill
 
@@ -93,3 +93,58 @@ def test_a_run_does_not_wait_for_ever() -> None:
     assert SOFT.patience == pytest.approx(3.7)
     ends = next(number for number in range(1, 200) if ending.is_over(number, True, False, slides))
     assert ends * 0.05 == pytest.approx(3.75)
+
+
+def arriving(misses: int = 0, path_id: int = 2) -> tuple[Arrival, ActiveGoal]:
+    """A robot that stops at its goal, (4, 0) and heading 0, since 1.0 s."""
+    arrival, active = Arrival(RULES), ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
+    active.misses = misses
+    seen = GoalView(1, 1.0, 10**9, at(3.9), speed=0.0)
+    assert arrival.step(active, Pose2D(3.9, 0.0, 0.0), Drive(1, path_id, 0.0, True), seen).drive == Drive(
+        0, 0, None, False
+    )
+    assert arrival.since == 1.0
+    return arrival, active
+
+
+def rests(arrival: Arrival, active: ActiveGoal, x: float, heading: float = 0.0, time: float = 3.0) -> Move:
+    estimate = PoseEstimate(round(time * 1e9), Pose2D(x, 0.0, heading), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+    view = GoalView(40, time, round(time * 1e9), estimate)
+    return arrival.step(active, estimate.pose, Drive(0, 0, None, False), view)
+
+
+def test_at_rest_within_both_tolerances_the_goal_was_reached() -> None:
+    assert rests(*arriving(), 3.81, 0.09) == Move(outcome="succeeded", reason="the goal was reached")
+
+
+def test_at_rest_out_of_the_tolerance_the_robot_drives_on() -> None:
+    arrival, active = arriving()
+    assert rests(arrival, active, 3.79) == Move(plans=True)
+    assert arrival.since is None and active.misses == 1
+
+
+def test_at_rest_with_another_heading_the_robot_turns_again_on_the_same_path() -> None:
+    arrival, active = arriving(path_id=7)
+    assert rests(arrival, active, 3.9, 0.11) == Move(Drive(1, 7, 0.0, True))
+    assert arrival.since is None and active.misses == 1 and active.moved_at == 3.0
+
+
+def test_after_four_misses_the_goal_ends_stuck() -> None:
+    assert rests(*arriving(misses=2), 3.5).plans
+    move = rests(*arriving(misses=3), 3.5)
+    assert move.outcome == "stuck" and move.reason.startswith("missed the goal 4 times, the last time by ")
+
+
+def test_a_robot_that_may_still_move_is_waited_for() -> None:
+    """The command before the stop acts for 0.1 s more."""
+    arrival, active = arriving()
+    assert rests(arrival, active, 3.9, time=1.09) == Move() and arrival.since == 1.0
+    assert rests(arrival, active, 3.9, time=1.11).outcome == "succeeded"
+
+
+def test_a_turn_that_does_not_end_is_stuck_after_a_while() -> None:
+    arrival, active = Arrival(RULES), ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
+    active.moved_at = 1.0
+    for time, outcome in ((6.0, ""), (6.1, "stuck")):
+        view = GoalView(1, time, round(time * 1e9), at(3.9, heading=0.5))
+        assert arrival.step(active, Pose2D(3.9, 0.0, 0.5), TURNS, view).outcome == outcome

@@ -82,10 +82,12 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         points = _predict(tracker, given, self._stamp_ns, self.params)
         self._stamp_ns = odometry.stamp_ns
         if points:
-            echoes = sum(len(rows) for rows in points)
-            joined = np.concatenate(points + _silent(given, self.params))
-            tracker.correct(joined[:echoes])
-            self._judge.look(joined, odometry.stamp_ns / 1e9, echoes)
+            echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
+            tracker.correct(echoes)
+            if self._judge.is_due(time):
+                silent = _silent(given, self.params)
+                beams = np.concatenate((echoes, *silent)) if silent else echoes
+                self._judge.look(beams, time, len(echoes))
         state, reason = self._judge.state, self._judge.reason
         pose = Pose2D(*tracker.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)

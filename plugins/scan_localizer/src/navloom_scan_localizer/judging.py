@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.search import candidates
-from navloom_scan_localizer.sight import Sight, look_along
+from navloom_scan_localizer.sight import Sight, compare_views, look_along
 from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.tracking import PoseTracker
 
@@ -29,20 +29,29 @@ _SURE = 0.75
 """Least score of a pose to which the tracker moved for it to be trusted before a drive has proven it."""
 _RIVAL, _APART = 0.05, (0.3, math.radians(10.0))
 """Lead in the score over other places for the same; least distance of another place, m and rad."""
+_WIDE, _COARSE = 2.0, 2
+"""Range in which a place to which the tracker moves must be the best, m, in every heading; spacing of that search."""
 _BEAMS = 45
 """About how many beams of a scan are compared with the map; the next scan's are others."""
 _MEMORY = 0.3
 """Time over which scans are averaged, s; shorter than `patience`."""
-_SUDDEN = 0.5
-"""Share of its sight of the map that a robot loses from one scan to the next only if it is carried or shut in."""
+_EVERY = 0.1
+"""Least time between two scans that are judged, s."""
+_CONTINUED = 0.7
+"""Share of the beams that continue the last scan as long as a robot drives past things; past people, most scans do."""
+_SUDDEN, _LITTLE = 0.5, 0.1
+"""Share of its sight of the map that a robot loses from one scan to the next if it is carried off; share of the beams
+on the map below which it has no sight to lose."""
+_BEYOND = 0.15
+"""Share of the beams that pass through what was seen before, above which the robot is at another place."""
+_LEFT = 0.3
+"""Way driven since the view was lost from which the robot may be anywhere, m."""
 _MOVED_SIGMA = 0.3
 """Standard deviation of the position above which a moved pose is not trusted, m: it is some place along a corridor."""
 _PROOF = 1.0
 """Drive along which scans must fit before a pose is proven, m: then an obstacle starts no search for another."""
 _FEW = 0.15
 """Share of the beams to a mapped wall that may pass through it in that drive: maps have errors."""
-_AT_REST = 0.02
-"""Speed, m/s, and turn rate, rad/s, below which the robot counts as standing."""
 
 
 def position_sigma(covariance: Floats, limit: float) -> float:
@@ -63,6 +72,12 @@ def _off(pose: Floats, other: Floats) -> Floats:
     return off
 
 
+def _step(start: tuple[float, ...], end: tuple[float, ...]) -> tuple[float, float, float]:
+    """Pose of the end, x, y, m, heading, rad, in the frame of the start."""
+    x, y, c, s = end[0] - start[0], end[1] - start[1], math.cos(start[2]), math.sin(start[2])
+    return c * x + s * y, c * y - s * x, end[2] - start[2]
+
+
 def _distance(off: Floats, information: Floats) -> float:
     """Square of the Mahalanobis distance of a shift (3,), by an inverse covariance (3, 3)."""
     return float((information * off[:, None] * off).sum())
@@ -78,7 +93,8 @@ class Judge:
 
     An echo before a mapped wall comes from something that the map lacks and says nothing about the pose. Beams that
     pass through mapped walls contradict it. As long as the pose is not proven by a drive, other poses nearby are tried
-    whenever not all echoes fit. If one of them fits clearly better, the tracker continues from there.
+    whenever not all echoes fit. If one of them fits clearly better, the tracker continues from there. A robot whose
+    view changes at once, on the map or not, has been carried: no pose is trusted until it has the view again.
 
     Attributes:
         state: "tracking"; "searching" after the pose was moved or scans stopped fitting; "lost" when that lasts.
@@ -94,19 +110,31 @@ class Judge:
         self._since: float | None = None
         """Time from which scans have contradicted the state, s; None if the last one agreed with it."""
         self._searching_since = 0.0
-        self._seen, self._part = Sight(), 0
-        """Recent counts, and the part of the next scan's beams that is counted."""
+        self._counts, self._seen, self._has_seen = np.zeros(6), Sight(), False
+        """Recent counts, as numbers and by name, and whether the map was seen at this place."""
+        self._part = 0
+        """Part of the next scan's beams that is counted."""
         self._time = -math.inf
-        self._last_pose = tuple(tracker.pose.tolist())
-        self._support, self._wanted = 0.0, tracker.settings.least_seen
-        """Share of the last scan's beams that saw the map, and the share that is wanted for `_blind` to end."""
-        self._blind: float | None = None
-        """Time driven since the sight of the map was lost at once, s; infinite if it was never seen; else None."""
+        self._view: tuple[Floats, int] | None = None
+        """Beams and number of echoes of the last scan that continued the one before."""
+        self._view_from = (0.0, 0.0, 0.0)
+        """Pose of that scan, odometry frame."""
+        self._is_cut, self._continued, self._beyond, self._way = False, 1.0, 0.0, 0.0
+        """Whether that view was lost; shares of the last scan's beams that continue it, and pass through it; way driven
+        since, m."""
         self._proven = 0.0
         """Way driven with scans that fit, m."""
-        self._is_moved, self._is_carried, self._rival = False, False, ""
-        """Until a drive proves the pose: whether the tracker was moved to it; when the map had just gone out of sight;
-        why it is not trusted then."""
+        self._is_moved, self._rival = False, ""
+        """Until a drive proves the pose: whether the tracker was moved to it; why it is not trusted then."""
+
+    @property
+    def _gate(self) -> float:
+        """Largest distance of an echo from its wall, m."""
+        return 2.0 * self._tracker.settings.robust_scale
+
+    def is_due(self, time: float) -> bool:
+        """Whether a scan at a time, s, is judged."""
+        return time - self._time > _EVERY - 1e-3
 
     def look(self, beams: Floats, time: float, echoes: int | None = None) -> None:
         """Judge the pose after a correction.
@@ -117,12 +145,14 @@ class Judge:
             time: Current time, s.
             echoes: Number of beams with an echo; all by default.
         """
+        if not self.is_due(time):
+            return
         s, tracker, count = self._tracker.settings, self._tracker, len(beams) if echoes is None else echoes
         self._observe(beams, count, time)
         share = tracker.share
         if share is not None and (share >= s.sure_share or self._proven >= _PROOF):
             self._search_at = time + s.patience
-        elif share is not None and time >= self._search_at:
+        elif share is not None and time >= self._search_at and not self._is_elsewhere():
             self._search_at = time + s.search_every
             if self._move(beams, count):
                 self.state, self._since, self._searching_since = "searching", None, time
@@ -142,43 +172,53 @@ class Judge:
             self.state = "lost"
 
     def _observe(self, beams: Floats, echoes: int, time: float) -> None:
-        """Count what a scan sees, and how far the robot has driven with and without seeing the map."""
-        tracker, s = self._tracker, self._tracker.settings
-        passed, (x, y, heading), (last_x, last_y, last) = time - self._time, tracker.pose.tolist(), self._last_pose
-        way, turn = math.hypot(x - last_x, y - last_y), abs(math.remainder(heading - last, math.tau))
-        self._time, self._last_pose = time, (x, y, heading)
+        """Count what a scan sees, and the way along which scans have fitted."""
+        tracker, s, now = self._tracker, self._tracker.settings, tuple(self._tracker.odometry.tolist())
+        step = _step(self._view_from, now)
+        self._way = math.hypot(step[0], step[1])
         if len(beams):
             stride = max(1, len(beams) // _BEAMS)
             self._part = (self._part + 1) % stride
-            part, gate = (self._part, stride), 2.0 * s.robust_scale
-            seen = look_along(tracker.field, beams, echoes, tracker.pose, gate, part)
-            self._seen = self._seen.then(seen, math.exp(-passed / _MEMORY))
-            support, before, self._support = seen.support, self._support, seen.support
-            if self._blind is None and support < (1.0 - _SUDDEN) * before and before >= s.least_seen:
-                self._blind, self._wanted = 0.0, (1.0 - _SUDDEN) * before
-            elif min(support, self._seen.support) >= self._wanted:
-                self._blind = None
-            elif self._blind is None and not tracker.is_proven and self._seen.support < s.least_seen:
-                self._blind, self._wanted = math.inf, s.least_seen
-        if self._blind is not None and max(way, turn) > _AT_REST * passed:
-            self._blind += passed
+            part = (self._part, stride)
+            self._compare(beams, echoes, step, part)
+            if not self._is_cut:
+                self._view, self._view_from = (beams, echoes) if self.state == "tracking" else None, now
+            self._counts *= math.exp((self._time - time) / _MEMORY)
+            self._seen = look_along(tracker.field, beams, echoes, tracker.pose, self._gate, part, self._counts)
+            self._has_seen = self._has_seen or self._seen.support >= s.least_seen
+        self._time = time
         through = self._seen.through
-        is_fit = self._blind is None and through <= _FEW * (through + self._seen.fit)
-        self._proven = self._proven + way if is_fit else 0.0
+        is_fit = not self._is_cut and through <= _FEW * (through + self._seen.fit)
+        self._proven = self._proven + self._way if is_fit else 0.0
         if self._proven >= _PROOF:
-            tracker.is_proven, self._is_moved, self._is_carried, self._rival = True, False, False, ""
+            tracker.is_proven, self._is_moved, self._rival = True, False, ""
+
+    def _compare(self, beams: Floats, echoes: int, step: tuple[float, float, float], part: tuple[int, int]) -> None:
+        """Compare a scan with the last view. It is lost if the scan sees another one, and far less of the map."""
+        if self._view is None:
+            return
+        self._continued, self._beyond = compare_views(*self._view, beams, echoes, step, self._gate, part)
+        if self._continued >= _CONTINUED:
+            self._is_cut = False
+        elif not self._is_cut:
+            seen = look_along(self._tracker.field, beams, echoes, self._tracker.pose, self._gate)
+            self._is_cut = seen.support < max(_SUDDEN * self._seen.support, _LITTLE)
+
+    def _is_elsewhere(self) -> bool:
+        """Whether the view has changed at once, not only by things that came close to a robot that stands."""
+        return self._is_cut and (self._beyond > _BEYOND or self._way > _LEFT)
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
         s, seen = self._tracker.settings, self._seen
-        is_doubtful = self._is_moved or self._blind is not None
-        through, most = seen.through, (0.5 if is_doubtful else 1.0) * (1.0 - s.trusted_share)
+        if self._is_elsewhere():
+            return f"{self._continued:.0%} of the beams continue the view of before: the robot was carried or shut in"
+        through, most = seen.through, (0.5 if self._is_moved else 1.0) * (1.0 - s.trusted_share)
         if through > most * (through + seen.fit) and through > s.least_seen * seen.total:
             share = through / (through + seen.fit)
             return f"{share:.0%} of the beams to a wall of the map pass through it, more than {most:.0%}"
-        if self._blind is not None and self._blind > s.blind_after:
-            since = f"for {self._blind:.1f} s of driving" if self._blind < math.inf else "at this place"
-            return f"less than {self._wanted:.0%} of the beams have seen the map {since}"
+        if seen.total and not self._has_seen:
+            return f"less than {s.least_seen:.0%} of the beams have seen the map at this place"
         limit = min(s.lost_sigma, _MOVED_SIGMA) if self._is_moved else s.lost_sigma
         sigma = position_sigma(self._tracker.covariance, limit)
         if sigma > limit:
@@ -189,7 +229,7 @@ class Judge:
         """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved."""
         tracker, s, points = self._tracker, self._tracker.settings, beams[:echoes]
         wide = np.diag([s.search_reach**2, s.search_reach**2, s.search_turn**2]) + tracker.covariance
-        toward, fits, gate = inverse(wide), [], 2.0 * s.robust_scale
+        toward, fits, gate = inverse(wide), [], self._gate
         here = look_along(tracker.field, beams, echoes, tracker.pose, gate)
         for place in candidates(tracker.field, points, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
             pose, fused, _ = tracker.fit(points, place, wide)
@@ -203,17 +243,25 @@ class Judge:
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
         self._is_moved, self._rival = True, ""
-        self._is_carried |= self._blind is not None and self._blind < math.inf
-        if self._is_carried:
-            self._rival = "the map went out of sight at once: the robot may have been carried anywhere"
-        elif others or score < _SURE:
+        if others or score < _SURE:
             self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
+        elif self._is_better_elsewhere(beams, echoes, pose, score):
+            self._rival = f"{share:.0%} of the echoes fit the map here, but more within {_WIDE:g} m"
         tracker.relocate(pose, inverse(fused))
-        self._seen, self._last_pose, self._proven = Sight(), tuple(tracker.pose.tolist()), 0.0
-        self._blind, self._support, self._wanted = None, 0.0, s.least_seen
+        self._counts, self._seen, self._has_seen, self._proven = np.zeros(6), Sight(), False, 0.0
         moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
         self.reason = (
             f"{share:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "
             f"{here.fit / echoes:.0%} there"
         )
         return True
+
+    def _is_better_elsewhere(self, beams: Floats, echoes: int, pose: Floats, score: float) -> bool:
+        """Whether beams fit better at another place or heading in a wide range round a pose, (3,), of a given score."""
+        tracker, points = self._tracker, beams[:echoes]
+        loose = np.diag([_APART[0] ** 2, _APART[0] ** 2, _APART[1] ** 2])
+        for place in candidates(tracker.field, points, pose, _WIDE, math.pi, _CANDIDATES, _COARSE):
+            other, _, _ = tracker.fit(points, place, loose)
+            if look_along(tracker.field, beams, echoes, other, self._gate).score > score + _ALIKE:
+                return True
+        return False

@@ -48,9 +48,6 @@ class ScanMatchingParams(Params):
     least_seen: float = Field(
         0.05, ge=0.0, le=1.0, description="Share of beams that must see what the map has at the start."
     )
-    blind_after: float = Field(
-        3.0, ge=0.0, le=600.0, description="Longest drive after the map went out of sight at once, s."
-    )
     trusted_share: float = Field(
         0.6, ge=0.0, le=1.0, description="Share of beams to a mapped wall that must end at it, not behind it, no unit."
     )
@@ -88,7 +85,6 @@ class ScanMatchingParams(Params):
             max_shift=self.max_shift,
             max_turn=math.radians(self.max_turn_deg),
             least_seen=self.least_seen,
-            blind_after=self.blind_after,
             trusted_share=self.trusted_share,
             sure_share=self.sure_share,
             search_reach=self.search_reach,

@@ -58,7 +58,9 @@ def _scores(values, frame, points, pose, step, turn, width, scores):  # type: ig
                 scores[k, j, i] = total
 
 
-def candidates(field: DistanceField, beams: Floats, pose: Floats, reach: float, turn: float, count: int) -> Floats:
+def candidates(
+    field: DistanceField, beams: Floats, pose: Floats, reach: float, turn: float, count: int, coarse: int = 1
+) -> Floats:
     """Poses on a lattice around a pose at which the beams fit best.
 
     Args:
@@ -68,20 +70,22 @@ def candidates(field: DistanceField, beams: Floats, pose: Floats, reach: float, 
         reach: Half the width of the search along x and y, m.
         turn: Largest change of heading in the search, rad.
         count: Largest number of poses returned.
+        coarse: Multiple of the usual spacing of the lattice, and of the misfit that is allowed.
 
     Returns:
         (k, 3) poses, the best first, each apart from the others in position or heading.
     """
     points = np.ascontiguousarray(beams[:: max(1, len(beams) // _BEAMS), :2])
-    steps, turns = round(reach / _STEP), round(turn / _TURN)
+    step, angle = coarse * _STEP, coarse * _TURN
+    steps, turns = round(reach / step), round(turn / angle)
     scores = np.empty((2 * turns + 1, 2 * steps + 1, 2 * steps + 1))
-    _scores(field.values, field.frame, points, pose, _STEP, _TURN, _WIDTH, scores)
+    _scores(field.values, field.frame, points, pose, step, angle, coarse * _WIDTH, scores)
     found = []
     for _ in range(count):
         k, j, i = (int(n) for n in np.unravel_index(int(np.argmax(scores)), scores.shape))
         if scores[k, j, i] <= 0.0:
             break
-        found.append([pose[0] + (i - steps) * _STEP, pose[1] + (j - steps) * _STEP, pose[2] + (k - turns) * _TURN])
+        found.append([pose[0] + (i - steps) * step, pose[1] + (j - steps) * step, pose[2] + (k - turns) * angle])
         near_k, near_j = slice(max(0, k - _TURNED + 1), k + _TURNED), slice(max(0, j - _APART + 1), j + _APART)
         scores[near_k, near_j, max(0, i - _APART + 1) : i + _APART] = 0.0
     return np.array(found).reshape(-1, 3)

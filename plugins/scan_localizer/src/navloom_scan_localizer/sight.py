@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField, distance_field, sample
 
-__all__ = ["Sight", "look_along", "warm_up"]
+__all__ = ["Sight", "look_along", "compare_views", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +26,10 @@ _GRAZING = 0.2
 _BESIDE = 0.1
 """Distance to both sides at which a beam must pass a wall too, m: real maps have single cells where nothing is, and a
 small error of the pose lets a beam cut a corner."""
+_SECTORS = 180
+"""Sectors round the robot in which two scans are compared; with its neighbours one spans about 6 degrees."""
+_LEAST = 10
+"""Least number of beams for a comparison."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -54,7 +58,7 @@ def _is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # type: ignore[no-untyped-def]
-    """Fill the counts of `look_along`."""
+    """Add to the counts of `look_along`."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(first, beams.shape[0], stride):
         dx, dy = c * beams[i, 2] - s * beams[i, 3], s * beams[i, 2] + c * beams[i, 3]
@@ -77,6 +81,36 @@ def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # 
                 counts[3] += 1
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sector(x, y):  # type: ignore[no-untyped-def]
+    """Sector of a point seen from the origin: its share of the way round the square |x| + |y| = 1."""
+    way = abs(x) + abs(y)
+    turn = 1.0 - x / way if way > 0.0 else 0.0
+    return min(int(0.25 * _SECTORS * (turn if y >= 0.0 else 4.0 - turn)), _SECTORS - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _compare(before, heard, beams, echoes, dx, dy, turn, gate, first, stride):  # type: ignore[no-untyped-def]
+    """Numbers of beams that continue an earlier scan, that end beyond it, and that are compared."""
+    low, high, is_silent = np.full(_SECTORS, np.inf), np.zeros(_SECTORS), np.zeros(_SECTORS, dtype=np.bool_)
+    for i in range(before.shape[0]):
+        k, far = _sector(before[i, 0], before[i, 1]), math.hypot(before[i, 0], before[i, 1])
+        low[k], high[k] = min(low[k], far), max(high[k], far)
+        is_silent[k] |= i >= heard
+    c, s, same, beyond, count = math.cos(turn), math.sin(turn), 0, 0, 0
+    for i in range(first, beams.shape[0], stride):
+        x, y = dx + c * beams[i, 0] - s * beams[i, 1], dy + s * beams[i, 0] + c * beams[i, 1]
+        k, far, least, most, was_silent = _sector(x, y), math.hypot(x, y), np.inf, 0.0, False
+        for j in ((k - 1) % _SECTORS, k, (k + 1) % _SECTORS):
+            least, most, was_silent = min(least, low[j]), max(most, high[j]), was_silent or is_silent[j]
+        if most > 0.0 and not (was_silent and i >= echoes):
+            count += 1
+            is_beyond = not was_silent and far > most + gate
+            beyond += is_beyond
+            same += not is_beyond and far >= least - gate
+    return same, beyond, count
+
+
 class Sight(NamedTuple):
     """What beams see from a pose: numbers of beams.
 
@@ -93,10 +127,6 @@ class Sight(NamedTuple):
     elsewhere: float = 0.0
     free: float = 0.0
     silent: float = 0.0
-
-    def then(self, other: Sight, share: float) -> Sight:
-        """A share of these numbers, and those of another scan."""
-        return Sight(*(share * mine + new for mine, new in zip(self, other, strict=True)))
 
     @property
     def total(self) -> float:
@@ -131,7 +161,13 @@ class Sight(NamedTuple):
 
 
 def look_along(
-    field: DistanceField, beams: Floats, echoes: int, pose: Floats, gate: float, part: tuple[int, int] = (0, 1)
+    field: DistanceField,
+    beams: Floats,
+    echoes: int,
+    pose: Floats,
+    gate: float,
+    part: tuple[int, int] = (0, 1),
+    counts: Floats | None = None,
 ) -> Sight:
     """Count what beams see from a pose.
 
@@ -143,13 +179,41 @@ def look_along(
         pose: (3,) x, y, m, heading, rad, map frame.
         gate: Largest distance of an echo from its wall, m.
         part: First beam and stride, if not all are counted.
+        counts: (6,) earlier counts to which these are added, in place.
     """
-    counts = np.zeros(6)
+    counts = np.zeros(6) if counts is None else counts
     _count(field.values, field.frame, beams, echoes, part[0], part[1], pose, gate, counts)
     return Sight(*counts.tolist())
 
 
+def compare_views(
+    before: Floats,
+    heard: int,
+    beams: Floats,
+    echoes: int,
+    step: tuple[float, float, float],
+    gate: float,
+    part: tuple[int, int] = (0, 1),
+) -> tuple[float, float]:
+    """Shares of the beams that continue an earlier scan, and that pass through what it saw; the rest is nearer.
+
+    A beam continues that scan if it ends where that one did in about this direction, or between its ends there. Beams
+    without an echo where that scan had none are not compared. If fewer than ten are, all count as continued.
+
+    Args:
+        before, heard: Beams and number of echoes of the earlier scan, as those of `look_along`.
+        beams, echoes: Those of this scan.
+        step: Motion of odometry since then: x, y, m, heading, rad, in the base frame of the earlier scan.
+        gate: Largest distance beyond those ends, m.
+        part: First beam and stride, if not all are compared.
+    """
+    same, beyond, count = _compare(before, heard, beams, echoes, *step, gate, *part)
+    return (same / count, beyond / count) if count >= _LEAST else (1.0, 0.0)
+
+
 def warm_up() -> None:
-    """Compile the kernel."""
+    """Compile the kernels."""
     field = distance_field(np.eye(3, dtype=np.bool_), 0.1, (0.0, 0.0, 0.0), 1.0)
-    look_along(field, np.array([[0.1, 0.1, 1.0, 0.0]]), 1, np.zeros(3), 0.1)
+    beams = np.array([[0.1, 0.1, 1.0, 0.0]])
+    look_along(field, beams, 1, np.zeros(3), 0.1)
+    compare_views(beams, 1, beams, 1, (0.0, 0.0, 0.0), 0.1)

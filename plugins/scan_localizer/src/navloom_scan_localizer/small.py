@@ -10,14 +10,23 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["inverse", "sandwich", "warm_up"]
+__all__ = ["inverse", "propagated", "warm_up"]
 
 Floats = NDArray[np.float64]
 
 
-def sandwich(a: Floats, matrix: Floats) -> Floats:
-    """The product a m a' of two (3, 3) matrices."""
-    found: Floats = _sandwich(a, matrix)
+def propagated(
+    covariance: Floats, frame: tuple[float, float], step: tuple[float, float], noise: tuple[float, float, float]
+) -> Floats:
+    """Covariance (3, 3) of a pose after a step: F P F' + R diag(noise) R'.
+
+    Args:
+        covariance: (3, 3) P of x, y, heading.
+        frame: Cosine and sine of the heading before the step, which make R.
+        step: x, y, m, in the frame of that pose; the derivative by the heading makes F.
+        noise: Variances along, across and of the heading.
+    """
+    found: Floats = _propagated(covariance, *frame, *step, noise)
     return found
 
 
@@ -29,6 +38,7 @@ def inverse(matrix: Floats) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sandwich(a, m):  # type: ignore[no-untyped-def]
+    """The product a m a' of two (3, 3) matrices."""
     left, found = np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(3):
         for k in range(3):
@@ -37,6 +47,15 @@ def _sandwich(a, m):  # type: ignore[no-untyped-def]
         for k in range(3):
             found[i, k] = left[i, 0] * a[k, 0] + left[i, 1] * a[k, 1] + left[i, 2] * a[k, 2]
     return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _propagated(covariance, c, s, x, y, noise):  # type: ignore[no-untyped-def]
+    moved, axes, variances = np.eye(3), np.eye(3), np.zeros((3, 3))
+    moved[0, 2], moved[1, 2] = -s * x - c * y, c * x - s * y
+    axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = c, -s, s, c
+    variances[0, 0], variances[1, 1], variances[2, 2] = noise
+    return _sandwich(moved, covariance) + _sandwich(axes, variances)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -51,4 +70,4 @@ def _inverse(m):  # type: ignore[no-untyped-def]
 
 def warm_up() -> None:
     """Compile the functions."""
-    inverse(sandwich(np.eye(3), np.eye(3)))
+    inverse(propagated(np.eye(3), (1.0, 0.0), (0.0, 0.0), (1.0, 1.0, 1.0)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navloom_scan_localizer.field import DistanceField
 from navloom_scan_localizer.matching import fit_pose
 from navloom_scan_localizer.sight import look_along
-from navloom_scan_localizer.small import inverse, sandwich
+from navloom_scan_localizer.small import inverse, propagated
 
 __all__ = ["PoseTracker", "Settings", "compose", "predicted_covariance", "relative"]
 
@@ -35,7 +35,6 @@ class Settings:
         iterations: Largest number of steps of a fit.
         max_shift, max_turn: Largest correction by one scan, m and rad.
         least_seen: Share of the beams that must see what the map has at the start.
-        blind_after: Longest drive after the sight of the map has ended at once, s.
         trusted_share: Share of the beams to a mapped wall that must end at it, not behind it, for a trusted pose.
         sure_share: Share of the echoes from which no other pose is searched.
         search_reach, search_turn: Range of the search around the pose, m and rad.
@@ -62,7 +61,6 @@ class Settings:
     max_shift: float = 0.03
     max_turn: float = math.radians(2.0)
     least_seen: float = 0.05
-    blind_after: float = 3.0
     trusted_share: float = 0.6
     sure_share: float = 0.9
     search_reach: float = 0.7
@@ -101,12 +99,10 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
     """
     c, sn = math.cos(heading), math.sin(heading)
     x, y, turned = step.tolist()
-    jacobian = np.array([1.0, 0.0, -sn * x - c * y, 0.0, 1.0, c * x - sn * y, 0.0, 0.0, 1.0]).reshape(3, 3)
     way, rest = math.hypot(x, y), s.rest_noise**2 * time
     along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
     turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(turned) + s.rest_turn_noise**2 * time
-    axes = np.array([c, -sn, 0.0, sn, c, 0.0, 0.0, 0.0, 1.0]).reshape(3, 3)
-    return sandwich(jacobian, covariance) + sandwich(axes, np.diag([along, across, turn]))
+    return propagated(covariance, (c, sn), (x, y), (along, across, turn))
 
 
 class PoseTracker:
@@ -115,6 +111,7 @@ class PoseTracker:
     Attributes:
         pose: (3,) x, y, m, heading, rad in [-π, π), map frame.
         covariance: (3, 3) of the pose; m², m rad, rad².
+        odometry: (3,) x, y, m, heading, rad, odometry frame, at the last prediction.
         inliers: Beams of the last scan that fit the map; 0 if it was not used.
         share: Share of the last scan's echoes that fit the map; None if it had too few echoes.
         is_proven: Whether a drive has proven the pose: then scans that are mostly occluded are used too.
@@ -123,7 +120,7 @@ class PoseTracker:
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
         """Begin at the start, (3,) x, y, m, heading, rad, map frame, where odometry is (0, 0, 0)."""
         self.settings, self.field = settings, field
-        self._odometry = np.zeros(3)
+        self.odometry = np.zeros(3)
         self.place(start)
 
     def place(self, pose: Floats) -> None:
@@ -142,11 +139,11 @@ class PoseTracker:
             odometry: (3,) x, y, m, heading, rad, odometry frame.
             time: Time since the last call, s.
         """
-        step = relative(self._odometry, odometry)
+        step = relative(self.odometry, odometry)
         self.covariance = predicted_covariance(
             self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings
         )
-        self.pose, self._odometry = compose(self.pose, step), odometry.copy()
+        self.pose, self.odometry = compose(self.pose, step), odometry.copy()
         self.inliers, self.share = 0, None
 
     def correct(self, beams: Floats) -> bool:

@@ -25,6 +25,9 @@ class KnownMap(Mapper[Params]):
     def reset(self) -> None:
         self._is_published = False
 
+    def known(self) -> OccupancyGrid:
+        return self._map
+
     def update(self, given: MapperInput) -> MapUpdate | None:
         if self._is_published and not given.clear:
             return None

@@ -33,7 +33,7 @@ class AvoiderNode(RoleNode[Avoider]):
     pose = Latest(LocalizerPorts.pose)
     reference = Latest(ReferencePorts.reference)
     gate = Latest(GatePorts.status, delayed=True)
-    map = Latest(MapperPorts.map)
+    known = Latest(MapperPorts.known)
     command = Output(AvoiderPorts.command)
     status = Output(AvoiderPorts.status)
     handover = Output(AvoiderPorts.handover)
@@ -65,10 +65,10 @@ class AvoiderNode(RoleNode[Avoider]):
             self.extra(),
         )
         answer = self.door.check(self.plugin.avoid(seen))
-        own, turn, known = NOWHERE, NO_TURN, self.map.value
+        own, turn, known = NOWHERE, NO_TURN, self.known.value
         if self.look_ahead > 0.0:
             own, turn = own_way(estimate.pose, desired, self.look_ahead), own_turn(desired, self.rule.footprint)
-        grid = known.grid if known is not None and estimate.state == "tracking" else None
+        grid = known if estimate.state == "tracking" else None
         way, width = reference.way, reference.corridor
         handover = self.rule.step(tick.time, scans, estimate.pose, way, width, own, turn, grid)
         self.command.put(Command(answer.twist))

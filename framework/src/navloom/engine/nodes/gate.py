@@ -54,7 +54,7 @@ class GateNode(Node):
     required = SensorOffers(Message, of="avoider")
     scans = Sensors(RangeScan)
     pose = Latest(LocalizerPorts.pose)
-    map = Latest(MapperPorts.map)
+    known = Latest(MapperPorts.known)
     operator = Offers(OperatorPorts.command)
     drive = Latest(GoalPorts.drive)
     recovering = Latest(GoalPorts.recovery, delayed=True)
@@ -202,7 +202,7 @@ class GateNode(Node):
         self.status.put(self._status)
 
     def _see(self) -> bool:
-        """Pass new odometry, scans, pose and map to the collision monitor; True if there was a scan.
+        """Pass new odometry, scans, pose and known map to the collision monitor; True if there was a scan.
 
         A restarted platform may stand anywhere: what the monitor knows from before does not hold for it.
         """
@@ -213,8 +213,7 @@ class GateNode(Node):
             self.has_new_platform, self._has_forgotten = False, True
             monitor.forget()
         monitor.move(odometry)
-        known = self.map.value
-        monitor.locate(self.pose.value, None if known is None else known.grid)
+        monitor.locate(self.pose.value, self.known.value)
         news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
         return any(news)
 

@@ -42,7 +42,7 @@ class PlannerNode(RoleNode[Planner]):
         if isinstance(answer, Path):
             self.path.put(answer)
             return
-        if known is not None:
+        if known is not None and not np.array_equal(known.cells, newest.grid.cells):
             otherwise = self._plan(MapUpdate(newest.stamp_ns, known, np.empty((0, 4)), ()))
             if isinstance(otherwise, Path):
                 self.path.put(otherwise)  # first: a failure that comes alone ends the goal

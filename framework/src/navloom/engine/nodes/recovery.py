@@ -37,7 +37,7 @@ class RecoveryNode(RoleNode[Recovery]):
     scans = Sensors(RANGES)
     readings = OtherSensors(RANGES)
     pose = Latest(LocalizerPorts.pose)
-    map = Latest(MapperPorts.map)
+    known = Latest(MapperPorts.known)
     command = Output(RecoveryPorts.command)
     status = Output(RecoveryPorts.status)
     cause = pose
@@ -81,11 +81,11 @@ class RecoveryNode(RoleNode[Recovery]):
         self.status.put(answer)
 
     def _surfaces(self, estimate: PoseEstimate) -> NDArray[np.float64]:
-        """(n, 2) points of the map's surfaces, m, base frame; none while the localizer does not track."""
-        known = self.map.value
+        """(n, 2) points of the known map's surfaces, m, base frame; none while the localizer does not track."""
+        known = self.known.value
         if known is None or estimate.state != "tracking":
             return NO_SURFACES
-        return surfaces_without_echo(known.grid, estimate.pose, AROUND, NO_SURFACES)
+        return surfaces_without_echo(known, estimate.pose, AROUND, NO_SURFACES)
 
     def _follow(self, estimate: PoseEstimate | None) -> None:
         """Add the pose to the trail of where the robot has been."""

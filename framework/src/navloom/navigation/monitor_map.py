@@ -1,4 +1,4 @@
-"""Surfaces of the known map near a robot: a second limit of the gate's monitor, and of the hand-over, beside the scans'.
+"""Surfaces of the known map near a robot: a second limit of gate and hand-over, beside that of the scans.
 
 Scans show a surface more exactly than a map does, which adds the localizer's error and that of the raster. A robot in
 a door that is little wider than itself would stop for that error. So a mapped surface counts only where no echo shows

@@ -56,8 +56,8 @@ class Mapper(Role[P]):
         """The map with the new data; None if nothing changed."""
 
     def known(self) -> OccupancyGrid | None:
-        """The map without what this mapper adds to it from its sensors. Localizers match it, it is saved, and the gate slows
-        the robot before its surfaces.
+        """The map without what this mapper adds to it from its sensors. Localizers match it, it is saved, and the gate
+        slows the robot before its surfaces.
 
         Called after each `update`; it is published whenever it is another object. None if there is no such map.
         """

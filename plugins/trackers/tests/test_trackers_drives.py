@@ -62,7 +62,7 @@ def test_a_robot_that_is_slow_to_turn_stays_on_its_trajectory(tracker: str, turn
     slow = [*SLOW_TO_TURN, f"robot.max_angular_acceleration_deg={turn_deg}"]
     found = run_episode(load_config("building", [f'controller={{plugin="{tracker}"}}', *slow], 1)).summary()
     assert found["outcome"] == "succeeded"
-    assert found["path_length_m"] < 7.1
+    assert found["path_length_m"] < 7.3, "with the stop, up to 0.2 m beyond the place where the goal counts as reached"
     assert found["cross_track_max_m"] < 0.15
 
 

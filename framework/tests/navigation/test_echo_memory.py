@@ -360,3 +360,31 @@ def test_a_turn_of_less_than_a_quarter_is_not_cut() -> None:
     assert own_way(START, Twist2D(0.4, 0.0, 1.5), 5.0)[-1] == pytest.approx(
         (0.4 / 1.5 * math.sin(1.5), 0.4 / 1.5 * (1.0 - math.cos(1.5)))
     )
+
+
+# --- echoes near a pose -----------------------------------------------------------------------------------------------
+
+
+def test_echoes_near_a_pose_are_in_its_frame_oldest_first() -> None:
+    """Seen from the base at 0.9 m ahead and 1.1 m to the left; from 0.5 m farther on, turned left: (1.1, 0.5) and
+    (0, -0.4)."""
+    made = memory(scan([NORTH, 0.0], [1.1, 0.9]))
+    there = Pose2D(1.3 + 0.5 * 0.8, -0.7 + 0.5 * 0.6, RISING + NORTH)
+    found = made.near(there, 9.0, 2.0)
+    assert found == pytest.approx(np.array([(1.1, 0.5), (0.0, -0.4)]), abs=1e-9)
+
+
+@pytest.mark.parametrize(("reach", "count"), [(0.39, 0), (0.41, 1), (1.2, 1), (1.21, 2)])
+def test_echoes_near_a_pose_are_within_reach(reach: float, count: int) -> None:
+    """0.4 m and hypot(1.1, 0.5) = 1.208 m away."""
+    made = memory(scan([NORTH, 0.0], [1.1, 0.9]))
+    assert len(made.near(Pose2D(1.3 + 0.5 * 0.8, -0.7 + 0.5 * 0.6, 0.3), reach, 2.0)) == count
+
+
+def test_echoes_near_a_pose_count_for_as_long_as_others() -> None:
+    made = memory(scan([0.0], [0.9]))
+    made.add(scan([NORTH], [1.1]), BASE, 2.3)
+    assert [len(made.near(BASE, 9.0, time)) for time in (2.5, 2.51, 2.8, 2.81)] == [2, 1, 1, 0]
+    assert made.near(BASE, 9.0, 2.51)[0] == pytest.approx((0.0, 1.1), abs=1e-9)
+    made.clear()
+    assert made.near(BASE, 9.0, 2.3).shape == (0, 2)

@@ -112,7 +112,11 @@ def test_a_stopped_robot_does_not_creep_by_the_noise_of_its_odometry() -> None:
 
 
 def test_the_margin_grows_for_an_echo_that_the_laser_no_longer_sees() -> None:
-    """A post beside the tail: 6 cm per metre that the robot drove since no beam points at it."""
+    """A post beside the tail: 5.5 cm per metre that the robot drove since no beam points at it, and per m to the post.
+
+    The beam of 135° passes the post at x = 0.65 m, and its echoes are 0.5 s old half a metre later: then the post is
+    0.45 m beside and 0.45 m behind the laser, and in the end, 0.55 m on, 1 m behind: 0.87 m away in between.
+    """
     post = np.array([(0.2, 0.45), (0.2, 0.452)])
     robot = Robot(TAIL, post, spacing_deg=0.25)
     robot.rest()
@@ -121,5 +125,30 @@ def test_the_margin_grows_for_an_echo_that_the_laser_no_longer_sees() -> None:
     held = robot.monitor._near(Twist2D(0.0, 0.0, 0.0), 0.0)
     assert gap == pytest.approx(0.15)
     assert held[:, :2] == pytest.approx(np.array([[-1.0, 0.45]]), abs=0.01)
-    # the beam of 135° passes the post at x = 0.65 m, and its echoes are 0.5 s old half a metre later
-    assert held[0, 2] == pytest.approx(0.06 * 0.55, abs=0.012)
+    assert held[0, 2] == pytest.approx(0.055 * 0.55 * 0.87, abs=0.008)
+
+
+def unseen(distance: float, *motions: tuple[float, float]) -> float:
+    """How far what lies ahead may reach beyond its echo after a robot drove, m, or turned, rad, without seeing it."""
+    limits = MonitorLimits(LONG, 0.05, 0.5, sigma=0.005)
+    monitor, bearings, two = CollisionMonitor(limits), np.array([0.0, 0.005]), np.zeros(2)
+    x, heading, stamp = 0.0, 0.0, 0
+    for k, (way, turn) in enumerate(((0.0, 0.0), *motions)):
+        x, heading, stamp = x + way, heading + turn, 800_000_000 * k
+        monitor.move(Odometry(stamp, Pose2D(0.0, x, heading), Twist2D(0.0, 0.0, 0.0)))
+        looked, ranges = (bearings, distance) if k == 0 else (bearings + math.pi, math.inf)
+        monitor.look("l", RangeScan(stamp, np.zeros((2, 2)), looked, two, two, np.full(2, ranges), 0.05, 9.0))
+    return float(monitor._near(Twist2D(0.0, 0.0, 0.0), 0.0)[-1, 2])
+
+
+def test_what_is_unseen_is_misplaced_by_the_heading_error_of_the_way_since() -> None:
+    """0.3 rad since the last scan with an echo that counts: as 0.15 m of way. 1.5 of 1257 directions lie beyond."""
+    beyond = 1.5 * math.tau / 1257 * 0.8
+    still = unseen(0.8, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    assert still == pytest.approx(beyond, abs=1e-6)
+    turned = unseen(0.8, (0.0, 0.0), (0.0, 0.0), (0.0, 0.3))
+    assert turned == pytest.approx(beyond + 0.055 * 0.15 * 0.8, abs=1e-6)
+    assert unseen(0.8, (0.0, 0.0), (0.0, 0.0), (0.0, -0.3)) == pytest.approx(turned)
+    driven = unseen(0.8, (0.0, 0.0), (0.0, 0.0), (0.4, 0.0))
+    assert driven == pytest.approx(beyond + 0.055 * 0.4 * math.hypot(0.8, 0.4), abs=1e-4)
+    assert unseen(0.8, *[(0.0, 0.0)] * 2, *[(0.0, 1.0), (0.0, -1.0)] * 4) == 0.08, "8 cm at most"

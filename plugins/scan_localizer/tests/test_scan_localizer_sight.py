@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from navloom_scan_localizer.field import distance_field
-from navloom_scan_localizer.sight import Sight, look_along
+from navloom_scan_localizer.sight import Sight, compare_views, look_along
 
 GATE = 0.16
 
@@ -76,3 +76,39 @@ def test_what_the_counts_mean():
 def test_few_echoes_say_little_about_the_sight_of_the_map():
     # A quarter of the beams have an echo, none of the map: half the weight is left.
     assert Sight(elsewhere=5.0, free=15.0).support == pytest.approx(0.5)
+
+
+def fan_of(*lengths):
+    """Beams 20 degrees apart, from straight ahead to the left."""
+    return np.array([beam(length, math.radians(20.0 * k)) for k, length in enumerate(lengths)])
+
+
+VIEW = fan_of(*[2.0] * 12)
+AT_REST = (0.0, 0.0, 0.0)
+
+
+def test_beams_continue_a_view_pass_through_it_or_end_before_it():
+    # Of 12 beams that ended after 2 m, 6 do so within 0.16 m, 4 end further away, and 2 nearer.
+    now = fan_of(2.0, 1.85, 2.15, 2.0, 2.0, 2.0, 2.2, 3.0, 4.0, 5.0, 1.8, 0.5)
+    assert compare_views(VIEW, 12, now, 12, AT_REST, GATE) == (0.5, pytest.approx(4.0 / 12.0))
+
+
+def test_a_view_is_compared_from_where_odometry_leads():
+    # A circle of 2 m; after 0.5 m ahead and a turn of 20 degrees its points are elsewhere in the base frame. At rest
+    # those within 0.16 m of 2 m would still fit: |0.5 cos| < 0.16, about a fifth.
+    before = np.array([beam(2.0, math.radians(k)) for k in range(360)])
+    x, y = before[:, 0] - 0.5, before[:, 1]
+    c, s = math.cos(math.radians(20.0)), math.sin(math.radians(20.0))
+    now = np.column_stack((c * x + s * y, c * y - s * x, np.ones(360), np.zeros(360)))
+    assert compare_views(before, 360, now, 360, (0.5, 0.0, math.radians(20.0)), GATE) == (1.0, 0.0)
+    assert compare_views(before, 360, now, 360, AT_REST, GATE)[0] == pytest.approx(0.2, abs=0.05)
+
+
+def test_beams_without_an_echo_in_both_scans_are_not_compared():
+    # The last 2 of 12 had none then and have none now; of the 10 others 5 have lost theirs: they end beyond it.
+    now = np.vstack((VIEW[:5], fan_of(*[9.0] * 12)[5:]))
+    assert compare_views(np.vstack((VIEW[:10], fan_of(*[9.0] * 12)[10:])), 10, now, 5, AT_REST, GATE) == (0.5, 0.5)
+
+
+def test_fewer_than_ten_beams_say_nothing():
+    assert compare_views(VIEW[:9], 9, fan_of(*[5.0] * 9), 9, AT_REST, GATE) == (1.0, 0.0)

@@ -116,8 +116,8 @@ class Judge:
         """Part of the next scan's beams that is counted."""
         self._time = -math.inf
         self._view: tuple[Floats, int] | None = None
-        """Beams and number of echoes of the last scan that continued the one before."""
-        self._view_from = (0.0, 0.0, 0.0)
+        """Beams and number of echoes of the last scan that continued the one before; None if no pose was trusted."""
+        self._view_from = tuple(tracker.odometry.tolist())
         """Pose of that scan, odometry frame."""
         self._is_cut, self._continued, self._beyond, self._way = False, 1.0, 0.0, 0.0
         """Whether that view was lost; shares of the last scan's beams that continue it, and pass through it; way driven
@@ -173,20 +173,21 @@ class Judge:
 
     def _observe(self, beams: Floats, echoes: int, time: float) -> None:
         """Count what a scan sees, and the way along which scans have fitted."""
-        tracker, s, now = self._tracker, self._tracker.settings, tuple(self._tracker.odometry.tolist())
+        tracker, s, passed, self._time = self._tracker, self._tracker.settings, time - self._time, time
+        if not len(beams):
+            return
+        now = tuple(tracker.odometry.tolist())
         step = _step(self._view_from, now)
         self._way = math.hypot(step[0], step[1])
-        if len(beams):
-            stride = max(1, len(beams) // _BEAMS)
-            self._part = (self._part + 1) % stride
-            part = (self._part, stride)
-            self._compare(beams, echoes, step, part)
-            if not self._is_cut:
-                self._view, self._view_from = (beams, echoes) if self.state == "tracking" else None, now
-            self._counts *= math.exp((self._time - time) / _MEMORY)
-            self._seen = look_along(tracker.field, beams, echoes, tracker.pose, self._gate, part, self._counts)
-            self._has_seen = self._has_seen or self._seen.support >= s.least_seen
-        self._time = time
+        stride = max(1, len(beams) // _BEAMS)
+        self._part = (self._part + 1) % stride
+        part = (self._part, stride)
+        self._compare(beams, echoes, step, part)
+        if not self._is_cut:
+            self._view, self._view_from = (beams, echoes) if self.state == "tracking" else None, now
+        self._counts *= math.exp(-passed / _MEMORY)
+        self._seen = look_along(tracker.field, beams, echoes, tracker.pose, self._gate, part, self._counts)
+        self._has_seen = self._has_seen or self._seen.support >= s.least_seen
         through = self._seen.through
         is_fit = not self._is_cut and through <= _FEW * (through + self._seen.fit)
         self._proven = self._proven + self._way if is_fit else 0.0
@@ -217,7 +218,7 @@ class Judge:
         if through > most * (through + seen.fit) and through > s.least_seen * seen.total:
             share = through / (through + seen.fit)
             return f"{share:.0%} of the beams to a wall of the map pass through it, more than {most:.0%}"
-        if seen.total and not self._has_seen:
+        if not self._has_seen and seen.total:
             return f"less than {s.least_seen:.0%} of the beams have seen the map at this place"
         limit = min(s.lost_sigma, _MOVED_SIGMA) if self._is_moved else s.lost_sigma
         sigma = position_sigma(self._tracker.covariance, limit)

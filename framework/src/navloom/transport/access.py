@@ -38,6 +38,7 @@ READABLE = (
     "*/*/parameters",
     "process/*/config",
     "process/supervisor/shadows",
+    "mapper/*/known",
     "mapper/*/map",
     "planner/*/path",
     "planner/*/failure",

@@ -170,6 +170,13 @@ def test_the_way_is_the_length_of_the_steps() -> None:
     assert made._ways == pytest.approx([0.0, 0.5, 1.0])
 
 
+def test_before_the_first_scan_there_is_no_obstacle() -> None:
+    made = monitor((0.0, 0.0, 0.0, 0.0))
+    assert made._near(Twist2D(0.5, 0.0, 0.0), 0.0).shape == (0, 3)
+    made.look("laser", scan(0.0, [0.0], [math.inf]))
+    assert made._sensors["laser"].obstacles.shape == (0, 3)
+
+
 # --- how long echoes count --------------------------------------------------------------------------------------------
 
 

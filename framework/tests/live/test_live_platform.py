@@ -349,6 +349,15 @@ def test_a_tick_has_its_own_time_and_the_command_that_the_wheels_have(robot: Rob
     assert (robot.runner.clock.tick, robot.runner.clock.stamp_ns) == (1, 50_000_000)
 
 
+def test_a_tick_has_its_time_in_seconds_too(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, times = robot.runner.node, list[float]()
+    step = node.step
+    monkeypatch.setattr(node, "step", lambda tick: (times.append(tick.time), step(tick))[1])
+    robot.turn(0.02)
+    robot.turn(0.04)
+    assert times == pytest.approx([0.0, 0.05])
+
+
 def test_before_run_clock_0_commands_have_its_time(robot: Robot) -> None:
     base = listening(robot)
     robot.now -= 3.0

@@ -251,6 +251,11 @@ def test_a_reduced_command_says_so_though_nothing_is_named() -> None:
     assert (status.share, status.limit, status.place, status.distance) == (0.5, "", None, None)
 
 
+def test_what_limits_a_command_is_named_though_all_of_it_passes() -> None:
+    status = decide(judged(WALL._replace(share=1.0))[0], {"operator": offer()})[2]
+    assert (status.share, status.limit, status.distance) == (1.0, "obstacle", 0.13)
+
+
 @pytest.mark.parametrize("role", ["operator", "recovery"])
 @pytest.mark.parametrize("enters", [True, False])
 def test_only_an_operator_overrides_unseen_space(role: str, enters: bool) -> None:

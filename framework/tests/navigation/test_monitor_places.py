@@ -170,6 +170,13 @@ def test_the_way_is_the_length_of_the_steps() -> None:
     assert made._ways == pytest.approx([0.0, 0.5, 1.0])
 
 
+def test_before_the_first_scan_there_is_no_obstacle() -> None:
+    made = monitor((0.0, 0.0, 0.0, 0.0))
+    assert made._near(Twist2D(0.5, 0.0, 0.0), 0.0).shape == (0, 3)
+    made.look("laser", scan(0.0, [0.0], [math.inf]))
+    assert made._sensors["laser"].obstacles.shape == (0, 3)
+
+
 # --- how long echoes count --------------------------------------------------------------------------------------------
 
 
@@ -272,12 +279,16 @@ def test_a_sonar_that_hears_nothing_more_counts_for_half_a_second() -> None:
         assert (hit(made) is not None) is (1 <= k <= 6), k
 
 
-def test_all_points_of_an_arc_fit() -> None:
-    """An arc of 2 rad at 2.4 m, 4.8 m long, of a ring of three: 97 steps and one more point."""
+@pytest.mark.parametrize("silent", [0, 2])
+def test_all_points_of_an_arc_fit(silent: int) -> None:
+    """An arc of 2 rad at 2.4 m, 4.8 m long, of a single sonar or of a ring of three: 97 steps and one more point."""
     made = monitor((0.0, 0.0, 0.0, 0.0), (0.1, 0.0, 0.0, 0.0))
     for time in (0.0, 0.1):
-        made.look("ring", scan(time, [0.0, math.pi, math.pi], [2.4, math.inf, math.inf], half=1.0, origin=(0.0, 0.0)))
-    assert len(made._sensors["ring"].obstacles) == math.ceil(4.8 / 0.05) + 2
+        bearings, ranges = [0.0] + [math.pi] * silent, [2.4] + [math.inf] * silent
+        made.look("ring", scan(time, bearings, ranges, half=1.0, origin=(0.0, 0.0)))
+    assert len(made._sensors["ring"].obstacles) == 98
+    last = made._sensors["ring"].obstacles[-1]
+    assert last == pytest.approx((2.4 * math.cos(1.0), 2.4 * math.sin(1.0), 0.0))
 
 
 # --- restarts of the platform -----------------------------------------------------------------------------------------

@@ -99,7 +99,8 @@ class SensorEchoes:
         before = self.ranges
         if before is None or len(before) != len(scan.ranges):
             before, moved = np.full(len(scan.ranges), math.nan), 0.0
-        found = np.empty((64 * len(scan.ranges), 2))
+        arcs = 2.0 * scan.half_angles * np.where(scan.ranges < scan.range_max, scan.ranges, 0.0)
+        found = np.empty((int(np.ceil(arcs / ARC_STEP).sum()) + 2 * len(arcs), 2))
         count = arc_points(
             poses[-1], scan.origins, scan.bearings, scan.half_angles, scan.ranges, before, moved,
             np.array([scan.range_max, 3.0 * self.sigma]), found,

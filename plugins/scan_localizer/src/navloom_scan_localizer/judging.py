@@ -94,7 +94,8 @@ class Judge:
     An echo before a mapped wall comes from something that the map lacks and says nothing about the pose. Beams that
     pass through mapped walls contradict it. As long as the pose is not proven by a drive, other poses nearby are tried
     whenever not all echoes fit. If one of them fits clearly better, the tracker continues from there. A robot whose
-    view changes at once, on the map or not, has been carried: no pose is trusted until it has the view again.
+    view changes at once, and with it that of the map, has been carried: no pose is trusted until it has the view again,
+    or a drive has proven one.
 
     Attributes:
         state: "tracking"; "searching" after the pose was moved or scans stopped fitting; "lost" when that lasts.
@@ -117,10 +118,10 @@ class Judge:
         self._time = -math.inf
         self._view: tuple[Floats, int] | None = None
         """Beams and number of echoes of the last scan that continued the one before; None if no pose was trusted."""
-        self._view_from = tuple(tracker.odometry.tolist())
-        """Pose of that scan, odometry frame."""
+        self._view_from = self._last = tuple(tracker.odometry.tolist())
+        """Poses of that scan and of the last one, odometry frame."""
         self._is_cut, self._continued, self._beyond, self._way = False, 1.0, 0.0, 0.0
-        """Whether that view was lost; shares of the last scan's beams that continue it, and pass through it; way driven
+        """Whether that view is lost; shares of the last scan's beams that continue it, and pass through it; way driven
         since, m."""
         self._proven = 0.0
         """Way driven with scans that fit, m."""
@@ -152,7 +153,7 @@ class Judge:
         share = tracker.share
         if share is not None and (share >= s.sure_share or self._proven >= _PROOF):
             self._search_at = time + s.patience
-        elif share is not None and time >= self._search_at and not self._is_elsewhere():
+        elif share is not None and time >= self._search_at:
             self._search_at = time + s.search_every
             if self._move(beams, count):
                 self.state, self._since, self._searching_since = "searching", None, time
@@ -177,8 +178,8 @@ class Judge:
         if not len(beams):
             return
         now = tuple(tracker.odometry.tolist())
-        step = _step(self._view_from, now)
-        self._way = math.hypot(step[0], step[1])
+        step, way = _step(self._view_from, now), math.dist(self._last[:2], now[:2])
+        self._way, self._last = math.hypot(step[0], step[1]), now
         stride = max(1, len(beams) // _BEAMS)
         self._part = (self._part + 1) % stride
         part = (self._part, stride)
@@ -189,10 +190,12 @@ class Judge:
         self._seen = look_along(tracker.field, beams, echoes, tracker.pose, self._gate, part, self._counts)
         self._has_seen = self._has_seen or self._seen.support >= s.least_seen
         through = self._seen.through
-        is_fit = not self._is_cut and through <= _FEW * (through + self._seen.fit)
-        self._proven = self._proven + self._way if is_fit else 0.0
+        is_fit = self._has_seen and through <= _FEW * (through + self._seen.fit)
+        self._proven = self._proven + way if is_fit else 0.0
         if self._proven >= _PROOF:
             tracker.is_proven, self._is_moved, self._rival = True, False, ""
+            if self._is_cut:
+                self._is_cut, self._view = False, None
 
     def _compare(self, beams: Floats, echoes: int, step: tuple[float, float, float], part: tuple[int, int]) -> None:
         """Compare a scan with the last view. It is lost if the scan sees another one, and far less of the map."""
@@ -203,7 +206,8 @@ class Judge:
             self._is_cut = False
         elif not self._is_cut:
             seen = look_along(self._tracker.field, beams, echoes, self._tracker.pose, self._gate)
-            self._is_cut = seen.support < max(_SUDDEN * self._seen.support, _LITTLE)
+            if seen.support < max(_SUDDEN * self._seen.support, _LITTLE):
+                self._is_cut, self._proven = True, 0.0
 
     def _is_elsewhere(self) -> bool:
         """Whether the view has changed at once, not only by things that came close to a robot that stands."""

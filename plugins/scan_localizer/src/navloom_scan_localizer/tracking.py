@@ -75,8 +75,13 @@ def compose(a: Floats, b: Floats) -> Floats:
     """Pose b, given relative to pose a, in the frame in which a is given: (3,) x, y, m, heading, rad in [-π, π)."""
     (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
     c, s = math.cos(heading), math.sin(heading)
-    turn = math.remainder(heading + turned, math.tau)
-    return np.array([ax + c * bx - s * by, ay + s * bx + c * by, -math.pi if turn == math.pi else turn])
+    return _pose(ax + c * bx - s * by, ay + s * bx + c * by, heading + turned)
+
+
+def _pose(x: float, y: float, heading: float) -> Floats:
+    """(3,) x, y, m, and the heading, rad, wrapped to [-π, π)."""
+    turn = math.remainder(heading, math.tau)
+    return np.array([x, y, -math.pi if turn == math.pi else turn])
 
 
 def relative(a: Floats, b: Floats) -> Floats:
@@ -184,21 +189,20 @@ class PoseTracker:
         information = inverse(covariance)
         pose, fused = np.empty(3), np.empty((3, 3))
         inliers = fit_pose(field.values, field.frame, beams, start, information, options, s.iterations, pose, fused)
-        return pose, fused, inliers if np.isfinite(pose).all() else 0
+        return pose, fused, inliers if math.isfinite(sum(pose.tolist())) else 0
 
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""
         self.is_proven = False
-        self.pose = compose(np.array([pose[0], pose[1], 0.0]), np.array([0.0, 0.0, pose[2]]))
+        self.pose = _pose(*pose.tolist())
         self.covariance = 0.5 * (covariance + covariance.T)
 
     def _move(self, shift: Floats, covariance: Floats) -> None:
         """Apply a correction, (3,) m, m, rad, or the share that the limits allow; later scans correct the rest."""
         s = self.settings
-        share = min(
-            1.0, s.max_shift / max(math.hypot(shift[0], shift[1]), 1e-12), s.max_turn / max(abs(shift[2]), 1e-12)
-        )
+        x, y, turn = shift.tolist()
+        share = min(1.0, s.max_shift / max(math.hypot(x, y), 1e-12), s.max_turn / max(abs(turn), 1e-12))
         moved = self.pose + share * shift
-        self.pose = compose(np.array([moved[0], moved[1], 0.0]), np.array([0.0, 0.0, moved[2]]))
+        self.pose = _pose(*moved.tolist())
         mixed = (1.0 - share) * self.covariance + share * covariance
         self.covariance = 0.5 * (mixed + mixed.T)

@@ -195,6 +195,17 @@ class Reader:
                 assert time.monotonic() < limit, f"{process} did not start again"
 
 
+def it_stands(reader: Reader) -> None:
+    """Wait until an ordinary stop has ended its ramp."""
+    from navloom.operating.looking import last
+    from navloom.operating.navigator import Navigator
+
+    with Navigator() as navigator:
+        limit = time.monotonic() + START
+        while not getattr(status := last(navigator.client, "gate", "main", "status"), "stopped", False):
+            assert time.monotonic() < limit, f"the gate does not stop: {status}"
+
+
 def _pids(navigator: Any, process: str) -> set[int]:
     """Numbers of the processes in which the nodes of a process answer."""
     return {node["pid"] for node in navigator.client.describe() if node["process"] == process}
@@ -285,6 +296,7 @@ SCENES: dict[str, Callable[[Reader], None]] = {
     "think is stopped": lambda reader: reader.send(signal.SIGSTOP, "think"),
     "think goes on": lambda reader: reader.send(signal.SIGCONT, "think"),
     "drive is killed": lambda reader: reader.send(signal.SIGKILL, "drive"),
+    "it stands": it_stands,
     "that terminal is closed": lambda reader: reader.close(),
 }
 """Scenes that a page assumes, by the words of its comment `before: …`; other words are a command."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scan_localizer_scenes import LOST, UNMAPPED, lost, run, scenes, unmapped
 
-DEVELOPMENT, FINAL = 1, 41
-"""Seed of the scenes with which the judgement was made, and of those that were run once, at the end."""
+DEVELOPMENT = 1
+"""Seed of scenes with which the judgement was made; 41 and 42 are seeds of others."""
 COUNT = 60
 
 
@@ -24,13 +24,13 @@ def table(make, kinds, seed, is_wrong):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "most"), [(FINAL, 0)])
+@pytest.mark.parametrize(("seed", "most"), [(41, 0), (42, 1)])
 def test_of_60_drives_past_unmapped_things_few_end_lost_within_a_tenth_of_a_metre(seed, most):
     assert len(table(unmapped, UNMAPPED, seed, lambda drive: drive.falsely_lost())) <= most
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "most"), [(FINAL, 1)])
+@pytest.mark.parametrize(("seed", "most"), [(41, 1), (42, 1)])
 def test_of_60_lost_robots_few_drive_for_five_seconds_as_if_they_were_not(seed, most):
     assert len(table(lost, LOST, seed, lambda drive: drive.missed() > 5.0)) <= most
 

@@ -135,3 +135,10 @@ def test_without_a_monitor_a_ramp_ends_too() -> None:
         twist.vx,
         twist.wz,
     )
+
+
+def test_a_second_source_during_a_ramp_is_named_as_it_is() -> None:
+    gate, _ = moving(0.33, 0.11, role="controller")
+    reason = "rivals: controller main on host base (process 12) and on host copy (process 14)"
+    twist, _, status = decide(gate, {}, sensed(gone=reason))
+    assert (twist.vx, status.stopped, status.reason) == (0.0, True, reason)

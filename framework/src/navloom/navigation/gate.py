@@ -272,7 +272,7 @@ class CommandGate:
             absent = self._absent(self._driver, sensed) if self.is_moving else ""
             return absent or (f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory")
         if sensed.gone and source != "operator":
-            return sensed.gone if sensed.gone.startswith(RIVALS) else f"gone: {sensed.gone}"
+            return _gone(sensed)
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)
@@ -290,7 +290,7 @@ class CommandGate:
         """A missing node or a late goal node as a reason; empty for neither, or if an operator drives."""
         if driver == "operator":
             return ""
-        return f"gone: {sensed.gone}" if sensed.gone else f"stale: {sensed.late}" if sensed.late else ""
+        return _gone(sensed) if sensed.gone else f"stale: {sensed.late}" if sensed.late else ""
 
     def _limit(self, twist: Twist2D) -> Twist2D:
         limits = self.limits
@@ -304,3 +304,8 @@ class CommandGate:
             turn = min(max(turn, self.turn - step), self.turn + step)
         self.speed, self.turn = speed, turn
         return Twist2D(speed, 0.0, turn)
+
+
+def _gone(sensed: Sensed) -> str:
+    """The reason of a stop for a missing node, or for one of which there are two."""
+    return sensed.gone if sensed.gone.startswith(RIVALS) else f"gone: {sensed.gone}"

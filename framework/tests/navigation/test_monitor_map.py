@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 from navloom.geometry.footprints import rectangle
-from navloom.messages import OccupancyGrid, Odometry, Pose2D, PoseEstimate, Twist2D
+from navloom.messages import OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
-from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
+from navloom.navigation.monitor_echoes import SensorEchoes
+from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
 
 LIMITS = MonitorLimits(rectangle(1.2, 0.4), period=0.05, deceleration=1.0)
 STILL = Twist2D(0.0, 0.0, 0.0)
@@ -206,3 +207,27 @@ def test_echoes_and_mapped_surfaces_are_points_of_one_frame() -> None:
     near = made._near(Twist2D(0.5, 0.0, 0.0), 0.0)
     assert near.shape[1] == 3 and not near[:, 2].any()
     assert [0.2, 0.0, 0.0] in near.round(9).tolist()
+
+
+# --- objects that are seen ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("away", "count", "shown"), [(0.149, 3, True), (0.151, 3, False), (0.149, 2, False)])
+def test_three_echoes_within_a_cell_and_10_cm_show_an_object(away: float, count: int, shown: bool) -> None:
+    flank = np.array([(0.7, -0.3), (5.0, 5.0)])
+    echoes = np.tile((0.7 - 0.6 * away, -0.3 + 0.8 * away), (count, 1))
+    assert shown_aside(flank, echoes, 0.05).tolist() == [shown, False]
+    assert shown_aside(np.empty((0, 2)), echoes, 0.05).tolist() == []
+
+
+def test_a_laser_covers_the_directions_of_its_beams_from_its_own_place() -> None:
+    """Beams of 1° from -20 to 20°, from a laser 0.2 m ahead of a base at (3, -1) that heads for 90°."""
+    sensor, bearings = SensorEchoes(0.01), np.radians(np.arange(-20.0, 21.0))
+    assert not sensor.covers(np.array([(3.0, 0.0)])).any()
+    count = len(bearings)
+    origins, nothing = np.tile((0.2, 0.0), (count, 1)), np.zeros(count)
+    scan = RangeScan(0, origins, bearings, nothing, nothing, np.full(count, math.inf), 0.05, 9.0)
+    sensor.look_by_laser(0.0, scan, np.tile((3.0, -1.0, 0.5 * math.pi), (count, 1)))
+    turns = np.radians([0.0, 18.0, -18.0, 24.0, -24.0, 180.0])
+    places = np.column_stack([3.0 - 0.5 * np.sin(turns), -0.8 + 0.5 * np.cos(turns)])
+    assert sensor.covers(places).tolist() == [True, True, True, False, False, False]

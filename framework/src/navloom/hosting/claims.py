@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from navloom.hosting.directory import DirectoryError, runtime_folder
 from navloom.transport.connection import Connection
 from navloom.transport.keyspace import CLAIM, KeySpace
+from navloom.transport.link_faults import why_not
 from navloom.transport.links import Link
 
 if TYPE_CHECKING:  # tools that look for a robot load no nodes
@@ -105,6 +106,7 @@ class Claims:
         self._sockets: list[socket.socket] = []
         self._connection: Connection | None = None
         self._closing = threading.Event()
+        self._later: threading.Thread | None = None
         self._told: set[Claimant] = set()
         os.register_at_fork(after_in_child=self._drop)
 
@@ -118,6 +120,9 @@ class Claims:
     def leave_network(self) -> None:
         """Release the claims on the network: before a router of this process ends, which it would otherwise rejoin."""
         self._closing.set()
+        if self._later is not None:  # Python's exit would cut a thread inside Zenoh off, which aborts the process
+            self._later.join()
+            self._later = None
         if self._connection is not None:
             self._connection.close()
             self._connection = None
@@ -157,18 +162,29 @@ class Claims:
         """
         if not self._sources:  # of a host with nothing but the router
             return
-        connection = self._connection = Connection(link, waits=False)
         limit = time.monotonic() + FIND
-        while now and not connection.neighbours() and time.monotonic() < limit:
+        while (away := why_not(link, FIND)) and now and time.monotonic() < limit:
             time.sleep(LOOK)
-        if connection.neighbours():
+        if not away and (connection := self._joined(link)) is not None:
             if refusal := self._decide(connection):
                 raise DirectoryError(refusal)
         else:
-            threading.Thread(target=self._take_later, args=(connection,), name="claims", daemon=True).start()
+            self._later = threading.Thread(target=self._take_later, args=(link,), name="claims", daemon=True)
+            self._later.start()
 
-    def _take_later(self, connection: Connection) -> None:
-        while not connection.neighbours():
+    def _joined(self, link: Link) -> Connection | None:
+        """The connection to a router that is there; None if it does not let this process join soon.
+
+        Without a router, no session is opened: one that waits for it when the process ends aborts the process.
+        """
+        connection = self._connection = self._connection or Connection(link, waits=False)
+        limit = time.monotonic() + FIND
+        while not connection.neighbours() and time.monotonic() < limit and not self._closing.wait(LOOK):
+            pass
+        return connection if connection.neighbours() else None
+
+    def _take_later(self, link: Link) -> None:
+        while why_not(link, FIND) or (connection := self._joined(link)) is None:
             if self._closing.wait(LOOK):
                 return
         lost = self._decide(connection)

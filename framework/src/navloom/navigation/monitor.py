@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation import monitor_map
 from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, SensorEchoes
-from navloom.navigation.monitor_map import NO_SURFACES, surfaces_without_echo
+from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
     MOST_POSES,
     distance_to_outline,
@@ -332,7 +332,18 @@ class CollisionMonitor:
             turn = base.heading - heading
             cos, sin, dx, dy = math.cos(turn), math.sin(turn), here[0] - x, here[1] - y
             base = Pose2D(base.x + cos * dx - sin * dy, base.y + sin * dx + cos * dy, turn + here[2])
-        return surfaces_without_echo(grid, base, reach, echoes)
+        found = surfaces_without_echo(grid, base, reach, echoes)
+        return found[~(shown_aside(found, echoes, grid.resolution) & self._covers(found))]
+
+    def _covers(self, points: Floats) -> NDArray[np.bool_]:
+        """(k,) which points (k, 2), m, base frame of the newest odometry, lie in a direction that a laser looks at."""
+        x, y, heading = self._poses[-1]
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy = points[:, 0], points[:, 1]
+        placed = np.stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy], axis=1)
+        return np.logical_or.reduce(
+            [np.zeros(len(points), bool), *(one.covers(placed) for one in self._sensors.values())]
+        )
 
     def _near(self, twist: Twist2D, age: float) -> Floats:
         """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""

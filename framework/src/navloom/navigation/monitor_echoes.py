@@ -58,6 +58,7 @@ class SensorEchoes:
         ranges: Of the newest scan of sonars, m.
         obstacles: (k, 3) points, m, odometry frame, and how far an obstacle may reach beyond each, m.
         seen_at: (3,) pose of the base at the newest scan of a laser, m, rad, odometry frame.
+        view: x, y, m, of the laser then, heading, rad, of the base, and (bins,) which directions its beams cover.
     """
 
     def __init__(self, sigma: float) -> None:
@@ -66,6 +67,7 @@ class SensorEchoes:
         self.ranges: Floats | None = None
         self.obstacles = NO_POINTS
         self.seen_at: Floats | None = None
+        self.view: tuple[float, float, float, NDArray[np.bool_]] | None = None
 
     def look_by_laser(self, time: float, scan: RangeScan, poses: Floats) -> None:
         """Take a scan of a laser.
@@ -92,7 +94,7 @@ class SensorEchoes:
             turned = DRIFT * (math.hypot(*moved[:2]) + 0.5 * moved[2])
             held[:, 2] = np.minimum(held[:, 2] + turned * np.hypot(held[:, 0] - x, held[:, 1] - y), MOST_DRIFT)
         self.obstacles = np.concatenate([np.column_stack([found[:count], reach]), held])
-        self.seen_at = base
+        self.seen_at, self.view = base, (x, y, heading, covered(scan.bearings, bins))
 
     def look_by_sonars(self, time: float, scan: RangeScan, poses: Floats, moved: float) -> None:
         """Take a scan of a ring of sonars: as `look_by_laser`, with the largest motion since the previous one, m."""
@@ -109,6 +111,14 @@ class SensorEchoes:
         self._remember(time, found[:count].copy())
         every = self._every()
         self.obstacles = np.column_stack([every, np.zeros(len(every))])
+
+    def covers(self, points: Floats) -> NDArray[np.bool_]:
+        """(k,) which points (k, 2), m, odometry frame, lie in a direction of a laser's newest scan."""
+        if self.view is None:
+            return np.zeros(len(points), np.bool_)
+        x, y, heading, looked = self.view
+        turns = (np.arctan2(points[:, 1] - y, points[:, 0] - x) - heading) / math.tau
+        return looked[np.floor(turns * len(looked)).astype(np.int64) % len(looked)]
 
     def _remember(self, time: float, points: Floats) -> None:
         self.scans.appendleft((time, points))
@@ -205,6 +215,15 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
     return total
 
 
+def covered(bearings: Floats, bins: int) -> NDArray[np.bool_]:
+    """(bins,) directions of a full turn that beams (n,), rad, cover: their own, and the ones beside."""
+    found = np.zeros(bins, dtype=bool)
+    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
+    for side in (-1, 0, 1):
+        found[(looked + side) % bins] = True
+    return found
+
+
 def out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
     """Nearest echo in each direction that no beam covers now: it counts until a beam points there again.
 
@@ -214,10 +233,7 @@ def out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Float
         bearings: (n,) of the beams, rad.
         bins: Number of directions in a full turn.
     """
-    is_covered = np.zeros(bins, dtype=bool)
-    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
-    for side in (-1, 0, 1):
-        is_covered[(looked + side) % bins] = True
+    is_covered = covered(bearings, bins)
     dx, dy = points[:, 0] - eye[0], points[:, 1] - eye[1]
     rows = np.floor((np.arctan2(dy, dx) - eye[2]) * (bins / math.tau)).astype(np.int64) % bins
     far = np.hypot(dx, dy)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from navloom.messages import OccupancyGrid, Pose2D
 from navloom.navigation.blocking import OCCUPIED_FROM
 
-__all__ = ["NO_SURFACES", "surfaces_without_echo", "warm_up"]
+__all__ = ["NO_SURFACES", "shown_aside", "surfaces_without_echo", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +28,8 @@ DEPTH = 0.15
 ALONG = 0.05
 """Largest distance, along a surface, of echoes that show a point of it, m: one cell, so that a wall whose front part
 is seen still counts behind the last beam."""
+ASTRAY = 0.1
+"""Error of the pose, m."""
 ENOUGH = 3
 """Number of echoes that show a point: a single one may be several centimetres too far."""
 NO_SURFACES = np.empty((0, 2))
@@ -50,6 +52,19 @@ def surfaces_without_echo(grid: OccupancyGrid, base: Pose2D, reach: float, echoe
     frame = np.array([cos * dx + sin * dy, cos * dy - sin * dx, grid.origin.heading - base.heading, grid.resolution])
     found: Floats = _surfaces(grid.cells, frame, reach, echoes)
     return found
+
+
+def shown_aside(surfaces: Floats, echoes: Floats, cell: float) -> NDArray[np.bool_]:
+    """(k,) which points of surfaces (k, 2) have enough echoes (n, 2), m, about them, at most a cell and 10 cm away.
+
+    They belong to an object that is seen, as the flanks of a post whose front a laser sees. Where the laser looks at
+    them too, the object ends where its echoes end, and the raster is up to a cell wrong.
+    """
+    if not len(surfaces):
+        return np.zeros(0, np.bool_)
+    apart = np.hypot(surfaces[:, None, 0] - echoes[:, 0], surfaces[:, None, 1] - echoes[:, 1])
+    shown: NDArray[np.bool_] = (apart <= cell + ASTRAY).sum(axis=1) >= ENOUGH
+    return shown
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -341,9 +341,10 @@ class CollisionMonitor:
         cos, sin = math.cos(heading), math.sin(heading)
         dx, dy = points[:, 0], points[:, 1]
         placed = np.stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy], axis=1)
-        return np.logical_or.reduce(
-            [np.zeros(len(points), bool), *(one.covers(placed) for one in self._sensors.values())]
-        )
+        found = np.zeros(len(points), np.bool_)
+        for sensor in self._sensors.values():
+            found |= sensor.covers(placed)
+        return found
 
     def _near(self, twist: Twist2D, age: float) -> Floats:
         """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""

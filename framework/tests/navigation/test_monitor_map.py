@@ -209,7 +209,7 @@ def test_echoes_and_mapped_surfaces_are_points_of_one_frame() -> None:
     assert [0.2, 0.0, 0.0] in near.round(9).tolist()
 
 
-# --- objects that are seen ---------------------------------------------------------------------------------------------
+# --- objects that are seen ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("away", "count", "shown"), [(0.149, 3, True), (0.151, 3, False), (0.149, 2, False)])

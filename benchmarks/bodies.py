@@ -82,7 +82,7 @@ class Task:
         body: Index in BODIES.
         scene: One of SCENES.
         spacing_deg: Angle between two beams.
-        sigma: Standard deviation of a range, m, of the laser and as the gate is told.
+        sigma: Standard deviation of a range, m, of the laser and of `gate.range_sigma`.
         room: Room beside the body, m.
         seed: Of the run.
     """

@@ -234,7 +234,7 @@ def test_a_state_that_could_not_be_written_is_written_a_second_later(
     robot.poll(9.0, restarts=False)
     assert len(tried) == 3, "nothing is left to write"
     robot.poll(1.0)
-    assert sum("No space" in said for said in robot.said) == 2, "another failure is told again"
+    assert sum("No space" in said for said in robot.said) == 2, "another failure is reported again"
 
 
 # --- added processes --------------------------------------------------------------------------------------------------

@@ -6,14 +6,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, rings
+from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, last, rings
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.live import live_gate, mailbox
 from navloom.live.cells import all_sources
 from navloom.live.hold import held_rate, hold
-from navloom.messages import Command, Drive, GateStatus, Odometry, OperatorRequest, Pose2D, TrackingCommand, Twist2D
-from navloom.operating.looking import why_stopped
+from navloom.messages import Command, Drive, Odometry, OperatorRequest, Pose2D, Twist2D
 
 
 def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:
@@ -279,52 +278,6 @@ def test_a_lost_token_of_another_process_stops_the_robot_at_once(live: Gate) -> 
     assert reason(live) == f"gone: localizer {LOCALIZER[1]}"
 
 
-CONTROLLER = ("controller", SYSTEM.config.controller.instance)
-LIVES = ("0a~12~base", "0b~14~copy")
-
-
-def two_controllers(gate: Gate, ticks: range) -> str:
-    """Two processes publish the controller's commands; returns the reason of the stop."""
-    for tick in ticks:
-        gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick)
-        gate.give(CONTROLLER, "command", tracking(), tick, sequence=tick)
-        gate.tick(tick)
-    return gate.runner.gate.gone
-
-
-def tracking() -> TrackingCommand:
-    return TrackingCommand(AHEAD, 0.0, 0.0, 0.0)
-
-
-def test_a_second_source_of_commands_stops_the_robot_and_the_reason_names_both_processes() -> None:
-    gate = Gate()
-    gate.has_stamps = True
-    for life in LIVES:
-        gate.begin(CONTROLLER, life=life)
-    reason = two_controllers(gate, range(1, 6))
-    name = " ".join(CONTROLLER)
-    assert reason == f"rivals: {name} on host base (process 12) and on host copy (process 14)"
-    status = GateStatus("none", "", True, False, reason, ())
-    assert why_stopped(status)[0].endswith("and on host copy (process 14) publish the same stream")
-
-
-def test_of_a_second_source_without_a_token_it_says_so() -> None:
-    gate = Gate()
-    gate.has_stamps = True
-    gate.begin(CONTROLLER)
-    assert "in two processes, of which one has announced no node" in two_controllers(gate, range(1, 6))
-
-
-def test_a_restarted_controller_is_no_second_one() -> None:
-    gate = Gate()
-    gate.has_stamps = True
-    gate.begin(*(source for source in all_sources(SYSTEM) if source[0] != "operator"))
-    for tick in range(1, 12):
-        gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick if tick < 6 else tick - 5)
-        gate.tick(tick)
-    assert gate.runner.gate.gone == ""
-
-
 def test_a_process_without_tokens_is_gone_62_5_ms_after_its_last_message(live: Gate) -> None:
     """The last messages are of tick 19; only the localizer's process is in doubt."""
     live.lose(*THINKING, life="think")
@@ -356,11 +309,6 @@ def command(gate: Gate) -> tuple[float, int]:
     return round(sent[0].twist.vx, 3), round(sent[1].cause_ns * 1e-6)
 
 
-def status(gate: Gate) -> Any:
-    sent: Any = gate.hosted.cell.outlets["status"].last
-    return sent[0]
-
-
 def end_drive(gate: Gate, tick: int) -> None:
     """The goal ends its drive between two ticks; controller and avoider then publish nothing."""
     gate.clock.now = round((tick - 0.5) * PERIOD * 1e9)
@@ -382,19 +330,19 @@ def test_the_ramp_goes_on_with_the_ticks_after_the_drive_is_gone(live: Gate) -> 
     end_drive(live, 20)
     assert command(live) == (0.1, 950)  # the ramp begins with the next tick
     idle(live, 20)
-    assert command(live) == (0.05, 1000) and not status(live).stopped and reason(live) == "no_trajectory"
+    assert command(live) == (0.05, 1000) and not last(live).stopped and reason(live) == "no_trajectory"
     idle(live, 21)
-    assert command(live) == (0.0, 1050) and status(live).stopped
+    assert command(live) == (0.0, 1050) and last(live).stopped
 
 
 def test_a_latched_stop_of_a_driving_robot_is_told_at_once_and_braked_by_a_ramp(live: Gate) -> None:
     live.runner.obey(OperatorRequest("stop"))
     live.look()
-    told = status(live)
+    told = last(live)
     assert (told.latched, told.stopped, told.reason) == (True, False, "operator") and command(live) == (0.1, 950)
     go_on(live, 20, steps=True)
     go_on(live, 21, steps=True)
-    assert command(live) == (0.0, 1050) and status(live).stopped
+    assert command(live) == (0.0, 1050) and last(live).stopped
 
 
 def test_a_silent_platform_during_a_ramp_is_a_step_to_zero_within_150_ms(live: Gate) -> None:
@@ -405,7 +353,7 @@ def test_a_silent_platform_during_a_ramp_is_a_step_to_zero_within_150_ms(live: G
         live.clock.now += max(1, round(live.runner.wait_time() * 1e9))
         live.look()
     assert 0.1 <= (live.clock.now - began) * 1e-9 < 0.15
-    assert (status(live).stopped, reason(live)) == (True, "silent: platform")
+    assert (last(live).stopped, reason(live)) == (True, "silent: platform")
 
 
 def test_a_node_that_dies_during_a_ramp_is_a_step_to_zero_at_once(live: Gate) -> None:

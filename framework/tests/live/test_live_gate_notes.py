@@ -14,6 +14,7 @@ from gate_rig import (
     OTHER,
     PLATFORM,
     STILL,
+    SYSTEM,
     Gate,
     at,
     command,
@@ -27,10 +28,20 @@ from gate_rig import (
 )  # fmt: skip
 from navloom.engine.nodes.told import Obeyed
 from navloom.live.cell import Source
-from navloom.live.cells import Widening
+from navloom.live.cells import Widening, all_sources
 from navloom.live.live_gate import BETWEEN
 from navloom.live.mailbox import Inlet
-from navloom.messages import Command, Drive, Odometry, OperatorRequest, PortMark, StepReport
+from navloom.messages import (
+    Command,
+    Drive,
+    GateStatus,
+    Odometry,
+    OperatorRequest,
+    PortMark,
+    StepReport,
+    TrackingCommand,
+)
+from navloom.operating.looking import why_stopped
 
 # --- what it records --------------------------------------------------------------------------------------------------
 
@@ -236,3 +247,51 @@ def test_it_runs_until_the_process_ends_and_then_stops_with_the_last_tick() -> N
     unknown.runner.run()
     found = unknown.hosted.cell.outlets["command"].last
     assert found is not None and (found[1].tick, found[1].stamp_ns) == (0, 0)
+
+
+# --- two publishers of one stream -------------------------------------------------------------------------------------
+
+CONTROLLER = ("controller", SYSTEM.config.controller.instance)
+LIVES = ("0a~12~base", "0b~14~copy")
+
+
+def two_controllers(gate: Gate, ticks: range) -> str:
+    """Two processes publish the controller's commands; returns the reason of the stop."""
+    for tick in ticks:
+        gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick)
+        gate.give(CONTROLLER, "command", tracking(), tick, sequence=tick)
+        gate.tick(tick)
+    return gate.runner.gate.gone
+
+
+def tracking() -> TrackingCommand:
+    return TrackingCommand(AHEAD, 0.0, 0.0, 0.0)
+
+
+def test_a_second_source_of_commands_stops_the_robot_and_the_reason_names_both_processes() -> None:
+    gate = Gate()
+    gate.has_stamps = True
+    for life in LIVES:
+        gate.begin(CONTROLLER, life=life)
+    reason = two_controllers(gate, range(1, 6))
+    name = " ".join(CONTROLLER)
+    assert reason == f"rivals: {name} on host base (process 12) and on host copy (process 14)"
+    status = GateStatus("none", "", True, False, reason, ())
+    assert why_stopped(status)[0].endswith("and on host copy (process 14) publish the same stream")
+
+
+def test_of_a_second_source_without_a_token_it_says_so() -> None:
+    gate = Gate()
+    gate.has_stamps = True
+    gate.begin(CONTROLLER)
+    assert "in two processes, of which one has announced no node" in two_controllers(gate, range(1, 6))
+
+
+def test_a_restarted_controller_is_no_second_one() -> None:
+    gate = Gate()
+    gate.has_stamps = True
+    gate.begin(*(source for source in all_sources(SYSTEM) if source[0] != "operator"))
+    for tick in range(1, 12):
+        gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick if tick < 6 else tick - 5)
+        gate.tick(tick)
+    assert gate.runner.gate.gone == ""

@@ -83,13 +83,13 @@ def test_a_robot_stands_when_it_is_measured_so_and_no_command_is_on_its_way() ->
 
 
 def test_a_run_ends_after_its_goals_and_requests_when_the_robot_stands() -> None:
-    ending, still = Ending(SOFT, 3, 0.05), Twist2D(0.0, 0.0, 0.0)
+    ending, still = Ending(SOFT, 3), Twist2D(0.0, 0.0, 0.0)
     assert [ending.is_over(number, number > 4, number < 6, still) for number in range(8)] == [False] * 7 + [True]
 
 
 def test_a_run_does_not_wait_for_ever() -> None:
     """Ramp 2 s, delay 0.2 s, five lags 0.5 s, and 1 s."""
-    ending, slides = Ending(SOFT, 0, 0.05), Twist2D(0.1, 0.0, 0.0)
+    ending, slides = Ending(SOFT, 0), Twist2D(0.1, 0.0, 0.0)
     assert SOFT.patience == pytest.approx(3.7)
     ends = next(number for number in range(1, 200) if ending.is_over(number, True, False, slides))
     assert ends * 0.05 == pytest.approx(3.75)

@@ -63,7 +63,7 @@ def over(
     idle: tuple[bool, ...], commanded: tuple[bool, ...], measured: Twist2D | None = STILL, last_request: int = 0
 ) -> list[bool]:
     """Whether a run of ticks from 1 on ends, tick by tick, with a period of 0.04 s."""
-    ending = Ending(SOFT, last_request, 0.04)
+    ending = Ending(SOFT, last_request)
     return [
         ending.is_over(number, is_idle, moves, measured)
         for number, (is_idle, moves) in enumerate(zip(idle, commanded, strict=True), 1)

@@ -31,7 +31,7 @@ class Scene:
         kind: What is tried.
         known, world: (rows, columns) occupied cells of the map and of the world.
         path: (n, 3) true poses, SPEED * PERIOD apart.
-        belief: (3,) pose at the start, as the robot is told.
+        belief: (3,) pose at which the robot believes it starts.
         laser: Field of view, degrees; range, m; standard deviation of a range, m.
         people: (k, 4) x, y, m, and velocity, m/s, of discs of 0.25 m at the start.
         taken_at: Tick of the drive at which the robot is carried off; None if it is not.

@@ -19,7 +19,8 @@ from navloom.engine.nodes.planner import PlannerNode
 from navloom.engine.nodes.platform import PlatformNode
 from navloom.engine.nodes.recovery import RecoveryNode
 from navloom.engine.nodes.reference import ReferenceNode
-from navloom.engine.ports import PortTable, Wired
+from navloom.engine.ports import Wired
+from navloom.engine.streams import PortTable
 from navloom.messages import Message
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError

@@ -9,7 +9,7 @@ from navloom.config.tables import EventTable, PlaceTable
 from navloom.inputs.assignments import assignments
 from navloom.messages import Goal, OperatorRequest, Point2D
 
-__all__ = ["schedule"]
+__all__ = ["goal_at", "schedule"]
 
 
 def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[OperatorRequest]]:
@@ -19,7 +19,7 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
     if goal is not None and config.navigation.drive:
         goals += 1
         via = tuple(Point2D(point.x, point.y) for point in config.navigation.via)
-        requests[0] = [OperatorRequest("goal", _goal(goals, goal.x, goal.y, goal.heading_deg, via))]
+        requests[0] = [OperatorRequest("goal", goal_at(goals, goal.x, goal.y, goal.heading_deg, via))]
     for event in sorted(config.event, key=lambda event: event.at):
         tick = math.ceil(round(event.at / config.run.period, 6))
         if event.do == "goal":
@@ -31,15 +31,16 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
 def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
     if event.do == "goal":
         assert event.x is not None and event.y is not None
-        return OperatorRequest("goal", _goal(goals, event.x, event.y, event.heading_deg, ()))
+        return OperatorRequest("goal", goal_at(goals, event.x, event.y, event.heading_deg))
     if event.do == "place":
         assert event.x is not None and event.y is not None
-        return OperatorRequest("place", _goal(0, event.x, event.y, event.heading_deg, ()))
+        return OperatorRequest("place", goal_at(0, event.x, event.y, event.heading_deg))
     role = event.role or ""
     instance = event.name or (config.role_table(role).instance if role else "")
     return OperatorRequest(event.do, None, role, instance, assignments(event.values))
 
 
-def _goal(number: int, x: float, y: float, heading_deg: float | None, via: tuple[Point2D, ...]) -> Goal:
+def goal_at(number: int, x: float, y: float, heading_deg: float | None, via: tuple[Point2D, ...] = ()) -> Goal:
+    """A goal from the values of a config: m, degrees, map frame."""
     heading = None if heading_deg is None else math.radians(math.remainder(heading_deg, 360.0))
     return Goal(number, x, y, heading, via)

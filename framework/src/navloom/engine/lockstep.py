@@ -128,7 +128,7 @@ class Lockstep:
         self.configure = configure
         self.trace = trace or TraceWriter()
         self.log = RunLog()
-        self._ending = Ending(braking or Braking(period=period), max(self.requests, default=0), period)
+        self._ending = Ending(braking or Braking(period=period), max(self.requests, default=0))
         self._by_name = {(one.role, one.name): one for one in self.steppers}
         self._active = {one.role: one for one in self.steppers if one.active}
         self._delayed = [one for one in self.steppers if one.delay]

@@ -8,7 +8,7 @@ driving requires.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar, overload
 
@@ -16,7 +16,7 @@ from navloom.messages import Message
 from navloom.roles.extra import Extra
 
 __all__ = ["Dated", "Declared", "ExtraInputs", "Group", "Held", "Input", "Latest", "New", "News", "NodeSpec",
-           "Offers", "OtherSensors", "Out", "Output", "Port", "PortTable", "Ports", "Quality", "Reading",
+           "Offers", "OtherSensors", "Out", "Output", "Port", "Ports", "Quality", "Reading",
            "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track", "When", "Wired"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
@@ -105,21 +105,6 @@ class Ports:
     def declared(cls) -> list[Port[Any]]:
         """The ports of this role, in the order of their declaration."""
         return [port for port in vars(cls).values() if isinstance(port, Port)]
-
-
-class PortTable:
-    """Declared ports by role and name; not the ports of sensors, which a config names."""
-
-    def __init__(self, ports: Iterable[Port[Any]]) -> None:
-        self._ports = {(port.role, port.name): port for port in ports}
-
-    def port(self, role: str, name: str) -> Port[Any] | None:
-        """A declared port; None for a sensor's port, which a config names, and for a port that is not declared."""
-        return self._ports.get((role, name))
-
-    def ports(self, role: str = "") -> list[Port[Any]]:
-        """Every declared port, or those of one node; not the ports of sensors, which a config names."""
-        return [port for port in self._ports.values() if role in ("", port.role)]
 
 
 @dataclass(frozen=True)

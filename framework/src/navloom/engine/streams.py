@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from navloom.engine.ports import Port, Ports, PortTable, Quality
+from navloom.engine.ports import Port, Ports, Quality
 from navloom.messages import (
     AvoiderStatus,
     ClearRequest,
@@ -37,8 +38,8 @@ from navloom.messages import (
 )
 
 __all__ = ["FRAMEWORK_PORTS", "PLAIN", "STATE", "WORD", "AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts",
-           "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "RecoveryPorts",
-           "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
+           "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "PortTable",
+           "RecoveryPorts", "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
 
 URGENT = Quality("drop", "real_time", "drop")
 STATE = Quality("drop", "interactive_high", "drop")
@@ -134,6 +135,21 @@ class GatePorts(Ports, role="gate"):
     command = Port(Command, URGENT)
     status = Port(GateStatus, WORD, retained=True)
     selection = Port(Selection, WORD, retained=True)
+
+
+class PortTable:
+    """Declared ports by role and name; not the ports of sensors, which a config names."""
+
+    def __init__(self, ports: Iterable[Port[Any]]) -> None:
+        self._ports = {(port.role, port.name): port for port in ports}
+
+    def port(self, role: str, name: str) -> Port[Any] | None:
+        """A declared port; None for a sensor's port, which a config names, and for a port that is not declared."""
+        return self._ports.get((role, name))
+
+    def ports(self, role: str = "") -> list[Port[Any]]:
+        """Every declared port, or those of one node; not the ports of sensors, which a config names."""
+        return [port for port in self._ports.values() if role in ("", port.role)]
 
 
 FRAMEWORK_PORTS = PortTable(port for role in Ports.__subclasses__() for port in role.declared())

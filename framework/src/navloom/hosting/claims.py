@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
-import re
 import secrets
 import socket
 import sys
@@ -25,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from navloom.hosting.directory import DirectoryError, runtime_folder
 from navloom.transport.connection import Connection
-from navloom.transport.keyspace import CLAIM, KeySpace
+from navloom.transport.keyspace import CLAIM, KeySpace, key_part
 from navloom.transport.link_faults import why_not
 from navloom.transport.links import Link
 
@@ -73,7 +72,7 @@ class Claimant(NamedTuple):
     @property
     def text(self) -> str:
         """Its part of a token's key; the order of these texts decides between two that start together."""
-        return f"{self.started:017.3f}~{re.sub(r'[^A-Za-z0-9._-]', '_', self.host)}~{self.pid}~{self.mark}"
+        return f"{self.started:017.3f}~{key_part(self.host)}~{self.pid}~{self.mark}"
 
 
 def claimant_of(text: str) -> Claimant | None:
@@ -114,6 +113,10 @@ class Claims:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Release all claims."""
         self.leave_network()
         self._drop()
 

@@ -107,7 +107,7 @@ class LiveRobot:
                 self.system.loaded.config.live, self.folder, self._tasks(), self._say, self._memory.to_bytes
             )
         except BaseException:
-            self._claims.__exit__()
+            self._claims.release()
             self.folder.unlock()
             raise
         try:
@@ -256,7 +256,7 @@ class LiveRobot:
             if self.folder.is_there():
                 self.folder.clear()
         finally:
-            self._claims.__exit__()
+            self._claims.release()
             self.folder.unlock()
 
 

@@ -96,7 +96,7 @@ class Conductor:
         Raises:
             BarrierError: A node that should have reported did not.
         """
-        ending = Ending(self.system.braking, max(self.requests, default=0), self.system.config.run.period)
+        ending = Ending(self.system.braking, max(self.requests, default=0))
         began = time.perf_counter_ns()
         self._moved_at = time.monotonic()
         self._let_begin(0)

@@ -6,13 +6,12 @@ import contextlib
 import os
 import platform
 import queue
-import re
 import time
 import uuid
 from collections.abc import Callable, Iterable
 
 from navloom.live.cell import Source
-from navloom.transport.keyspace import KeySpace
+from navloom.transport.keyspace import KeySpace, key_part
 
 __all__ = ["Presence", "life_here"]
 
@@ -28,7 +27,7 @@ PAUSE = 0.2
 
 def life_here() -> str:
     """Identifier of a life of this process, with its host and process ID, as the last part of its tokens."""
-    return f"{uuid.uuid4().hex[:8]}~{os.getpid()}~{re.sub(r'[^A-Za-z0-9._-]', '_', platform.node())}"
+    return f"{uuid.uuid4().hex[:8]}~{os.getpid()}~{key_part(platform.node())}"
 
 
 class Presence:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
 from navloom.navigation.stop_reasons import LEFT, NO_ROOM, OBSTACLE, ORDINARY, RIVALS, WAITING
+from navloom.navigation.stopping import braked
 
 __all__ = ["STOPPED", "CommandGate", "GateLimits", "Offer", "Sensed"]
 
@@ -222,7 +223,7 @@ class CommandGate:
     def _slow_down(self, reason: str, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
         """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
         self._ramp, speed = reason, self.speed
-        slower = math.copysign(max(0.0, abs(speed) - self.limits.deceleration * self.limits.period), speed)
+        slower = braked(speed, self.limits.deceleration * self.limits.period)
         verdict = Verdict(self._limit(Twist2D(slower, 0.0, self.turn * slower / speed if speed else 0.0)))
         if self.monitor is not None:
             verdict = self.monitor.judge(verdict.twist, speed, sensed.platform_ns * 1e-9)

@@ -19,6 +19,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.frames import compose, inverse, transform
 from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation import monitor_map
 from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, SensorEchoes
@@ -32,6 +33,7 @@ from navloom.navigation.monitor_rollout import (
     within,
 )
 from navloom.navigation.monitor_seen import SeenSpace
+from navloom.navigation.stopping import braked
 
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 
@@ -259,7 +261,7 @@ class CollisionMonitor:
             return Verdict(twist)
         lowest = 0.0
         if twist.vx != 0.0 and twist.vx * speed > 0.0:
-            lowest = max(0.0, abs(speed) - self.limits.deceleration * self.limits.period) / abs(twist.vx)
+            lowest = abs(self._slower(speed)) / abs(twist.vx)
         low, high = min(lowest, 1.0), 1.0
         if self._touch(low * twist.vx, low * twist.wz, in_flight, age, points) is not None:
             return self._brake(speed, in_flight, age, points, touched)
@@ -279,11 +281,15 @@ class CollisionMonitor:
         """Brake along the current curvature; if that touches something too, command zero at once."""
         if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
             _, v, w = self._given[-1]
-            slower = math.copysign(max(0.0, abs(speed) - self.limits.deceleration * self.limits.period), speed)
+            slower = self._slower(speed)
             turn = w * slower / v
             if self._touch(slower, turn, in_flight, age, points) is None:
                 return Verdict(Twist2D(slower, 0.0, turn), 0.0, *touched)
         return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
+
+    def _slower(self, speed: float) -> float:
+        """A speed, m/s, after braking for one period."""
+        return braked(speed, self.limits.deceleration * self.limits.period)
 
     def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
@@ -327,20 +333,16 @@ class CollisionMonitor:
         if not self._stamps[0] <= time or time < self._stamps[-1] - OLD_POSE:
             return NO_SURFACES
         if time < self._stamps[-1]:
-            x, y, heading = self._poses_at(np.array([time]))[0]
-            here = self._poses[-1]
-            turn = base.heading - heading
-            cos, sin, dx, dy = math.cos(turn), math.sin(turn), here[0] - x, here[1] - y
-            base = Pose2D(base.x + cos * dx - sin * dy, base.y + sin * dx + cos * dy, turn + here[2])
+            moved = compose(inverse(self._poses_at(np.array([time]))[0]), self._poses[-1])
+            base = Pose2D(*compose((base.x, base.y, base.heading), moved).tolist())
         found = surfaces_without_echo(grid, base, reach, echoes)
-        return found[~(shown_aside(found, echoes, grid.resolution) & self._covers(found))]
+        is_shown = self._covers(found)
+        is_shown[is_shown] = shown_aside(found[is_shown], echoes, grid.resolution)
+        return found[~is_shown]
 
     def _covers(self, points: Floats) -> NDArray[np.bool_]:
         """(k,) which points (k, 2), m, base frame of the newest odometry, lie in a direction that a laser looks at."""
-        x, y, heading = self._poses[-1]
-        cos, sin = math.cos(heading), math.sin(heading)
-        dx, dy = points[:, 0], points[:, 1]
-        placed = np.stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy], axis=1)
+        placed = transform(self._poses[-1], points)
         found = np.zeros(len(points), np.bool_)
         for sensor in self._sensors.values():
             found |= sensor.covers(placed)

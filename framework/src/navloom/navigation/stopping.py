@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from navloom.messages import Twist2D
 
-__all__ = ["ACROSS", "Braking", "Ending", "Standstill"]
+__all__ = ["ACROSS", "Braking", "Ending", "Standstill", "braked"]
 
 AT_REST = 0.005
 """Measured speed of a robot that stands, m/s and rad/s: below it, a robot with a lag of 1 s moves 5 mm further."""
@@ -17,6 +17,11 @@ ACROSS = 1.5
 """Longest way to standstill from where a robot comes within a tolerance, in tolerances: 2 lead across it."""
 MORE = 1.0
 """Additional wait for a robot whose measured speed does not fall to `AT_REST`, s."""
+
+
+def braked(speed: float, by: float) -> float:
+    """A speed, m/s, that is nearer to zero by a step, m/s, but not beyond it."""
+    return math.copysign(max(0.0, abs(speed) - by), speed)
 
 
 @dataclass(frozen=True)
@@ -91,12 +96,10 @@ class Ending:
     Args:
         braking: How the robot comes to rest.
         last_request: Tick of the last operator's request.
-        period: Control tick, s.
     """
 
-    def __init__(self, braking: Braking, last_request: int, period: float) -> None:
-        self._standstill, self._last_request, self._period = Standstill(braking), last_request, period
-        self._longest = braking.patience
+    def __init__(self, braking: Braking, last_request: int) -> None:
+        self._standstill, self._last_request, self._braking = Standstill(braking), last_request, braking
         self._idle_since = math.inf
 
     def is_over(self, number: int, is_idle: bool, is_commanded: bool, measured: Twist2D | None) -> bool:
@@ -108,11 +111,11 @@ class Ending:
             is_commanded: The gate commands motion.
             measured: Velocity by the odometry; None before the first.
         """
-        time = number * self._period
+        time = number * self._braking.period
         self._standstill.note(is_commanded, time)
         if not is_idle or number <= self._last_request:
             self._idle_since = math.inf
             return False
         self._idle_since = min(self._idle_since, time)
         stands = measured is None or self._standstill.stands(measured, time)
-        return stands or time - self._idle_since >= self._longest
+        return stands or time - self._idle_since >= self._braking.patience

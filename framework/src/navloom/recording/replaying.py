@@ -235,9 +235,10 @@ class Replayer:
         self._change_parameters(node, step)
         since = before.at.tick if before is not None else step.at.tick - 1
         localizer = node.fed.node
-        for at, request in self._places if isinstance(localizer, LocalizerNode) else ():
-            if since < at <= step.at.tick and isinstance(localizer, LocalizerNode):
-                localizer.place(request, is_active=False)  # the recorded run has refused it if it had to
+        if isinstance(localizer, LocalizerNode):
+            for at, request in self._places:
+                if since < at <= step.at.tick:
+                    localizer.place(request, is_active=False)  # the recorded run has refused it if it had to
         fed = self.feeder.feed(node.fed.spec, step, since)
         tick = Tick(step.at.tick, step.at.stamp_ns * 1e-9, step.at.stamp_ns, step.at.epoch)
         act = self._tell(node.fed.node, step)

@@ -11,6 +11,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.engine.events import goal_at
+from navloom.geometry.angles import wrap
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.overlap import overlap_depth
 from navloom.geometry.world import Place, World
@@ -148,7 +150,9 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     commands = np.array(recorder.commands, dtype=np.float64).reshape(-1, 3)
     references = np.array(recorder.reference_times, dtype=np.float64)
     end = (truth[-1, 1], truth[-1, 2]) if len(truth) else (result.place.x, result.place.y)
-    goal = recorder.goals.get(result.goal_id) or _goal_of(system)
+    goal, own = recorder.goals.get(result.goal_id), system.goal
+    if goal is None and own is not None:
+        goal = goal_at(0, own.x, own.y, own.heading_deg)
     goal_distance = None if goal is None else math.hypot(goal.x - end[0], goal.y - end[1])
     heading_error = _turned(goal, float(truth[-1, 3])) if goal is not None and len(truth) else None
     tolerances = system.goal_tolerance, math.radians(config.navigation.heading_tolerance_deg)
@@ -309,14 +313,6 @@ def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
     return clearance
 
 
-def _goal_of(system: System) -> Goal | None:
-    """The config's own goal."""
-    own = system.goal
-    if own is None:
-        return None
-    return Goal(0, own.x, own.y, None if own.heading_deg is None else math.radians(own.heading_deg), ())
-
-
 def _turned(goal: Goal, heading: float) -> float | None:
     """Difference between a heading and the one that a goal asks for, rad; None if it asks for none."""
     return None if goal.heading is None else abs(math.remainder(goal.heading - heading, math.tau))
@@ -350,7 +346,7 @@ def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance
     said = np.array(recorder.estimates, dtype=np.float64).reshape(-1, 4)
     is_off = np.hypot(said[:, 1] - goal.x, said[:, 2] - goal.y) > tolerance
     if goal.heading is not None:
-        turned = np.abs(np.angle(np.exp(1j * (said[:, 3] - goal.heading))))
+        turned = np.abs(wrap(said[:, 3] - goal.heading))
         is_off |= turned > heading_tolerance
     if not len(said) or is_off[-1]:
         return None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "ATTENDANT", "CLAIM", "FAULT", "GAINED", "LARGEST", "LINKED", "STEP", "SUPERVISOR", "KeySpace"]
+__all__ = ["ALIVE", "ATTENDANT", "CLAIM", "FAULT", "GAINED", "LARGEST", "LINKED", "STEP", "SUPERVISOR", "KeySpace",
+           "key_part"]  # fmt: skip
 
 ALIVE = "alive"
 """Key part of an instance's liveliness tokens."""
@@ -24,6 +26,11 @@ SUPERVISOR = "supervisor"
 """Process name under which `navloom up` serves requests that concern the robot's processes."""
 LARGEST = 64 * 2**20
 """Largest message, bytes; a larger one is counted and not copied."""
+
+
+def key_part(name: str) -> str:
+    """A name, as of a host, with every character replaced that has a meaning in a key or in a life or claim."""
+    return re.sub(r"[^A-Za-z0-9._-]", "_", name)
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from navloom.engine.ports import PortTable, Quality
-from navloom.engine.streams import FRAMEWORK_PORTS, STATE, WORD, sensor_quality
+from navloom.engine.ports import Quality
+from navloom.engine.streams import FRAMEWORK_PORTS, STATE, WORD, PortTable, sensor_quality
 from navloom.messages import Message, Parameters, StepReport
 from navloom.messages.bounds import size_limit
 from navloom.transport.keyspace import FAULT, LARGEST, STEP

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navloom_scan_localizer.search import candidates
 from navloom_scan_localizer.sight import Sight, compare_views, look_along
 from navloom_scan_localizer.small import inverse
-from navloom_scan_localizer.tracking import PoseTracker
+from navloom_scan_localizer.tracking import PoseTracker, relative
 
 __all__ = ["Judge", "position_sigma"]
 
@@ -72,12 +72,6 @@ def _off(pose: Floats, other: Floats) -> Floats:
     return off
 
 
-def _step(start: tuple[float, ...], end: tuple[float, ...]) -> tuple[float, float, float]:
-    """Pose of the end, x, y, m, heading, rad, in the frame of the start."""
-    x, y, c, s = end[0] - start[0], end[1] - start[1], math.cos(start[2]), math.sin(start[2])
-    return c * x + s * y, c * y - s * x, end[2] - start[2]
-
-
 def _distance(off: Floats, information: Floats) -> float:
     """Square of the Mahalanobis distance of a shift (3,), by an inverse covariance (3, 3)."""
     return float((information * off[:, None] * off).sum())
@@ -118,7 +112,7 @@ class Judge:
         self._time = -math.inf
         self._view: tuple[Floats, int] | None = None
         """Beams and number of echoes of the last scan that continued the one before; None if no pose was trusted."""
-        self._view_from = self._last = tuple(tracker.odometry.tolist())
+        self._view_from = self._last = tracker.odometry
         """Poses of that scan and of the last one, odometry frame."""
         self._is_cut, self._continued, self._beyond, self._way = False, 1.0, 0.0, 0.0
         """Whether that view is lost; shares of the last scan's beams that continue it, and pass through it; way driven
@@ -177,8 +171,8 @@ class Judge:
         tracker, s, passed, self._time = self._tracker, self._tracker.settings, time - self._time, time
         if not len(beams):
             return
-        now = tuple(tracker.odometry.tolist())
-        step, way = _step(self._view_from, now), math.dist(self._last[:2], now[:2])
+        now = tracker.odometry
+        step, way = relative(self._view_from, now), math.dist(self._last[:2], now[:2])
         self._way, self._last = math.hypot(step[0], step[1]), now
         stride = max(1, len(beams) // _BEAMS)
         self._part = (self._part + 1) % stride
@@ -197,7 +191,7 @@ class Judge:
             if self._is_cut:
                 self._is_cut, self._view = False, None
 
-    def _compare(self, beams: Floats, echoes: int, step: tuple[float, float, float], part: tuple[int, int]) -> None:
+    def _compare(self, beams: Floats, echoes: int, step: Floats, part: tuple[int, int]) -> None:
         """Compare a scan with the last view. It is lost if the scan sees another one, and far less of the map."""
         if self._view is None:
             return

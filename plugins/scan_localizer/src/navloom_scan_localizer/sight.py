@@ -191,7 +191,7 @@ def compare_views(
     heard: int,
     beams: Floats,
     echoes: int,
-    step: tuple[float, float, float],
+    step: Floats,
     gate: float,
     part: tuple[int, int] = (0, 1),
 ) -> tuple[float, float]:
@@ -203,11 +203,11 @@ def compare_views(
     Args:
         before, heard: Beams and number of echoes of the earlier scan, as those of `look_along`.
         beams, echoes: Those of this scan.
-        step: Motion of odometry since then: x, y, m, heading, rad, in the base frame of the earlier scan.
+        step: (3,) motion of odometry since then: x, y, m, heading, rad, in the base frame of the earlier scan.
         gate: Largest distance beyond those ends, m.
         part: First beam and stride, if not all are compared.
     """
-    same, beyond, count = _compare(before, heard, beams, echoes, *step, gate, *part)
+    same, beyond, count = _compare(before, heard, beams, echoes, step[0], step[1], step[2], gate, *part)
     return (same / count, beyond / count) if count >= _LEAST else (1.0, 0.0)
 
 
@@ -216,4 +216,4 @@ def warm_up() -> None:
     field = distance_field(np.eye(3, dtype=np.bool_), 0.1, (0.0, 0.0, 0.0), 1.0)
     beams = np.array([[0.1, 0.1, 1.0, 0.0]])
     look_along(field, beams, 1, np.zeros(3), 0.1)
-    compare_views(beams, 1, beams, 1, (0.0, 0.0, 0.0), 0.1)
+    compare_views(beams, 1, beams, 1, np.zeros(3), 0.1)

@@ -112,8 +112,8 @@ class GateNode(Node):
     def check(self, tick: Tick) -> None:
         """Between two ticks: stop at once if something is wrong; does nothing if all is well or already stopped.
 
-        The ramp of an ordinary stop begins, and goes on, with the ticks. Only a latched stop is told at once: one that
-        was not told is not remembered.
+        The ramp of an ordinary stop begins and continues with the ticks. Only a latched stop is published at once: one
+        that was not published is not remembered.
         """
         sensed, has_contact = self._sensed(), self.gate.has_contact
         has_seen = self._see()

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 __all__ = ["BODIES", "Body", "Task", "drive", "tasks"]
 

@@ -26,8 +26,8 @@ from typing import Any
 
 from driven import config
 from navloom.config.tables import LiveTable
-from navloom.operating.client import Client, ClientError
-from navloom.operating.joining import join
+from navloom_live.operating.client import Client, ClientError
+from navloom_live.operating.joining import join
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 300.0, 30.0

@@ -1,4 +1,4 @@
-"""Cost of the shortest path among boxes (`navloom.study.optimal`), and how it grows with their number.
+"""Cost of the shortest path among boxes (`navloom.runs.optimal`), and how it grows with their number.
 
     python benchmarks/shortest_way.py [--json]
 
@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.world import Box, Place
-from navloom.study.optimal import shortest
-from navloom.study.optimal.lazy_tangents import TangentSearch
-from navloom.study.optimal.shape_space import ShapeSpace
-from navloom.study.optimal.tangents import ShortestPath, shortest_among
+from navloom.runs.optimal import shortest
+from navloom.runs.optimal.lazy_tangents import TangentSearch
+from navloom.runs.optimal.shape_space import ShapeSpace
+from navloom.runs.optimal.tangents import ShortestPath, shortest_among
 
 __all__ = ["WORLDS", "measured"]
 

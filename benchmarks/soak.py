@@ -28,9 +28,9 @@ from pathlib import Path
 from typing import Any
 
 from driven import PLACES, config
-from navloom.operating.client import Refused
-from navloom.operating.findings import loop_rate
-from navloom.operating.navigator import Navigator
+from navloom_live.operating.client import Refused
+from navloom_live.operating.findings import loop_rate
+from navloom_live.operating.navigator import Navigator
 
 
 def resident(pid: int) -> float:
@@ -118,7 +118,7 @@ def soak(given: argparse.Namespace) -> dict[str, Any]:
 
 def recorded(path: Path) -> dict[str, Any]:
     """Size of a recording, its messages, and how many were dropped, lost or malformed."""
-    from navloom.recording.reader import Recording
+    from navloom_recording.reader import Recording
 
     recording = Recording(path)
     counts = recording.counts()

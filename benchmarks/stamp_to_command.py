@@ -19,13 +19,13 @@ from typing import Any
 
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
+from navloom.engine.streams import STEP
 from navloom.engine.system import System
-from navloom.hosting.network import network_of
-from navloom.hosting.robot import LiveRobot, StartError
 from navloom.messages import Command, Message, StepReport
 from navloom.messages.codec import decode
-from navloom.operating.client import Client
-from navloom.transport.keyspace import STEP
+from navloom_live.hosting.network import network_of
+from navloom_live.hosting.robot import LiveRobot, StartError
+from navloom_live.operating.client import Client
 
 PROCESSES = (
     'live.processes={robot=["platform", "localizer"], think=["mapper", "planner", "goal"], '

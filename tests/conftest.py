@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import Episode, run_episode
+from navloom.runs.episode import Episode, run_episode
 
 
 @pytest.fixture(scope="session")

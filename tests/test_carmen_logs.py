@@ -11,8 +11,8 @@ import pytest
 from navloom import Odometry, RangeScan
 from navloom.geometry.echoes import scan_points
 from navloom.geometry.frames import transform
-from navloom.recording.carmen_import import import_carmen
-from navloom.recording.reader import Recording
+from navloom_carmen.carmen_import import import_carmen
+from navloom_recording.reader import Recording
 from PIL import Image
 from scipy.ndimage import binary_dilation
 

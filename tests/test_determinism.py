@@ -13,7 +13,7 @@ from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
 from navloom.engine.making import make_plugins
-from navloom.study.episode import Episode
+from navloom.runs.episode import Episode
 from numba.core.event import install_recorder
 
 Run = Callable[..., Episode]

@@ -15,14 +15,14 @@ from unittest.mock import patch
 import pytest
 import typer.main
 from doc_pages import NOT_RUN, PAGES, PROGRAMS, STAND_INS, TOP, Step, listed, steps, words
-from navloom.cli.added import Commands
+from navloom.cli.commands import Commands
 from navloom.cli.main import app
 from navloom.config import load_config
 from navloom.entry_kinds import OTHERS
 from navloom.messages import SCHEMAS, Envelope, GateStatus, Message, StepRecord
 from navloom.plugins import Registry
 from navloom.roles import ROLES
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 STEPS = [step for page in PAGES for step in steps(page)]
 TYPED = [step for step in STEPS if step.kind in ("command", "inline")]

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).resolve().parents[1]
-SOURCE = TOP / "framework" / "src" / "navloom"
+PARTS = [path for path in sorted(TOP.glob("framework/*/src/*")) if (path / "__init__.py").exists()]
+"""Packages of the framework; a file is named from its package, or from the folder above."""
 PAGES = [TOP / "docs" / name for name in ("architecture.md", "decisions.md")]
 FILE = re.compile(r"`((?:[a-z_]+/)+[a-z_]+\.py)`")
 
@@ -17,8 +18,12 @@ FILE = re.compile(r"`((?:[a-z_]+/)+[a-z_]+\.py)`")
 def test_every_file_that_the_page_names_exists(page: Path) -> None:
     named = FILE.findall(page.read_text("utf-8"))
     assert len(named) > 5
-    outside = [name for name in named if not (SOURCE / name).is_file() and not (TOP / name).is_file()]
-    assert [name for name in outside if not [*TOP.glob(f"plugins/*/src/*/{name}")]] == []
+    assert [name for name in named if file_of(name) is None and not (TOP / name).is_file()] == []
+
+
+def file_of(name: str) -> Path | None:
+    tops = [*PARTS, *(path.parent for path in PARTS), *TOP.glob("plugins/*/src"), *TOP.glob("plugins/*/src/*")]
+    return next((top / name for top in tops if (top / name).is_file()), None)
 
 
 def rows(title: str) -> list[str]:
@@ -33,7 +38,9 @@ def test_each_row_from_a_question_to_code_names_code_that_exists() -> None:
         text = ""
         for name in re.findall(r"`([^`]+)`", row.split("|")[2]):
             if FILE.fullmatch(f"`{name}`"):
-                text = (SOURCE / name).read_text("utf-8")
+                path = file_of(name)
+                assert path is not None, name
+                text = path.read_text("utf-8")
             elif text and not name.startswith("["):  # a table of a config
                 assert re.search(rf"(def|class) {name}\b|\b{name}:", text), f"{row}: {name}"
                 found += 1
@@ -41,14 +48,14 @@ def test_each_row_from_a_question_to_code_names_code_that_exists() -> None:
 
 
 def test_each_package_is_in_the_table() -> None:
-    listed = set(re.findall(r"`(\w+)`", " ".join(row.split("|")[1] for row in rows("Another test checks"))))
-    packages = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").exists()}
+    listed = set(re.findall(r"`(\w+)`", " ".join(rows("Another test checks"))))
+    packages = {path.parent.name for part in PARTS for path in [*part.glob("__init__.py"), *part.glob("*/__init__.py")]}
     assert packages <= listed
 
 
 def test_each_class_named_on_the_way_of_a_sweep_and_a_command_exists() -> None:
     text = PAGES[0].read_text("utf-8").split("**The way of a sweep**", 1)[1].split("**Every random number**", 1)[0]
-    code = "".join(path.read_text("utf-8") for path in SOURCE.rglob("*.py"))
+    code = "".join(path.read_text("utf-8") for part in PARTS for path in part.rglob("*.py"))
     classes = set(re.findall(r"`([A-Z]\w+)", text))
     assert len(classes) > 12
     assert [name for name in sorted(classes) if f"class {name}" not in code] == []

@@ -13,7 +13,7 @@ from navloom.engine.streams import sensor_port
 from navloom.messages import SCHEMAS, Envelope, Message, RangeScan
 from navloom.messages.bounds import header_limit, size_limit
 from navloom.messages.kinds import MAX_ITEMS, MAX_TEXT, Kind
-from navloom.transport.quality import quality_of
+from navloom_live.transport.quality import quality_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "messages.md").read_text("utf-8")
 CLASSES = sorted(

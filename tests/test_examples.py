@@ -18,7 +18,7 @@ from navloom import Envelope, GateStatus, Message, StepRecord
 from navloom.cli import main
 from navloom.config import load_config
 from navloom.plugins import one_file
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 TOP = Path(__file__).resolve().parents[1]
 EXAMPLES = TOP / "examples"

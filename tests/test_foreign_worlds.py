@@ -13,8 +13,8 @@ from navloom.engine.build import assemble
 from navloom.engine.checks import check_task
 from navloom.plugins import Discovery
 from navloom.roles import PlatformInput, PlatformOutput
-from navloom.study.episode import Episode, run_episode
-from navloom.study.worldset import OWN_WORLD, worlds_of
+from navloom.runs.episode import Episode, run_episode
+from navloom_study.worldset import OWN_WORLD, worlds_of
 from pydantic import Field
 
 POST = Cylinder("post", 1.0, 1.5, 0.2)

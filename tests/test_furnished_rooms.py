@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from furnished_rooms import room
 from navloom.config import load_config
-from navloom.study.episode import Episode, run_episode
+from navloom.runs.episode import Episode, run_episode
 
 TRUE_POSE = ["localizer.plugin=odometry", "platform.slip=0", "run.stop_after=180"]
 CLOSED = 2

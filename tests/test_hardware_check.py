@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from dist_rig import put_on_path
-from navloom.testing import hardware
+from navloom_check import hardware
 
 FOLDER = Path(__file__).resolve().parents[1] / "examples" / "serial_base"
 sys.path.insert(0, str(FOLDER))

@@ -10,7 +10,7 @@ import networkx
 import pytest
 
 TOP = Path(__file__).resolve().parents[1]
-SOURCES = [TOP / "framework" / "src", *sorted(TOP.glob("plugins/*/src"))]
+SOURCES = sorted([*TOP.glob("framework/*/src"), *TOP.glob("plugins/*/src")])
 
 
 def modules_of(sources: list[Path]) -> dict[str, Path]:

@@ -14,7 +14,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Place
 from navloom.plugins import Discovery
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 from typer.testing import CliRunner
 
 BODY = rectangle(0.5, 0.5)

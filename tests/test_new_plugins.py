@@ -15,10 +15,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from navloom.plugins.scaffold import KINDS
+from navloom_check.scaffold import KINDS
 
 TOP = Path(__file__).resolve().parents[1]
-HOUSES = [TOP / "framework", TOP / "benchmarks", *(path.parent for path in (TOP / "plugins").glob("*/pyproject.toml"))]
+HOUSES = [
+    *sorted((TOP / "framework").iterdir()),
+    TOP / "benchmarks",
+    *(path.parent for path in (TOP / "plugins").glob("*/pyproject.toml")),
+]
 ROLES = ["avoider", "controller", "planner", "mapper", "localizer", "recovery"]
 Run = Callable[..., str]
 

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import Episode, run_episode
+from navloom.runs.episode import Episode, run_episode
 
 Run = Callable[..., Episode]
 QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.noise=false")

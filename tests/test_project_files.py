@@ -23,7 +23,7 @@ def read(name: str) -> Any:
 
 
 def version() -> str:
-    return str(tomllib.loads((TOP / "framework" / "pyproject.toml").read_text("utf-8"))["project"]["version"])
+    return str(tomllib.loads((TOP / "framework" / "core" / "pyproject.toml").read_text("utf-8"))["project"]["version"])
 
 
 def hooks() -> list[dict[str, Any]]:

@@ -18,12 +18,12 @@ from navloom.engine.build import assemble, grid_of
 from navloom.engine.making import make_plugins
 from navloom.geometry.world import Place, World
 from navloom.roles import PlannerInput
-from navloom.study.episode import run_episode
-from navloom.study.optimal.shortest import optimal_length
-from navloom.study.planning import map_update
-from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
-from navloom.worlds.movingai import scenario_place
-from navloom.worlds.rosmap import load_raster, rosmap_world
+from navloom.runs.episode import run_episode
+from navloom.runs.optimal.shortest import optimal_length
+from navloom.runs.planning import map_update
+from navloom_maps.movingai import scenario_place
+from navloom_maps.rosmap import load_raster, rosmap_world
+from navloom_study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 from scipy.ndimage import distance_transform_edt
 
 CONFIG = """

@@ -16,7 +16,7 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.trace import read_trace
 from navloom.messages.codec import encode
-from navloom.study.episode import Episode, run_episode
+from navloom.runs.episode import Episode, run_episode
 
 FILE = Path(__file__).with_name("recorded_streams.json")
 RECORDED: dict[str, dict[str, str]] = json.loads(FILE.read_text())
@@ -53,7 +53,7 @@ def test_a_shipped_config_gives_the_recorded_streams(config: str, tmp_path: Path
 
 SHA = """
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 print(run_episode(load_config("explore")).log.trace_sha256)
 """
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import navloom.config
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 PAPER = Path(navloom.config.__file__).parent / "shipped" / "paper.toml"
 SECOND = """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import io
 import logging
@@ -15,6 +14,7 @@ import navloom
 import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
+from navloom.names import MODULE_OF
 from navloom_sensors_sim.adapter import SensorsSim
 
 TOP = Path(__file__).resolve().parents[1]
@@ -51,8 +51,7 @@ def test_no_page_fetches_anything(site: Path) -> None:
 
 
 def test_every_public_name_is_in_the_reference(site: Path) -> None:
-    names = {name for house in navloom._HOUSES for name in importlib.import_module(house).__all__}
-    things = {name: getattr(navloom, name) for name in names}
+    things = {name: getattr(navloom, name) for name in MODULE_OF}
     documented = {name for name, thing in things.items() if inspect.isclass(thing) or inspect.isfunction(thing)}
     pages = [*site.glob("reference/**/*.html"), site / "messages/index.html"]
     text = " ".join(page.read_text("utf-8") for page in pages)

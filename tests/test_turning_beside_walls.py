@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 BODIES = {
     "0.5 x 0.5": ("{length=0.5, width=0.5}", 0.25),

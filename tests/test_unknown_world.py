@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import run_episode
-from navloom.study.metrics import METRICS, measure
+from navloom.runs.episode import run_episode
+from navloom.runs.metrics import METRICS, measure
 
 HIDDEN = """
 bounds = [-1.0, -5.0, 10.0, 5.0]

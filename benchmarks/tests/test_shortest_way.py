@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from navloom.study.optimal import shortest
+from navloom.runs.optimal import shortest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from shortest_way import WORLDS, measured

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from navloom.viewer.program import Program
+from navloom_viewer.program import Program
 from PIL import Image
 from rerun.experimental import ViewerClient
 

@@ -162,7 +162,7 @@ def metrics_page() -> str:
         "## Panels of the viewer",
         "[A panel of your own](../viewing.md#a-panel-of-your-own) is a guide.",
         public("Panel", "Seen"),
-        shown("navloom.viewer.panels.Change"),
+        shown("navloom_viewer.panels.Change"),
     )
 
 
@@ -225,7 +225,7 @@ def avoidance_page() -> str:
     return page(
         "Avoidance",
         "What several avoiders share: functions on numpy arrays. Import from the named module.",
-        *(module(f"navloom.avoidance.{name}") for name in modules),
+        *(module(f"navloom_avoidance.{name}") for name in modules),
     )
 
 
@@ -249,11 +249,11 @@ def testing_page() -> str:
     return page(
         "Testing",
         "Import from `navloom.testing`.",
-        shown("navloom.testing.builders", options="\n    options: { show_root_heading: false }"),
+        shown("navloom_check.builders", options="\n    options: { show_root_heading: false }"),
         "## Messages",
-        shown("navloom.testing.messages", options="\n    options: { show_root_heading: false }"),
+        shown("navloom_check.messages", options="\n    options: { show_root_heading: false }"),
         "## Scenes",
-        shown("navloom.testing.scenes", options="\n    options: { show_root_heading: false }"),
+        shown("navloom_check.scenes", options="\n    options: { show_root_heading: false }"),
     )
 
 
@@ -277,7 +277,7 @@ def python_page() -> str:
         "## A live robot",
         public("Navigator", "GoalHandle"),
         "## A run in simulation",
-        shown("navloom.config.load_config", "navloom.study.episode.run_episode", "navloom.study.episode.Episode"),
+        shown("navloom.config.load_config", "navloom.runs.episode.run_episode", "navloom.runs.episode.Episode"),
         "## Roles and verbs",
         public("verb_of", "is_patient"),
         "## Worlds and arrays",

@@ -13,12 +13,13 @@ from navloom.cli.main import app
 from navloom.cli.shells.tree import CommandEntry, commands
 from navloom.config.schema import Config
 from navloom.engine.catalogue import FRAMEWORK
+from navloom.engine.streams import STEP
 from navloom.plugins import Discovery
 from navloom.roles import ROLES
-from navloom.study import METRICS
-from navloom.transport.keyspace import ALIVE, FAULT, STEP, KeySpace
-from navloom.transport.quality import PARAMETERS
 from navloom.worlds import SCHEMES, WORLDS
+from navloom_live.transport.keyspace import ALIVE, FAULT, KeySpace
+from navloom_live.transport.quality import PARAMETERS
+from navloom_study import METRICS
 
 PARAMETER_HEAD = ("parameter", "default", "allowed", "meaning")
 

@@ -10,12 +10,12 @@ import os
 import sys
 import tempfile
 
-from navloom.testing import worker
-from navloom.testing.bench import Bench
-from navloom.testing.guard import GUARD
-from navloom.testing.printed import PRINTED
-from navloom.testing.subject import CheckRequest
-from navloom.testing.tiers import find_check
+from navloom_check import worker
+from navloom_check.bench import Bench
+from navloom_check.guard import GUARD
+from navloom_check.printed import PRINTED
+from navloom_check.subject import CheckRequest
+from navloom_check.tiers import find_check
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from navloom.transport.links import Link, settings
+from navloom_live.transport.links import Link, settings
 
 __all__ = ["KINDS", "Attack", "main"]
 

@@ -22,10 +22,10 @@ from tempfile import TemporaryDirectory
 
 import zenoh
 from fault_rig import FULL, Rig, rig, until
-from navloom.transport.access import Identity
-from navloom.transport.certificates import HOSTS, CertificateRequest
-from navloom.transport.keys import add_identity, new_authority, renew, revoke
-from navloom.transport.links import Link, settings
+from navloom_live.transport.access import Identity
+from navloom_live.transport.certificates import HOSTS, CertificateRequest
+from navloom_live.transport.keys import add_identity, new_authority, renew, revoke
+from navloom_live.transport.links import Link, settings
 
 __all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]
 

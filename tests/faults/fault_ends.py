@@ -11,7 +11,7 @@ from fault_leftovers import WAYS, fork_first
 from fault_rig import SHARES, Rig, is_running, until
 from leftovers import below
 from motor_record import ran_on
-from navloom.operating.host_faults import is_stopped
+from navloom_live.operating.host_faults import is_stopped
 
 __all__ = ["ENDS", "end_of_supervisor", "name_of_end"]
 

@@ -13,7 +13,7 @@ from typing import Any
 from fault_kinds import AGAIN, STOP, Fault
 from fault_rig import SHARES, Rig, until
 from leftovers import below
-from navloom.hosting import nursery
+from navloom_live.hosting import nursery
 
 __all__ = ["DELETIONS", "FORKS", "WAYS", "fork_first", "forks", "zombies"]
 

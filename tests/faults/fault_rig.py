@@ -20,9 +20,9 @@ from typing import Any
 import fault_plugins
 from leftovers import Census
 from motor_record import RECORD, MotorRecord
-from navloom.hosting.directory import DirectoryError, RobotFolder
-from navloom.operating.client import ClientError, Refused
-from navloom.operating.navigator import Navigator
+from navloom_live.hosting.directory import DirectoryError, RobotFolder
+from navloom_live.operating.client import ClientError, Refused
+from navloom_live.operating.navigator import Navigator
 from pauses import Pauses
 
 __all__ = ["FULL", "HALL", "SHARES", "Driver", "Note", "Rig", "is_running", "rig", "until"]

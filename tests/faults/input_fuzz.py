@@ -50,19 +50,21 @@ from fuzz_seeds import (
 from navloom.config import ConfigError, load_config, loader
 from navloom.messages import MessageError
 from navloom.plugins import Discovery, PluginError
-from navloom.recording.carmen_import import import_carmen
-from navloom.recording.header import RecordingError
-from navloom.recording.reader import Recording
-from navloom.recording.writer import WriteError
-from navloom.report import data as report_data
 from navloom.roles import InputError
-from navloom.study.journal import StudyFolder, open_loop_table, table_of
-from navloom.study.openloop import METHOD
-from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
-from navloom.transport.access import AccessError, read_identities
-from navloom.worlds import SCHEMES, WorldError, rosmap
+from navloom.worlds import SCHEMES, WorldError
+from navloom_carmen.carmen_import import import_carmen
+from navloom_live.transport.access import AccessError, read_identities
+from navloom_maps import SCHEMES as MAPS
+from navloom_maps import rosmap
+from navloom_recording.header import RecordingError
+from navloom_recording.reader import Recording
+from navloom_recording.writer import WriteError
 from navloom_ros.bag_import import import_bag
 from navloom_ros.bags import opened
+from navloom_study.journal import StudyFolder, open_loop_table, table_of
+from navloom_study.openloop import METHOD
+from navloom_study.report import data as report_data
+from navloom_study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 from rosbags.typesys import get_types_from_msg
 
 SLOWEST, LONGEST = 20.0, 200.0
@@ -256,7 +258,7 @@ def read_image(folder: Path) -> Callable[[Path], object]:
 
 def read_yaml(path: Path) -> object:
     path.with_name("m.pgm").write_bytes(b"P5\n3 2\n255\n123456")
-    return SCHEMES["rosmap"]("f", path.parent)
+    return MAPS["rosmap"]("f", path.parent)
 
 
 def read_override(path: Path) -> object:
@@ -320,9 +322,9 @@ def decoders(folder: Path) -> list[Decoder]:
                 read_image(folder), world),
         Decoder("map png", [png(mode) for mode in ("L", "P", "RGBA", "I;16", "1")], read_image(folder), world,
                 png_with_checksums),
-        Decoder("barn npz", [barn()], lambda path: SCHEMES["barn"]("f#1", path.parent), world, npz_with_checksums),
-        Decoder("movingai", [MAP], lambda path: SCHEMES["movingai"]("f", path.parent), world),
-        Decoder("movingai gz", [MAP], lambda path: SCHEMES["movingai"]("f", path.parent), world,
+        Decoder("barn npz", [barn()], lambda path: MAPS["barn"]("f#1", path.parent), world, npz_with_checksums),
+        Decoder("movingai", [MAP], lambda path: MAPS["movingai"]("f", path.parent), world),
+        Decoder("movingai gz", [MAP], lambda path: MAPS["movingai"]("f", path.parent), world,
                 lambda content: gzip.compress(content, 1)),
         Decoder("world toml", [WORLD], lambda path: SCHEMES["toml"]("f", path.parent), world),
         Decoder("sweep npz", [sweep()], read_map, sweeps, npz_with_checksums),

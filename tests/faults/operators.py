@@ -26,8 +26,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 
 from live_rig import EMPTY, Up, up
-from navloom.operating.client import Client, ClientError, Refused
-from navloom.operating.joining import join
+from navloom_live.operating.client import Client, ClientError, Refused
+from navloom_live.operating.joining import join
 
 __all__ = ["CONFIG", "main", "session"]
 

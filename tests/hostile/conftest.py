@@ -14,14 +14,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 def warm() -> None:
     """Import what the commands import, so that children measure the file and not the imports."""
     import navloom.engine.build
-    import navloom.report.data
-    import navloom.study.sweeps
     import navloom_ros.bag_import
+    import navloom_study.report.data
+    import navloom_study.sweeps
     import rosbags.highlevel
     import yaml
     from navloom.config import load_config
     from PIL import PngImagePlugin
 
-    assert navloom_ros.bag_import and navloom.report.data and navloom.study.sweeps
+    assert navloom_ros.bag_import and navloom_study.report.data and navloom_study.sweeps
     assert rosbags.highlevel and yaml and PngImagePlugin
     navloom.engine.build.assemble(load_config("paper"))  # imports the plugins

@@ -13,7 +13,7 @@ import ros_bags as bags
 import zstandard
 from hostile_rig import ZEROS, merges, navloom, refused
 from navloom.config import load_config
-from navloom.recording.header import header_of
+from navloom_recording.header import header_of
 
 
 def record(opcode: int, content: bytes) -> bytes:
@@ -144,7 +144,7 @@ def test_a_hostile_study_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_hostile_list_of_identities_is_refused(tmp_path: Path) -> None:
-    from navloom.transport.access import AccessError, read_identities
+    from navloom_live.transport.access import AccessError, read_identities
 
     (tmp_path / "identities.json").write_text("[" * 100_000)
     with pytest.raises(AccessError, match=r"identities\.json: more than 64 brackets deep"):

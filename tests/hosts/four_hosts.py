@@ -11,7 +11,7 @@ __all__ = ["FOUR", "NAMES", "Robot"]
 
 FOUR = ("base", "brain", "drive", "hub")
 NAMES = (*FOUR, "desk")
-SHIPPED = Path(__file__).parents[2] / "framework" / "src" / "navloom" / "config" / "shipped" / "paper.toml"
+SHIPPED = Path(__file__).parents[2] / "framework" / "core" / "src" / "navloom" / "config" / "shipped" / "paper.toml"
 SPREAD = """\
 hosts = { base = ["robot", "safe"], brain = ["think"], drive = ["drive"], hub = [] }
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import itertools
 import sys
 
-from navloom.operating.client import ClientError, Refused
-from navloom.operating.navigator import Navigator
+from navloom_live.operating.client import ClientError, Refused
+from navloom_live.operating.navigator import Navigator
 
 __all__ = ["main"]
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from live_rig import BROKEN, Up, up
-from navloom.operating.client import Refused
-from navloom.operating.navigator import GoalHandle, Navigator
+from navloom_live.operating.client import Refused
+from navloom_live.operating.navigator import GoalHandle, Navigator
 from test_live_swaps import CONFIG, Listener
 
 BARE = CONFIG.partition("[[alternative]]")[0].format(speed=0.2, handover="when_blocked")

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from live_rig import runtime_folder
 from navloom.config import load_config
-from navloom.study.barrier_run import run_barrier
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
+from navloom_live.drives.barrier_run import run_barrier
 
 ROLES = ["platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery"]
 SPREADS = {

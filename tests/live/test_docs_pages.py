@@ -184,7 +184,7 @@ class Reader:
 
     def send(self, number: signal.Signals, process: str) -> None:
         """Send a signal to a process of the robot; after SIGKILL, wait until it has restarted."""
-        from navloom.operating.navigator import Navigator
+        from navloom_live.operating.navigator import Navigator
 
         with Navigator() as navigator:
             if process not in self.pids:
@@ -197,8 +197,8 @@ class Reader:
 
 def it_stands(reader: Reader) -> None:
     """Wait until an ordinary stop has ended its ramp."""
-    from navloom.operating.looking import last
-    from navloom.operating.navigator import Navigator
+    from navloom_live.operating.looking import last
+    from navloom_live.operating.navigator import Navigator
 
     with Navigator() as navigator:
         limit = time.monotonic() + START

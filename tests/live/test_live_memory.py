@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from live_rig import Up, up
-from navloom.operating.looking import last
-from navloom.operating.navigator import Navigator
+from navloom_live.operating.looking import last
+from navloom_live.operating.navigator import Navigator
 from test_live_robot import BESIDE, _navigator
 
 ONE = ["--set", 'live.processes = { all = ["platform", "localizer", "mapper", "planner", "goal", "reference", '

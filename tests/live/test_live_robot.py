@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from live_rig import COMMAND, EMPTY, Up, is_running, runtime_folder, up
 from navloom.cli import main
-from navloom.operating.navigator import Navigator
+from navloom_live.operating.navigator import Navigator
 
 PAPER = ["paper", "--set", "navigation.drive=false", "--set", "world.ref=paper_gates"]
 SPLIT = {

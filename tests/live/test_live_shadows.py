@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from live_rig import up
-from navloom.operating.navigator import Navigator
+from navloom_live.operating.navigator import Navigator
 from test_live_swaps import CONFIG
 
 SOON = 30.0

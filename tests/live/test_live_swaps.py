@@ -10,7 +10,7 @@ import pytest
 from live_rig import Up, up
 from navloom.messages import Command, GateStatus, Selection, StepReport
 from navloom.messages.codec import decode
-from navloom.operating.navigator import Navigator
+from navloom_live.operating.navigator import Navigator
 
 CONFIG = """
 [world]

@@ -35,7 +35,7 @@ TOP = Path(__file__).resolve().parents[2]
 PAPER = ("improved_vfh", "vfh", "vff", "ipabd", "astar", "lyapunov_tracker")
 LIBRARIES = (
     "numpy", "scipy.ndimage", "numba", "pydantic", "pytest", "hypothesis", "pytest_benchmark.plugin",
-    "navloom.messages", "navloom.testing.pytest_plugin",
+    "navloom.messages", "navloom_check.pytest_plugin",
 )  # fmt: skip
 COMPILING = 90.0
 """Time that a test may take to compile kernels, s."""

@@ -17,7 +17,7 @@ LEFT_OUT = ("_speed.py", "_benchmark.py", "_readme.py")
 
 @dataclass(frozen=True)
 class Tree:
-    """A checkout: sources in `framework/src` and `plugins/*/src`, tests in `tests` folders.
+    """A checkout: sources in `framework/*/src` and `plugins/*/src`, tests in `tests` folders.
 
     Attributes:
         top: Its folder.
@@ -29,7 +29,11 @@ class Tree:
     @cached_property
     def roots(self) -> list[Path]:
         """Folders with packages."""
-        return [path for path in (self.top / "framework/src", *sorted(self.top.glob("plugins/*/src"))) if path.is_dir()]
+        return [
+            path
+            for path in sorted([*self.top.glob("framework/*/src"), *self.top.glob("plugins/*/src")])
+            if path.is_dir()
+        ]
 
     @cached_property
     def modules(self) -> dict[str, Path]:
@@ -39,7 +43,10 @@ class Tree:
     @cached_property
     def tests(self) -> list[Path]:
         """All test files."""
-        folders = (self.top / "framework/tests", self.top / "tests", *sorted(self.top.glob("plugins/*/tests")))
+        folders = (
+            self.top / "tests",
+            *sorted([*self.top.glob("framework/*/tests"), *self.top.glob("plugins/*/tests")]),
+        )
         found = (path for folder in folders for path in sorted(folder.rglob("test_*.py")))
         return [path for path in found if not path.name.endswith(LEFT_OUT)]
 
@@ -76,7 +83,7 @@ class Tree:
         each module.
         """
         root = next(root for root in self.roots if root in path.parents)
-        if root.parent.name == "framework":
+        if root.parents[1].name == "framework":
             return self.importers(self.name(path))
         own = [name for name, other in self.modules.items() if root in other.parents]
         return sorted({name for module in own for name in self.importers(module)})
@@ -104,7 +111,7 @@ class Tree:
         root = next(root for root in self.roots if root in path.parents)
         tests = root.parent / "tests"
         part = path.relative_to(root).parts[1]  # of the framework: the tests of the same package
-        return tests / part if root.parent.name == "framework" and (tests / part).is_dir() else tests
+        return tests / part if root.parents[1].name == "framework" and (tests / part).is_dir() else tests
 
     def _imported(self, path: Path) -> frozenset[str]:
         """Modules that a file imports by name, and names in them that may be modules."""

@@ -23,15 +23,15 @@ from navloom.engine.catalogue import FRAMEWORK
 from navloom.messages import GateStatus, Message
 from navloom.messages.envelope import Envelope, StepRecord
 from navloom.plugins import Discovery, PluginError
-from navloom.recording.reader import Recording
-from navloom.recording.republishing import republish
-from navloom.study.episode import run_episode
-from navloom.study.methods import methods_of
-from navloom.study.openloop import open_loop_of
-from navloom.viewer.drawing import Drawing
-from navloom.viewer.facts import facts_of
-from navloom.viewer.observe import Gathering
-from navloom.viewer.panels import panels_of
+from navloom.runs.episode import run_episode
+from navloom_live.operating.republishing import republish
+from navloom_recording.reader import Recording
+from navloom_study.methods import methods_of
+from navloom_study.openloop import open_loop_of
+from navloom_viewer.drawing import Drawing
+from navloom_viewer.facts import facts_of
+from navloom_viewer.observe import Gathering
+from navloom_viewer.panels import panels_of
 
 Typed = Callable[..., tuple[int, str, str]]
 SHORT = ("run.stop_after=8.0",)

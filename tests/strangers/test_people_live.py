@@ -14,8 +14,8 @@ from live_rig import Up, runtime_folder, up
 from navloom.config import load_config
 from navloom.messages import GateStatus, Message
 from navloom.messages.codec import decode
-from navloom.operating.navigator import Navigator
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
+from navloom_live.operating.navigator import Navigator
 
 SHARES = """live.processes={ robot = ["platform", "localizer"], think = ["mapper", "planner", "goal", "people"],
  drive = ["reference", "controller", "avoider", "recovery", "gate"] }""".replace("\n", "")

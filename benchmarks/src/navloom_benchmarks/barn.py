@@ -24,7 +24,7 @@ from navloom.engine.system import System
 from navloom.geometry.world import Cylinder
 from navloom.messages import RangeScan, Twist2D
 from navloom.roles import Platform, PlatformInput
-from navloom.worlds.barn import barn_numbers
+from navloom_maps.barn import barn_numbers
 
 from navloom_benchmarks import irsim as bench_irsim
 from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, timed

@@ -17,13 +17,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from navloom.live.mailbox import Mailbox
-from navloom.live.switchboard import Switchboard
 from navloom.messages import Envelope, Message
-from navloom.transport.keyspace import KeySpace
-from navloom.transport.links import Link, peer_link, settings
-from navloom.transport.quality import quality_of
-from navloom.transport.zenoh_bus import Bus
+from navloom_live.live.mailbox import Mailbox
+from navloom_live.live.switchboard import Switchboard
+from navloom_live.transport.keyspace import KeySpace
+from navloom_live.transport.links import Link, peer_link, settings
+from navloom_live.transport.quality import quality_of
+from navloom_live.transport.zenoh_bus import Bus
 
 from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module
 from navloom_benchmarks.samples import samples, wire_bytes, wire_size

@@ -21,7 +21,7 @@ from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.plugins import Discovery
 from navloom.roles import Context, Planner, PlannerInput, RobotSpec
-from navloom.study.planning import POINT, map_update
+from navloom.runs.planning import POINT, map_update
 from numpy.typing import NDArray
 
 from navloom_benchmarks.pairs import Effort, Peer, PeerError, Row, paired, peer_module, timed

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from navloom.avoidance.clearance import footprint_edges, outside_distance
+from navloom_avoidance.clearance import footprint_edges, outside_distance
 from navloom_dwa.contact import annulus, cosine_until, disc_contact, enlarged_corners, first_contacts, polygon_contact
 from navloom_dwa.objective import arc_pose
 

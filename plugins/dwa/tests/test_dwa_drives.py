@@ -10,7 +10,7 @@ import pytest
 from avoider_drives import BARN, BOTH_KINDS, BOUNDS, CROSSTALK, LASER, UP, all_of, told, way_past
 from navloom import Box, Place, World
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 NEEDS_BARN = pytest.mark.skipif(not BARN.is_file(), reason="NAVLOOM_DATA names no folder with barn/barn_dev.npz")
 drive, field = partial(avoider_drives.drive, avoider="dwa"), partial(avoider_drives.field, avoider="dwa")

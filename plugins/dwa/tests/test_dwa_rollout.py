@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom.avoidance.clearance import footprint_edges, outside_distance
+from navloom_avoidance.clearance import footprint_edges, outside_distance
 from navloom_dwa.rollout import choose, stays_free
 
 EDGES = footprint_edges(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]))

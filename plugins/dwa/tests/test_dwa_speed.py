@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from navloom import AvoiderInput, Context, Point2D, Pose2D, PoseEstimate, RangeScan, RobotSpec, Twist2D
-from navloom.avoidance.clearance import footprint_edges, outside_distance
+from navloom_avoidance.clearance import footprint_edges, outside_distance
 from navloom_dwa.adapter import Dwa
 from navloom_dwa.contact import enlarged_corners, first_contacts
 

@@ -19,8 +19,8 @@ from improved_vfh_arena import (
     rim_origins,
     u_trap,
 )
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.robot import Robot
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.robot import Robot
 from navloom_improved_vfh.avoidance import Avoidance
 from navloom_improved_vfh.params import PRINTED, ImprovedVfhParams
 

@@ -4,7 +4,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 
 def drive(seed, crosstalk, consistency):

@@ -4,8 +4,8 @@ import timeit
 
 import numpy as np
 import pytest
-from navloom.avoidance.certainty import clear_cone, new_window
-from navloom.avoidance.histogram import enlarged_density
+from navloom_avoidance.certainty import clear_cone, new_window
+from navloom_avoidance.histogram import enlarged_density
 
 
 def numpy_enlarged_density(cells, radius, reach, sectors):

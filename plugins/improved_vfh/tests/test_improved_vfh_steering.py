@@ -6,8 +6,8 @@ import math
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from navloom.avoidance.search import Progress, RotationSearch, Trap
-from navloom.avoidance.steering import turn_rate, wrap
+from navloom_avoidance.search import Progress, RotationSearch, Trap
+from navloom_avoidance.steering import turn_rate, wrap
 from navloom_improved_vfh.steering import forward_speed, is_turning, select_direction
 
 Angle = st.floats(-math.pi, math.pi - 1e-9)

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.robot import Robot
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.robot import Robot
 from navloom_improved_vfh.avoidance import Avoidance
 from navloom_improved_vfh.params import ImprovedVfhParams
 

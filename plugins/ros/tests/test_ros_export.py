@@ -23,8 +23,8 @@ from navloom import Path as PlannedPath
 from navloom import Pose2D as Pose
 from navloom.config import load_config
 from navloom.messages.codec import encode, schema_label
-from navloom.recording.header import RecordingHeader
-from navloom.recording.writer import RecordingWriter
+from navloom_recording.header import RecordingHeader
+from navloom_recording.writer import RecordingWriter
 from navloom_ros.adapter import export
 from navloom_ros.cli import app
 from navloom_ros.errors import RosError

@@ -18,8 +18,8 @@ import pytest
 import ros_bags as bags
 from navloom.cli.main import app
 from navloom.messages import Odometry, RangeScan, Sweep
-from navloom.recording.header import RecordingError
-from navloom.recording.reader import Recording
+from navloom_recording.header import RecordingError
+from navloom_recording.reader import Recording
 from navloom_ros.bag_import import import_bag
 from navloom_ros.bags import messages as bag_messages
 from navloom_ros.frames import Mount, quaternion_matrix
@@ -341,7 +341,7 @@ def test_an_import_on_a_full_disk_leaves_nothing_and_says_so(
             raise OSError(28, "No space left on device")
         return real(descriptor, data)
 
-    monkeypatch.setattr("navloom.recording.writer.os.write", full)
+    monkeypatch.setattr("navloom_recording.writer.os.write", full)
     code, said, errors = in_process("ros", "import", str(bag), "--out", str(out))
     monkeypatch.undo()
     assert (code, said) == (1, "") and not out.exists()

@@ -7,7 +7,7 @@ from importlib.metadata import EntryPoint, entry_points
 import numpy as np
 from navloom import Discovery
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 LASER = '{name="laser",kind="laser_2d",beams=181,field_of_view_deg=270.0,range_max=10.0}'
 

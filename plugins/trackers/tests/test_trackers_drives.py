@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 from trackers_drives import PATHS, drive
 
 LAWS = ["fierro_lewis", "kanayama", "ramsete"]

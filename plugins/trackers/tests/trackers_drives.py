@@ -12,8 +12,8 @@ from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
 from navloom.engine.making import make_plugins
-from navloom.study.recorder import Recorder
-from navloom.study.trail import trail_of
+from navloom.runs.recorder import Recorder
+from navloom.runs.trail import trail_of
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ from hypothesis import given as examples
 from hypothesis import settings
 from hypothesis import strategies as st
 from navloom import AvoiderInput, Discovery, Point2D, Pose2D, PoseEstimate, Twist2D
-from navloom.avoidance import certainty, clearance, himm
+from navloom_avoidance import certainty, clearance, himm
 from navloom_vff import forces
 from navloom_vff.adapter import Vff
 from navloom_vff.avoidance import disc_radius

@@ -10,7 +10,7 @@ import pytest
 from avoider_drives import BOTH_KINDS, BOUNDS, CROSSTALK, MIRRORS, PAIRS, UP, all_of, told, way_past
 from navloom import Box, Place, World
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 drive, field = partial(avoider_drives.drive, avoider="vff"), partial(avoider_drives.field, avoider="vff")
 door, dead_end = partial(avoider_drives.door, avoider="vff"), partial(avoider_drives.dead_end, avoider="vff")

@@ -9,7 +9,7 @@ from hypothesis import given as examples
 from hypothesis import settings
 from hypothesis import strategies as st
 from navloom import Discovery, Twist2D
-from navloom.avoidance import certainty, clearance, himm
+from navloom_avoidance import certainty, clearance, himm
 from navloom_vfh import costs, lookahead, survey, turning
 from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar
 from pydantic import ValidationError

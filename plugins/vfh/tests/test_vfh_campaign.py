@@ -22,7 +22,7 @@ from avoider_drives import (
 )
 from navloom import Box, Place, World
 from navloom.config import load_config
-from navloom.study.episode import run_episode
+from navloom.runs.episode import run_episode
 
 NAMES = ("vfh", "vfh_plus", "vfh_star")
 EACH = pytest.mark.parametrize("avoider", NAMES)

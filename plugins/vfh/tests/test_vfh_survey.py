@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from navloom.avoidance.histogram import free_slots
-from navloom.avoidance.robot import Robot
 from navloom.testing import robot
+from navloom_avoidance.histogram import free_slots
+from navloom_avoidance.robot import Robot
 from navloom_vfh.methods import VfhAvoidance
 from navloom_vfh.params import VfhParams
 from navloom_vfh.survey import survey_openings

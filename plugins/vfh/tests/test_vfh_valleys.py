@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from navloom.avoidance.steering import wrap
+from navloom_avoidance.steering import wrap
 from navloom_vfh.steering import forward_speed, turn_rate
 from navloom_vfh.valleys import nearest_valley, target_offset, valley_direction
 

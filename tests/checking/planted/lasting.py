@@ -26,7 +26,7 @@ from navloom import (
     Twist2D,
     World,
 )
-from navloom.viewer import Panel
+from navloom_viewer import Panel
 
 from planted import Entries
 from planted.sound import Flood, Gap, GapParams, Hits, Proportional

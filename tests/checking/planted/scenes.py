@@ -40,7 +40,7 @@ from navloom import (
     World,
     message,
 )
-from navloom.viewer import Panel
+from navloom_viewer import Panel
 from pydantic import Field
 
 from planted import Entries

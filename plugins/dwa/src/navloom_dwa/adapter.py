@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, RangeScan, Twist2D
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import THIN_BEAM
-from navloom.avoidance.robot import Robot
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.certainty import THIN_BEAM
+from navloom_avoidance.robot import Robot
 from numpy.typing import NDArray
 
 from navloom_dwa import warming

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import insert_beams, new_window, occupied_cells
-from navloom.avoidance.clearance import footprint_edges
-from navloom.avoidance.motors import Motors
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.search import Progress, Trap
-from navloom.avoidance.smoothing import smoothed
-from navloom.avoidance.support import new_record
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.certainty import insert_beams, new_window, occupied_cells
+from navloom_avoidance.clearance import footprint_edges
+from navloom_avoidance.motors import Motors
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.search import Progress, Trap
+from navloom_avoidance.smoothing import smoothed
+from navloom_avoidance.support import new_record
 from numpy.typing import NDArray
 
 from navloom_dwa.contact import enlarged_corners, first_contacts

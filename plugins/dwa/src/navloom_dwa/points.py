@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from navloom.avoidance.clearance import outside_distance
+from navloom_avoidance.clearance import outside_distance
 from numba import njit
 from numpy.typing import NDArray
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from navloom.avoidance.steering import wrap
+from navloom_avoidance.steering import wrap
 from numpy.typing import NDArray
 
 Point = tuple[float, float]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.robot import Robot
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.robot import Robot
 
 from navloom_dwa.avoidance import DynamicWindow, Given
 from navloom_dwa.params import PRINTED, DwaParams

@@ -39,8 +39,8 @@ def paper(
     Exit 0: with and without the obstacle O, the robot truly arrived at D through gate B without contact; else 1.
     """
     from navloom.cli.output import print_json
-    from navloom.report.plotting import need_matplotlib
-    from navloom.report.results import OutFolder
+    from navloom.runs.results import OutFolder
+    from navloom_study.report.plotting import need_matplotlib
 
     from navloom_hoang2013.measured import statements_of
     from navloom_hoang2013.reproduction import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from navloom.report import html
+from navloom_study.report import html
 
 from navloom_hoang2013.cloud import hits_by_box
 from navloom_hoang2013.drive_readings import DriveReadings

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from navloom import Avoidance as Answer
 from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
-from navloom.avoidance.beams import Joiner
-from navloom.avoidance.decision import Decision
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.smoothing import warm_up_smoothing
+from navloom_avoidance.beams import Joiner
+from navloom_avoidance.decision import Decision
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.smoothing import warm_up_smoothing
 
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.avoidance import Avoidance

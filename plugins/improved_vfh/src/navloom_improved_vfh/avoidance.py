@@ -6,11 +6,11 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
-from navloom.avoidance.clearance import free_command, nearest_ahead
-from navloom.avoidance.decision import Decision
-from navloom.avoidance.histogram import (
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
+from navloom_avoidance.clearance import free_command, nearest_ahead
+from navloom_avoidance.decision import Decision
+from navloom_avoidance.histogram import (
     enlarged_density,
     free_slots,
     sector_density,
@@ -18,11 +18,11 @@ from navloom.avoidance.histogram import (
     smooth,
     smoothing_gain,
 )
-from navloom.avoidance.method import Method
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.search import Progress, RotationSearch, Trap
-from navloom.avoidance.steering import turn_rate, wrap
-from navloom.avoidance.support import new_record
+from navloom_avoidance.method import Method
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.search import Progress, RotationSearch, Trap
+from navloom_avoidance.steering import turn_rate, wrap
+from navloom_avoidance.support import new_record
 from numba import njit
 from numpy.typing import NDArray
 

@@ -3,8 +3,8 @@
 from typing import Annotated, Literal
 
 from navloom import Params, Preset
-from navloom.avoidance.histogram import window_reach
-from navloom.avoidance.support import LONGEST_MEMORY
+from navloom_avoidance.histogram import window_reach
+from navloom_avoidance.support import LONGEST_MEMORY
 from pydantic import Field
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from navloom.avoidance.steering import wrap
+from navloom_avoidance.steering import wrap
 
 
 def select_direction(

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from navloom.recording.header import RecordingError
-from navloom.recording.imported import mount_option
-from navloom.recording.reader import Recording
-from navloom.viewer.facts import sweep_rule
-from navloom.viewer.sweep_classes import KEPT, sweep_classes
+from navloom_recording.header import RecordingError
+from navloom_recording.imported import mount_option
+from navloom_recording.reader import Recording
+from navloom_viewer.facts import sweep_rule
+from navloom_viewer.sweep_classes import KEPT, sweep_classes
 from numpy.typing import NDArray
 
 from navloom_ros.bag_import import Imported, import_bag

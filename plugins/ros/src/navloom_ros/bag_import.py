@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from navloom import MessageError, Odometry, Pose2D, Twist2D
-from navloom.recording.header import RecordingError
-from navloom.recording.imported import (
+from navloom_recording.header import RecordingError
+from navloom_recording.imported import (
     OWN_PORTS,
     RANGE_SCAN,
     SWEEP,

@@ -16,8 +16,8 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from navloom.inputs.bounds import BAG_MB, YAML_MB, bytes_of, open_file, read_file, too_large
-from navloom.inputs.texts import yaml_of
-from navloom.recording.header import RecordingError
+from navloom_maps.yaml_text import yaml_of
+from navloom_recording.header import RecordingError
 
 __all__ = ["check_definitions", "deserialized", "messages", "opened"]
 

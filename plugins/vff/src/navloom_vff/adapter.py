@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
-from navloom.avoidance.beams import Joiner
-from navloom.avoidance.decision import Decision
-from navloom.avoidance.robot import Robot
+from navloom_avoidance.beams import Joiner
+from navloom_avoidance.decision import Decision
+from navloom_avoidance.robot import Robot
 
 from navloom_vff import avoidance
 from navloom_vff.avoidance import ForceField

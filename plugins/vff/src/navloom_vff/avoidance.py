@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import new_window, occupied_cells
-from navloom.avoidance.clearance import disc_radius, free_command
-from navloom.avoidance.decision import Decision
-from navloom.avoidance.himm import enter_readings
-from navloom.avoidance.method import Method
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.search import Progress, Trap
-from navloom.avoidance.steering import wrap
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.certainty import new_window, occupied_cells
+from navloom_avoidance.clearance import disc_radius, free_command
+from navloom_avoidance.decision import Decision
+from navloom_avoidance.himm import enter_readings
+from navloom_avoidance.method import Method
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.search import Progress, Trap
+from navloom_avoidance.steering import wrap
 from numpy.typing import NDArray
 
 from navloom_vff.following import WallFollowing, is_turned_away, wall_direction

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from navloom.avoidance.steering import wrap
+from navloom_avoidance.steering import wrap
 
 RIGHT_ANGLE = 0.5 * math.pi
 

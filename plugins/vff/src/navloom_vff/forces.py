@@ -6,7 +6,7 @@ Forces are pure numbers: 1 is the pull of the target.
 import math
 
 import numpy as np
-from navloom.avoidance.himm import TOP
+from navloom_avoidance.himm import TOP
 from numba import njit
 from numpy.typing import NDArray
 

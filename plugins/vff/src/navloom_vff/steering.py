@@ -2,7 +2,7 @@
 
 import math
 
-from navloom.avoidance.steering import turn_rate
+from navloom_avoidance.steering import turn_rate
 
 __all__ = ["forward_speed", "low_pass", "slowed_for_turn", "turn_rate"]
 

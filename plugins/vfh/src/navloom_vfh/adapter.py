@@ -7,10 +7,10 @@ from typing import TypeVar
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
-from navloom.avoidance.beams import Beams, Joiner
-from navloom.avoidance.decision import Decision
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.smoothing import warm_up_smoothing
+from navloom_avoidance.beams import Beams, Joiner
+from navloom_avoidance.decision import Decision
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.smoothing import warm_up_smoothing
 from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance

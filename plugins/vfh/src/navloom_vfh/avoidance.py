@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from navloom.avoidance.beams import Beams
-from navloom.avoidance.certainty import new_window
-from navloom.avoidance.clearance import disc_radius, free_command
-from navloom.avoidance.decision import Decision
-from navloom.avoidance.himm import enter_readings
-from navloom.avoidance.method import Method
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.search import Progress, RotationSearch, Trap
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.certainty import new_window
+from navloom_avoidance.clearance import disc_radius, free_command
+from navloom_avoidance.decision import Decision
+from navloom_avoidance.himm import enter_readings
+from navloom_avoidance.method import Method
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.search import Progress, RotationSearch, Trap
 from numpy.typing import NDArray
 
 from navloom_vfh.steering import forward_speed, turn_rate

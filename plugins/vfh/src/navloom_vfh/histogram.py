@@ -7,10 +7,10 @@ numbers: 1 is one cell of full certainty at the robot.
 import math
 
 import numpy as np
-from navloom.avoidance.certainty import AXIS_CERTAINTY
-from navloom.avoidance.himm import TOP
-from navloom.avoidance.histogram import cell_magnitude
-from navloom.avoidance.steering import TURN
+from navloom_avoidance.certainty import AXIS_CERTAINTY
+from navloom_avoidance.himm import TOP
+from navloom_avoidance.histogram import cell_magnitude
+from navloom_avoidance.steering import TURN
 from numba import njit
 from numpy.typing import NDArray
 

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from navloom.avoidance.histogram import free_slots, slot_directions
+from navloom_avoidance.histogram import free_slots, slot_directions
 from numba import njit
 from numpy.typing import NDArray
 

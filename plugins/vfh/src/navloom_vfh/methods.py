@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from navloom.avoidance.histogram import smoothing_gain
-from navloom.avoidance.robot import Robot
-from navloom.avoidance.steering import wrap
+from navloom_avoidance.histogram import smoothing_gain
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.steering import wrap
 
 from navloom_vfh.avoidance import Choice, Floats, HistogramAvoidance, View
 from navloom_vfh.costs import cheapest

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from navloom import Params, Preset
-from navloom.avoidance.histogram import window_reach
+from navloom_avoidance.histogram import window_reach
 from pydantic import Field, model_validator
 
 

@@ -1,6 +1,6 @@
 """Turn rate and speed for a direction: Borenstein & Koren 1991 (VFH), also used by VFH+ and VFH*."""
 
-from navloom.avoidance.steering import turn_rate
+from navloom_avoidance.steering import turn_rate
 
 __all__ = ["forward_speed", "turn_rate"]
 

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from navloom.avoidance.certainty import occupied_cells
-from navloom.avoidance.histogram import free_slots, slot_directions, smooth
-from navloom.avoidance.steering import TURN
+from navloom_avoidance.certainty import occupied_cells
+from navloom_avoidance.histogram import free_slots, slot_directions, smooth
+from navloom_avoidance.steering import TURN
 from numba import njit
 from numpy.typing import NDArray
 

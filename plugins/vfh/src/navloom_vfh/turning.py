@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from navloom.avoidance.steering import TURN
+from navloom_avoidance.steering import TURN
 from numba import njit
 from numpy.typing import NDArray
 

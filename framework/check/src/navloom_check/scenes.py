@@ -1,0 +1,156 @@
+"""Small worlds, and what range sensors see of them: enough for a unit test, without a simulator."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from navloom.geometry.frames import transform
+from navloom.geometry.grid import world_to_grid
+from navloom.geometry.world import Box, Cylinder, Obstacle, Place, World
+from navloom.messages import OccupancyGrid, Pose2D
+from numpy.typing import NDArray
+
+__all__ = ["box", "cast", "closed", "corridor", "door", "grid", "open_floor", "room", "wall_ahead"]
+
+Floats = NDArray[np.float64]
+THICK = 0.2
+"""Thickness of a wall, m."""
+HEIGHT = (0.0, 2.4)
+
+
+def open_floor() -> World:
+    """A floor without obstacles."""
+    return World("open floor", bounds=(-5.0, -5.0, 15.0, 5.0))
+
+
+def wall_ahead(distance: float = 1.0, width: float = 10.0) -> World:
+    """A wall across the x axis, its face at a distance from the origin, m."""
+    wall = Box("wall", (distance, distance + THICK), (-0.5 * width, 0.5 * width), HEIGHT)
+    return World("wall ahead", (wall,), bounds=(-5.0, -5.0, 15.0, 5.0))
+
+
+def corridor(width: float = 2.0, length: float = 14.0) -> World:
+    """Two walls along the x axis that begin 2 m behind the origin; width and length in m."""
+    half = 0.5 * width
+    walls = (
+        Box("left wall", (-2.0, length - 2.0), (half, half + THICK), HEIGHT),
+        Box("right wall", (-2.0, length - 2.0), (-half - THICK, -half), HEIGHT),
+    )
+    return World("corridor", walls, bounds=(-3.0, -5.0, length, 5.0))
+
+
+def closed(distance: float = 0.8) -> World:
+    """Four walls round the origin, their faces at this distance, m: there is no way out."""
+    far = distance + THICK
+    walls = (
+        Box("front wall", (distance, far), (-far, far), HEIGHT),
+        Box("rear wall", (-far, -distance), (-far, far), HEIGHT),
+        Box("left wall", (-far, far), (distance, far), HEIGHT),
+        Box("right wall", (-far, far), (-far, -distance), HEIGHT),
+    )
+    return World("closed", walls, bounds=(-5.0, -5.0, 15.0, 5.0))
+
+
+def door(width: float = 1.2, distance: float = 2.0, y: float = 0.0) -> World:
+    """A wall across the x axis at a distance, with a door whose middle is at y; all in m."""
+    half = 0.5 * width
+    walls = (
+        Box("wall left of the door", (distance, distance + THICK), (y + half, 5.0), HEIGHT),
+        Box("wall right of the door", (distance, distance + THICK), (-5.0, y - half), HEIGHT),
+    )
+    return World("door", walls, bounds=(-5.0, -5.0, 15.0, 5.0))
+
+
+def box(x: float = 2.0, y: float = 0.0, size: float = 0.4) -> World:
+    """One upright box; its centre and side in m."""
+    half = 0.5 * size
+    return World(
+        "box", (Box("box", (x - half, x + half), (y - half, y + half), HEIGHT),), bounds=(-5.0, -5.0, 15.0, 5.0)
+    )
+
+
+def room(length: float = 10.0, width: float = 6.0) -> World:
+    """A room that begins 2 m behind the origin, with a pillar and a cupboard, so that no two views are alike; in m."""
+    left, right, half = -2.0, length - 2.0, 0.5 * width
+    solids: tuple[Obstacle, ...] = (
+        Box("front wall", (right, right + THICK), (-half, half), HEIGHT),
+        Box("rear wall", (left - THICK, left), (-half, half), HEIGHT),
+        Box("left wall", (left, right), (half, half + THICK), HEIGHT),
+        Box("right wall", (left, right), (-half - THICK, -half), HEIGHT),
+        Box("cupboard", (0.4 * length, 0.4 * length + 0.8), (half - 0.6, half), HEIGHT),
+        Cylinder("pillar", 0.3 * length, -0.25 * width, 0.3, HEIGHT),
+    )
+    return World("room", solids, bounds=(left - 0.5, -half - 0.5, right + 0.5, half + 0.5))
+
+
+def grid(world: World, resolution: float = 0.05, height: float = 0.6) -> OccupancyGrid:
+    """A world as a raster map for a robot of this height; edge of a cell and height in m."""
+    drawn = world_to_grid(world, resolution, (0.0, height))
+    origin: Place = drawn.origin
+    return OccupancyGrid(drawn.cells, drawn.resolution, Pose2D(origin.x, origin.y, origin.heading))
+
+
+def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False) -> Floats:
+    """Distance along rays to the obstacles that a world has from the start.
+
+    Args:
+        world: Its boxes and cylinders count; a raster does not.
+        origins: (n, 3) where each ray starts, m, map frame, z above the floor.
+        ways: (n, 3) unit directions, map frame.
+        floor: The floor at z = 0 counts too.
+
+    Returns:
+        (n,) m; +inf where a ray meets nothing.
+    """
+    best = np.full(len(ways), math.inf)
+    for solid in world.obstacles:
+        if isinstance(solid, Box):
+            enter, leave = _box_span(solid, origins, ways)
+        else:
+            enter, leave = _cylinder_span(solid, origins, ways)
+        meets = (enter <= leave) & (leave > 0.0)
+        best = np.where(meets, np.minimum(best, np.maximum(enter, 0.0)), best)
+    if floor:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            down = np.where(ways[:, 2] < 0.0, -origins[:, 2] / ways[:, 2], math.inf)
+        best = np.minimum(best, down)
+    return best
+
+
+def _slab(low: float, high: float, start: Floats, way: Floats) -> tuple[Floats, Floats]:
+    """Where rays enter and leave the space between two planes."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (low - start) / way, (high - start) / way
+    is_inside = (start >= low) & (start <= high)
+    enter, leave = np.minimum(one, other), np.maximum(one, other)
+    enter = np.where(way == 0.0, np.where(is_inside, -math.inf, math.inf), enter)
+    leave = np.where(way == 0.0, np.where(is_inside, math.inf, -math.inf), leave)
+    return enter, leave
+
+
+def _box_span(solid: Box, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
+    x, y = solid.centre
+    turn = np.array([0.0, 0.0, -solid.yaw])
+    starts = transform(turn, origins[:, :2] - (x, y))
+    turned = transform(turn, ways[:, :2])
+    half_x, half_y = 0.5 * (solid.x[1] - solid.x[0]), 0.5 * (solid.y[1] - solid.y[0])
+    spans = (
+        _slab(-half_x, half_x, starts[:, 0], turned[:, 0]),
+        _slab(-half_y, half_y, starts[:, 1], turned[:, 1]),
+        _slab(*solid.z, origins[:, 2], ways[:, 2]),
+    )
+    return np.maximum.reduce([span[0] for span in spans]), np.minimum.reduce([span[1] for span in spans])
+
+
+def _cylinder_span(solid: Cylinder, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
+    to = origins[:, :2] - (solid.x, solid.y)
+    a = (ways[:, :2] ** 2).sum(axis=1)
+    b = (to * ways[:, :2]).sum(axis=1)
+    root = b**2 - a * ((to**2).sum(axis=1) - solid.radius**2)
+    meets = (root >= 0.0) & (a > 0.0)
+    half = np.sqrt(np.maximum(root, 0.0))
+    a = np.where(a > 0.0, a, 1.0)
+    low, high = _slab(*solid.z, origins[:, 2], ways[:, 2])
+    enter, leave = np.where(meets, (-b - half) / a, math.inf), np.where(meets, (-b + half) / a, -math.inf)
+    return np.maximum(low, enter), np.minimum(high, leave)

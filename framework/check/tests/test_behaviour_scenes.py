@@ -1,0 +1,94 @@
+"""Scenes of the behaviour tier: what sensors see of them, their distances, and how they are shrunk."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from navloom import Claim, OccupancyGrid
+from navloom.geometry.world import Place
+from navloom_check.behaviour.avoiders import blocked_scene, closed_scene
+from navloom_check.behaviour.measured import Behaviour, Maker, Measured, shrunk
+from navloom_check.behaviour.planners import grid_of, shortest
+from navloom_check.behaviour.scene import Post, Scene, Wall
+from navloom_check.tiers import TIERS
+
+PLAIN = Scene(Place(0.0, 0.0), (5.0, 0.0), (Post(2.0, 0.0, 0.5),), (Wall(0.0, 1.0, 4.0, 1.0),))
+
+
+def test_beams_meet_a_post_and_a_wall_at_their_places() -> None:
+    seen = PLAIN.ranges((0.0, 0.0), np.array([0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi]), 10.0)
+    assert seen == pytest.approx([1.5, 1.0, math.inf, math.inf])
+
+
+def test_an_obstacle_out_of_range_gives_no_echo() -> None:
+    assert PLAIN.ranges((0.0, 0.0), np.array([0.0]), 1.4)[0] == math.inf
+
+
+@pytest.mark.parametrize(
+    ("pose", "gap"),
+    [
+        ((0.0, 0.0, 0.0), 0.8),  # the wall, 1 m to the left, less half the width of 0.4 m
+        ((1.0, 0.0, 0.0), 0.25),  # the post: 2.0 - 0.5 - 1.0, less half the length of 0.5 m
+        ((1.3, 0.0, 0.0), 0.0),
+        ((3.0, 0.9, 0.0), 0.0),
+    ],
+)
+def test_the_gap_is_that_of_the_footprint(pose: tuple[float, float, float], gap: float) -> None:
+    assert PLAIN.gap(*pose) == pytest.approx(gap, abs=1e-9)
+
+
+def test_a_moved_scene_looks_the_same_from_its_start() -> None:
+    moved = PLAIN.moved(Place(3.0, -2.0, 0.7))
+    directions = np.linspace(-3.0, 3.0, 50)
+    here = PLAIN.ranges((0.0, 0.0), directions, 10.0)
+    there = moved.ranges((moved.start.x, moved.start.y), directions + moved.start.heading, 10.0)
+    assert there == pytest.approx(here, abs=1e-9)
+    assert moved.gap(moved.start.x, moved.start.y, moved.start.heading) == pytest.approx(0.8, abs=1e-9)
+
+
+def test_a_mirrored_scene_has_left_and_right_exchanged() -> None:
+    directions = np.linspace(-3.0, 3.0, 51)
+    here = PLAIN.ranges((0.0, 0.0), directions, 10.0)
+    assert PLAIN.mirrored().ranges((0.0, 0.0), -directions, 10.0) == pytest.approx(here, abs=1e-12)
+
+
+def test_a_raster_is_occupied_where_obstacles_are() -> None:
+    grid: OccupancyGrid = grid_of(PLAIN)
+    row, col = (math.floor((v - o) / 0.05) for v, o in ((0.0, grid.origin.y), (2.0, grid.origin.x)))
+    assert grid.cells[row, col] == 100
+    assert grid.cells[row - 30, col] == 0
+
+
+def test_the_oracle_goes_straight_where_it_can_and_round_where_it_must() -> None:
+    assert shortest(replace(PLAIN, posts=()), 0.1) == pytest.approx(5.0, abs=1e-6)
+    tangent = 2.0 * math.sqrt(2.5**2 - 0.6**2)  # to the disc of 0.5 + 0.1 m round the post in the middle
+    around = Scene(Place(-0.5, 0.0), (4.5, 0.0), (Post(2.0, 0.0, 0.5),))
+    arc = 0.6 * (math.pi - 2.0 * math.acos(0.6 / 2.5))
+    assert shortest(around, 0.1) == pytest.approx(tangent + arc, abs=0.03)
+
+
+def test_a_failing_scene_shrinks_to_the_obstacle_that_makes_it_fail() -> None:
+    scene = Scene(Place(0.0, 0.0), (5.0, 0.0), tuple(Post(float(x), 2.0, 0.1) for x in range(6)), PLAIN.walls)
+
+    def measure(make: Maker, given: Scene) -> Measured:
+        return Measured(not any(p.x == 4.0 for p in given.posts), "met the post at 4 m", 0.0)
+
+    behaviour = Behaviour("avoider", Claim.MIRROR, "nothing at 4 m", lambda seed: scene, measure, 1)
+    small, seen = shrunk(behaviour, Maker(object), scene, measure(Maker(object), scene))  # type: ignore[arg-type]
+    assert small.posts == (Post(4.0, 2.0, 0.1),) and small.walls == ()
+    assert not seen.holds
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_scene_begins_in_contact(seed: int) -> None:
+    for scene in (blocked_scene(seed), closed_scene(seed)):
+        assert scene.gap(scene.start.x, scene.start.y, scene.start.heading) > 0.01
+
+
+def test_each_check_of_all_tiers_has_a_unique_name() -> None:
+    names = [check.name for checks in TIERS.values() for check in checks]
+    assert len(names) == len(set(names))
+    assert {claim.value for claim in Claim} <= set(names)

@@ -1,0 +1,97 @@
+"""`navloom`: finds the command, and turns errors into one message and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import os
+import sys
+
+from navloom.cli import about, commands
+from navloom.cli.command import App
+from navloom.cli.tracebacks import with_traceback
+from navloom.errors import NavloomError
+from navloom.logs import Level, set_up_logging
+
+__all__ = ["app", "main"]
+
+app = App(
+    cls=commands.Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.callback(invoke_without_command=True)(about.about)
+
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+"""Error numbers of a full disk or an exhausted quota."""
+
+
+def main() -> None:
+    """Entry point. Exit codes: 0 done, 1 the run ended otherwise or something failed, 2 the request was wrong."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the parent process: nothing reads it
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    try:
+        _run()
+    except KeyboardInterrupt as error:
+        _say("interrupted", error)
+        sys.exit(1)
+    except BrokenPipeError:
+        sys.exit(1)
+    except Exception as error:
+        code = _exit_code(error)
+        if code is not None:
+            _say(_words(error), error)
+            sys.exit(code)
+        internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
+        _say(commands.blamed(error) or internal, error)
+        sys.exit(1)
+
+
+def _run() -> None:
+    """Run the command and flush its output, so that a full disk fails here and not when Python exits."""
+    try:
+        app()
+    finally:
+        try:
+            sys.stdout.flush()
+        except OSError:
+            with contextlib.suppress(OSError):
+                sys.stdout.close()
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+            raise
+
+
+def _exit_code(error: Exception) -> int | None:
+    """1 or 2 for an error that is meant for the user; None for an unexpected one."""
+    if isinstance(error, NavloomError):
+        return error.exit_code
+    if isinstance(error, OSError):
+        return 1 if error.errno in FULL else 2
+    return None
+
+
+def _words(error: Exception) -> str:
+    """The message of an error; for an OSError, the file and the text without its number."""
+    if isinstance(error, OSError) and error.strerror:
+        where = error.filename or ("standard output or a temporary file" if error.errno in FULL else "")
+        return f"{where}: {error.strerror}" if where else error.strerror
+    return str(error)
+
+
+def _place(error: Exception) -> str:
+    """File and line an error came from."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return "unknown place" if trace is None else f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
+
+
+def _say(text: str, error: BaseException) -> None:
+    if not logging.getLogger("navloom").handlers:  # the command has not begun
+        set_up_logging(Level.INFO, as_json=False)
+    logging.getLogger("navloom.cli").error(text, extra=with_traceback(error))

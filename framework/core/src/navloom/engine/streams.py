@@ -1,0 +1,171 @@
+"""Every stream of the framework's roles and nodes: message class, quality of service and whether it is retained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from navloom.engine.ports import Port, Ports, Quality
+from navloom.messages import (
+    AvoiderStatus,
+    ClearRequest,
+    Command,
+    Contact,
+    Drive,
+    Feedback,
+    GateStatus,
+    GoalResult,
+    HandOver,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Odometry,
+    OperatorRequest,
+    Path,
+    PlanFailure,
+    PlanRequest,
+    PoseEstimate,
+    RangeScan,
+    RecoveryRequest,
+    RecoveryStep,
+    Reference,
+    Selection,
+    Sweep,
+    SweepRequest,
+    TrackingCommand,
+    Trajectory,
+    Truth,
+)
+
+__all__ = ["FRAMEWORK_PORTS", "PLAIN", "STATE", "STEP", "WORD", "AvoiderPorts", "ControllerPorts", "GatePorts",
+           "GoalPorts", "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "PortTable",
+           "RecoveryPorts", "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
+
+STEP = "step"
+"""Port of every node's step reports."""
+
+URGENT = Quality("drop", "real_time", "drop")
+STATE = Quality("drop", "interactive_high", "drop")
+WORD = Quality("block", "interactive_high", "block")
+PLAN = Quality("block", "data_high", "block")
+MAP = Quality("block_first", "data_low", "block_first")
+PLAIN = Quality("drop", "data", "drop")
+UNHURRIED = Quality("drop", "background", "drop")
+SENSORS: dict[type[Message], Quality] = {
+    RangeScan: Quality("drop", "data_high", "block_first"),  # not behind the parts of a sweep of 100 kB
+    Sweep: Quality("drop", "data", "block_first"),
+}
+
+
+class OperatorPorts(Ports, role="operator"):
+    """Operators' requests, and the commands of an operator who drives."""
+
+    request = Port(OperatorRequest, WORD)
+    command = Port(Command, URGENT)
+
+
+class PlatformPorts(Ports, role="platform"):
+    """Ports of every platform; each sensor of a config adds one."""
+
+    odometry = Port(Odometry, STATE, required=True)
+    contact = Port(Contact, STATE)
+    truth = Port(Truth, UNHURRIED)
+
+
+class LocalizerPorts(Ports, role="localizer"):
+    """Where the robot is."""
+
+    pose = Port(PoseEstimate, STATE, required=True, answers=True)
+
+
+class MapperPorts(Ports, role="mapper"):
+    """What is known of the surroundings."""
+
+    known = Port(OccupancyGrid, MAP, retained=True)
+    map = Port(MapUpdate, MAP, retained=True, answers=True)
+
+
+class GoalPorts(Ports, role="goal"):
+    """The goal's requests to other nodes, its feedback and its result."""
+
+    plan = Port(PlanRequest, WORD)
+    sweep = Port(SweepRequest, WORD)
+    recovery = Port(RecoveryRequest, WORD, retained=True)
+    clear = Port(ClearRequest, WORD)
+    drive = Port(Drive, WORD, retained=True, required=True)
+    feedback = Port(Feedback, PLAIN, retained=True)
+    result = Port(GoalResult, WORD, retained=True)
+
+
+class PlannerPorts(Ports, role="planner"):
+    """A path, or why there is none."""
+
+    path = Port(Path, PLAN, retained=True, answers=True)
+    failure = Port(PlanFailure, PLAN, retained=True, answers=True)
+
+
+class ReferencePorts(Ports, role="reference"):
+    """The trajectory to follow, and the robot's place on it."""
+
+    trajectory = Port(Trajectory, PLAN, retained=True)
+    reference = Port(Reference, STATE, required=True)
+
+
+class ControllerPorts(Ports, role="controller"):
+    """The velocity that tracks the reference."""
+
+    command = Port(TrackingCommand, URGENT, required=True, answers=True)
+
+
+class AvoiderPorts(Ports, role="avoider"):
+    """The velocity around obstacles, and whether the avoider drives instead of the controller."""
+
+    command = Port(Command, URGENT, required=True, answers=True)
+    status = Port(AvoiderStatus, PLAIN)
+    handover = Port(HandOver, PLAIN)
+
+
+class RecoveryPorts(Ports, role="recovery"):
+    """The velocity that frees a stuck robot, and the state of the attempt."""
+
+    command = Port(Command, URGENT, answers=True)
+    status = Port(RecoveryStep, WORD)
+
+
+class GatePorts(Ports, role="gate"):
+    """The command to the platform, the gate's status, and the active instances."""
+
+    command = Port(Command, URGENT)
+    status = Port(GateStatus, WORD, retained=True)
+    selection = Port(Selection, WORD, retained=True)
+
+
+class PortTable:
+    """Declared ports by role and name; not the ports of sensors, which a config names."""
+
+    def __init__(self, ports: Iterable[Port[Any]]) -> None:
+        self._ports = {(port.role, port.name): port for port in ports}
+
+    def port(self, role: str, name: str) -> Port[Any] | None:
+        """A declared port; None for a sensor's port, which a config names, and for a port that is not declared."""
+        return self._ports.get((role, name))
+
+    def ports(self, role: str = "") -> list[Port[Any]]:
+        """Every declared port, or those of one node; not the ports of sensors, which a config names."""
+        return [port for port in self._ports.values() if role in ("", port.role)]
+
+
+FRAMEWORK_PORTS = PortTable(port for role in Ports.__subclasses__() for port in role.declared())
+"""The ports of every robot. Tools read streams by them without the nodes, whose kernels take a second to load."""
+
+
+def sensor_quality(kind: type[Message]) -> Quality:
+    """Quality of service of a sensor's messages."""
+    return SENSORS.get(kind, PLAIN)
+
+
+def sensor_port(name: str, kind: type[Message]) -> Port[Any]:
+    """The platform's port of a sensor that the config names."""
+    port = Port(kind, sensor_quality(kind))
+    port.role, port.name = "platform", name
+    return port

@@ -1,0 +1,35 @@
+"""The public names of navloom, and the module that each is imported from."""
+
+from __future__ import annotations
+
+__all__ = ["MODULE_OF"]
+
+_NAMES = {
+    "navloom.engine.nodes.node_plugin": (
+        "AvoiderPorts ControllerPorts GatePorts GoalPorts Latest LocalizerPorts MapperPorts New NodePlugin "
+        "OperatorPorts PlannerPorts PlatformPorts Publishes Quality RecoveryPorts ReferencePorts Sensors Tick "
+        "Track"
+    ),
+    "navloom.errors": "NavloomError",
+    "navloom.geometry.world": "Box Cylinder Obstacle Place Raster World position_at read_only",
+    "navloom.messages": (
+        "Array Avoidance AvoiderDiagnostics AvoiderStatus ClearRequest Command Contact Count Drive Envelope "
+        "Feedback GateStatus Goal GoalResult HandOver Heading InputRead MapUpdate Message MessageError Most "
+        "Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome Parameters Path PlanFailure "
+        "PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive RangeScan RecoveryRequest "
+        "RecoveryStep Reference SCHEMAS Selection Stamp StepRecord StepReport Sweep SweepRequest "
+        "TrackingCommand Trajectory Truth Twist2D Unbounded Words message"
+    ),
+    "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
+    "navloom.roles": (
+        "Avoider AvoiderInput Claim Context Controller ControllerInput Extra Extras InputError Localizer "
+        "LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
+        "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec is_patient verb_of"
+    ),
+    "navloom.runs.metrics": "METRICS Metric",
+    "navloom.runs.trail": "Trail",
+    "navloom_live.operating.navigator": "GoalHandle Navigator",
+    "navloom_viewer": "Panel Seen",
+}
+MODULE_OF = {name: module for module, names in _NAMES.items() for name in names.split()}
+"""Module of each name that `from navloom import NAME` gives."""

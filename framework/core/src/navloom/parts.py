@@ -1,0 +1,89 @@
+"""The parts of the framework that are distributions of their own, asked for by name: the core imports none of them.
+
+Every start of the command line imports this module: keep it light.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+from navloom.errors import NavloomError
+
+__all__ = ["ALIASES", "OF_FRAMEWORK", "PARTS", "MissingPartError", "has_part", "install_aliases", "part"]
+
+PARTS = {
+    "navloom_avoidance": "navloom-avoidance",
+    "navloom_carmen": "navloom-carmen",
+    "navloom_check": "navloom-check",
+    "navloom_live": "navloom-live",
+    "navloom_maps": "navloom-maps",
+    "navloom_recording": "navloom-recording",
+    "navloom_study": "navloom-study",
+    "navloom_viewer": "navloom-viewer",
+}
+"""Distribution of each package that may be missing."""
+OF_FRAMEWORK = {"navloom", *PARTS.values()}
+"""Every distribution of the framework."""
+ALIASES = {"navloom.avoidance": "navloom_avoidance", "navloom.testing": "navloom_check"}
+"""Public packages that live in a part, by the name that plugins import."""
+
+
+class MissingPartError(NavloomError, ImportError):
+    """A part of the framework is needed and not installed; the text says which."""
+
+
+def part(module: str) -> Any:
+    """A module of a part, as `navloom_live.operating.joining`. Raises MissingPartError."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        package = module.partition(".")[0]
+        if error.name != package:
+            raise
+        raise MissingPartError(
+            f"this needs {PARTS[package]}, which is not installed: pip install {PARTS[package]}"
+        ) from None
+
+
+def has_part(package: str) -> bool:
+    """Whether a part is installed, as `navloom_study`."""
+    from importlib.util import find_spec
+
+    return find_spec(package) is not None
+
+
+class _Alias:
+    """Gives the part's module itself, so that both names are one object."""
+
+    def __init__(self, module: ModuleType) -> None:
+        self._module, self._spec = module, module.__spec__
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return self._module
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__spec__ = self._spec  # importlib has set that of the alias
+
+
+class _Aliases:
+    """Finds `navloom.testing` and the like in their parts."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        public = ".".join(fullname.split(".")[:2])
+        if public not in ALIASES:
+            return None
+        module = part(ALIASES[public] + fullname.removeprefix(public))
+        return ModuleSpec(fullname, _Alias(module), is_package=hasattr(module, "__path__"))  # type: ignore[arg-type]
+
+
+def install_aliases() -> None:
+    """Let the public packages be imported by their names."""
+    if not any(isinstance(finder, _Aliases) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Aliases())  # before the finder that would load a part's module a second time

@@ -1,0 +1,1 @@
+"""What a run is: episode, recorder, trail, measures, and the files that it leaves."""

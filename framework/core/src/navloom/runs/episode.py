@@ -1,0 +1,182 @@
+"""Runs one closed-loop episode from a config, and summarises it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import IO, Any
+
+import numpy as np
+
+from navloom.config import Loaded
+from navloom.engine import run_warnings
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import assemble
+from navloom.engine.checks import check_task
+from navloom.engine.inspecting import StepInspector, some_ticks
+from navloom.engine.lockstep import Lockstep, Observer, RunLog
+from navloom.engine.making import make_plugins
+from navloom.engine.run_warnings import RunWarning, RunWarnings
+from navloom.engine.system import System
+from navloom.engine.trace import TraceWriter
+from navloom.messages import GoalResult, Point2D
+from navloom.plugins import Discovery
+from navloom.plugins.observing import Onlookers
+from navloom.plugins.owners import Owned, Owners
+from navloom.plugins.printing import LARGEST_OUTPUT, bounded_output
+from navloom.plugins.threads import keeping_alive, started_by, watched_threads
+from navloom.runs import measures
+from navloom.runs.observed import run_info
+from navloom.runs.recorder import Recorder
+from navloom.runs.shadows import Disagreement, ShadowWatch
+from navloom.runs.trail import Trail, trail_of, ways_of
+
+__all__ = ["Episode", "run_episode"]
+
+POSE_ERRORS = {
+    "rms": measures.pose_error_rms,
+    "p95": measures.pose_error_p95,
+    "max": measures.pose_error_max,
+}
+
+
+@dataclass(eq=False)
+class Episode:
+    """A finished run with its system, log and collected data.
+
+    Attributes:
+        system, log, recorder: See their classes.
+        shadows: Comparisons of the shadows.
+        warnings: Problems of plugins that did not fail.
+    """
+
+    system: System
+    log: RunLog
+    recorder: Recorder
+    shadows: list[Disagreement] = field(default_factory=list)
+    warnings: list[RunWarning] = field(default_factory=list)
+
+    @property
+    def result(self) -> GoalResult:
+        """Result of the last goal."""
+        if self.log.results:
+            return self.log.results[-1]
+        return GoalResult(0, "timeout", "no goal was given before the run ended", Point2D(0.0, 0.0))
+
+    def summary(self) -> dict[str, Any]:
+        """The object that `run --json` prints. SI units, or ms and µs if the name says so."""
+        log, recorder, result, trail = self.log, self.recorder, self.result, self.trail
+        last = (log.ticks - 1) * self.system.config.run.period
+        errors = {name: measure(trail) for name, measure in POSE_ERRORS.items()}
+        tick_us = np.array(log.tick_ns) * 1e-3
+        cross = np.abs(np.array(recorder.cross_tracks))
+        return {
+            "outcome": result.outcome,
+            "reason": result.reason,
+            "config_sha256": self.system.loaded.sha256(),
+            "trace_sha256": log.trace_sha256 or None,
+            "seed": self.system.config.run.seed,
+            "sim_time_s": round(last if trail.arrived is None else trail.arrived, 9),
+            "wall_s": log.wall_ns * 1e-9,
+            "ticks": log.ticks,
+            "tick_us": {"p50": float(np.percentile(tick_us, 50)), "p99": float(np.percentile(tick_us, 99))},
+            "plan_length_m": recorder.plan_length,
+            "path_length_m": recorder.path_length,
+            "optimal_length_m": ways_of(self.system).to_goal,
+            "optimal_to_tolerance_m": trail.optimal,
+            "truly_reached": trail.succeeded if trail.has_truth and trail.goal_distance is not None else None,
+            "goal_error_m": trail.goal_distance if trail.has_truth else None,
+            "heading_error_rad": trail.heading_error,
+            "pose_error_m": None if errors["rms"] is None else errors,
+            "spl": measures.spl(trail),
+            "min_clearance_m": recorder.min_clearance,
+            "cross_track_rms_m": math.sqrt(float((cross**2).mean())) if cross.size else None,
+            "cross_track_max_m": float(cross.max()) if cross.size else None,
+            "collisions": recorder.touches,
+            "recoveries": recorder.recoveries,
+            "gate_stops": log.gate_stops,
+            "gate_limits": log.gate_limits,
+            "planner_ms": _median_ms(log.step_ns["planner"]),
+            "mapper_ms": _median_ms(log.step_ns["mapper"]),
+            "swaps": log.swaps,
+            "warnings": [one.to_json() for one in self.warnings],
+            "shadows": [one.summary() for one in self.shadows],
+        }
+
+    @cached_property
+    def trail(self) -> Trail:
+        """The trail of the episode, which the metrics are computed from."""
+        return trail_of(self.system, self.recorder, self.log, self.result)
+
+
+def run_episode(
+    loaded: Loaded,
+    *,
+    discovery: Discovery | None = None,
+    observers: Sequence[Observer] = (),
+    onlookers: Onlookers | None = None,
+    trace: IO[bytes] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[float, float], None] | None = None,
+    looks_at: Callable[[int], bool] = some_ticks,
+) -> Episode:
+    """Run a config in lockstep until its last goal has ended.
+
+    Args:
+        loaded: The config.
+        discovery: Plugins; default the installed ones.
+        observers: Further observers.
+        onlookers: Observers of plugins. They are notified of the start here; the caller notifies them of the end.
+        trace: File for the trace.
+        say: Receives progress of the preparation.
+        progress: Called with the run time so far and the longest possible one, s.
+        looks_at: Selects the ticks whose steps are inspected for causes of unrepeatable runs.
+
+    Raises:
+        ConfigError, PluginError: The request was wrong; nothing ran.
+    """
+    system = assemble(loaded, discovery)
+    check_task(system)
+    owners, found = Owners({source: part.cls for source, part in system.parts.items()}), RunWarnings.of(system)
+
+    def flooded(owned: Owned) -> None:
+        limit = LARGEST_OUTPUT // 1024
+        found.add("output", owned.source, f"printed more than {limit} kB: the rest is left out ({owned.place})")
+
+    with bounded_output(owners, flooded), watched_threads(owners) as started:
+        make_plugins(system, say)
+        recorder, watch = Recorder(), ShadowWatch.of(system)
+        beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
+        if onlookers is not None:
+            beside += onlookers.begin(run_info(loaded, "lockstep"))
+        executor = lockstep_of(system, beside, TraceWriter(trace))
+        run = loaded.config.run
+        ticks = system.longest_run
+        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
+        executor.inspector = StepInspector(found, looks_at)
+        log = executor.run(ticks, tell)
+    _warn(found, system, executor)
+    for thread in keeping_alive(started):
+        owned = started_by(thread)
+        if owned is not None:
+            run_warnings.staying_thread(found, owned, thread.name)
+    return Episode(system, log, recorder, [] if watch is None else watch.finish(), found.listed())
+
+
+def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:
+    """Add warnings about plugins after a run has ended."""
+    log, steppers, period = executor.log, executor.steppers, system.config.run.period
+    run_warnings.slow_steps(found, system, log.spent_ns)
+    run_warnings.far_commands(found, steppers)
+    run_warnings.large_messages(found, run_warnings.volumes_of(executor.trace, steppers), log.ticks * period)
+    slots = executor.active("platform").slots
+    scans = {sensor.name: (slots[sensor.name].sequence, slots[sensor.name].tick) for sensor in system.sensors}
+    heard = run_warnings.Heard(0, log.ticks, scans, executor.active("goal").slots["sweep"].tick)
+    run_warnings.silent_sensors(found, system, heard)
+    run_warnings.waiting_nodes(found, steppers)
+
+
+def _median_ms(steps: Sequence[int]) -> float | None:
+    return float(np.median(steps)) * 1e-6 if steps else None

@@ -1,0 +1,244 @@
+"""Metrics of episodes: numbers from a trail, each defined for failed episodes too. See docs/metrics.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from navloom.runs import measures
+from navloom.runs.trail import Trail
+
+if TYPE_CHECKING:
+    from navloom.plugins import Discovery
+
+__all__ = ["METRICS", "Metric", "all_metrics", "headlines", "measure", "timing"]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number that describes an episode.
+
+    Attributes:
+        name: Column of the table: lower case letters, digits and `_`.
+        unit: Printed unit: "m", "s", "1/m", "1" for shares and counts.
+        better: Which direction is better; None if neither is.
+        compute: Returns the number, or None if it is not defined for the episode.
+        about: One or two sentences: what it is, and when it is not defined.
+        bounds: Smallest and largest possible value, None for no bound; intervals are cut at them.
+        is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
+    """
+
+    name: str
+    unit: str
+    better: Literal["lower", "higher"] | None
+    compute: Callable[[Trail], float | None]
+    about: str
+    bounds: tuple[float | None, float | None] = (None, None)
+    is_share: bool = False
+
+
+def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
+    """Every metric of one episode by name, default the built-in ones; None if it is not defined.
+
+    Raises:
+        ValueError: A metric returned neither a finite number nor None.
+    """
+    found: dict[str, float | None] = {}
+    for metric in METRICS if metrics is None else metrics:
+        value = metric.compute(trail)
+        if value is not None:
+            try:
+                value = float(value)
+            except (TypeError, ValueError):
+                raise ValueError(f"metric {metric.name}: gave {value!r}, expected a number or None") from None
+            if not np.isfinite(value):
+                raise ValueError(
+                    f"metric {metric.name}: gave {value}, expected a finite number, or None where undefined"
+                )
+            if metric.is_share and value not in (0.0, 1.0):
+                raise ValueError(f"metric {metric.name}: gave {value}, expected 1 or 0: it is declared as a share")
+        found[metric.name] = value
+    return found
+
+
+def timing(trail: Trail) -> dict[str, float | bool]:
+    """Wall time of the control steps: median, 95th and 99th percentile and maximum, µs, and whether they are too slow.
+
+    `too_slow` is true if at least one step in a hundred takes longer than the control period. Empty without ticks.
+    The values are not reproducible: they go to timing.json, never to the table.
+    """
+    if not trail.tick_ns.size:
+        return {}
+    p50, p95, p99, top = (float(np.percentile(trail.tick_ns, share)) * 1e-3 for share in (50, 95, 99, 100))
+    late = p99 > trail.period * 1e6
+    return {"tick_us_p50": p50, "tick_us_p95": p95, "tick_us_p99": p99, "tick_us_max": top, "too_slow": late}
+
+
+def all_metrics(discovery: Discovery) -> tuple[tuple[Metric, ...], tuple[str, ...]]:
+    """The built-in metrics, then those of plugins in order of name; and why others cannot be used, a message each."""
+    from navloom.plugins import PluginError
+
+    taken = {metric.name for metric in METRICS} | _COLUMNS
+    found: list[Metric] = list(METRICS)
+    wrong: list[str] = []
+    for name in discovery.names("metric"):
+        try:
+            metric = discovery.metric(name)
+        except PluginError as error:
+            wrong.append(str(error))
+            continue
+        if not isinstance(metric, Metric):
+            wrong.append(f"metric.{name}: registers {metric!r}, expected a navloom.Metric")
+        elif name in taken:
+            wrong.append(f"metric.{name}: a column {name!r} is there already: rename the metric")
+        else:
+            found.append(metric)
+    return tuple(found), tuple(wrong)
+
+
+def headlines(names: Sequence[str]) -> list[str]:
+    """Which metrics of a study its short tables show: the chief built-in ones, and all that other distributions add."""
+    built_in = {metric.name for metric in METRICS}
+    return [name for name in _HEADLINES if name in names] + [name for name in names if name not in built_in]
+
+
+_HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
+_COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
+SHARE = (0.0, 1.0)
+NOT_NEGATIVE = (0.0, None)
+
+METRICS: tuple[Metric, ...] = (
+    Metric(
+        "success", "1", "higher", measures.success,
+        "1 if the goal was reached, according to the ground truth if there is one, else 0.",
+        SHARE, is_share=True,
+    ),
+    Metric(
+        "spl", "1", "higher", measures.spl,
+        "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, both up to the goal's "
+        "tolerance. Undefined if no shortest path is known.",
+        SHARE,
+    ),
+    Metric(
+        "barn_2_8", "1", "higher", measures.barn_2_8,
+        "BARN score: success times OT / clip(AT, 2 OT, 8 OT), OT = the world's reference length, or else the shortest "
+        "path, at 2 m/s, AT from the first 0.1 m; at best 0.5. Undefined if neither length is known.",
+        (0.0, 0.5),
+    ),
+    Metric(
+        "barn_4_8", "1", "higher", measures.barn_4_8,
+        "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined if neither length is known.",
+        (0.0, 0.25),
+    ),
+    Metric(
+        "time", "s", "lower", measures.time_to_goal,
+        "Time from the start of the run until the robot last came within the goal's tolerances; a failed episode "
+        "counts with the longest time it was allowed.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "path_length", "m", None, measures.path_length,
+        "Distance driven, failed or not. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "goal_distance", "m", "lower", measures.goal_distance,
+        "Distance to the goal at the end of the episode. Undefined without a goal, or if a run left no data.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "clearance_min", "m", "higher", measures.clearance_min,
+        "Least gap between footprint and obstacles; 0 in contact, negative by the depth of an overlap. "
+        "Undefined if nothing is near or without ground truth.",
+    ),
+    Metric(
+        "clearance_p5", "m", "higher", measures.clearance_p5,
+        "5th percentile of the gap over time. Undefined if nothing is near or without ground truth.",
+    ),
+    Metric(
+        "danger_share", "1", "lower", measures.danger_share,
+        "Share of the time in which the gap is at most the robot's stopping distance. "
+        "Undefined without ground truth.",
+        SHARE,
+    ),
+    Metric(
+        "cross_track_rms", "m", "lower", measures.cross_track_rms,
+        "Root mean square over time of the distance from the trajectory. Undefined if none was driven.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "cross_track_max", "m", "lower", measures.cross_track_max,
+        "Largest distance from the trajectory. Undefined if none was driven.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "jerk", "m/s²", "lower", measures.integrated_jerk,
+        "Integral of the magnitude of jerk, of the acceleration in the plane averaged over 0.4 s. "
+        "Undefined for less than 0.8 s of ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "turning", "rad/m", "lower", measures.turning_per_metre,
+        "Angle turned, either way, per metre driven. Undefined below 0.1 m.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "steering_flips", "1/m", "lower", measures.steering_flips_per_metre,
+        "How often the commanded turn rate changed sign by more than 0.05 rad/s either way, per metre driven. "
+        "Undefined below 0.1 m.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "stopped_time", "s", "lower", measures.stopped_time,
+        "Time the robot neither drove 0.02 m/s nor turned 0.02 rad/s. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "avoider_share", "1", None, measures.avoider_share,
+        "Share of the time the avoider drove instead of the controller. Undefined without ground truth.",
+        SHARE,
+    ),
+    Metric("recoveries", "1", "lower", measures.recoveries, "Attempts of the recovery.", NOT_NEGATIVE),
+    Metric(
+        "gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot.", NOT_NEGATIVE,
+    ),
+    Metric(
+        "collisions", "1", "lower", measures.collisions,
+        "Number of contacts; at least 1 if the outcome is collision.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "false_success", "1", "lower", measures.false_success,
+        "1 if the robot reported that it had arrived, and was further from the goal or from the heading asked for than "
+        "the tolerance plus 0.1 m or 5°, or than twice a smaller tolerance. Undefined without ground truth.",
+        SHARE, is_share=True,
+    ),
+    Metric(
+        "pose_error_rms", "m", "lower", measures.pose_error_rms,
+        "Root mean square of the distance between estimated and true position. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "pose_error_p95", "m", "lower", measures.pose_error_p95,
+        "95th percentile of that distance. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "pose_error_max", "m", "lower", measures.pose_error_max,
+        "Largest such distance. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "gate_limits", "1", "lower", measures.gate_limits,
+        "Number of times the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "heading_error", "rad", "lower", measures.heading_error,
+        "Difference between the final heading and the one asked for. Undefined if none was, or without ground truth.",
+        NOT_NEGATIVE,
+    ),
+)  # fmt: skip

@@ -1,0 +1,1 @@
+from navloom_check import *  # noqa: F403

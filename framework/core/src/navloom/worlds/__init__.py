@@ -1,0 +1,52 @@
+"""The worlds shipped with the framework, and the schemes that read worlds from files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from navloom.geometry.world import World
+from navloom.plugins.hooks import hookimpl
+from navloom.plugins.registry import Registry
+from navloom.worlds.errors import WorldError
+from navloom.worlds.paper import (
+    paper_gates,
+    paper_gates_blocked_b,
+    paper_gates_blocked_bc,
+    paper_gates_obstacle,
+    paper_gates_open_a,
+)
+from navloom.worlds.small import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
+from navloom.worlds.tomlfile import toml_world
+
+__all__ = ["SCHEMES", "WORLDS", "WorldError", "navloom_register"]
+
+WORLDS: dict[str, Callable[[], World]] = {
+    make.__name__: make
+    for make in (
+        paper_gates,
+        paper_gates_open_a,
+        paper_gates_blocked_b,
+        paper_gates_blocked_bc,
+        paper_gates_obstacle,
+        empty,
+        corridor,
+        crossing_person,
+        doorway,
+        u_trap,
+    )
+}
+SCHEMES: dict[str, Callable[[str, Path], World]] = {
+    "clutter": clutter_world,
+    "door": door_world,
+    "toml": toml_world,
+}
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add every named world and scheme."""
+    for name, make in WORLDS.items():
+        registry.world(name, make)
+    for scheme, load in SCHEMES.items():
+        registry.world_scheme(scheme, load)

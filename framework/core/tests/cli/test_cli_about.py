@@ -1,0 +1,127 @@
+"""Information of the command line about itself: versions, shipped configs, the manual page."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+
+import pytest
+from navloom.cli.commands import AddedCommand
+from navloom.cli.main import app
+from navloom.cli.shells.manual import page
+from navloom.cli.shells.tree import commands
+from navloom.commands import COMMANDS
+from navloom.config import shipped_configs
+from navloom.entry_kinds import CommandPoint, added_commands
+from navloom.installed import shipped_names
+from navloom.parts import OF_FRAMEWORK
+from typer.main import get_command
+
+InProcess = Callable[..., tuple[int, str, str]]
+
+
+def test_version_names_the_framework_python_and_every_plugin_distribution(in_process: InProcess) -> None:
+    code, out, _ = in_process("--version")
+    assert code == 0
+    first, python, *plugins = out.splitlines()
+    assert first == f"navloom {version('navloom')}" and python == f"Python {platform.python_version()}"
+    assert f"navloom-astar {version('navloom-astar')}" in plugins
+    assert len({line.split()[0] for line in plugins}) == len(plugins) and "navloom" not in plugins
+
+
+def test_version_as_json_holds_the_same(in_process: InProcess) -> None:
+    code, out, _ = in_process("--version", "--json")
+    found = json.loads(out)
+    assert (code, found["navloom"], found["python"]) == (0, version("navloom"), platform.python_version())
+    assert found["plugins"]["navloom-astar"] == version("navloom-astar")
+
+
+def test_json_before_a_command_is_refused_with_the_place_it_belongs_to(in_process: InProcess) -> None:
+    code, out, err = in_process("--json", "worlds")
+    assert (code, out) == (2, "") and "navloom worlds … --json" in err
+
+
+def test_version_imports_nothing_heavy() -> None:
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "navloom", "--version"],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert imported.isdisjoint({"typer", "numpy", "numba", "pydantic", "scipy", "zenoh"})
+
+
+def test_the_names_of_shipped_configs_are_those_that_load() -> None:
+    assert shipped_names() == list(shipped_configs()) and len(shipped_names()) >= 3
+
+
+@pytest.mark.parametrize(
+    "command", ["run", "up", "compare", "graph", "node", "config show", "config check", "export systemd"]
+)
+def test_the_help_of_a_command_that_takes_a_config_names_every_shipped_one(command: str) -> None:
+    (found,) = [one for one in commands(get_command(app)) if one.name == f"navloom {command}"]
+    assert f"a shipped name: {', '.join(shipped_configs())}." in found.arguments[0].help
+
+
+def test_the_help_shows_the_first_sentence_of_every_command_whole(in_process: InProcess) -> None:
+    code, out, _ = in_process("--help")
+    rows = [line for line in out.partition("Commands:")[2].splitlines() if line]
+    assert code == 0 and len(rows) > 30
+    assert [row for row in rows if not re.fullmatch(r"  \S+ +\S.*[^.]\.", row)] == []
+
+
+OWN = [point for point in added_commands() if point.distribution in OF_FRAMEWORK or point.name == "import"]
+
+
+@pytest.mark.parametrize("point", OWN, ids=lambda point: point.name)
+def test_the_help_lists_a_command_with_the_first_sentence_of_its_own_help(point: CommandPoint) -> None:
+    listed = AddedCommand([point])
+    real = listed.made()
+    assert point.summary == listed.get_short_help_str(200) == real.get_short_help_str(200)
+    assert (real.name, real.hidden, real.deprecated) == (point.name, False, False)
+
+
+@pytest.mark.parametrize(
+    ("words", "used"), [(["--help"], set()), (["worlds", "--help"], {"navloom.cli.describing.worlds"})]
+)
+def test_the_module_of_a_command_is_imported_when_the_command_is_used(words: list[str], used: set[str]) -> None:
+    code = "import atexit, sys; atexit.register(lambda: print(*sys.modules)); from navloom.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60, check=True)
+    imported = set(done.stdout.splitlines()[-1].split())
+    modules = {reference.partition(":")[0] for reference in COMMANDS.values()}
+    assert "navloom.cli.commands" in imported
+    assert modules & imported == used
+
+
+def test_the_manual_page_has_every_command_with_every_option() -> None:
+    tree = commands(get_command(app))
+    text = page(tree, "1.2.3").replace(r"\-", "-")
+    assert text.startswith('.TH NAVLOOM 1 "" "navloom 1.2.3"') and len(tree) > 30
+    for command in tree[1:]:
+        section = text.partition(f".SS {command.name} ")[2].partition(".SS ")[0]
+        for word in (*command.options, *command.arguments):
+            if not command.inner and word.names != ("--help",):
+                assert f"{word.names[0] if word.names else word.metavar}" in section, (command.name, word)
+
+
+def test_no_line_of_the_manual_page_reads_as_a_roff_command() -> None:
+    known = (".TH", ".SH", ".SS", ".TP", ".PP", ".B")
+    lines = page(commands(get_command(app)), "1.2.3").splitlines()
+    assert not [line for line in lines if line[:1] in (".", "'") and line.split()[0] not in known]
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="needs groff")
+def test_groff_sets_the_manual_page_without_a_warning(in_process: InProcess) -> None:
+    code, out, _ = in_process("man")
+    done = subprocess.run(
+        ["groff", "-man", "-ww", "-Tutf8", "-Kutf8"], input=out, capture_output=True, text=True, timeout=30, check=False
+    )
+    assert (code, done.returncode, done.stderr) == (0, 0, "")
+    assert "EXIT STATUS" in done.stdout.replace("\x08", "").replace("EEXXIITT", "EXIT").replace(
+        "SSTTAATTUUSS", "STATUS"
+    )

@@ -1,0 +1,107 @@
+"""Progress of a run: one line, reports of a run that hangs, and of a slow plugin."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+from navloom.cli import run as run_module
+from navloom.cli.output import LOG, paced
+from navloom.messages import PoseEstimate
+from navloom.navigation.dead_reckoning import OdometryLocalizer
+from navloom.roles import LocalizerInput
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Make every step of the localizer take `by` s longer."""
+    real = OdometryLocalizer.localize
+
+    def slow(by: float) -> None:
+        def localize(self: OdometryLocalizer, given: LocalizerInput) -> PoseEstimate:
+            time.sleep(by)
+            return real(self, given)
+
+        monkeypatch.setattr(OdometryLocalizer, "localize", localize)
+
+    return slow
+
+
+SAYING = """
+import sys, time
+from navloom.cli.output import say_so, stage
+from navloom.logs import Level, set_up_logging
+
+set_up_logging(Level.INFO, as_json=False)
+
+with stage(False) as (_, progress):
+    for done in range(3):
+        progress(done, 3.0)
+        time.sleep(0.15)
+        say_so(f"message {done}")
+"""
+
+
+def test_other_output_leaves_no_second_line_of_progress() -> None:
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen([sys.executable, "-c", SAYING], stderr=theirs, env=os.environ | {"TERM": "xterm"})
+    os.close(theirs)
+    said = b""
+    with contextlib.suppress(OSError):  # which is how a terminal ends
+        while data := os.read(ours, 65536):
+            said += data
+    os.close(ours)
+    assert process.wait(60) == 0
+    # What remains of each line on the screen after it was last erased.
+    lines = [line.rsplit("\x1b[2K", 1)[-1] for line in said.decode().replace("\r", "").split("\n")]
+    left = [re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line).strip() for line in lines]
+    assert [line for line in left if line.startswith("navloom: ")] == [f"navloom: message {done}" for done in range(3)]
+    assert sum("driving" in line for line in left) <= 1  # the last one, which the next code erases
+
+
+def test_a_slow_plugin_is_named_with_its_delay(in_process: Run, slowed: Callable[[float], None]) -> None:
+    slowed(0.003)
+    words = ("run", "paper", "--set", "run.period=0.001", "--set", "run.stop_after=0.05")
+    _, said, errors = in_process(*words, "--json")
+    warnings = json.loads(said)["warnings"]
+    (found,) = [one for one in warnings if (one["kind"], one["role"]) == ("slow", "localizer")]
+    figures = found["figures"]
+    assert figures["late"] == figures["steps"] >= 50 and figures["p99_ms"] > 3.0 and figures["limit_ms"] == 1.0
+    told = f"localizer {found['instance']} is slow: {figures['late']} of its {figures['steps']} steps took longer "
+    assert told + "than the 1 ms to the next one, p99 " in errors
+
+
+def test_a_plugin_that_keeps_up_is_not_named(in_process: Run) -> None:
+    code, said, errors = in_process("run", "paper", "--set", "run.period=1.0", "--set", "run.stop_after=30", "--json")
+    assert code == 1 and json.loads(said)["warnings"] == [] and "is slow" not in errors
+
+
+def test_a_run_of_slow_ticks_is_not_reported_as_hanging(
+    in_process: Run, slowed: Callable[[float], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slowed(0.1)
+    monkeypatch.setattr(run_module, "watched_for_stalls", partial(run_module.watched_for_stalls, patience=1.0))
+    code, _, errors = in_process("run", "paper", "--set", "run.stop_after=0.75", "--json")
+    assert code == 1 and "no tick for 1 s" not in errors  # 17 ticks in 1.7 s
+
+
+def test_lines_of_progress_come_at_most_every_10_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 4.0, 11.0, 11.0, 20.0, 21.5, 21.5])  # at the start, for each text, again if said
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    said: list[str] = []
+    monkeypatch.setattr(LOG, "info", said.append)
+    say = paced()
+    for text in ("at 4", "at 11", "at 20", "at 21.5"):
+        say(text)
+    assert said == ["at 11", "at 21.5"]

@@ -1,0 +1,187 @@
+"""`navloom status`: what a robot is doing, and why it is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from navloom.cli.options import AsJson, RobotOptions
+
+__all__ = ["rows", "status"]
+
+
+def status(
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Print what a live robot is doing, or why it is stopped.
+
+    Its goal, where it is, how fast and how sure, the node that drives, and what lets a stopped robot drive again.
+    """
+    from navloom.cli.output import print_json, print_table
+
+    from navloom_live.operating.client import ClientError
+    from navloom_live.operating.looking import changed_parameters, last_words, listing
+    from navloom_live.operating.pose_report import pose_now
+    from navloom_live.operating.shadowing import shadows_of
+
+    with robot.look() as client:
+        nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
+        shadows = shadows_of(client, nodes)
+        pose = pose_now(client, nodes)
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    if as_json:
+        print_json(_summary(client.keys.prefix, nodes, words, changed, pose) | {"shadows": shadows})
+    else:
+        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows, pose))
+
+
+def _summary(
+    name: str,
+    nodes: Sequence[Mapping[str, Any]],
+    words: Mapping[str, Any],
+    changed: Mapping[str, Sequence[str]],
+    pose: Any,
+) -> dict[str, Any]:
+    from navloom_live.operating.looking import message_fields, missing, platform_age
+    from navloom_live.operating.pose_report import pose_fields
+
+    reason, remedy = _why_stopped(words, nodes)
+    clock = max(node["clock_ns"] for node in nodes)
+    return {
+        "robot": name,
+        "run_clock_s": clock * 1e-9 if clock >= 0 else None,
+        "platform_age_s": platform_age(nodes),
+        "pose": None if pose is None else pose_fields(pose),
+        "nodes": len(nodes),
+        "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
+        "silent_nodes": [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]],
+        "changed_parameters": dict(changed),
+        "why_stopped": reason,
+        "remedy": remedy,
+        **{key.replace("/", "_"): None if word is None else message_fields(word) for key, word in words.items()},
+    }
+
+
+def rows(
+    name: str,
+    nodes: Sequence[Mapping[str, Any]],
+    words: Mapping[str, Any],
+    changed: Mapping[str, Sequence[str]],
+    shadows: Sequence[Mapping[str, Any]] = (),
+    pose: Any = None,
+) -> list[tuple[str, str]]:
+    """The printed lines; rows without a value are left out."""
+    from navloom_live.operating.looking import missing
+    from navloom_live.operating.shadowing import differing_text
+
+    clock = max(node["clock_ns"] for node in nodes)
+    gone = missing(nodes)
+    silent = [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]]
+    found = [
+        ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
+        ("goal", _goal(words["goal/feedback"], nodes)),
+        ("last goal", _result(words["goal/result"])),
+        ("pose", _pose(pose)),
+        ("localizer", _localizer(words["goal/feedback"], pose)),
+        _driver(words, nodes),
+        ("platform", _platform(nodes)),
+        ("active", _selection(words["gate/selection"])),
+        *((f"in shadow, {one['role']} {one['instance']}", differing_text(one)) for one in shadows),
+        ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
+        ("missing", ", ".join(_place(one) for one in gone)),
+        ("does not answer", ", ".join(silent)),
+        *((f"changed, {source}", ", ".join(values)) for source, values in changed.items()),
+    ]
+    return [row for row in found if row[1]]
+
+
+def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
+    from navloom_live.operating.looking import platform_age
+
+    age = platform_age(nodes)
+    if age is not None:
+        return f"last message {age:.2f} s ago"
+    tick = max((n["tick"] for n in nodes if n["role"] == "platform" and n["tick"] is not None), default=-1)
+    return f"at tick {tick}, in simulated time" if tick >= 0 else "no message so far"
+
+
+def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
+    from navloom_live.operating.looking import progress
+
+    if feedback is None and not _knows_goal(nodes):
+        return "unknown: its goal node does not answer"
+    if feedback is None or not feedback.goal_id:
+        return "none"
+    return f"{feedback.goal_id}: {progress(feedback)}"
+
+
+def _knows_goal(nodes: Sequence[Mapping[str, Any]]) -> bool:
+    return any(node["role"] == "goal" and node["answers"] for node in nodes)
+
+
+def _result(result: Any) -> str:
+    if result is None:
+        return ""
+    return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
+
+
+def _pose(estimate: Any) -> str:
+    """Where the robot is, how fast, and how sure that is; empty without a pose."""
+    from navloom_live.operating.pose_report import pose_fields
+
+    if estimate is None:
+        return ""
+    at = pose_fields(estimate)
+    text = f"({at['x']:.2f}, {at['y']:.2f}), {at['heading_deg']:.0f}°, {at['speed']:.2f} m/s"
+    if at["position_std"] is None:
+        return f"{text}, uncertainty not known"
+    return f"{text}, ± {at['position_std']:.2f} m, ± {at['heading_std_deg']:.1f}°"
+
+
+def _localizer(feedback: Any, estimate: Any) -> str:
+    """Why it is not tracking, and what to do; empty while it is tracking, or if that is not known."""
+    from navloom_live.operating.looking import WHERE_IT_IS
+
+    said = feedback.localizer if feedback is not None else ""
+    if estimate is not None:
+        said = "" if estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}".removesuffix(": ")
+    return f"{said}; {WHERE_IT_IS}" if said else ""
+
+
+def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """The row with the source that drives, or with why the robot is stopped."""
+    from navloom_live.operating.looking import who_drives
+
+    gate = words["gate/status"]
+    if gate is None:
+        return "drives", "unknown: its gate has said nothing so far"
+    if not gate.stopped:
+        return "drives", who_drives(gate).removesuffix(" drives")
+    why, remedy = _why_stopped(words, nodes)
+    return "stopped", why + (f"; {remedy}" if remedy else "")
+
+
+def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Why the robot is stopped, and the remedy; both empty if it drives or the gate has not reported."""
+    from navloom_live.operating.looking import NO_GOAL, why_stopped
+
+    gate, feedback = words["gate/status"], words["goal/feedback"]
+    if gate is None:
+        return "", ""
+    if feedback is None and _knows_goal(nodes):
+        feedback = NO_GOAL
+    return why_stopped(gate, feedback, words["goal/result"])
+
+
+def _selection(selection: Any) -> str:
+    if selection is None:
+        return ""
+    return ", ".join(selection.instances) + (f" (selection {selection.epoch})" if selection.epoch else "")
+
+
+def _place(gone: Any) -> str:
+    where = f" on {gone.host}" if gone.host else ""
+    return f"{gone.role} {gone.instance} (process {gone.process}{where})"

@@ -1,0 +1,70 @@
+"""Lets the nodes of a running process know of an instance that their robot gains."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from navloom.config.added import with_alternative
+from navloom.engine.extending import admit_part
+from navloom.engine.system import System
+
+from navloom_live.live.cell import Source
+from navloom_live.live.cells import Hosted, widen
+from navloom_live.live.live import LiveRunner
+from navloom_live.live.monitor import MemoryReader
+from navloom_live.live.switchboard import Switchboard
+
+__all__ = ["AddedInstances"]
+
+
+class AddedInstances:
+    """Connects the nodes of this process to the streams of added instances, which run in processes of their own.
+
+    Args:
+        system: The robot as this process knows it; it gains the instances.
+        hosted, live: The nodes and runners of this process.
+        board: Its streams.
+        monitor: Reads the parameters of every instance.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        hosted: Mapping[Source, Hosted],
+        live: Mapping[Source, LiveRunner],
+        board: Switchboard,
+        monitor: MemoryReader,
+    ) -> None:
+        self._system, self._hosted, self._live, self._board, self._monitor = system, hosted, live, board, monitor
+        self._lock = threading.Lock()
+
+    def extend(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Take in an instance, on a service's thread. The nodes read it from their next steps on.
+
+        Args:
+            given: The `alternative` table with its name, and the `process` that will run it.
+
+        Returns:
+            `config_sha256` of this process from now on.
+
+        Raises:
+            ConfigError: The table does not fit.
+        """
+        table, process = dict(given["alternative"]), str(given["process"])
+        source = str(table["role"]), str(table["name"])
+        with self._lock:
+            system = self._system
+            if source not in system.parts:
+                admit_part(system, with_alternative(system.loaded, table, process), source)
+                self._board.bus.bring_here("/".join(source), f"process/{process}")
+                self._monitor.follow(source)
+                changes = [
+                    (self._live[own], widen(system, one, source, self._board)) for own, one in self._hosted.items()
+                ]
+                self._board.connect()
+                for runner, more in changes:
+                    runner.change(partial(runner.admit, more))
+            return {"config_sha256": system.loaded.sha256()}

@@ -1,0 +1,96 @@
+"""Warnings of a live robot's process in which nothing failed: computed on request."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+
+from navloom.engine import run_warnings
+from navloom.engine.build import stride_of
+from navloom.engine.run_warnings import Heard, RunWarning, RunWarnings, Volume
+from navloom.engine.system import System
+from navloom.plugins.owners import Owned, Owners
+from navloom.plugins.printing import LARGEST_OUTPUT, bounded_output
+from navloom.plugins.threads import keeping_alive, started_by, watched_threads
+
+from navloom_live.live.cell import Cell, Source
+from navloom_live.live.live import LiveRunner
+
+__all__ = ["ProcessWarnings"]
+
+WINDOW = 10.0
+"""Time window of the limit on a plugin's output, s."""
+NEWEST, MANY = 400, 100
+"""Number of newest steps that are examined, and fewest steps for a verdict on a node."""
+LATE = 0.1
+"""Share of late steps above which a node counts as slow: a host that is busy for a moment is not the plugin's fault."""
+
+
+class ProcessWarnings:
+    """The warnings of one process.
+
+    Args:
+        system: The robot.
+        sources: Nodes of this process.
+    """
+
+    def __init__(self, system: System, sources: Sequence[Source]) -> None:
+        self._system, self._found = system, RunWarnings.of(system)
+        parts = {source: system.parts[source] for source in sources if source in system.parts}
+        self._owners = Owners({source: part.cls for source, part in parts.items()})
+        self._started: Sequence[threading.Thread] = ()
+        self._began = time.monotonic()
+
+    @contextmanager
+    def watch(self) -> Iterator[None]:
+        """Watch what plugins print and which threads they start, within a `with` statement."""
+        with ExitStack() as stack:
+            stack.enter_context(bounded_output(self._owners, self._flooded, WINDOW))
+            self._started = stack.enter_context(watched_threads(self._owners))
+            yield
+
+    def _flooded(self, owned: Owned) -> None:
+        text = (
+            f"printed more than {LARGEST_OUTPUT // 1024} kB within {WINDOW:g} s: the rest is left out ({owned.place})"
+        )
+        self._found.add("output", owned.source, text)
+
+    def listed(self, cells: Mapping[Source, Cell], live: Mapping[Source, LiveRunner]) -> list[RunWarning]:
+        """Examine the nodes, and return all warnings since the process began."""
+        run_warnings.far_commands(self._found, [cell.stepper for cell in cells.values()])
+        volumes = [
+            Volume(source, port, outlet.largest, outlet.sent)
+            for source, cell in cells.items()
+            for port, outlet in cell.outlets.items()
+        ]
+        run_warnings.large_messages(self._found, volumes, time.monotonic() - self._began)
+        for source, runner in live.items():
+            self._look_at_times(source, runner)
+            if source[0] == "platform":
+                self._look_at_sensors(runner.cell)
+        for thread in keeping_alive(self._started, 0.0):
+            owned = started_by(thread)
+            if owned is not None:
+                run_warnings.staying_thread(self._found, owned, thread.name)
+        return self._found.listed()
+
+    def _look_at_times(self, source: Source, runner: LiveRunner) -> None:
+        spent = [took_ns for _, took_ns in runner.times.newest(NEWEST)]
+        part = self._system.parts.get(source)
+        if part is None or len(spent) < MANY:
+            return
+        period = self._system.config.run.period
+        limit_ns = stride_of(part.table, period) * period * 1e9
+        if sum(took > limit_ns for took in spent) > LATE * len(spent):
+            run_warnings.slow_steps(self._found, self._system, {source: spent})
+
+    def _look_at_sensors(self, platform: Cell) -> None:
+        ticks = platform.stepper.stepped + 1
+        scans = {}
+        for sensor in self._system.sensors:
+            outlet = platform.outlets[sensor.name]
+            scans[sensor.name] = (outlet.sequence, -1 if outlet.last is None else outlet.last[1].tick)
+        began = max(0, ticks - platform.outlets["odometry"].sequence)
+        run_warnings.silent_sensors(self._found, self._system, Heard(began, ticks, scans))

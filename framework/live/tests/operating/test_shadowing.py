@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from navloom_live.operating.shadowing import COLUMNS, cells_of, differing_text, sizes_text
+
+VFF: dict[str, Any] = {
+    "role": "avoider", "instance": "vff", "against": "improved_vfh", "ticks": 200, "unanswered": 0,
+    "differing_share": 0.345, "now": {"vx": -0.1, "vy": 0.0, "wz": math.radians(12.0)},
+    "mean": {"vx": 0.05, "vy": 0.0, "wz": math.radians(3.0)}, "stops": 4, "handovers": 0,
+}  # fmt: skip
+
+
+def test_a_shadow_is_one_row_with_units() -> None:
+    expected = ("avoider vff", "improved_vfh", "200", "34 %", "-0.10 m/s, 12.0 deg/s", "0.05 m/s, 3.0 deg/s", "4 ticks")
+    assert cells_of(VFF) == (*expected, "0 ticks")
+    assert len(cells_of({"role": "avoider", "instance": "vff", "ticks": None})) == len(COLUMNS)
+
+
+def test_the_line_of_a_shadow_leaves_out_what_never_happened() -> None:
+    assert differing_text(VFF) == (
+        "differs from improved_vfh in 34 % of 200 ticks; now -0.10 m/s, 12.0 deg/s; mean 0.05 m/s, 3.0 deg/s; "
+        "would have stopped in 4 ticks"
+    )
+    assert differing_text({**VFF, "ticks": 0}) == "nothing to compare so far"
+    assert differing_text({**VFF, "ticks": None}) == "not compared"
+
+
+def test_sizes_have_no_negative_zero_and_a_sideways_speed_only_where_there_is_one() -> None:
+    assert sizes_text({"vx": -1e-5, "vy": 0.2, "wz": -1e-6}) == "0.00 m/s, 0.20 m/s sideways, 0.0 deg/s"
+    assert sizes_text({"length": 0.25, "hausdorff": 0.1, "found": 0.0}) == "length 0.25 m, hausdorff 0.1 m, found 0"
+    assert sizes_text({}) == "-"

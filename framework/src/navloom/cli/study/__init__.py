@@ -1,1 +1,0 @@
-"""Commands that work without a live robot: one run, many runs, one plan, one map."""

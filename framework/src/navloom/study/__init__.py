@@ -1,6 +1,0 @@
-"""Episodes, metrics and studies. A plugin that adds a metric imports only what is listed here."""
-
-from navloom.study.metrics import METRICS, Metric
-from navloom.study.trail import Trail
-
-__all__ = ["METRICS", "Metric", "Trail"]

@@ -1,5 +1,0 @@
-"""Shows runs in the Rerun viewer. Only this house imports rerun, and only when a viewer is requested."""
-
-from navloom.viewer.panels import Panel, Seen
-
-__all__ = ["Panel", "Seen"]

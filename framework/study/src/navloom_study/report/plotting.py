@@ -1,0 +1,107 @@
+"""Figures for print and screen: matplotlib without a display or global state, with reproducible bytes."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from navloom.config import ConfigError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["MM", "need_matplotlib", "new_figure", "png_of", "styled", "svg_of"]
+
+MM = 1.0 / 25.4
+"""One millimetre in inches, matplotlib's unit."""
+SALT = "navloom"
+STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#D9D9D9",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.3,
+    "figure.constrained_layout.use": True,
+    "path.simplify": True,
+    "svg.fonttype": "path",
+    "svg.hashsalt": SALT,
+}
+
+
+def need_matplotlib() -> None:
+    """Raise ConfigError that names the extra to install if matplotlib is missing."""
+    try:
+        import_module("matplotlib")
+    except ImportError:
+        raise ConfigError(
+            "figures need the extra `plots`: uv sync --group plots, or pip install 'navloom[plots]'"
+        ) from None
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Apply navloom's style within a `with` statement; other users of matplotlib are not affected.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    need_matplotlib()
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        yield
+
+
+def new_figure(width_mm: float, height_mm: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
+    """A figure in navloom's style, and its axes as `Figure.subplots` returns them: one, or an array.
+
+    Draw within `with styled():`, because matplotlib reads sizes of titles, legends and lines when it adds them.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width_mm * MM, height_mm * MM))
+        axes = figure.subplots(rows, columns)
+    return figure, axes
+
+
+def svg_of(figure: Figure) -> str:
+    """The figure as one `<svg>` element for a page: without prologue, reproducible.
+
+    The remaining ids are content hashes, so that one page can contain several figures.
+    """
+    text = _saved(figure, "svg", metadata={"Date": None, "Creator": None}).decode()
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    return re.sub(r'<g id="[^"]*">', "<g>", text)
+
+
+def png_of(figure: Figure, dpi: int = 200) -> bytes:
+    """The figure as a PNG file with reproducible bytes."""
+    return _saved(figure, "png", dpi=dpi, metadata={"Software": None})
+
+
+def _saved(figure: Figure, kind: str, **options: Any) -> bytes:
+    buffer = io.BytesIO()
+    with styled():
+        figure.savefig(buffer, format=kind, **options)
+    return buffer.getvalue()

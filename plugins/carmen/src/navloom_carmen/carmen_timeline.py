@@ -1,0 +1,206 @@
+"""Odometry and stamps of a CARMEN log: recovers raw odometry from corrected poses, and makes times monotonic."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from navloom.geometry.angles import wrap
+from navloom.geometry.frames import compose, inverse
+from navloom_recording.header import RecordingError
+from numpy.typing import NDArray
+
+from navloom_carmen.carmen import ODOM
+
+__all__ = ["Timeline", "corrected_odometry", "raw_odometry", "stamps_of", "twists"]
+
+Floats = NDArray[np.float64]
+_KIND, _POSE, _ROBOT, _SPEED, _IPC, _LOGGER = 1, slice(2, 5), slice(5, 8), slice(5, 7), 8, 9
+"""Columns of the events of a `Survey`."""
+LATE = 2.0
+"""Largest backward jump of a log's times, s; a log may contain the clocks of two computers."""
+LACKING = 0.05
+"""Share of scans without preceding odometry from which the odometry of a corrected log counts as missing."""
+SPAN = 0.2
+"""Time over which a velocity is computed if the log gives none, s; stamps of a log scatter by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Odometry of a log.
+
+    Attributes:
+        stamps: (n,) ns, strictly increasing.
+        poses: (n, 3) x, y, m, heading, rad.
+        twists: (n, 2) forward speed, m/s, and turn rate, rad/s.
+    """
+
+    stamps: NDArray[np.int64]
+    poses: Floats
+    twists: Floats
+
+
+def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Floats:
+    """Time of each event, s, non-decreasing; scans keep the log's times wherever these increase.
+
+    Args:
+        events: (n, 10) of a `Survey`.
+        is_corrected: The log is corrected: odometry directly after a scan repeats its pose and has no time.
+        period: Time between two scans, s, if the log's times are unusable; None to use the log's times.
+
+    Raises:
+        RecordingError: The log's times run backwards.
+    """
+    is_scan = events[:, _KIND] != ODOM
+    if period is not None:
+        return _counted(is_scan, period)
+    is_timed = ~_behind_scan(is_scan) if is_corrected else np.ones(len(events), dtype=np.bool_)
+    columns = [events[:, place] for place in (_IPC, _LOGGER)]
+    times = next((one for one in columns if _rises(one[is_timed])), None)
+    if times is None:
+        worst = _where_back(columns[0][is_timed])
+        line = int(events[is_timed][worst, 0])
+        raise RecordingError(
+            f"its times are no clock's: line {line} has {columns[0][is_timed][worst]:g} s, expected times that rise; "
+            "number the scans instead, as with --period 0.2"
+        )
+    scans = _strictly_rising(times[is_scan])
+    before = np.concatenate([[-math.inf], scans])[np.cumsum(is_scan)]
+    after = np.concatenate([scans, [math.inf]])[np.cumsum(is_scan)]
+    odometry = np.clip(np.where(is_timed, times, before), before, after)
+    found = np.where(is_scan, 0.0, np.where(np.isfinite(odometry), odometry, after))
+    found[is_scan] = scans
+    rising: Floats = np.maximum.accumulate(found)
+    return rising
+
+
+def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
+    """Raw wheel odometry.
+
+    A particle filter that corrects a log continues from the pose of each scan with the steps of the odometry. So all
+    these steps are in the log. Only the step that ends directly after a scan is a correction; it is left out.
+
+    Args:
+        events: (n, 10) of a `Survey`.
+        times: (n,) of `stamps_of`, s.
+        is_corrected: Whether a particle filter wrote the poses.
+
+    Raises:
+        RecordingError: The log has scans without odometry before them.
+    """
+    is_scan = events[:, _KIND] != ODOM
+    is_odometry = ~is_scan
+    is_correction = _behind_scan(is_scan) & is_corrected
+    if is_corrected and not (is_odometry & ~is_correction).any():
+        raise RecordingError("it holds no odometry, only corrected poses: take these, with --poses corrected")
+    if not is_odometry.any():
+        return _timeline(times, events[:, _ROBOT], np.zeros((len(events), 2)))
+    if not is_corrected:
+        # The robot pose of a scan is odometry too, at the time of the scan.
+        poses = np.where(is_scan[:, None], events[:, _ROBOT], events[:, _POSE])
+        speeds = np.where(is_scan[:, None], 0.0, events[:, _SPEED])
+        return _timeline(times, poses, _held(speeds, is_odometry))
+    lacking = int((is_scan[1:] & (is_scan | is_correction)[:-1]).sum())
+    if lacking > LACKING * is_scan.sum():
+        raise RecordingError(
+            f"{lacking} of {is_scan.sum()} scans have no odometry before them: it cannot be recovered; take the "
+            "corrected poses instead, with --poses corrected"
+        )
+    rows = np.flatnonzero(is_odometry)
+    given = events[rows, _POSE]
+    steps = compose(inverse(given[:-1]), given[1:])
+    steps[is_correction[rows[1:]]] = 0.0
+    poses = _chained(given[0], steps)
+    kept = ~is_correction[rows]
+    return _timeline(times[rows[kept]], poses[kept], events[rows[kept], _SPEED])
+
+
+def corrected_odometry(events: Floats, times: Floats, laser_to_base: Floats) -> Timeline:
+    """The corrected poses of the scans, in the form of odometry.
+
+    Args:
+        events: (n, 10) of a `Survey`, scans of one laser.
+        times: (n,) of `stamps_of`, s.
+        laser_to_base: (3,) mount of the laser: x, y, m, and yaw, rad.
+    """
+    poses = compose(events[:, _POSE], inverse(laser_to_base))
+    return _timeline(times, poses, np.zeros((len(poses), 2)))
+
+
+def twists(stamps: NDArray[np.int64], poses: Floats) -> Floats:
+    """(n, 2) forward speed, m/s, and turn rate, rad/s, each over the time since a pose at least `SPAN` earlier."""
+    times = (stamps - stamps[:1]) * 1e-9
+    before = np.maximum(np.searchsorted(times, times - SPAN, side="right") - 1, 0)
+    spans = times - times[before]
+    steps = compose(inverse(poses[before]), poses)
+    moved = np.column_stack([steps[:, 0], wrap(poses[:, 2] - poses[before, 2])])
+    return np.where(spans[:, None] > 0.0, moved / np.maximum(spans, 1e-9)[:, None], 0.0)
+
+
+def _strictly_rising(times: Floats) -> Floats:
+    """The times, strictly increasing: one that does not increase is set 1 µs after its predecessor."""
+    found = times.copy()
+    for place in np.flatnonzero(np.diff(np.maximum.accumulate(times)) <= 0.0) + 1:
+        found[place] = found[:place].max() + 1e-6
+    rising: Floats = np.maximum.accumulate(found)
+    return rising
+
+
+def _timeline(times: Floats, poses: Floats, speeds: Floats) -> Timeline:
+    """Timeline with one pose a stamp: the last one of several at the same time."""
+    stamps = np.round(times * 1e9).astype(np.int64)
+    is_last = np.append(stamps[1:] > stamps[:-1], True)
+    stamps, poses = stamps[is_last], np.column_stack([poses[is_last, :2], wrap(poses[is_last, 2])])
+    found = speeds[is_last] if np.any(speeds) else twists(stamps, poses)
+    return Timeline(stamps, poses, found)
+
+
+def _chained(start: Floats, steps: Floats) -> Floats:
+    """(n + 1, 3) poses: the start, then the pose after each of n steps."""
+    headings = start[2] + np.concatenate([[0.0], np.cumsum(wrap(steps[:, 2]))])
+    cosine, sine = np.cos(headings[:-1]), np.sin(headings[:-1])
+    x = start[0] + np.concatenate([[0.0], np.cumsum(cosine * steps[:, 0] - sine * steps[:, 1])])
+    y = start[1] + np.concatenate([[0.0], np.cumsum(sine * steps[:, 0] + cosine * steps[:, 1])])
+    return np.column_stack([x, y, headings])
+
+
+def _held(values: Floats, is_given: NDArray[np.bool_]) -> Floats:
+    """Each given row; other rows repeat the last given row before them."""
+    last = np.maximum.accumulate(np.where(is_given, np.arange(len(values)), 0))
+    held: Floats = values[last]
+    return held
+
+
+def _behind_scan(is_scan: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return np.concatenate([[False], is_scan[:-1]]) & ~is_scan
+
+
+def _counted(is_scan: NDArray[np.bool_], period: float) -> Floats:
+    """Times, s: scans at multiples of the period, events between two scans spread evenly."""
+    places = np.flatnonzero(is_scan)
+    if not len(places):
+        return np.arange(len(is_scan), dtype=np.float64) * period
+    numbers: Floats = np.interp(np.arange(len(is_scan)), places, np.arange(1.0, len(places) + 1.0))
+    tail = np.arange(len(is_scan), dtype=np.float64) - places[-1]
+    spread: Floats = period * np.where(tail > 0.0, numbers + tail * 1e-3, numbers)
+    return spread
+
+
+def _rises(times: Floats) -> bool:
+    """Whether these are the times of a clock: they never jump far back and increase overall."""
+    if not len(times) or not np.isfinite(times).all():
+        return False
+    return len(times) == 1 or bool(times[_where_back(times)] > _peak(times) - LATE and times.max() > times[0])
+
+
+def _peak(times: Floats) -> float:
+    """The highest time before the largest backward jump."""
+    worst = _where_back(times)
+    return float(times[: worst + 1].max())
+
+
+def _where_back(times: Floats) -> int:
+    """Index of the largest backward jump; an invalid time counts as zero."""
+    known = np.nan_to_num(times, nan=0.0)
+    return int(np.argmax(np.maximum.accumulate(known) - known)) if len(known) else 0

@@ -1,0 +1,183 @@
+"""CARMEN logs as recordings: raw odometry from corrected poses, stamps, mounts, limits, and refusals."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from navloom.geometry.frames import compose, inverse
+from navloom.messages import Odometry, RangeScan
+from navloom_carmen import carmen
+from navloom_carmen.carmen_import import import_carmen
+from navloom_recording.header import RecordingError
+from navloom_recording.reader import Recording
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+def odom(pose: Any, time: float, speed: str = "0 0") -> str:
+    x, y, heading = pose
+    return f"ODOM {x:.9g} {y:.9g} {heading:.9g} {speed} 0 {time:.9g} host {time:.9g}"
+
+
+def laser(laser_pose: Any, robot_pose: Any, time: float, ranges: str = "1 2 3 4", word: str = "FLASER") -> str:
+    poses = " ".join(f"{value:.9g}" for value in (*laser_pose, *robot_pose))
+    return f"{word} {len(ranges.split())} {ranges} {poses} {time:.9g} host {time:.9g}"
+
+
+def written(folder: Path, lines: list[str], packed: bool = False) -> Path:
+    text = ("\n".join(lines) + "\n").encode()
+    path = folder / ("a.log.gz" if packed else "a.log")
+    path.write_bytes(gzip.compress(text) if packed else text)
+    return path
+
+
+def imported(folder: Path, lines: list[str], **options: Any) -> tuple[list[Odometry], list[RangeScan]]:
+    out = folder / "a.mcap"
+    out.unlink(missing_ok=True)
+    import_carmen(written(folder, lines), out, **options)
+    with Recording(out) as recording:
+        messages = [one.message for one in recording.messages()]
+    return [m for m in messages if isinstance(m, Odometry)], [m for m in messages if isinstance(m, RangeScan)]
+
+
+def corrected_log(seed: int) -> tuple[list[str], np.ndarray[Any, Any]]:
+    """A log as of a particle filter, which moves by the odometry and jumps at each scan, and the raw poses."""
+    random = np.random.default_rng(seed)
+    raw = corrected = np.array([0.3, -0.2, 0.5])
+    lines, poses = ["# CARMEN Logfile"], []
+    for number in range(60):
+        step = np.array([0.1, 0.0, random.uniform(-0.3, 0.3)])
+        raw, corrected = compose(raw, step), compose(corrected, step)
+        poses.append(raw)
+        lines.append(odom(corrected, 1.0 + 0.1 * number))
+        if number % 5 == 4:
+            corrected = corrected + random.normal(0.0, 0.1, 3)
+            lines.append(laser(corrected, corrected, 1.0 + 0.1 * number))
+            lines += [odom(corrected, 0.0), "NEFF 12.5"]
+    return lines, np.array(poses)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_raw_odometry_is_recovered_from_a_corrected_log(tmp_path: Path, seed: int) -> None:
+    lines, raw = corrected_log(seed)
+    odometry, scans = imported(tmp_path, lines)
+    found = np.array([(one.pose.x, one.pose.y, one.pose.heading) for one in odometry])
+    assert len(scans) == 12 and len(found) == 60
+    # The first pose is that of the log; from there on, every step is that of the wheels.
+    steps, expected = compose(inverse(found[:-1]), found[1:]), compose(inverse(raw[:-1]), raw[1:])
+    assert np.abs(steps - expected).max() < 1e-6
+    assert [one.stamp_ns for one in scans] == [round((1.0 + 0.1 * n) * 1e9) for n in range(4, 60, 5)]
+    assert odometry[30].twist.vx == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_poses_of_a_corrected_log_are_used_as_odometry_on_request(tmp_path: Path) -> None:
+    lines, _ = corrected_log(0)
+    odometry, scans = imported(tmp_path, lines, poses="corrected")
+    said = [line.split()[6:9] for line in lines if line.startswith("FLASER")]
+    assert [one.stamp_ns for one in odometry] == [one.stamp_ns for one in scans]
+    assert odometry[7].pose.x == pytest.approx(float(said[7][0]))
+
+
+def test_a_raw_log_keeps_its_poses_and_the_laser_is_mounted_where_its_poses_say(tmp_path: Path) -> None:
+    mount = np.array([0.2, 0.0, math.pi / 4])
+    lines = []
+    for number in range(10):
+        pose = np.array([0.1 * number, 1.0, 0.3])
+        lines += [odom(pose, 50.0 + number, "0.1 0.02"), laser(compose(pose, mount), pose, 50.5 + number)]
+    odometry, scans = imported(tmp_path, lines)
+    assert [one.pose.x for one in odometry[:4]] == pytest.approx([0.0, 0.0, 0.1, 0.1])
+    assert (odometry[3].twist.vx, odometry[3].twist.wz) == (0.1, 0.02)
+    assert scans[0].origins[0].tolist() == pytest.approx([0.2, 0.0], abs=1e-6)
+    assert np.degrees(scans[0].bearings).tolist() == pytest.approx([-45.0, 15.0, 75.0, 135.0])
+
+
+def test_beams_and_limits_of_the_formats(tmp_path: Path) -> None:
+    sick = " ".join(["1.0"] * 178 + ["0.0", "81.83"])
+    newer = "ROBOTLASER1 0 -0.5 1.0 0.5 30 0.01 0 3 1 29 31 2 7 8 0 0 0 0 0 0 0 0 0 0 0 2.5 host 0.1"
+    (scan,) = imported(tmp_path, [odom((0, 0, 0), 0.5), laser((0, 0, 0), (0, 0, 0), 1, sick)])[1]
+    # CARMEN: 180 readings begin at -90°, one a degree. 0 is no measurement, and 81.83 m is no echo.
+    assert len(scan.ranges) == 179 and math.isinf(scan.ranges[-1]) and scan.range_max == 80.0
+    assert np.degrees(scan.bearings[[0, -1]]).tolist() == pytest.approx([-90.0, 89.0])
+    (scan,) = imported(tmp_path, [odom((0, 0, 0), 1), newer])[1]
+    assert scan.bearings.tolist() == pytest.approx([-0.5, 0.0, 0.5]) and scan.ranges.tolist() == [1.0, 29.0, math.inf]
+    (scan,) = imported(tmp_path, [odom((0, 0, 0), 1), newer], range_max=20.0)[1]
+    assert scan.ranges.tolist() == [1.0, math.inf, math.inf]
+    parameters = ["PARAM robot_front_laser_max 3.5 nohost 0", "PARAM robot_frontlaser_offset -0.04 nohost 0"]
+    (scan,) = imported(tmp_path, [*parameters, laser((1, 1, 0), (1, 1, 0), 1)])[1]
+    assert math.isinf(scan.ranges[3]) and scan.origins[0].tolist() == [-0.04, 0.0]
+
+
+def test_times_that_run_back_a_little_are_put_between_the_scans_and_others_are_refused(tmp_path: Path) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = [odom((0, 0, 0), 10.0), odom((1, 0, 0), 11.4), laser(zero, (1, 0, 0), 11.0), odom((2, 0, 0), 10.5)]
+    odometry, scans = imported(tmp_path, [*lines, laser(zero, (2, 0, 0), 12.0)])
+    assert [one.stamp_ns * 1e-9 for one in scans] == [11.0, 12.0]
+    assert [(one.stamp_ns * 1e-9, one.pose.x) for one in odometry] == [(10.0, 0.0), (11.0, 2.0), (12.0, 2.0)]
+    back = [*lines, laser(zero, (2, 0, 0), 2.0)]
+    with pytest.raises(RecordingError, match=r"a\.log: its times are no clock's: line 5 has 2 s.* --period 0\.2"):
+        imported(tmp_path, back)
+    _, scans = imported(tmp_path, back, period=0.5)
+    assert [one.stamp_ns for one in scans] == [500_000_000, 1_000_000_000]
+
+
+def test_damaged_lines_are_left_out_and_counted(tmp_path: Path) -> None:
+    lines = [odom((0, 0, 0), 1), "ODOM 1 2", "FLASER 9 1 2 3", "FLASER x", "ODOM nan 0 0 0 0 0 1 h 1", "FLASER 3 1 2 3"]
+    found = import_carmen(written(tmp_path, [*lines, laser((0, 0, 0), (0, 0, 0), 2)], packed=True), tmp_path / "o.mcap")
+    assert found.scans == {"laser": 1} and found.odometry == 2 and sum(found.skipped.values()) == 5
+    assert found.skipped["ODOM: 2 words, expected 10"] == 0 and found.skipped["ODOM: 3 words, expected 10"] == 1
+    assert found.skipped["FLASER: no number of readings"] == 1
+
+
+@pytest.mark.parametrize(
+    "lines, why",
+    [
+        (["hello"], "not a log of CARMEN"),
+        ([odom((0, 0, 0), 1)], "no scans: expected lines of FLASER"),
+        ([laser((0, 0, 0), (0, 0, 0), 1), "NEFF 3"], "take these, with --poses corrected"),
+        ([laser((0, 0, 0), (0, 0, 0), 1), odom((0, 0, 0), 1), "NEFF 3"], "take these, with --poses corrected"),
+        ([laser((0, 0, 0), (0, 0, 0), 1, "0 0")], "no scan can be used: FLASER: no reading is a measurement"),
+        (["FLASER " + "1 " * 600_000], "line 1: more than 1048576 bytes"),
+    ],
+)
+def test_a_log_that_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path, lines: list[str], why: str) -> None:
+    with pytest.raises(RecordingError, match=why):
+        imported(tmp_path, lines)
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_a_log_is_bounded_before_it_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = written(tmp_path, ["PARAM a 0 h 0"] * 100_000, packed=True)
+    assert log.stat().st_size < 10_000
+    monkeypatch.setenv("NAVLOOM_MAX_INPUT_MB", "1")
+    with pytest.raises(RecordingError, match="unpacks to more than 1 MB"):
+        import_carmen(log, tmp_path / "o.mcap")
+    log.write_bytes(log.read_bytes()[:200])
+    with pytest.raises(RecordingError, match="damaged gzip"):
+        import_carmen(log, tmp_path / "o.mcap")
+    monkeypatch.setattr(carmen, "MOST", 5)
+    with pytest.raises(RecordingError, match="more than 5 lines of odometry and scans"):
+        imported(tmp_path, [odom((0, 0, 0), number) for number in range(9)])
+
+
+def test_the_command_imports_a_log_and_names_the_distribution_for_bags(tmp_path: Path, in_process: Command) -> None:
+    lines, _ = corrected_log(1)
+    log, out, world = written(tmp_path, lines), tmp_path / "o.mcap", tmp_path / "room.toml"
+    world.write_text("bounds = [-5.0, -5.0, 9.0, 9.0]\n")
+    place = ("--map", str(world), "--start", "1,2,90")
+    code, said, errors = in_process("import", str(log), "--out", str(out), *place, "--json")
+    assert (code, errors) == (0, "") and json.loads(said)["scans"] == {"laser": 12}
+    with Recording(out) as recording:
+        config = recording.header.loaded().config
+        assert config.map is not None and config.map.ref == str(world)
+        assert recording.attachment(f"map/{world.name}") == world.read_bytes()
+    code, _, errors = in_process("import", str(log), "--out", str(tmp_path / "b.mcap"), "--map", "nowhere")
+    assert code == 2 and errors.startswith("navloom: --map nowhere: ")
+    code, _, errors = in_process("import", "drive.bag", "--out", str(out))
+    assert code == 2 and "use navloom ros import drive.bag" in errors

@@ -1,0 +1,16 @@
+"""Maps and worlds of others: BARN's, MovingAI's, and those of ROS's map_server."""
+
+from navloom import Registry, hookimpl
+
+from navloom_maps.barn import barn_world
+from navloom_maps.movingai import movingai_world
+from navloom_maps.rosmap import rosmap_world
+
+SCHEMES = {"barn": barn_world, "movingai": movingai_world, "rosmap": rosmap_world}
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add the schemes."""
+    for scheme, load in SCHEMES.items():
+        registry.world_scheme(scheme, load)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
+from types import NoneType
 
-from navloom.roles import ROLES, verb_of
+from navloom.messages import Message
+from navloom.roles import ROLES, answers_of, given_of, verb_of
 from tables import (
     command_sections,
     config_sections,
@@ -20,31 +22,6 @@ from tables import (
 
 __all__ = ["PAGES"]
 
-ROLE_INTROS = {
-    "platform": "Moves the robot and reads its sensors: a simulator or a driver. One for each robot.",
-    "localizer": "Called in every tick, with the new odometry and scans.",
-    "mapper": "Called for new sweeps or scans, and when the map is to be cleared. `navloom.geometry.echoes` turns both "
-    "into points, see [Geometry](geometry.md).",
-    "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked. Whether "
-    "unknown cells are free is the planner's own decision: the shipped planners plan through them, unless their "
-    "parameter `unknown` says otherwise. `navloom check` allows 1 s for an answer; the goal fails after "
-    "`navigation.plan_timeout`.",
-    "controller": "Called in every tick while a trajectory is followed.",
-    "avoider": "Called in every tick while a trajectory is followed, whether it drives or not. The framework decides "
-    "whether it drives.",
-    "recovery": "Called in every tick while the goal requests a recovery.",
-}
-ANSWERS = {
-    "platform": (),
-    "localizer": ("PoseEstimate",),
-    "mapper": ("MapUpdate", "OccupancyGrid"),
-    "planner": ("Path", "PlanFailure"),
-    "controller": ("TrackingCommand",),
-    "avoider": ("Avoidance", "AvoiderDiagnostics"),
-    "recovery": ("RecoveryStep",),
-}
-"""Messages that a role's verb answers with; the platform answers with a struct of its own."""
-
 
 def shown(*names: str, options: str = "") -> str:
     """Directives for mkdocstrings, one for each name."""
@@ -56,17 +33,25 @@ def public(*names: str) -> str:
     return shown(*(f"navloom.{name}" for name in names))
 
 
+def messages_of(role: str) -> list[str]:
+    """Messages that a role's verb answers with, and parts of them that are found in no other answer."""
+    parts = {"Avoidance": ["AvoiderDiagnostics"], "MapUpdate": ["OccupancyGrid"]}
+    names = [one.__name__ for one in answers_of(role) if issubclass(one, Message)]
+    return [name for answer in names for name in (answer, *parts.get(answer, ()))]
+
+
 def role_page(role: str) -> str:
     """One role: its input struct, its class, and what answers."""
     cls = ROLES[role]
     name, verb = cls.__name__, verb_of(role)
     answer = inspect.signature(getattr(cls, verb)).return_annotation
-    messages = ", ".join(f"[{one}](../messages.md#{one.lower()})" for one in ANSWERS[role])
-    structs = [f"{name}Input"] + ["PlatformOutput"] * (role == "platform")
+    messages = ", ".join(f"[{one}](../messages.md#{one.lower()})" for one in messages_of(role))
+    structs = [given_of(role).__name__]
+    structs += [one.__name__ for one in answers_of(role) if not issubclass(one, (Message, NoneType))]
     return "\n\n".join((
         f"# {name}",
-        f"`{verb}(self, given: {name}Input) -> {answer}`",
-        ROLE_INTROS[role],
+        f"`{verb}(self, given: {given_of(role).__name__}) -> {answer}`",
+        cls.facts.called,
         *([f"Messages of the answer: {messages}."] if messages else []),
         "With `rate_hz` in its table, a plugin is called only in every n-th tick. "
         "[Checks](../writing-a-plugin.md#checks) lists what the framework checks in the answer, and "
@@ -279,7 +264,7 @@ def python_page() -> str:
         "## A run in simulation",
         shown("navloom.config.load_config", "navloom.runs.episode.run_episode", "navloom.runs.episode.Episode"),
         "## Roles and verbs",
-        public("verb_of", "is_patient"),
+        public("verb_of"),
         "## Worlds and arrays",
         public("read_only", "position_at"),
         "## Step records",

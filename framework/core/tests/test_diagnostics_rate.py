@@ -45,5 +45,5 @@ def test_a_robot_that_becomes_trapped_gives_diagnostics_at_once_and_once() -> No
 
 
 def test_only_an_avoider_has_a_rate_of_diagnostics() -> None:
-    with pytest.raises(ConfigError, match=r"mapper\.diagnostics_rate_hz: only an avoider gives diagnostics"):
+    with pytest.raises(ConfigError, match=r"mapper\.diagnostics_rate_hz: only the avoider gives diagnostics"):
         assemble(load_config("paper", ["mapper.diagnostics_rate_hz=2.0"]))

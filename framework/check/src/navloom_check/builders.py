@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
+from navloom.config.tables import RunTable
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import World
@@ -57,6 +58,7 @@ from navloom.roles.readings import NO_READINGS, Readings
 
 from navloom_check import messages
 from navloom_check.messages import Place, estimate, map_update, ns, pose
+from navloom_check.scenes import RESOLUTION
 
 __all__ = ["avoider_input", "context", "controller_input", "extras", "localizer_input", "make", "mapper_input",
            "planner_input", "platform_input", "recovery_input", "robot"]  # fmt: skip
@@ -81,7 +83,7 @@ def context(
     role: str = "",
     seed: int = 0,
     start: Place = (0.0, 0.0),
-    period: float = 0.05,
+    period: float = RunTable().period,
     instance: str = "main",
     sensors: Sequence[SensorSpec] = (),
     world: World | None = None,
@@ -155,7 +157,7 @@ def planner_input(
     goal: Place = AHEAD,
     *,
     request_id: int = 1,
-    resolution: float = 0.05,
+    resolution: float = RESOLUTION,
     extra: Extras = NO_EXTRAS,
 ) -> PlannerInput:
     """A request, and the map of a world."""

@@ -11,13 +11,14 @@ import numpy as np
 from navloom.geometry.world import Box, World
 from navloom.messages import Message, OccupancyGrid, RangeScan, Sweep
 from navloom.plugins.registry import NODE
-from navloom.roles import Context, Platform, SensorSpec
+from navloom.roles import ROLES, Context, Platform, SensorSpec
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from navloom.roles.readings import NO_READINGS, Readings
 
 from navloom_check import builders, messages, scenes
 from navloom_check.messages import Place
 from navloom_check.nodes import node_inputs, sensor_kinds
+from navloom_check.role_inputs import role_inputs
 from navloom_check.samples import sample
 from navloom_check.subject import Subject
 
@@ -55,12 +56,13 @@ class PlayedScene:
 
 
 def made_scenes(subject: Subject, seed: int) -> tuple[PlayedScene, ...]:
-    """The scenes of a plugin's role."""
+    """The scenes of a plugin's role; a role that has none of its own is given what a drive through a room brings."""
     makers: Mapping[str, Callable[[_Maker], Iterator[PlayedScene]]] = {
         "avoider": _avoider, "controller": _controller, "planner": _planner, "mapper": _mapper,
         "localizer": _localizer, "recovery": _recovery, "platform": _platform, NODE: _node,
     }  # fmt: skip
-    return tuple(makers[subject.kind](_Maker(subject, seed))) if subject.kind in makers else ()
+    maker = makers.get(subject.kind, _role if subject.kind in ROLES else None)
+    return tuple(maker(_Maker(subject, seed))) if maker is not None else ()
 
 
 def walk(start: Place, speed: float, turn_rate: float, steps: int = STEPS) -> list[tuple[float, float, float]]:
@@ -88,7 +90,7 @@ class _Maker:
 
     def context(self, start: Place = (0.0, 0.0), world: World | None = None, **given: Any) -> Context:
         """A context of the plugin's role, with a map if the plugin needs one, and with the world for a platform."""
-        if self.cls.needs_map and self.subject.kind in ("mapper", "localizer"):
+        if self.cls.needs_map and self.subject.kind in ROLES and self.cls.facts.sees_map:
             given.setdefault("map", scenes.grid(world or scenes.room()))
         simulated = world if self.subject.kind == "platform" else None
         return builders.context(role=self.subject.kind, start=start, period=PERIOD, world=simulated, **given)
@@ -368,6 +370,12 @@ def _platform(maker: _Maker) -> Iterator[PlayedScene]:
             for k, command in enumerate([(0.0, 0.0), *commands])
         )
         yield PlayedScene(name, "usual", maker.context((0.0, 0.0, 0.3), sensors=sensors, world=world), inputs, world)
+
+
+def _role(maker: _Maker) -> Iterator[PlayedScene]:
+    for name, topic, is_early in (("a drive", "usual", False), ("before the first messages", "empty", True)):
+        inputs = tuple(role_inputs(maker.subject.kind, maker.rng, maker.more, is_early=is_early, steps=STEPS))
+        yield PlayedScene(name, topic, maker.context(), inputs)
 
 
 def _node(maker: _Maker) -> Iterator[PlayedScene]:

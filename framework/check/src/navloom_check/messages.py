@@ -25,7 +25,7 @@ from navloom.messages import (
 )
 from numpy.typing import ArrayLike
 
-from navloom_check.scenes import cast, grid
+from navloom_check.scenes import RESOLUTION, cast, grid
 
 __all__ = ["empty_diagnostics", "estimate", "map_update", "pose", "scan", "sweep", "track", "trajectory"]
 
@@ -157,7 +157,7 @@ def track(poses: Sequence[Place] = ((0.0, 0.0, 0.0),), stamps: Sequence[float] |
     return PoseTrack(np.array([ns(stamp) for stamp in stamps], dtype=np.int64), rows)
 
 
-def map_update(world: World | OccupancyGrid, resolution: float = 0.05, stamp: float = 0.0) -> MapUpdate:
+def map_update(world: World | OccupancyGrid, resolution: float = RESOLUTION, stamp: float = 0.0) -> MapUpdate:
     """A mapper's map of a world, or of a given raster, without segments."""
     cells = world if isinstance(world, OccupancyGrid) else grid(world, resolution)
     return MapUpdate(ns(stamp), cells, np.empty((0, 4)), ())

@@ -108,14 +108,16 @@ def node_inputs(
         for one in spec.inputs:
             is_there = one.triggers or not is_early
             if one.reading == "latest":
-                read[one.name] = _message(one.source.carries, rng, number, scans) if is_there else None
+                read[one.name] = message_in_drive(one.source.carries, rng, number, scans) if is_there else None
             else:
                 count = (1 + int(rng.integers(2)) if one.triggers else int(rng.integers(3))) if is_there else 0
-                read[one.name] = tuple(_message(one.source.carries, rng, number, scans) for _ in range(count))
+                read[one.name] = tuple(message_in_drive(one.source.carries, rng, number, scans) for _ in range(count))
         yield NodeInput(tick, read)
 
 
-def _message(kind: type[Message], rng: np.random.Generator, number: int, scans: RangeScan | None) -> Message:
+def message_in_drive(
+    kind: type[Message], rng: np.random.Generator, number: int, scans: RangeScan | None = None
+) -> Message:
     """A message as in a drive, for the common classes of the framework; else a sample."""
     stamp, at = number * PERIOD_NS * 1e-9, (0.01 * number, 0.0, 0.0)
     if scans is not None and kind is RangeScan:

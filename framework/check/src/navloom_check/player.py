@@ -17,12 +17,13 @@ from navloom.engine.door import (
     PlannerDoor,
     PlatformDoor,
     TwistDoor,
+    TypeDoor,
 )
 from navloom.engine.ports import Out
 from navloom.engine.random_streams import stream_source
-from navloom.messages import Avoidance, Message, RecoveryStep, TrackingCommand
+from navloom.messages import Message
 from navloom.messages.codec import decode, encode, schema_label
-from navloom.roles import Context, InputError, PlatformOutput
+from navloom.roles import Context, InputError, PlatformOutput, answers_of
 from navloom.roles.extra import Extras
 
 from navloom_check.guard import GUARD
@@ -134,8 +135,8 @@ class Player:
             return MapperDoor(plugin).check
         if kind == "planner":
             return PlannerDoor(plugin, TOLERANCE).check
-        gives: type[Any] = {"controller": TrackingCommand, "avoider": Avoidance, "recovery": RecoveryStep}[kind]
-        door: TwistDoor[Any] = TwistDoor(plugin, gives)
+        (gives, *_) = answers_of(kind)
+        door: TwistDoor[Any] | TypeDoor = TwistDoor(plugin, gives) if plugin.facts.commands else TypeDoor(plugin)
         return lambda answer, given: door.check(answer)
 
     def _call(self, what: str, act: Callable[[], Any]) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from navloom.config.tables import MapTable
 from navloom.geometry.frames import transform
 from navloom.geometry.grid import world_to_grid
 from navloom.geometry.world import Box, Cylinder, Obstacle, Place, World
@@ -17,6 +18,8 @@ Floats = NDArray[np.float64]
 THICK = 0.2
 """Thickness of a wall, m."""
 HEIGHT = (0.0, 2.4)
+RESOLUTION = MapTable().resolution
+"""Edge of a cell of a map, m."""
 
 
 def open_floor() -> World:
@@ -84,7 +87,7 @@ def room(length: float = 10.0, width: float = 6.0) -> World:
     return World("room", solids, bounds=(left - 0.5, -half - 0.5, right + 0.5, half + 0.5))
 
 
-def grid(world: World, resolution: float = 0.05, height: float = 0.6) -> OccupancyGrid:
+def grid(world: World, resolution: float = RESOLUTION, height: float = 0.6) -> OccupancyGrid:
     """A world as a raster map for a robot of this height; edge of a cell and height in m."""
     drawn = world_to_grid(world, resolution, (0.0, height))
     origin: Place = drawn.origin

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
+from limits import with_robot
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.gate import STOPPED, CommandGate, GateLimits, Offer, Sensed
 from navloom.navigation.monitor import Verdict
+from navloom.testing import robot
 
 LIMITS = GateLimits(
-    linear=0.7, angular=0.9, acceleration=0.6, deceleration=1.1, period=0.05, turn_acceleration=1.3,
-    stop_deadline_ns=100_000_000, sensor_timeout_ns=500_000_000,
+    robot(max_linear=0.7, max_angular=0.9, max_acceleration=0.6, max_deceleration=1.1, max_angular_acceleration=1.3),
+    period=0.05, stop_deadline_ns=100_000_000, sensor_timeout_ns=500_000_000,
 )  # fmt: skip
-FREE = replace(LIMITS, acceleration=1e3, deceleration=1e3, turn_acceleration=math.inf)
+FREE = with_robot(LIMITS, max_acceleration=1e3, max_deceleration=1e3, max_angular_acceleration=math.inf)
 """Limits that let any speed begin at once."""
 NOW = 1_000_000_000
 

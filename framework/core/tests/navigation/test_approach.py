@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from limits import speed_limits
 from navloom.navigation.approach import least_tolerance, slow_down
 from navloom.navigation.stopping import Braking
-from navloom.navigation.trajectory import SpeedLimits, keep_corners
+from navloom.navigation.trajectory import keep_corners
+from navloom.testing import robot
 
-ROBOT = Braking(deceleration=1.0, period=0.05, lag=0.1, dead_time=0.05)
+ROBOT = Braking(robot(motor_lag=0.1, dead_time=0.05), 0.05)
 """It drives on for 0.2 s before it brakes at 1 m/s²."""
-LINE = keep_corners(np.array([(0.0, 0.0), (3.0, 0.0)]), SpeedLimits(), 0.01).samples
+LINE = keep_corners(np.array([(0.0, 0.0), (3.0, 0.0)]), speed_limits(), 0.01).samples
 
 
 def test_the_way_to_standstill_and_the_speed_for_a_way_are_inverse() -> None:

@@ -11,8 +11,9 @@ from navloom.navigation.active_goal import ActiveGoal
 from navloom.navigation.arrival import Arrival, Move
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.stopping import Braking, Ending, Standstill
+from navloom.testing import robot
 
-SOFT = Braking(deceleration=0.5, period=0.05, lag=0.1, dead_time=0.05, fastest=1.0)
+SOFT = Braking(robot(max_deceleration=0.5, motor_lag=0.1, dead_time=0.05, max_linear=1.0), 0.05)
 """From 1 m/s it needs 0.2 m + 1 m, from 0.4 m/s 0.08 m + 0.16 m to stop."""
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,

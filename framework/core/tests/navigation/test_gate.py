@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from limits import with_robot
 from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
 from navloom.navigation.gate import CommandGate, GateLimits, Offer, Sensed
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
+from navloom.testing import robot
 
 LIMITS = GateLimits(
-    linear=0.5, angular=0.4, acceleration=0.5, deceleration=1.0, period=0.05,
+    robot(max_linear=0.5, max_angular=0.4, max_acceleration=0.5, max_deceleration=1.0), period=0.05,
     stop_deadline_ns=100_000_000, sensor_timeout_ns=500_000_000,
 )  # fmt: skip
 NOW = 1_000_000_000
@@ -114,7 +114,7 @@ def driving_at(
     speed: float, turn: float = 0.0, monitor: CollisionMonitor | None = None, **limits: float
 ) -> CommandGate:
     """A gate whose last command is this one, of the controller."""
-    gate = CommandGate(replace(LIMITS, acceleration=100.0, **limits), monitor)
+    gate = CommandGate(with_robot(LIMITS, max_acceleration=100.0, **limits), monitor)
     for _ in range(3):
         decide(gate, {"controller": offer(speed, turn), "avoider": offer(0.0)})
     assert (gate.speed, gate.turn) == (speed, turn)
@@ -143,14 +143,14 @@ def test_an_ordinary_stop_brakes_by_the_deceleration_along_the_curvature(stop: s
 
 
 def test_a_ramp_backwards_ends_at_zero() -> None:
-    gate = CommandGate(replace(LIMITS, acceleration=100.0))
+    gate = CommandGate(with_robot(LIMITS, max_acceleration=100.0))
     decide(gate, {"recovery": offer(-0.08)})
     assert [vx for vx, _ in ramp(gate, {}, 3)] == pytest.approx([-0.03, 0.0, 0.0])
 
 
 def test_a_turn_ends_by_the_turn_acceleration_at_a_stop() -> None:
     """2 rad/s² · 0.05 s: 0.1 rad/s a tick, although the forward speed is gone after one."""
-    gate = driving_at(0.03, 0.25, turn_acceleration=2.0)
+    gate = driving_at(0.03, 0.25, max_angular_acceleration=2.0)
     assert ramp(gate, {}, 4) == [pytest.approx(one) for one in ((0.0, 0.15), (0.0, 0.05), (0.0, 0.0), (0.0, 0.0))]
 
 
@@ -202,7 +202,7 @@ def test_a_drive_whose_first_command_is_not_there_yet_leaves_the_ramp_as_it_is()
 
 
 def test_an_operator_whose_robot_lacks_a_node_is_released_by_a_ramp() -> None:
-    gate = CommandGate(replace(LIMITS, acceleration=100.0))
+    gate = CommandGate(with_robot(LIMITS, max_acceleration=100.0))
     lacking = Sensed(NOW, False, {}, gone="controller a", late="goal main")
     gate.decide(lacking, {"operator": offer(0.18)}, False, 0, ())
     twist, _, status = gate.decide(lacking, {}, False, 0, ())
@@ -220,7 +220,7 @@ def test_resume_during_a_ramp_drives_on_from_the_speed_it_has() -> None:
 def test_the_monitor_judges_each_step_of_a_ramp() -> None:
     """A laser echo 1 cm before the bumper: the monitor orders zero."""
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
-    monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
+    monitor = CollisionMonitor(MonitorLimits(robot(footprint=square), 0.05, 0.03))
     monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
     gate = driving_at(0.18, 0.0, monitor)
     bearings, one = np.linspace(-0.2, 0.2, 9), np.ones(9)
@@ -250,9 +250,9 @@ def test_a_restarted_gate_without_a_kept_stop_drives() -> None:
 def test_only_an_operator_may_enter_unseen_space_and_only_until_release() -> None:
     """The space behind the robot was never seen: only the operator may enter it, until `release`."""
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
-    monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
+    monitor = CollisionMonitor(MonitorLimits(robot(footprint=square), 0.05, 0.03))
     monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
-    gate = CommandGate(replace(LIMITS, acceleration=100.0), monitor)
+    gate = CommandGate(with_robot(LIMITS, max_acceleration=100.0), monitor)
 
     def backwards(role: str) -> tuple[str, float]:
         gate.stop("", ())

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from judged_gate import FREE, HALT, LIMITS, NOW, WALL, Judge, decide, judged, offer, sensed
+from limits import with_robot
 from navloom.messages import GateStatus, Point2D
 from navloom.navigation.gate import CommandGate, GateLimits
 
 
 def moving(speed: float, turn: float, limits: GateLimits = LIMITS, role: str = "operator") -> tuple[CommandGate, Judge]:
     """A gate with a monitor, whose last command of a role was this one."""
-    gate, judge = judged(limits=replace(limits, acceleration=1e3, turn_acceleration=math.inf))
+    gate, judge = judged(limits=with_robot(limits, max_acceleration=1e3, max_angular_acceleration=math.inf))
     assert decide(gate, {role: offer(speed, turn), "controller": offer(speed, turn), "avoider": offer()})[0].wz == turn
     gate.limits = limits
     judge.asked.clear()

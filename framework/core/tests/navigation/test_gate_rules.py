@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from judged_gate import FREE, HALT, LIMITS, NOW, WALL, decide, judged, offer, sensed
+from limits import with_robot
 from navloom.messages import GateStatus, Point2D, Twist2D
-from navloom.navigation.gate import STOPPED, CommandGate, GateLimits, Offer
+from navloom.navigation.gate import STOPPED, CommandGate, Offer
 from navloom.navigation.monitor import Verdict
 from navloom.navigation.stop_reasons import HIDING, is_at_rest
+from navloom.testing import robot
 
 
 def drive(gate: CommandGate, vx: float, wz: float = 0.0) -> tuple[float, float]:
@@ -65,9 +66,9 @@ def test_the_turn_rate_rises_and_falls_by_the_turn_acceleration_to_the_limit(sid
 
 
 def test_without_a_limit_of_the_turn_acceleration_any_turn_rate_begins_at_once() -> None:
-    gate = CommandGate(replace(LIMITS, turn_acceleration=math.inf))
+    gate = CommandGate(with_robot(LIMITS, max_angular_acceleration=math.inf))
     assert [drive(gate, 0.0, wz)[1] for wz in (0.8, -3.0, 3.0)] == [0.8, -0.9, 0.9]
-    assert GateLimits(0.7, 0.9, 0.6, 1.1, 0.05, 1, 1).turn_acceleration == math.inf
+    assert robot().max_angular_acceleration == math.inf
 
 
 def test_a_fault_stops_the_wheels_and_the_turn_at_once() -> None:

@@ -30,10 +30,12 @@ from navloom.messages import (
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import GoalMachine
 from navloom.navigation.replanning import ReplanRules
+from navloom.navigation.stopping import Braking
+from navloom.testing import robot
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
-    deadline=60.0, scans_on_request=True, feedback_ticks=10,
+    deadline=60.0, scans_on_request=True, feedback_ticks=10, braking=Braking(robot(), 0.05),
 )  # fmt: skip
 STILL = Twist2D(0.0, 0.0, 0.0)
 GOAL = Goal(1, 4.0, 0.0, None, ())

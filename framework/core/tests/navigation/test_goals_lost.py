@@ -22,10 +22,12 @@ from navloom.messages import (
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import UNSURE, GoalMachine
 from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE
+from navloom.navigation.stopping import Braking
+from navloom.testing import robot
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
-    deadline=60.0, scans_on_request=False, feedback_ticks=10,
+    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=Braking(robot(), 0.05),
 )  # fmt: skip
 MAP = MapUpdate(0, OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.0, 0.0, 0.0)), np.empty((0, 4)), ())
 REASON = "24% of the echoes fit the map, less than 40%"

@@ -8,14 +8,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from limits import with_robot
 from navloom.geometry.footprints import rectangle
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.navigation.monitor_rollout import distance_to_outline
+from navloom.testing import robot
 
 PERIOD = 0.05
-LIMITS = MonitorLimits(rectangle(0.6, 0.4), PERIOD, deceleration=1.0)
-SLOW_MOTORS = replace(LIMITS, lag=0.2, dead_time=0.1)
+LIMITS = MonitorLimits(robot(0.6, 0.4), PERIOD, 0.03)
+SLOW_MOTORS = with_robot(LIMITS, motor_lag=0.2, dead_time=0.1)
 BEARINGS = np.radians(np.arange(-135.0, 135.5, 1.0))
 
 
@@ -119,14 +121,14 @@ def drive_on(drive: Drive, vx: float, wz: float = 0.0, seconds: float = 12.0) ->
 @pytest.mark.parametrize("angle", [0, 20, 40, 60, 80])
 @pytest.mark.parametrize("motors", [LIMITS, SLOW_MOTORS], ids=["ideal", "slow"])
 def test_it_stops_before_a_wall_at_any_angle(angle: int, motors: MonitorLimits) -> None:
-    drive = Drive(motors, wall(3.0, math.radians(angle)), motors.lag, motors.dead_time)
+    drive = Drive(motors, wall(3.0, math.radians(angle)), motors.robot.motor_lag, motors.robot.dead_time)
     assert 0.0 < drive_on(drive, 0.5) < 0.06
     assert drive.last is not None and drive.last.kind == "obstacle"
 
 
 def test_it_accounts_for_the_lag_of_motors() -> None:
     """A roll-out without lag and dead time would brake too late."""
-    drive = Drive(SLOW_MOTORS, wall(3.0), SLOW_MOTORS.lag, SLOW_MOTORS.dead_time)
+    drive = Drive(SLOW_MOTORS, wall(3.0), SLOW_MOTORS.robot.motor_lag, SLOW_MOTORS.robot.dead_time)
     assert drive_on(drive, 1.0) > 0.0
 
 
@@ -238,7 +240,7 @@ def test_odometry_that_turns_faster_than_a_robot_can_also_shows_a_restart() -> N
 # --- a ring of sonars, blind behind and nearer than range_min ---------------------------------------------------------
 
 SIDE, RANGE_MIN, RANGE_MAX = 0.8, 0.3, 4.0
-SQUARE = MonitorLimits(rectangle(SIDE, SIDE), PERIOD, deceleration=1.0)
+SQUARE = MonitorLimits(robot(SIDE, SIDE), PERIOD, 0.03)
 CORNERS = rectangle(SIDE, SIDE)
 RING = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
 ORIGINS = np.array([(0.2, 0.4), (0.38, 0.4), (0.4, 0.25), (0.4, 0.08), (0.4, -0.08), (0.4, -0.25), (0.38, -0.4),

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from navloom.geometry.footprints import rectangle
 from navloom.messages import OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.navigation.monitor_echoes import SensorEchoes
 from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
+from navloom.testing import robot
 
-LIMITS = MonitorLimits(rectangle(1.2, 0.4), period=0.05, deceleration=1.0)
+LIMITS = MonitorLimits(robot(1.2, 0.4), 0.05, 0.03)
 STILL = Twist2D(0.0, 0.0, 0.0)
 TURN = Twist2D(0.0, 0.0, 0.5)
 BASE = Pose2D(0.0, 0.0, 0.0)

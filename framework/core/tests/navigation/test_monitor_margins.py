@@ -9,6 +9,7 @@ import pytest
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.navigation.monitor_rollout import distance_to_outline, margins
+from navloom.testing import robot
 
 LONG = np.array([(1.1, 0.3), (-0.3, 0.3), (-0.3, -0.3), (1.1, -0.3)])
 TAIL = np.array([(0.3, 0.3), (-1.1, 0.3), (-1.1, -0.3), (0.3, -0.3)])
@@ -19,7 +20,11 @@ class Robot:
     """A robot whose pose is set, with a laser of 270°; points are seen by the nearest beam."""
 
     def __init__(self, outline: np.ndarray, points: np.ndarray, spacing_deg: float = 1.0, sigma: float = 0.005) -> None:
-        limits = MonitorLimits(outline, 0.05, 0.5, turn_deceleration=1.0, lag=0.1, dead_time=0.05, sigma=sigma)
+        limits = MonitorLimits(
+            robot(footprint=outline, max_deceleration=0.5, max_angular_acceleration=1.0, motor_lag=0.1, dead_time=0.05),
+            0.05,
+            sigma,
+        )
         self.monitor, self.points = CollisionMonitor(limits), points
         self.bearings = np.radians(np.arange(-135.0, 135.0 + 0.5 * spacing_deg, spacing_deg))
         self.stamp = 0
@@ -96,8 +101,8 @@ def test_the_edge_of_a_post_may_be_hidden_between_two_beams() -> None:
     """A post 2.2 cm beside the way and 1.2 m ahead: beams of 1° are 2.1 cm apart there, beams of 0.25° 0.5 cm."""
     post = np.array([(1.135, 0.322), (1.135, 0.3222)])
     wide, dense = (Robot(LONG, post, spacing_deg=spacing) for spacing in (1.0, 0.25))
-    for robot in (wide, dense):
-        robot.rest()
+    for driven in (wide, dense):
+        driven.rest()
     assert wide.judge(0.05).kind == "obstacle"
     assert dense.judge(0.05).share == 1.0
 
@@ -130,7 +135,7 @@ def test_the_margin_grows_for_an_echo_that_the_laser_no_longer_sees() -> None:
 
 def unseen(distance: float, *motions: tuple[float, float]) -> float:
     """How far what lies ahead may reach beyond its echo after a robot drove, m, or turned, rad, without seeing it."""
-    limits = MonitorLimits(LONG, 0.05, 0.5, sigma=0.005)
+    limits = MonitorLimits(robot(footprint=LONG, max_deceleration=0.5), 0.05, 0.005)
     monitor, bearings, two = CollisionMonitor(limits), np.array([0.0, 0.005]), np.zeros(2)
     x, heading, stamp = 0.0, 0.0, 0
     for k, (way, turn) in enumerate(((0.0, 0.0), *motions)):

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
+from navloom.testing import robot
 
 FOOTPRINT = np.array([(0.35, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.35, -0.2)])
-LIMITS = MonitorLimits(FOOTPRINT, 0.05, deceleration=0.8, sigma=0.04)
+LIMITS = MonitorLimits(robot(footprint=FOOTPRINT, max_deceleration=0.8), 0.05, 0.04)
 RISING = math.atan2(0.6, 0.8)
 """A direction of cosine 0.8 and sine 0.6."""
 LASER = (0.25, -0.1)
@@ -337,7 +338,7 @@ def test_the_heading_may_pass_180_degrees() -> None:
 
 def test_a_slow_robot_may_be_silent_for_five_periods() -> None:
     for time, restarted in ((2.4, False), (2.6, True)):
-        made = CollisionMonitor(MonitorLimits(FOOTPRINT, 0.3, deceleration=0.8))
+        made = CollisionMonitor(MonitorLimits(robot(footprint=FOOTPRINT, max_deceleration=0.8), 0.3, 0.03))
         move(made, (1.0, 0.0, 0.0, 0.0), (time, 0.0, 0.0, 0.0))
         assert (len(made._stamps) == 1) is restarted
 

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from limits import with_robot
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
+from navloom.testing import robot
 
 FOOTPRINT = np.array([(0.35, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.35, -0.2)])
-LIMITS = MonitorLimits(FOOTPRINT, 0.05, deceleration=0.8, sigma=1e-6, margin=0.01)
+LIMITS = MonitorLimits(robot(footprint=FOOTPRINT, max_deceleration=0.8), 0.05, 1e-6, 0.01)
 FRONT, REAR = 0.39, -0.29
 """Place of front and rear and the margin at 0.3 m/s or more, m: 4 cm."""
 
@@ -65,7 +67,7 @@ def stopping(v: float, deceleration: float = 0.8, period: float = 0.05) -> float
 def test_a_command_is_free_where_its_stopping_way_ends_before_the_obstacle(
     v: float, back: bool, deceleration: float
 ) -> None:
-    limits = replace(LIMITS, deceleration=deceleration)
+    limits = with_robot(LIMITS, max_deceleration=deceleration)
     way = stopping(0.7, deceleration)
     for more, share in ((0.001, 1.0), (-0.001, 31 / 32)):
         x = REAR - way - more if back else FRONT + way + more
@@ -186,7 +188,7 @@ def test_a_robot_that_can_brake_along_no_way_stops_at_once(given: Twist2D | None
 
 # --- what is within the margin ----------------------------------------------------------------------------------------
 
-AWAY = replace(LIMITS, lag=0.2)
+AWAY = with_robot(LIMITS, motor_lag=0.2)
 """With a lag, a measured speed of -0.1 m/s lasts for 0.02 m: longer than a command of 0.04 m/s leads ahead."""
 
 
@@ -230,7 +232,7 @@ def test_up_to_5_cm_a_second_what_is_within_the_margin_may_come_nearer_by_two_pe
 
 # --- odometry of before, and commands on their way --------------------------------------------------------------------
 
-LATE = replace(LIMITS, dead_time=0.2)
+LATE = with_robot(LIMITS, dead_time=0.2)
 
 
 @pytest.mark.parametrize(("more", "share"), [(0.001, 1.0), (-0.001, 31 / 32)])
@@ -252,7 +254,7 @@ def test_odometry_that_is_newer_than_the_command_has_no_age(more: float, share: 
 @pytest.mark.parametrize("v", [1.1, -1.1])
 def test_a_fast_command_in_flight_reaches_farther_than_a_slow_one(v: float) -> None:
     """0.55 m in the dead time of 0.5 s; the command alone, 0.03 m/s, would reach 0.002 m."""
-    made = monitor((0.8, 0.1) if v > 0.0 else (-0.7, 0.1), limits=replace(LIMITS, dead_time=0.5))
+    made = monitor((0.8, 0.1) if v > 0.0 else (-0.7, 0.1), limits=with_robot(LIMITS, dead_time=0.5))
     made.give(0.9, Twist2D(v, 0.0, 0.0))
     assert judge(made, math.copysign(0.03, v)).kind == "obstacle"
 
@@ -260,21 +262,21 @@ def test_a_fast_command_in_flight_reaches_farther_than_a_slow_one(v: float) -> N
 @pytest.mark.parametrize("v", [1.1, -1.1])
 def test_the_measured_speed_reaches_farther_than_a_slow_command(v: float) -> None:
     """With a lag of 0.4 s, 1.1 m/s end after 0.44 m."""
-    made = monitor((0.75, 0.1) if v > 0.0 else (-0.65, 0.1), limits=replace(LIMITS, lag=0.4), twist=(v, 0.0))
+    made = monitor((0.75, 0.1) if v > 0.0 else (-0.65, 0.1), limits=with_robot(LIMITS, motor_lag=0.4), twist=(v, 0.0))
     assert judge(made, math.copysign(0.03, v)).kind == "obstacle"
 
 
 def test_the_measured_turn_rate_counts_too() -> None:
     """With a lag of 0.4 s, 0.5 rad/s end after 0.2 rad: the front corner goes 0.07 m to the left."""
-    made = monitor((0.3, 0.23), limits=replace(LIMITS, lag=0.4), twist=(0.0, 0.5))
+    made = monitor((0.3, 0.23), limits=with_robot(LIMITS, motor_lag=0.4), twist=(0.0, 0.5))
     assert judge(made, 0.03).kind == "obstacle"
-    assert judge(monitor((0.3, 0.23), limits=replace(LIMITS, lag=0.4)), 0.03).kind == ""
+    assert judge(monitor((0.3, 0.23), limits=with_robot(LIMITS, motor_lag=0.4)), 0.03).kind == ""
 
 
 @pytest.mark.parametrize(("turn_deceleration", "kind"), [(0.5, "obstacle"), (50.0, ""), (math.inf, "")])
 def test_turning_ends_by_the_turn_deceleration(turn_deceleration: float, kind: str) -> None:
     """0.6 rad/s: with 0.5 rad/s² 0.36 rad and a period, else 0.03 rad, which take the corner 1 cm aside."""
-    made = monitor((0.3, 0.26), limits=replace(LIMITS, turn_deceleration=turn_deceleration))
+    made = monitor((0.3, 0.26), limits=with_robot(LIMITS, max_angular_acceleration=turn_deceleration))
     assert judge(made, 0.0, 0.6).kind == kind
 
 
@@ -365,7 +367,7 @@ def test_a_robot_that_drives_makes_its_way_known() -> None:
 def test_a_stop_is_free_whatever_is_in_the_way() -> None:
     made = monitor((0.3, 0.1))
     assert judge(made, 0.0) == Verdict(Twist2D(0.0, 0.0, 0.0))
-    moving = monitor((0.5, 0.1), limits=replace(LIMITS, lag=0.4), twist=(0.5, 0.0))
+    moving = monitor((0.5, 0.1), limits=with_robot(LIMITS, motor_lag=0.4), twist=(0.5, 0.0))
     assert judge(moving, 0.0, speed=0.5).kind == "obstacle", "a robot that still moves is followed to standstill"
 
 

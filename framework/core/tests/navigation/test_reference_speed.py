@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from limits import speed_limits
 from navloom.engine.nodes.reference import ReferenceNode
 from navloom.navigation.projection import project
-from navloom.navigation.trajectory import SpeedLimits, keep_corners
+from navloom.navigation.trajectory import keep_corners
 
 
 def speeds(turn_acceleration: float, away: float) -> tuple[float, float]:
     """Speed, m/s, and turn rate, rad/s, of the reference on a line for a robot turned away by an angle, rad."""
-    limits = SpeedLimits(turn_acceleration=turn_acceleration)
+    limits = speed_limits(max_angular_acceleration=turn_acceleration)
     samples = keep_corners(np.array([[0.0, 0.0], [4.0, 0.0]]), limits).samples
     return ReferenceNode(limits, 1.0, 0.3)._speeds(project(samples, 2.0, 0.0, away, 2.0, 1.0), away)
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
+from limits import with_robot
 from navloom.messages import Twist2D
 from navloom.navigation.stopping import Braking, Ending, Standstill
+from navloom.testing import robot
 
-SOFT = Braking(deceleration=0.8, period=0.04, lag=0.15, dead_time=0.06, fastest=0.6, turn_deceleration=1.6)
+SOFT = Braking(
+    robot(max_deceleration=0.8, motor_lag=0.15, dead_time=0.06, max_linear=0.6, max_angular_acceleration=1.6), 0.04
+)
 """It drives on for 0.04 + 0.06 + 0.15 = 0.25 s before it brakes."""
 STILL = Twist2D(0.0, 0.0, 0.0)
 
 
 def test_a_robot_drives_on_for_a_tick_the_dead_time_and_the_lag() -> None:
     assert SOFT.delay == pytest.approx(0.25)
-    assert Braking().delay == pytest.approx(0.05)
+    assert Braking(robot(), 0.05).delay == pytest.approx(0.05)
 
 
 def test_the_way_to_standstill_is_that_of_the_delay_and_of_the_ramp() -> None:
@@ -30,7 +33,7 @@ def test_the_way_to_standstill_is_that_of_the_delay_and_of_the_ramp() -> None:
 def test_the_angle_to_standstill_has_the_turn_deceleration(rate: float) -> None:
     """0.8 rad/s · 0.25 s + 0.64 rad²/s² / 3.2 rad/s²; without a limit, the delay alone."""
     assert SOFT.turn(rate) == pytest.approx(0.2 + 0.2)
-    assert replace(SOFT, turn_deceleration=math.inf).turn(rate) == pytest.approx(0.2)
+    assert with_robot(SOFT, max_angular_acceleration=math.inf).turn(rate) == pytest.approx(0.2)
 
 
 def test_the_patience_is_the_longest_ramp_and_all_delays_and_a_second() -> None:

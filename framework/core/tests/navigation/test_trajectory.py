@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from limits import speed_limits
 from navloom.navigation import fillets
 from navloom.navigation.trajectory import (
-    SpeedLimits,
     free_samples,
     keep_corners,
     make_trajectory,
@@ -20,7 +20,7 @@ from navloom.navigation.trajectory import (
 )
 from scipy.special import fresnel
 
-LIMITS = SpeedLimits()
+LIMITS = speed_limits()
 ORIGIN = (0.0, 0.0)
 QUARTER = 0.5 * math.pi
 TURN_RATE = math.radians(25.0)
@@ -125,12 +125,12 @@ def check_consistency(made, limits=LIMITS):
 def check_speed(speed, curvature, step, limits):
     assert (speed > 0.0).all()
     assert (speed <= limits.fastest).all()
-    assert np.abs(speed * curvature).max() <= limits.turn_rate + 1e-12
+    assert np.abs(speed * curvature).max() <= limits.robot.max_angular + 1e-12
     gentle = np.abs(curvature) <= 1.0 / limits.radius_at(limits.slowest)
     assert (speed[gentle] ** 2 * np.abs(curvature[gentle]) <= limits.lateral + 1e-9).all()
     rates = np.diff(speed**2) / (2.0 * step)
-    assert rates.max(initial=0.0) <= limits.acceleration + 1e-9
-    assert rates.min(initial=0.0) >= -limits.deceleration - 1e-9
+    assert rates.max(initial=0.0) <= limits.robot.max_acceleration + 1e-9
+    assert rates.min(initial=0.0) >= -limits.robot.max_deceleration - 1e-9
     assert speed[-1] <= limits.slowest
 
 
@@ -220,7 +220,7 @@ def test_the_speed_of_a_long_bend():
 
 
 def test_lateral_acceleration_binds_where_it_is_small():
-    limits = SpeedLimits(lateral=0.05)
+    limits = speed_limits(lateral=0.05)
     speed = speed_profile(0.01, np.full(500, 0.5), limits)
     assert speed[250] == pytest.approx(math.sqrt(0.05 / 0.5))
 
@@ -228,14 +228,14 @@ def test_lateral_acceleration_binds_where_it_is_small():
 def test_the_turn_acceleration_limits_the_speed_where_the_curvature_rises():
     """v² dκ/ds is half the turn acceleration: v = sqrt(0.5 * 0.1 / 2) at dκ/ds = 2 /m². Before, v² falls by 2 a s."""
     curvature = np.concatenate([np.zeros(300), np.linspace(0.0, 1.0, 51), np.ones(300)])
-    speed = speed_profile(0.01, curvature, SpeedLimits(turn_acceleration=0.1))
+    speed = speed_profile(0.01, curvature, speed_limits(max_angular_acceleration=0.1))
     assert speed[300:351] == pytest.approx(math.sqrt(0.025))
     assert speed[299] == pytest.approx(math.sqrt(0.025 + 2.0 * 0.5 * 0.01))
 
 
 def test_the_turn_acceleration_limits_how_fast_the_speed_changes_in_a_bend():
     """κ dv/dt is a quarter of the turn acceleration: dv/dt = 0.25 * 0.2 / 2 at κ = 2 /m."""
-    speed = speed_profile(0.01, np.full(500, 2.0), SpeedLimits(slowest=0.1, turn_acceleration=0.2))
+    speed = speed_profile(0.01, np.full(500, 2.0), speed_limits(slowest=0.1, max_angular_acceleration=0.2))
     assert speed[1] == pytest.approx(math.sqrt(0.1**2 + 2.0 * 0.025 * 0.01))
 
 
@@ -249,16 +249,16 @@ def turn_accelerations(limits):
 
 @pytest.mark.parametrize("limit", [0.02, 0.05, 0.1])
 def test_the_turn_rate_changes_round_a_corner_by_less_than_the_turn_acceleration(limit):
-    limits = {"fastest": 0.8, "acceleration": 0.2, "deceleration": 0.2}
-    assert np.abs(turn_accelerations(SpeedLimits(**limits))).max() > 0.8 * limit
-    assert np.abs(turn_accelerations(SpeedLimits(**limits, turn_acceleration=limit))).max() <= 0.76 * limit
+    limits = {"fastest": 0.8, "max_acceleration": 0.2, "max_deceleration": 0.2}
+    assert np.abs(turn_accelerations(speed_limits(**limits))).max() > 0.8 * limit
+    assert np.abs(turn_accelerations(speed_limits(**limits, max_angular_acceleration=limit))).max() <= 0.76 * limit
 
 
 def test_a_large_turn_acceleration_changes_no_trajectory():
     cells, resolution = corridor()
     points = np.array([[1.0, 1.5], [8.5, 1.5], [8.5, 9.0]])
     free, large = (
-        make_trajectory(points, SpeedLimits(turn_acceleration=limit), cells, resolution).samples
+        make_trajectory(points, speed_limits(max_angular_acceleration=limit), cells, resolution).samples
         for limit in (math.inf, 10.0)
     )
     assert (free == large).all()
@@ -273,7 +273,7 @@ def test_a_given_start_speed_is_kept():
 def test_every_speed_keeps_its_bounds(seed, up, down, step):
     rng = np.random.default_rng(seed)
     curvature = np.convolve(rng.normal(0.0, 4.0, 300), np.ones(20) / 20.0, mode="same")
-    limits = SpeedLimits(acceleration=up, deceleration=down)
+    limits = speed_limits(max_acceleration=up, max_deceleration=down)
     check_speed(speed_profile(step, curvature, limits), curvature, step, limits)
 
 

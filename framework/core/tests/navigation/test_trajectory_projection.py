@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limits import speed_limits
 from navloom.navigation.projection import point_at, project
-from navloom.navigation.trajectory import SpeedLimits, make_trajectory
+from navloom.navigation.trajectory import make_trajectory
 
-LIMITS = SpeedLimits()
+LIMITS = speed_limits()
 LINE = make_trajectory(np.array([[0.0, 0.0], [6.0, 0.0]]), LIMITS).samples
 BENDS = make_trajectory(np.array([[0.0, 0.0], [4.0, 0.0], [7.0, 3.0], [12.0, 3.0]]), LIMITS, rounding=0.2).samples
 HAIRPIN = make_trajectory(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 0.6], [0.0, 0.6]]), LIMITS, rounding=0.1).samples
@@ -78,7 +79,7 @@ def test_progress_is_recovered_beside_the_path(s, aside, behind, turned):
     e1 = math.cos(heading) * (found.x - x) + math.sin(heading) * (found.y - y)
     assert e1 == pytest.approx(0.0, abs=2e-3)
     assert found.turn_rate == pytest.approx(found.curvature * found.speed, abs=1e-12)
-    assert abs(found.turn_rate) <= LIMITS.turn_rate + 1e-9
+    assert abs(found.turn_rate) <= LIMITS.robot.max_angular + 1e-9
 
 
 def test_progress_moves_smoothly_with_the_robot():

@@ -32,6 +32,7 @@ from navloom_live.transport.access import (
     SMALL_QUESTION,
     AccessError,
     Identity,
+    limits,
     rules,
 )
 from navloom_live.transport.certificates import HOSTS, CertificateRequest
@@ -342,6 +343,13 @@ def test_messages_of_a_shadow_without_maps_are_limited_and_the_robots_own_maps_a
         lambda patience: ear.heard("lab/r1/mapper/vfh/map", large, max(1.0, patience)),
         lambda: net.sessions["nodes"].put("lab/r1/mapper/vfh/map", large),
     )
+
+
+@pytest.mark.parametrize(("instance", "is_limited"), [("mapper.vfh", False), ("planner.a", False), ("recovery.b", True),
+                                                      ("mappers.c", True), ("people.d", True)])  # fmt: skip
+def test_a_shadow_is_limited_unless_its_role_has_large_messages(instance: str, is_limited: bool) -> None:
+    found = limits("lab", "r1", [Identity("one", "shadow", instance)])["low_pass_filter"]
+    assert ("size of one" in [bound["id"] for bound in found]) is is_limited
 
 
 def test_a_viewers_messages_do_not_arrive(net: Net) -> None:

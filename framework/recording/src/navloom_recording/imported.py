@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from navloom.config import ConfigError, Loaded
 from navloom.config.schema import Config
+from navloom.config.tables import RunTable
+from navloom.engine.streams import OWN_PORTS
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import Envelope, Message, Pose2D
 from navloom.messages.codec import encode, schema_label
@@ -31,12 +33,10 @@ __all__ = [
 INSTANCE = "recorded"
 """Name of the platform of an imported log, and of its plugin."""
 REALM = "imported"
-PERIOD = 0.05
+PERIOD = RunTable().period
 """Period of the ticks assigned to messages, s."""
 RANGE_SCAN, SWEEP = "range_scan", "sweep"
 """Kinds of sensors of an imported log."""
-OWN_PORTS = frozenset({"odometry", "contact", "truth"})
-"""Ports of a platform that are not sensors."""
 
 
 class ImportedLog:

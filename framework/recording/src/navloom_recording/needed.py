@@ -8,16 +8,21 @@ from pathlib import Path
 from navloom.config.schema import Config
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.one_file import files_in_use
-from navloom.roles import ROLES
+from navloom.roles import FIXED, ROLES
 
 from navloom_recording.reader import Recording
 
-__all__ = ["TRIED", "refuse_missing"]
+__all__ = ["TRIED", "option_of", "refuse_missing"]
 
 TRIED = ("avoider", "controller", "planner", "mapper", "localizer")
-"""Roles in which `navloom replay` tries another plugin by an option of the role's name."""
+"""Roles in which `navloom replay` tries another plugin by an option of the role's name; in others, by `--node`."""
 OWN = ("python", "navloom", "numpy", "numba")
 """Recorded versions that are of no plugin."""
+
+
+def option_of(role: str, name: str) -> str:
+    """The option of `navloom replay` that tries a plugin in a role or node."""
+    return f"--{role} {name}" if role in TRIED else f"--node {role}={name}"
 
 
 def refuse_missing(recording: Recording, config: Config, tried: str = "") -> None:
@@ -45,8 +50,8 @@ def refuse_missing(recording: Recording, config: Config, tried: str = "") -> Non
     file, role = recording.path, missing[0][0]
     names = " and ".join(".".join(one) for one in missing)
     text = f"{file}: the recorded config has {names}, not installed here: {_remedy(recording.header.versions)}"
-    if len(missing) == 1 and role in TRIED:
-        text += f"; `--{role} NAME` tries another plugin in its place"
+    if len(missing) == 1 and role not in FIXED:
+        text += f"; `{option_of(role, 'NAME')}` tries another plugin in its place"
     raise PluginError(f"{text}; `navloom view {file}` and `navloom replay {file} --live` need no plugins")
 
 

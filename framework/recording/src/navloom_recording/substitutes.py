@@ -20,6 +20,7 @@ from navloom.roles.presets import named_plugin
 from navloom.runs.shadows import Disagreement
 from numpy.typing import NDArray
 
+from navloom_recording.needed import option_of
 from navloom_recording.outcomes import Outcomes
 from navloom_recording.reader import Recording
 from navloom_recording.replaying import Replayer, ReplayNode, Stepped
@@ -82,10 +83,9 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
     tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
     tables = tree.pop("alternative", [])
     nodes = {one["name"]: one for one in tree.get("node", [])}
-    if role not in (*ROLE_TABLES, *nodes):
-        raise ConfigError(
-            f"--node {role}={name}: the recording's config has no [[node]] {role!r}{nearest(role, list(nodes))}"
-        )
+    if role not in loaded.config.roles:
+        lacks = f"[{role}]" if role in ROLE_TABLES else f"[[node]] {role!r}{nearest(role, list(nodes))}"
+        raise ConfigError(f"--node {role}={name}: the recording's config has no {lacks}")
     plugin, preset = named_plugin(name)
     own = [one for one in tables if one["role"] == role]
     chosen = next((one for one in own if name in (instance_of(one), instance_of({**one, "name": None}))), None)
@@ -111,8 +111,7 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
     try:
         return replace(loaded, config=Config.model_validate(tree))
     except ValueError as error:
-        option = f"--{role} {name}" if role in ROLE_TABLES else f"--node {role}={name}"
-        raise ConfigError(f"{option}: {error}") from None
+        raise ConfigError(f"{option_of(role, name)}: {error}") from None
 
 
 def substitute(

@@ -156,8 +156,8 @@ def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[Alternativ
 
 def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list[str]:
     """The changes that make a plugin or alternative the active one of a role or node; none if it is already."""
-    active = base.config.role_table(role)
-    if value == active.instance:
+    active = [base.config.role_table(role).instance] if role in base.config.roles else []
+    if value in active:
         return []
     is_node = role not in ROLE_TABLES
     spare = {table.instance: table for table in base.config.alternative if table.role == role}
@@ -171,7 +171,7 @@ def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list
     if named_plugin(value)[0] not in discovery.names(kind):
         raise ConfigError(
             f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name is installed"
-            f"{discovery.instead_of(kind, value, [*spare, active.instance])}"
+            f"{discovery.instead_of(kind, value, [*spare, *active])}"
         )
     return [f"node.{role}.plugin={toml_value(value)}" if is_node else f"{role}.plugin={toml_value(value)}"]
 

@@ -11,6 +11,7 @@ from navloom.config import ConfigError, Loaded
 from navloom.config.presets import instance_of
 from navloom.config.schema import Config
 from navloom.inputs.texts import INSTANCE
+from navloom.roles import FIXED
 
 from navloom_study.methods import Method
 
@@ -56,7 +57,7 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
             continue
         differs = _differing(base.loaded.config, method.loaded.config)
         role = differs[0]
-        if len(differs) > 1 or role not in base.loaded.config.roles or role == "platform":
+        if len(differs) > 1 or role not in base.loaded.config.roles or role in FIXED:
             left_out[method.name] = (
                 f"differs in {', '.join(differs)}: only one role other than platform, or one node, can be shadowed"
             )

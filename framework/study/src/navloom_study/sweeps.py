@@ -13,12 +13,13 @@ import numpy as np
 from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
 from navloom.config.presets import preset_values
+from navloom.config.tables import DEFAULT_PLUGINS, RobotTable, RunTable
+from navloom.engine.build import robot_spec
 from navloom.engine.random_streams import stream_source
-from navloom.geometry.footprints import rectangle
 from navloom.inputs.npz import Arrays
 from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery
-from navloom.roles import Context, Mapper, MapperInput, RobotSpec
+from navloom.roles import Context, Mapper, MapperInput
 from navloom.roles.presets import named_plugin
 from navloom.runs.planning import blamed
 from numpy.typing import NDArray
@@ -153,7 +154,11 @@ def sweep_of(recording: SweepRecording, pitch_offset: float, height: float) -> S
 
 
 def map_sweep(
-    sweep: Sweep, *, mapper: str = "ipabd", changes: Sequence[str] = (), discovery: Discovery | None = None
+    sweep: Sweep,
+    *,
+    mapper: str = DEFAULT_PLUGINS["mapper"],
+    changes: Sequence[str] = (),
+    discovery: Discovery | None = None,
 ) -> MappedSweep:
     """Map one sweep, taken at standstill at the origin, with a mapper plugin.
 
@@ -173,8 +178,9 @@ def map_sweep(
         {**preset_values(cls, preset, f"--mapper {mapper}"), **dict(map(parse_override, changes))},
         "--set",
     )
-    robot = RobotSpec(rectangle(0.8, 0.8), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
-    context = Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0))
+    context = Context(
+        "map", RunTable().period, robot_spec(RobotTable()), stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0)
+    )
     end_ns = round(float(sweep.frame_times.max()) * 1e9)
     track = PoseTrack(np.array([0, end_ns + 1]), np.zeros((2, 3)))
     with blamed(cls):

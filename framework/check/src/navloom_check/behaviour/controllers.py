@@ -42,8 +42,8 @@ SAME = 0.02
 
 def samples_of(scene: Scene) -> Floats:
     """(n, 6) samples of the trajectory along the scene's way, as `Trajectory` has them."""
-    robot = robot_of(scene)
-    limits = SpeedLimits(0.2, 0.4, robot.max_angular)
+    gentle = replace(robot_of(scene), max_deceleration=0.5)
+    limits = SpeedLimits(gentle, 0.2, 0.4, 0.3)
     return make_trajectory(np.array(scene.way), limits).samples
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.navigation.trajectory import warm_up
-from navloom.roles import Role
-from navloom.roles.claims import PURPOSE, Claim
+from navloom.roles import ROLES, Role
+from navloom.roles.claims import Claim
 
 from navloom_check.behaviour import effects
 from navloom_check.behaviour.avoiders import AVOIDERS
@@ -91,7 +91,12 @@ def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Remark]:
 
 def claims_of(cls: type[Role]) -> frozenset[Claim]:
     """Claims that a plugin must meet: the purpose of its role and its own claims, without those it disclaims."""
-    return (PURPOSE.get(cls.role, frozenset()) | frozenset(cls.claims)) - frozenset(cls.disclaims)
+    return (purpose_of(cls.role) | frozenset(cls.claims)) - frozenset(cls.disclaims)
+
+
+def purpose_of(role: str) -> frozenset[Claim]:
+    """The purpose of a role, as claims; empty for a node plugin."""
+    return ROLES[role].facts.purpose if role in ROLES else frozenset()
 
 
 def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[tuple[int, Scene, Measured]]) -> Finding:
@@ -102,7 +107,7 @@ def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[t
             scene, seen = shrunk(behaviour, make, scene, seen)
     except Exception:  # the plugin may raise in a reduced scene: then the original one is reported
         seed, scene, seen = failed[0]
-    source = "its role claims" if behaviour.claim in PURPOSE.get(behaviour.role, ()) else "it claims"
+    source = "its role claims" if behaviour.claim in purpose_of(behaviour.role) else "it claims"
     others = f"; {len(failed)} of {behaviour.scenes} scenes fail" if len(failed) > 1 else ""
     picture = _drawn(f"{bench.subject.full_name}: {behaviour.name}", behaviour, bench, seed, scene, seen)
     expected = f"{behaviour.demand}, since {source} {behaviour.claim.name}"
@@ -149,7 +154,7 @@ def _claims(bench: Bench) -> Iterator[Finding]:
     for claim in cls.claims:
         if claim not in known:
             yield Finding(f"claims {claim!r}", f"claims of a {bench.subject.kind}: {names}", given="the class")
-    purpose = PURPOSE.get(bench.subject.kind, frozenset())
+    purpose = purpose_of(bench.subject.kind)
     for claim, reason in dict(cls.disclaims).items():
         if claim not in purpose:
             told = ", ".join(sorted(f"Claim.{one.name}" for one in purpose)) or "nothing"
@@ -168,7 +173,7 @@ def _demand_of(claim: Claim) -> str:
 
 
 CHECKS = (
-    Check("claims", BEHAVIOUR, frozenset(PURPOSE), "Its role has scenes for each of its claims.", _claims, True),
+    Check("claims", BEHAVIOUR, frozenset(ROLES), "Its role has scenes for each of its claims.", _claims, True),
     *(
         Check(claim.value, BEHAVIOUR, frozenset(b.role for b in BEHAVIOURS if b.claim is claim), _demand_of(claim),
               _run_of(claim))

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from navloom.messages import Message, Twist2D
-from navloom.roles import PlatformOutput, RobotSpec
+from navloom.roles import ROLES, PlatformOutput, RobotSpec
 
 from navloom_check.bench import Bench, alike
 from navloom_check.checks import check
@@ -33,7 +33,7 @@ PLAYS = 3
 """Plays of each scene; the fastest time of each step counts, since the machine may be busy."""
 MOST_LINES = 0.5
 """Most lines on standard error per step."""
-COMMANDING = {"controller", "avoider", "recovery"}
+COMMANDING = {role for role, cls in ROLES.items() if cls.facts.commands}
 BEYOND = 1.5
 SIDEWAYS = 1e-6
 """Speed to the side, m/s, above which a command is for another kind of robot."""

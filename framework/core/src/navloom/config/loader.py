@@ -19,12 +19,13 @@ from navloom.config.lines import line_of
 from navloom.config.presets import instance_of, params_of, split_preset
 from navloom.config.problems import ConfigError, check_params, problems_of
 from navloom.config.schema import Config
-from navloom.config.tables import DEFAULT_PLUGINS, ROLE_TABLES
+from navloom.config.tables import DEFAULT_PLUGINS, REQUIRED_ROLES, ROLE_TABLES
 from navloom.inputs.assignments import brief, read_assignment
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import shortened, toml_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
+from navloom.roles import FIXED
 from navloom.roles.base import RESERVED_KEYS
 from navloom.roles.presets import named_plugin
 
@@ -162,7 +163,9 @@ def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, S
 def _problems_of_params(tree: dict[str, Any]) -> list[str]:
     """Problems of the plugins' parameters in a file that has other problems too, so that all are reported at once."""
     found = []
-    tables: list[tuple[str, Any, Any]] = [(role, role, tree.get(role, {})) for role in ROLE_TABLES]
+    tables: list[tuple[str, Any, Any]] = [
+        (role, role, tree.get(role, {})) for role in ROLE_TABLES if role in REQUIRED_ROLES or role in tree
+    ]
     nodes = [table for table in _tables(tree, "node") if isinstance(table.get("name"), str)]
     tables += [(f"node.{number}", table["name"], table) for number, table in enumerate(nodes)]
     tables += [
@@ -256,8 +259,8 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
     """Add an alternative in shadow for each name of `avoider=vff,vfh@printed`; one that the config has runs too."""
     role, wanted = parse_shadows(text)
     nodes = [str(table.get("name")) for table in _tables(tree, "node")]
-    if role not in (*ROLE_TABLES, *nodes) or role == "platform":
-        known = [known for known in (*ROLE_TABLES, *nodes) if known != "platform"]
+    known = [known for known in (*ROLE_TABLES, *nodes) if known not in FIXED]
+    if role not in known:
         raise ConfigError(f"--shadow {brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
     tables = tree.setdefault("alternative", [])
     if not isinstance(tables, list) or tables != _tables(tree, "alternative"):

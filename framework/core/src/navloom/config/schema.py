@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from navloom.config.tables import (
     DEFAULT_PLUGINS,
     OWN_NODES,
     OWN_PROCESS,
+    REQUIRED_ROLES,
     ROLE_TABLES,
     TAKEN,
     AlternativeTable,
@@ -30,11 +31,23 @@ from navloom.config.tables import (
     WorldTable,
 )
 from navloom.plugins.registry import nearest
+from navloom.roles import FIXED, ROLES
 
 __all__ = ["Config"]
 
 
-class Config(Table):
+if TYPE_CHECKING:
+    OptionalTables = Table
+else:
+    OptionalTables = create_model(
+        "OptionalTables",
+        __base__=Table,
+        **{role: (RoleTable | None, None) for role in ROLE_TABLES if role not in REQUIRED_ROLES},
+    )
+"""The tables of optional roles; None without one."""
+
+
+class Config(OptionalTables):
     """The whole file."""
 
     run: RunTable = RunTable()
@@ -60,10 +73,10 @@ class Config(Table):
     @model_validator(mode="before")
     @classmethod
     def _roles_have_plugins(cls, given: Any) -> Any:
-        """A role without a table, or with one that names no plugin, gets the default one."""
+        """A table that names no plugin gets the default one; an optional role without a table gets none."""
         if not isinstance(given, dict):
             return given
-        roles = {role: given.get(role, {}) for role in DEFAULT_PLUGINS}
+        roles = {role: given.get(role, {}) for role in DEFAULT_PLUGINS if role in REQUIRED_ROLES or role in given}
         filled = {
             role: {"plugin": DEFAULT_PLUGINS[role], **table} if isinstance(table, dict) else table
             for role, table in roles.items()
@@ -73,8 +86,9 @@ class Config(Table):
     @model_validator(mode="before")
     @classmethod
     def _nodes_have_processes(cls, given: Any) -> Any:
-        """Node plugins that no process names run in a process of their own, apart from those that drive the robot."""
-        tables, live = (given.get("node"), given.get("live", {})) if isinstance(given, dict) else (None, None)
+        """Optional roles that no process names run where their role says. Node plugins run in a process of their own,
+        apart from those that drive the robot."""
+        tables, live = (given.get("node", []), given.get("live", {})) if isinstance(given, dict) else (None, None)
         if not isinstance(tables, list) or not isinstance(live, dict):
             return given
         processes = live.get("processes", LiveTable().processes)
@@ -82,10 +96,14 @@ class Config(Table):
             return given
         names = [table.get("name") for table in tables if isinstance(table, dict)]
         placed = {node for nodes in processes.values() for node in nodes}
-        left = [name for name in names if isinstance(name, str) and name not in placed and name not in TAKEN]
+        added = [(name, OWN_PROCESS) for name in names if isinstance(name, str) and name not in TAKEN]
+        added += [(role, cls.facts.process) for role, cls in ROLES.items() if cls.facts.is_optional and role in given]
+        left = [(name, process) for name, process in added if name not in placed]
         if not left:
             return given
-        spread = {**processes, OWN_PROCESS: [*processes.get(OWN_PROCESS, []), *left]}
+        spread = {process: list(nodes) for process, nodes in processes.items()}
+        for name, process in left:
+            spread.setdefault(process if process in spread else OWN_PROCESS, []).append(name)
         return {**given, "live": {**live, "processes": spread}}
 
     @model_validator(mode="after")
@@ -136,8 +154,8 @@ class Config(Table):
     def _wrong_instances(self) -> Iterator[str]:
         taken = {(role, self.role_table(role).instance) for role in self.roles}
         for number, table in enumerate(self.alternative):
-            if table.role == "platform":
-                yield f"alternative.{number}.role: is a platform: the platform is never shadowed or swapped"
+            if table.role in FIXED:
+                yield f"alternative.{number}.role: is a {table.role}: the {table.role} is never shadowed or swapped"
             elif (table.role, table.instance) in taken:
                 yield f'alternative.{number}: two instances of {table.role} are named "{table.instance}": ' \
                       "give one a `name`"  # fmt: skip
@@ -164,13 +182,16 @@ class Config(Table):
             if event.do in ("swap", "set") and event.name and (event.role, event.name) not in taken:
                 known = _names_of(event.role, taken)
                 yield f'event.{number}.name: names {event.role} "{event.name}"; there are {known}'
-            if event.do == "swap" and event.role == "platform":
-                yield f"event.{number}.role: the platform is never swapped"
+            if event.do == "swap" and event.role in FIXED:
+                yield f"event.{number}.role: the {event.role} is never swapped"
 
     @property
     def roles(self) -> list[str]:
-        """Roles, and the names of node plugins."""
-        return [*ROLE_TABLES, *(table.name for table in self.node)]
+        """Roles that the robot has, and the names of node plugins."""
+        return [*self._own_roles(), *(table.name for table in self.node)]
+
+    def _own_roles(self) -> list[str]:
+        return [role for role in ROLE_TABLES if getattr(self, role) is not None]
 
     def role_table(self, role: str) -> RoleTable:
         """The table of the active instance of a role or node."""
@@ -181,7 +202,7 @@ class Config(Table):
     def role_tables(self) -> list[PlacedTable]:
         """The table of every instance; initially active ones come first."""
         return [
-            *(PlacedTable(role, role, self.role_table(role)) for role in ROLE_TABLES),
+            *(PlacedTable(role, role, self.role_table(role)) for role in self._own_roles()),
             *(PlacedTable(f"node.{number}", table.name, table) for number, table in enumerate(self.node)),
             *(PlacedTable(f"alternative.{number}", table.role, table) for number, table in enumerate(self.alternative)),
         ]

@@ -18,6 +18,7 @@ __all__ = [
     "DEFAULT_PLUGINS",
     "AlternativeTable",
     "EventTable",
+    "GOAL_TOLERANCE",
     "FootprintTable",
     "GateTable",
     "LONGEST_NAME",
@@ -33,6 +34,7 @@ __all__ = [
     "PlacedTable",
     "PluginsTable",
     "PointTable",
+    "REQUIRED_ROLES",
     "ROLE_TABLES",
     "RobotTable",
     "RoleTable",
@@ -46,11 +48,15 @@ __all__ = [
 Positive = Annotated[float, Field(gt=0.0)]
 ROLE_TABLES = ROLES.keys()
 """Roles; each has a table of its name in every config."""
+REQUIRED_ROLES = tuple(role for role, cls in ROLES.items() if not cls.facts.is_optional)
+"""Roles that every robot has; the others have a node only if the config has their table."""
 OWN_NODES = ("goal", "reference", "gate")
 TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
 """Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""
+GOAL_TOLERANCE = 0.2
+"""How near to a goal the robot must come if neither the config nor the world says so, m."""
 LONGEST_NAME = 48
 """Longest name, in characters: a key has five names, and at most 255 bytes."""
 
@@ -231,7 +237,9 @@ class NavigationTable(Table):
     goal: PlaceTable | None = Field(default=None, description='default: the world\'s; see "drive"')
     via: list[PointTable] = Field(default_factory=list, description="points to pass, in order")
     drive: bool = Field(default=True, description="drive to the goal at once; false waits for goals")
-    goal_tolerance: Positive | None = Field(default=None, description="m; default: the world's, else 0.2")
+    goal_tolerance: Positive | None = Field(
+        default=None, description=f"m; default: the world's, else {GOAL_TOLERANCE:g}"
+    )
     heading_tolerance_deg: Positive = Field(default=5.0, description="if the goal has a heading")
     speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="limits of the reference, m/s")
     lateral_acceleration: Positive = Field(default=0.3, description="limits the speed in curves, m/s²")
@@ -298,29 +306,28 @@ class EventTable(Table):
         return self
 
 
-DEFAULT_PLUGINS: dict[str, str] = {
-    "platform": "sensors_sim",
-    "localizer": "odometry",
-    "mapper": "ipabd",
-    "planner": "astar",
-    "controller": "lyapunov_tracker",
-    "avoider": "improved_vfh",
-    "recovery": "wait_and_replan",
-}
-"""Default plugin of each role."""
+DEFAULT_PLUGINS = {role: cls.facts.default_plugin for role, cls in ROLES.items() if cls.facts.default_plugin}
+"""Default plugin of each role that has one."""
+
+
+def _default_processes() -> dict[str, list[str]]:
+    """The processes of every robot, without optional roles."""
+
+    def of(process: str) -> list[str]:
+        return [role for role in REQUIRED_ROLES if ROLES[role].facts.process == process]
+
+    return {
+        "robot": of("robot"),
+        "think": [*of("think"), "goal"],
+        "drive": ["reference", *of("drive")],
+        "safe": ["gate"],
+    }
 
 
 class LiveTable(Table):
     """How `up` and `node` distribute nodes over processes and hosts; lockstep ignores it."""
 
-    processes: dict[str, list[str]] = Field(
-        default_factory=lambda: {
-            "robot": ["platform", "localizer"],
-            "think": ["mapper", "planner", "goal"],
-            "drive": ["reference", "controller", "avoider", "recovery"],
-            "safe": ["gate"],
-        }
-    )
+    processes: dict[str, list[str]] = Field(default_factory=_default_processes)
     hosts: dict[str, list[str]] = Field(default_factory=dict, description="processes of each host")
     router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
     router_host: str | None = Field(default=None, description="host that starts the router; default: start it by hand")
@@ -340,7 +347,7 @@ class LiveTable(Table):
                 if node in placed:
                     raise ValueError(f'"{node}" is in the processes {placed[node]} and {process}')
                 placed[node] = process
-        missing = [role for role in (*DEFAULT_PLUGINS, *OWN_NODES) if role not in placed]
+        missing = [role for role in (*REQUIRED_ROLES, *OWN_NODES) if role not in placed]
         if missing:
             raise ValueError(f"processes leave out {', '.join(missing)}")
         for host, processes in self.hosts.items():

@@ -25,6 +25,7 @@ from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.goals import GoalMachine
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
 from navloom.navigation.replanning import ReplanRules
+from navloom.roles import FIXED
 
 __all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node"]
 
@@ -45,11 +46,11 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         system.catalogue,
         steppers,
         system.config.run.period,
+        system.braking,
         schedule(system.config, system.goal),
         lambda role, instance, values: configure(system, role, instance, values),
         observers,
         trace,
-        system.braking,
     )
     may_wait = system.may_wait
     if may_wait:
@@ -80,7 +81,7 @@ def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
 
 
 def _selected(system: System) -> dict[str, str]:
-    active = {role: system.config.role_table(role).instance for role in system.config.roles if role != "platform"}
+    active = {role: system.config.role_table(role).instance for role in system.config.roles if role not in FIXED}
     return {**active, **system.absent}
 
 
@@ -153,33 +154,18 @@ def goal_rules(system: System) -> GoalRules:
 
 
 def gate_limits(system: System) -> GateLimits:
-    robot, gate = system.robot, system.config.gate
+    gate = system.config.gate
     return GateLimits(
-        linear=robot.max_linear,
-        angular=robot.max_angular,
-        acceleration=robot.max_acceleration,
-        deceleration=robot.max_deceleration,
+        robot=system.robot,
         period=system.config.run.period,
         stop_deadline_ns=round(gate.stop_deadline * 1e9),
         sensor_timeout_ns=round(gate.sensor_timeout * 1e9),
-        turn_acceleration=robot.max_angular_acceleration,
     )
 
 
 def gate_monitor(system: System) -> CollisionMonitor | None:
     """The gate's collision monitor; None if the config disables it or the robot has no range sensors."""
-    robot, gate = system.robot, system.config.gate
     inputs = next(spec.inputs for spec in system.specs if spec.role == "gate")
     if not any(given.name.startswith("scan.") for given in inputs):
         return None
-    return CollisionMonitor(
-        MonitorLimits(
-            footprint=robot.footprint,
-            period=system.config.run.period,
-            deceleration=robot.max_deceleration,
-            turn_deceleration=robot.max_angular_acceleration,
-            lag=robot.motor_lag,
-            dead_time=robot.dead_time,
-            sigma=gate.range_sigma,
-        )
-    )
+    return CollisionMonitor(MonitorLimits(system.robot, system.config.run.period, system.config.gate.range_sigma))

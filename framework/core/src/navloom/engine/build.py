@@ -11,13 +11,13 @@ import numpy as np
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.problems import Gathered
 from navloom.config.schema import Config
-from navloom.config.tables import PlaceTable, RoleTable
+from navloom.config.tables import GOAL_TOLERANCE, MapTable, PlaceTable, RobotTable, RoleTable
 from navloom.engine.brought import world_of_platform
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.changes import blamed_on_event, changed_params, set_events
 from navloom.engine.parts import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
 from navloom.engine.ports import Port
-from navloom.engine.streams import sensor_port
+from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
@@ -26,14 +26,13 @@ from navloom.messages import OccupancyGrid, Pose2D, RangeScan
 from navloom.navigation.approach import SLOWEST, least_tolerance
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
-from navloom.roles import Platform, RobotSpec, Role, SensorSpec
+from navloom.roles import ROLES, Platform, RobotSpec, Role, SensorSpec
 
 __all__ = ["assemble", "robot_spec"]
 
 
-def robot_spec(config: Config) -> RobotSpec:
+def robot_spec(table: RobotTable) -> RobotSpec:
     """The description of the robot that plugins receive. Raises ConfigError for an impossible footprint."""
-    table = config.robot
     shape = table.footprint
     try:
         if shape.polygon is not None:
@@ -72,7 +71,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     with problems.gather():
         world = _world(loaded, discovery, platform_part)
     with problems.gather():
-        robot = robot_spec(config)
+        robot = robot_spec(config.robot)
     sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
     for place, role, table in config.role_tables():
         with problems.gather():
@@ -157,17 +156,15 @@ def _resolve(loaded: Loaded, discovery: Discovery, place: str, reference: str) -
 
 
 def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> OccupancyGrid:
-    table = loaded.config.map
-    reference = table.ref if table is not None else "world"
-    resolution = table.resolution if table is not None else 0.05
-    if reference != "world":
-        world = _resolve(loaded, discovery, "map.ref", reference)
+    table = loaded.config.map or MapTable()
+    if table.ref != "world":
+        world = _resolve(loaded, discovery, "map.ref", table.ref)
     if world is None:
         raise ConfigError(
             'map.ref: is "world", but there is no [world], and the platform has none; name a map, as in '
             'ref = "rosmap:F.yaml"'
         )
-    return grid_of(world, resolution, loaded.config.robot.height)
+    return grid_of(world, table.resolution, loaded.config.robot.height)
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
@@ -191,7 +188,7 @@ def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[
             if table.kind not in platform.sensor_kinds:
                 hint = nearest(table.kind, list(platform.sensor_kinds))
                 raise ConfigError(f"sensor.{number}.kind: {platform.name} has no sensor of kind {table.kind!r}{hint}")
-            if table.name in ("odometry", "contact", "truth"):
+            if table.name in OWN_PORTS:
                 raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port of every platform; choose another")
             if table.kind in platform.sensor_settings:
                 check_params(platform.sensor_settings[table.kind], table.params, f"sensor.{number}")
@@ -212,8 +209,11 @@ def _stride(table: RoleTable, period: float, place: str) -> None:
 
 
 def _explains(table: RoleTable, place: str, role: str) -> None:
-    if table.diagnostics_rate_hz is not None and role != "avoider":
-        raise ConfigError(f"{place}.diagnostics_rate_hz: only an avoider gives diagnostics, this is a {role}")
+    explains = [owner for owner, cls in ROLES.items() if cls.facts.gives_diagnostics]
+    if table.diagnostics_rate_hz is not None and role not in explains:
+        raise ConfigError(
+            f"{place}.diagnostics_rate_hz: only the {' and the '.join(explains)} gives diagnostics, this is the {role}"
+        )
 
 
 def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | None, float]:
@@ -230,7 +230,7 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
     if goal is None and world is not None and world.goal is not None:
         goal = PlaceTable(x=world.goal.x, y=world.goal.y)
     authored = world.goal_tolerance if world is not None else None
-    return start, goal, navigation.goal_tolerance or authored or 0.2
+    return start, goal, navigation.goal_tolerance or authored or GOAL_TOLERANCE
 
 
 def _check_set_events(system: System, problems: Gathered) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from navloom.config.schema import Config
@@ -22,11 +22,10 @@ from navloom.engine.nodes.reference import ReferenceNode
 from navloom.engine.ports import Wired
 from navloom.engine.streams import PortTable
 from navloom.messages import Message
-from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
-from navloom.roles import ROLES, Avoider, Planner, Platform, Role, SensorSpec
+from navloom.roles import ROLES
 
-__all__ = ["FRAMEWORK", "NODES", "Catalogue", "catalogue_of", "role_node"]
+__all__ = ["FRAMEWORK", "NODES", "Catalogue", "catalogue_of"]
 
 NODES: tuple[type[Node], ...] = (
     OperatorNode,
@@ -41,7 +40,7 @@ NODES: tuple[type[Node], ...] = (
     RecoveryNode,
     GateNode,
 )
-"""The nodes of every robot; two that do not depend on each other step in this order."""
+"""The nodes of a robot that has every role; two that do not depend on each other step in this order."""
 
 
 class Catalogue(PortTable):
@@ -50,19 +49,28 @@ class Catalogue(PortTable):
     Args:
         strangers: Classes of the config's `[[node]]` tables, by name.
         required: Names of those without which the robot does not drive.
+        roles: Roles that the robot has; those that it lacks are optional ones.
 
     Attributes:
         nodes: Class of each node by name, in listed order.
+        absent: Optional roles that the robot lacks.
         optional: Nodes whose failure does not end a goal.
     """
 
     def __init__(
-        self, strangers: Mapping[str, type[NodePlugin]] = MappingProxyType({}), required: Collection[str] = ()
+        self,
+        strangers: Mapping[str, type[NodePlugin]] = MappingProxyType({}),
+        required: Collection[str] = (),
+        roles: Collection[str] = ROLES.keys(),
     ) -> None:
         self.strangers = dict(strangers)
-        self.nodes: dict[str, type[Node]] = {**{node.role: node for node in NODES}, **strangers}
-        self.optional = frozenset(strangers).difference(required)
+        self.absent = frozenset(ROLES).difference(roles)
+        own = {node.role: node for node in NODES if node.role not in self.absent}
+        self.nodes: dict[str, type[Node]] = {**own, **strangers}
         super().__init__(port for role, node in self.nodes.items() for port in node.ports(Wired(role)))
+        extra = [role for role in own if role in ROLES and ROLES[role].facts.is_optional]
+        idle = [role for role in extra if not any(port.required for port in self.ports(role))]
+        self.optional = frozenset([*strangers, *idle]).difference(required)
         self._required = (*(port.role for port in self._ports.values() if port.required), *required)
 
     def required_roles(self) -> tuple[str, ...]:
@@ -84,12 +92,12 @@ class Catalogue(PortTable):
 
 
 FRAMEWORK = Catalogue()
-"""The nodes of every robot."""
+"""The nodes of a robot that has every role."""
 
 
 def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Catalogue, dict[str, str]]:
     """The catalogue of a config's robot, and by name why a node is missing: its plugin is broken or not installed."""
-    if not config.node:
+    if not config.node and ROLES.keys() <= set(config.roles):
         return FRAMEWORK, {}
     discovery = discovery or Discovery(config.plugins.blocked)
     found: dict[str, type[NodePlugin]] = {}
@@ -99,7 +107,8 @@ def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Ca
             found[table.name] = node_plugin(discovery, table.plugin)
         except PluginError as error:
             missing[table.name] = str(error)
-    return Catalogue(found, [table.name for table in config.node if table.required and table.name in found]), missing
+    required = [table.name for table in config.node if table.required and table.name in found]
+    return Catalogue(found, required, config.roles), missing
 
 
 def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
@@ -108,33 +117,6 @@ def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
     if not issubclass(cls, NodePlugin):
         raise PluginError(f"node.{name}: {cls.__name__} is no subclass of navloom.NodePlugin")
     return cls
-
-
-def role_node(
-    plugin: Role,
-    rule: HandOverRule | None = None,
-    look_ahead: float = 0.0,
-    tolerance: float = 0.0,
-    sensors: Iterable[SensorSpec] = (),
-) -> Node:
-    """The node for a plugin.
-
-    Args:
-        plugin: The plugin.
-        rule, look_ahead: For an avoider: the hand-over rule, and how far it looks along the robot's own way, m.
-        tolerance: For a planner: how near to its goal the robot must come, m.
-        sensors: For a platform: those it is to provide.
-    """
-    if isinstance(plugin, NodePlugin):
-        return plugin
-    if isinstance(plugin, Platform):
-        return PlatformNode(plugin, sensors)
-    if isinstance(plugin, Planner):
-        return PlannerNode(plugin, tolerance)
-    if isinstance(plugin, Avoider):
-        assert rule is not None
-        return AvoiderNode(plugin, rule, look_ahead)
-    return FRAMEWORK.nodes[plugin.role](plugin)
 
 
 def carries_truth(kind: type[Message]) -> bool:

@@ -28,7 +28,7 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.navigation.blocking import OCCUPIED_FROM
-from navloom.roles import ROLES
+from navloom.roles import ROLES, answers_of
 
 __all__ = ["differences", "is_differing", "would_stop"]
 
@@ -50,7 +50,7 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
         share among the cells that are occupied in either map (cells beyond our grid are ignored, cells that theirs
         lacks are unknown);
         poses (localizer, platform): `distance`, m, and `angle`, rad, both ≥ 0;
-        other messages of node plugins: `unequal`, 1 if any field except the stamp differs.
+        other messages of node plugins, and answers of other roles: `unequal`, 1 if any field except the stamp differs.
         Empty for messages that are not compared.
 
     Raises:
@@ -70,7 +70,8 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
     if our_pose is not None and their_pose is not None:
         turned = abs(float(wrap(np.asarray(their_pose.heading - our_pose.heading))))
         return {"distance": math.hypot(their_pose.x - our_pose.x, their_pose.y - our_pose.y), "angle": turned}
-    return {} if role in ROLES else {"unequal": float(not _is_same(ours, theirs))}
+    is_compared = role not in ROLES or isinstance(ours, answers_of(role))
+    return {"unequal": float(not _is_same(ours, theirs))} if is_compared else {}
 
 
 def is_differing(found: dict[str, float]) -> bool:

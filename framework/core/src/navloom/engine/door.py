@@ -12,6 +12,7 @@ import inspect
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
+from types import NoneType
 from typing import Any, Generic, NoReturn, TypeVar
 
 from navloom.messages import (
@@ -40,11 +41,12 @@ from navloom.roles import (
     PlatformOutput,
     Role,
     SensorSpec,
+    answers_of,
     verb_of,
 )
 
-__all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor", "notes_of",
-           "verb_place"]  # fmt: skip
+__all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor", "TypeDoor",
+           "notes_of", "verb_place"]  # fmt: skip
 
 AHEAD_NS = 1_000_000_000
 """Largest lead of a stamp over the run clock, ns: a driver's clock may differ a little."""
@@ -88,6 +90,20 @@ class _Door:
                 f"gave {name} stamped {_seconds(stamp_ns)}",
                 f"run clock in ns, which is at {_seconds(now_ns)}; wall-clock time does not fit",
             )
+
+
+class TypeDoor(_Door):
+    """Checks that an answer is of a class that the verb declares, for roles without a check of their own."""
+
+    def __init__(self, plugin: Role) -> None:
+        super().__init__(plugin)
+        self._kinds = answers_of(plugin.role)
+
+    def check(self, answer: object) -> Any:
+        """The answer as it is. Raises AnswerError."""
+        if not isinstance(answer, self._kinds):
+            self.refuse_type(answer, " or ".join("None" if kind is NoneType else kind.__name__ for kind in self._kinds))
+        return answer
 
 
 class PlatformDoor(_Door):

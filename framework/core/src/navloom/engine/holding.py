@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from navloom.config.loader import leaves
-from navloom.config.tables import NodeTable
+from navloom.config.tables import MapTable, NodeTable
 from navloom.engine.system import System
 from navloom.roles import Platform
 from navloom.roles.presets import own_preset
@@ -42,7 +42,7 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
             settings = platform.sensor_settings[sensor.kind].model_validate(sensor.params)
             tree["sensor"][number].update(settings.model_dump(mode="json"))
     if system.map is not None and tree["map"] is None:
-        tree["map"] = {"ref": "world", "resolution": 0.05}
+        tree["map"] = MapTable().model_dump(mode="json")
     worlds = _of_world(system, tree["navigation"])
     return [
         (place, value, worlds.get(place) or loaded.sources.get(place) or presets.get(place, "default"))

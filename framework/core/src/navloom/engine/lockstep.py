@@ -100,11 +100,11 @@ class Lockstep:
         catalogue: The robot's nodes.
         steppers: In the order they step; of a role the active one first.
         period: Length of a tick, s.
+        braking: How the robot comes to rest, which the end of a run waits for.
         requests: Operators' requests by tick.
         configure: Changes parameters for `set`: (role, instance, assignments).
         observers: Receive messages and step records.
         trace: Receives the active nodes' messages.
-        braking: How the robot comes to rest, which the end of a run waits for.
 
         Attributes:
             inspector: Runs and inspects the steps of some ticks; None for no inspection.
@@ -115,11 +115,11 @@ class Lockstep:
         catalogue: Catalogue,
         steppers: Sequence[Stepper],
         period: float,
+        braking: Braking,
         requests: Mapping[int, Sequence[OperatorRequest]],
         configure: Callable[[str, str, tuple[str, ...]], None],
         observers: Sequence[Observer] = (),
         trace: TraceWriter | None = None,
-        braking: Braking | None = None,
     ) -> None:
         self.catalogue = catalogue
         self.steppers = list(steppers)
@@ -128,7 +128,7 @@ class Lockstep:
         self.configure = configure
         self.trace = trace or TraceWriter()
         self.log = RunLog()
-        self._ending = Ending(braking or Braking(period=period), max(self.requests, default=0))
+        self._ending = Ending(braking, max(self.requests, default=0))
         self._by_name = {(one.role, one.name): one for one in self.steppers}
         self._active = {one.role: one for one in self.steppers if one.active}
         self._delayed = [one for one in self.steppers if one.delay]

@@ -13,8 +13,9 @@ from pydantic import ValidationError
 
 from navloom.config import ConfigError, check_params
 from navloom.config.problems import Gathered, problems_of
-from navloom.engine.catalogue import role_node
 from navloom.engine.changes import blamed_on_event, changed_params, set_events
+from navloom.engine.nodes.node import NodeSettings
+from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.parts import Part
 from navloom.engine.random_streams import stream_source
 from navloom.engine.stepper import fault_text
@@ -22,9 +23,8 @@ from navloom.engine.system import System
 from navloom.messages.packing import writer_of
 from navloom.messages.typed import typed_reader
 from navloom.navigation import blocking, handover, monitor, projection, trajectory
-from navloom.navigation.handover import HandOverRule
 from navloom.plugins import PluginError
-from navloom.roles import Context, Role
+from navloom.roles import FIXED, ROLES, Context, Role
 
 __all__ = ["blamed_on_part", "configure", "make_plugins", "role_nodes", "try_plugins"]
 
@@ -101,12 +101,12 @@ def _made(system: System, part: Part) -> Role:
         start=system.true_start if role == "platform" else system.start,
         sensors=system.sensors if role == "platform" else (),
         world=system.world if role == "platform" else None,
-        map=system.map if role in ("mapper", "localizer") else None,
+        map=system.map if role in ROLES and ROLES[role].facts.sees_map else None,
         diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
     )
     with blamed_on_part(part, "__init__"):
         plugin = part.cls(part.params, context)
-    if role != "platform":  # a second platform might take the robot's ports from the first
+    if role not in FIXED:  # a second platform might take the robot's ports from the first
         _try_set_events(system, part, context)
     return plugin
 
@@ -138,15 +138,12 @@ def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
 
 def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
     """A node for each plugin, or for those of some instances."""
-    rules = system.config.navigation
-    nodes = {}
+    settings = NodeSettings(system.config.navigation, system.robot, system.goal_tolerance, system.sensors)
+    nodes: dict[tuple[str, str], Any] = {}
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
-        rule = None
-        if key[0] == "avoider":
-            margin, footprint = rules.corridor_margin, system.robot.footprint
-            rule = HandOverRule(rules.handover, rules.handover_release, margin=margin, footprint=footprint)
-        look_ahead = rules.look_ahead if rules.handover_own_way else 0.0
-        nodes[key] = role_node(system.plugin(*key), rule, look_ahead, system.goal_tolerance, system.sensors)
+        plugin = system.plugin(*key)
+        is_node = isinstance(plugin, NodePlugin)
+        nodes[key] = plugin if is_node else system.catalogue.nodes[key[0]].around(plugin, settings)
     return nodes
 
 

@@ -76,7 +76,7 @@ def catalogue_of_parts(config: Config, parts: Mapping[tuple[str, str], Part], pr
         if active is not None:
             with problems.gather():
                 _check_streams(part, active)
-    return Catalogue(strangers, [table.name for table in config.node if table.required])
+    return Catalogue(strangers, [table.name for table in config.node if table.required], config.roles)
 
 
 def _check_streams(part: Part, active: type[NodePlugin]) -> None:
@@ -207,11 +207,11 @@ def connect(
             if part.role == role:
                 own = given if role == "platform" else {**given, role: [sensors[name] for name in part.sensors]}
                 cls = part.cls if issubclass(part.cls, NodePlugin) else node
-                spec = cls.spec(Wired(role, own, part.streams, extras_of(part.cls)))
+                spec = cls.spec(Wired(role, own, part.streams, extras_of(part.cls), catalogue.absent))
                 wiring[role, part.table.instance] = spec
                 instances.append(spec)
         if not instances:
-            instances = [node.spec(Wired(role, given))]
+            instances = [node.spec(Wired(role, given, absent=catalogue.absent))]
             wiring[role, "main"] = instances[0]
         first = instances[0]
         inputs = tuple(dict.fromkeys(one for spec in instances for one in spec.inputs))

@@ -8,7 +8,7 @@ driving requires.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar, overload
 
@@ -17,7 +17,7 @@ from navloom.roles.extra import Extra
 
 __all__ = ["Dated", "Declared", "ExtraInputs", "Group", "Held", "Input", "Latest", "New", "News", "NodeSpec",
            "Offers", "OtherSensors", "Out", "Output", "Port", "Ports", "Quality", "Reading",
-           "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track", "When", "Wired"]  # fmt: skip
+           "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Silence", "Track", "When", "Wired"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 B = TypeVar("B")
@@ -174,12 +174,14 @@ class Wired:
         sensors: By role, the ports of the sensors it reads; for the platform, all sensors.
         streams: By name, the port found for each input that names only a message class.
         extras: Extra inputs of its plugin, by name.
+        absent: Optional roles that the robot lacks: what a node reads from them is silent.
     """
 
     role: str
     sensors: Mapping[str, Sequence[Port[Any]]] = field(default_factory=dict)
     streams: Mapping[str, Port[Any]] = field(default_factory=dict)
     extras: Mapping[str, Extra[Any]] = field(default_factory=dict)
+    absent: Collection[str] = ()
 
 
 class Held(Protocol[M_co]):
@@ -227,6 +229,14 @@ class _Attribute(Generic[B]):
         raise AttributeError(f"{type(node).__name__}.{self.name} is not wired yet")
 
 
+class Silence:
+    """What a node reads in place of an input from an optional role that the robot lacks: never a message."""
+
+    value = None
+    values: Sequence[Message] = ()
+    when: When | None = None
+
+
 class Declared(_Attribute[B], Generic[M, B]):
     """Base of the inputs that a node's class declares: a class attribute, whose name is the input's name.
 
@@ -248,9 +258,10 @@ class Declared(_Attribute[B], Generic[M, B]):
         self.delayed, self.triggers = delayed, triggers
 
     def inputs(self, wired: Wired) -> Iterator[Input]:
-        """The input as wired for a config."""
+        """The input as wired for a config; none if the robot lacks the role that publishes it."""
         port = wired.streams[self.name] if self.port is None else self.port
-        yield Input(self.name, port, self.reading, self.delayed, self.triggers)
+        if port.role not in wired.absent:
+            yield Input(self.name, port, self.reading, self.delayed, self.triggers)
 
 
 class Latest(Declared[M, Held[M]]):
@@ -326,7 +337,7 @@ class SensorGroup(Group[B], Generic[M, B]):
         ports = [port for port in wired.sensors.get(self.of or wired.role, ()) if self.takes(port.carries)]
         for port in ports:
             yield Input(f"{self.prefix}.{port.name}", port, self.reading, triggers=self.triggers)
-        if not ports and self.otherwise is not None:
+        if not ports and self.otherwise is not None and self.otherwise.role not in wired.absent:
             yield Input(self.otherwise.name, self.otherwise, triggers=self.triggers)
 
 

@@ -37,8 +37,8 @@ from navloom.messages import (
     Truth,
 )
 
-__all__ = ["FRAMEWORK_PORTS", "PLAIN", "STATE", "STEP", "WORD", "AvoiderPorts", "ControllerPorts", "GatePorts",
-           "GoalPorts", "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "PortTable",
+__all__ = ["FRAMEWORK_PORTS", "OWN_PORTS", "PLAIN", "STATE", "STEP", "WORD", "AvoiderPorts", "ControllerPorts",
+           "GatePorts", "GoalPorts", "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "PortTable",
            "RecoveryPorts", "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
 
 STEP = "step"
@@ -70,6 +70,10 @@ class PlatformPorts(Ports, role="platform"):
     odometry = Port(Odometry, STATE, required=True)
     contact = Port(Contact, STATE)
     truth = Port(Truth, UNHURRIED)
+
+
+OWN_PORTS = frozenset(port.name for port in PlatformPorts.declared())
+"""Ports of every platform, which no sensor can have."""
 
 
 class LocalizerPorts(Ports, role="localizer"):

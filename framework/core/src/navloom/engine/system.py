@@ -71,15 +71,7 @@ class System:
     @property
     def braking(self) -> Braking:
         """How the robot comes to rest."""
-        robot = self.robot
-        return Braking(
-            robot.max_deceleration,
-            self.config.run.period,
-            robot.motor_lag,
-            robot.dead_time,
-            robot.max_linear,
-            robot.max_angular_acceleration,
-        )
+        return Braking(self.robot, self.config.run.period)
 
     @property
     def true_start(self) -> Pose2D:

@@ -42,7 +42,7 @@ def slow_down(samples: Floats, braking: Braking, tolerance: float) -> Floats:
     if braking.way(float(np.interp(-tolerance, -left, samples[:, 5]))) <= ACROSS * tolerance:
         return samples
     v = max(SLOWEST, braking.speed_within(tolerance))
-    gentle = min(braking.deceleration, 0.5 * v / braking.delay)
+    gentle = min(braking.robot.max_deceleration, 0.5 * v / braking.delay)
     within = np.maximum(SLOWEST, 0.5 * v * (1.0 + left / tolerance))
     before = np.sqrt(v * v + 2.0 * gentle * np.maximum(left - tolerance, 0.0))
     slowed = samples.copy()

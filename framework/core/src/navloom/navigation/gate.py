@@ -17,6 +17,7 @@ from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
 from navloom.navigation.stop_reasons import LEFT, NO_ROOM, OBSTACLE, ORDINARY, RIVALS, WAITING
 from navloom.navigation.stopping import braked
+from navloom.roles import RobotSpec
 
 __all__ = ["STOPPED", "CommandGate", "GateLimits", "Offer", "Sensed"]
 
@@ -28,22 +29,16 @@ class GateLimits:
     """Limits of commands, and the deadlines after which the robot must stop.
 
     Attributes:
-        linear, angular: Largest speed, m/s, and turn rate, rad/s.
-        acceleration, deceleration: m/s².
-        turn_acceleration: For turning faster and slower, rad/s²; infinite for no limit.
+        robot: Its limits of speed and acceleration.
         period: Control tick, s.
         stop_deadline_ns: Largest age of the Platform output that a command derives from, against the newest one.
         sensor_timeout_ns: Longest silence of a required sensor.
     """
 
-    linear: float
-    angular: float
-    acceleration: float
-    deceleration: float
+    robot: RobotSpec
     period: float
     stop_deadline_ns: int
     sensor_timeout_ns: int
-    turn_acceleration: float = math.inf
 
 
 class Offer(NamedTuple):
@@ -223,7 +218,7 @@ class CommandGate:
     def _slow_down(self, reason: str, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
         """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
         self._ramp, speed = reason, self.speed
-        slower = braked(speed, self.limits.deceleration * self.limits.period)
+        slower = braked(speed, self.limits.robot.max_deceleration * self.limits.period)
         verdict = Verdict(self._limit(Twist2D(slower, 0.0, self.turn * slower / speed if speed else 0.0)))
         if self.monitor is not None:
             verdict = self.monitor.judge(verdict.twist, speed, sensed.platform_ns * 1e-9)
@@ -294,14 +289,14 @@ class CommandGate:
         return _gone(sensed) if sensed.gone else f"stale: {sensed.late}" if sensed.late else ""
 
     def _limit(self, twist: Twist2D) -> Twist2D:
-        limits = self.limits
-        wanted = min(max(twist.vx, -limits.linear), limits.linear)
+        robot, period = self.limits.robot, self.limits.period
+        wanted = min(max(twist.vx, -robot.max_linear), robot.max_linear)
         speeding_up = abs(wanted) > abs(self.speed) and wanted * self.speed >= 0.0
-        step = (limits.acceleration if speeding_up else limits.deceleration) * limits.period
+        step = (robot.max_acceleration if speeding_up else robot.max_deceleration) * period
         speed = min(max(wanted, self.speed - step), self.speed + step)
-        turn = min(max(twist.wz, -limits.angular), limits.angular)
-        if limits.turn_acceleration < math.inf:
-            step = limits.turn_acceleration * limits.period
+        turn = min(max(twist.wz, -robot.max_angular), robot.max_angular)
+        if robot.max_angular_acceleration < math.inf:
+            step = robot.max_angular_acceleration * period
             turn = min(max(turn, self.turn - step), self.turn + step)
         self.speed, self.turn = speed, turn
         return Twist2D(speed, 0.0, turn)

@@ -49,7 +49,7 @@ class GoalRules:
     deadline: float
     scans_on_request: bool
     feedback_ticks: int
-    braking: Braking = field(default_factory=Braking)
+    braking: Braking
     is_live: bool = False
     replan: ReplanRules = field(default_factory=ReplanRules)
 

@@ -34,6 +34,7 @@ from navloom.navigation.monitor_rollout import (
 )
 from navloom.navigation.monitor_seen import SeenSpace
 from navloom.navigation.stopping import braked
+from navloom.roles import RobotSpec
 
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 
@@ -74,23 +75,15 @@ class MonitorLimits:
     """The robot and sensor model of the monitor.
 
     Attributes:
-        footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
+        robot: Its footprint, how it brakes, and its delays.
         period: Control tick, s.
-        deceleration: Deceleration of the commands while braking, m/s².
-        turn_deceleration: The same for turning, rad/s²; infinite for no limit.
-        lag: Time constant of the motors, s.
-        dead_time: Time from a command until it acts on the wheels, s.
         sigma: Standard deviation of a range, m.
         margin: Distance from the footprint that counts as touching, m.
     """
 
-    footprint: Floats
+    robot: RobotSpec
     period: float
-    deceleration: float
-    turn_deceleration: float = math.inf
-    lag: float = 0.0
-    dead_time: float = 0.0
-    sigma: float = 0.03
+    sigma: float
     margin: float = 0.01
 
 
@@ -128,13 +121,12 @@ class CollisionMonitor:
     """
 
     def __init__(self, limits: MonitorLimits) -> None:
-        self.limits = limits
+        self.limits, robot = limits, limits.robot
         self.ignores_unseen = False
-        self._outline = np.ascontiguousarray(limits.footprint, dtype=np.float64)
+        self._outline = np.ascontiguousarray(robot.footprint, dtype=np.float64)
         self._radius = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max())
-        self._motor = np.array(
-            [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
-        )
+        turning = min(robot.max_angular_acceleration, 1e6)
+        self._motor = np.array([limits.period, robot.max_deceleration, turning, robot.motor_lag, robot.dead_time])
         self._rolled, self._alone = np.empty((MOST_POSES, 3)), np.empty((MOST_POSES, 3))
         self.forget()
 
@@ -235,7 +227,7 @@ class CollisionMonitor:
     def give(self, time: float, twist: Twist2D) -> None:
         """Record a command that went to the wheels at a run time, s."""
         self._given.append((time, twist.vx, twist.wz))
-        while len(self._given) > 1 and self._given[1][0] < time - self.limits.dead_time - KEEP:
+        while len(self._given) > 1 and self._given[1][0] < time - self.limits.robot.dead_time - KEEP:
             self._given.popleft()
 
     def judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
@@ -289,7 +281,7 @@ class CollisionMonitor:
 
     def _slower(self, speed: float) -> float:
         """A speed, m/s, after braking for one period."""
-        return braked(speed, self.limits.deceleration * self.limits.period)
+        return braked(speed, self.limits.robot.max_deceleration * self.limits.period)
 
     def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
@@ -316,9 +308,10 @@ class CollisionMonitor:
 
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
-        limits = self.limits
+        robot, limits = self.limits.robot, self.limits
         v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
-        time = age + limits.dead_time + limits.period + 5.0 * limits.lag + 0.5 * v / limits.deceleration + 0.1
+        lag = 5.0 * robot.motor_lag
+        time = age + robot.dead_time + limits.period + lag + 0.5 * v / robot.max_deceleration + 0.1
         return self._radius + limits.margin + MOST_DRIFT + v * time
 
     def _surfaces(self, reach: float, echoes: Floats) -> Floats:
@@ -372,7 +365,8 @@ def warm_up() -> None:
     for array in (two, one, wide):
         array.flags.writeable = False
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
-    monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
+    robot = RobotSpec(square, 1.0, 0.05, 0.2, 0.5, 1.0, 0.5, 1.0)
+    monitor = CollisionMonitor(MonitorLimits(robot, 0.05, 0.03))
     still = Odometry(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
     monitor.move(still)
     for halves in (np.zeros(2), wide):

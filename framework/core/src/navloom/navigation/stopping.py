@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from navloom.messages import Twist2D
+from navloom.roles import RobotSpec
 
 __all__ = ["ACROSS", "Braking", "Ending", "Standstill", "braked"]
 
@@ -29,43 +30,37 @@ class Braking:
     """A robot that brakes along a ramp of commands.
 
     Attributes:
-        deceleration: Of the ramp, m/s², > 0.
+        robot: Its limits and delays.
         period: Control tick, s.
-        lag: Time constant of the motors, s.
-        dead_time: From a command until it acts on the wheels, s.
-        fastest: Largest speed, m/s.
-        turn_deceleration: Of the ramp, rad/s²; infinite for no limit.
     """
 
-    deceleration: float = 1.0
-    period: float = 0.05
-    lag: float = 0.0
-    dead_time: float = 0.0
-    fastest: float = 0.5
-    turn_deceleration: float = math.inf
+    robot: RobotSpec
+    period: float
 
     @property
     def delay(self) -> float:
         """Time for which a robot drives on unbraked: a tick until it is seen, the dead time and the lag, s."""
-        return self.period + self.dead_time + self.lag
+        return self.period + self.robot.dead_time + self.robot.motor_lag
 
     @property
     def patience(self) -> float:
         """Longest time until a robot stands: the ramp from the largest speed, and all delays, s."""
-        return self.fastest / self.deceleration + self.delay + SETTLING * self.lag + MORE
+        robot = self.robot
+        return robot.max_linear / robot.max_deceleration + self.delay + SETTLING * robot.motor_lag + MORE
 
     def way(self, speed: float) -> float:
         """Distance to standstill, m, from a speed, m/s: v t + v² / 2a."""
-        return speed * self.delay + 0.5 * speed * speed / self.deceleration
+        return speed * self.delay + 0.5 * speed * speed / self.robot.max_deceleration
 
     def turn(self, rate: float) -> float:
         """Angle to standstill, rad, from a turn rate, rad/s."""
-        return abs(rate) * self.delay + 0.5 * rate * rate / self.turn_deceleration
+        return abs(rate) * self.delay + 0.5 * rate * rate / self.robot.max_angular_acceleration
 
     def speed_within(self, way: float) -> float:
         """Speed, m/s, from which a distance, m, is enough to stop: the inverse of `way`."""
-        free = self.deceleration * self.delay
-        return math.sqrt(free * free + 2.0 * self.deceleration * way) - free
+        deceleration = self.robot.max_deceleration
+        free = deceleration * self.delay
+        return math.sqrt(free * free + 2.0 * deceleration * way) - free
 
 
 class Standstill:
@@ -76,7 +71,7 @@ class Standstill:
     """
 
     def __init__(self, braking: Braking) -> None:
-        self._held = braking.dead_time + braking.period
+        self._held = braking.robot.dead_time + braking.period
         self._moved_at = -math.inf
 
     def note(self, is_commanded: bool, time: float) -> None:

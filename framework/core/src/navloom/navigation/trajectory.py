@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom.navigation import fillets, sight
+from navloom.roles import RobotSpec
 
 __all__ = [
     "SpeedLimits",
@@ -43,24 +44,19 @@ class SpeedLimits:
     """Limits of the reference.
 
     Attributes:
-        slowest, fastest: Speed, m/s. It is below `slowest` only where a tight corner and `turn_rate` require it.
-        turn_rate: Largest |ω_r|, rad/s.
+        robot: Its turn rate and accelerations are those of the reference.
+        slowest, fastest: Speed, m/s. It is below `slowest` only where a tight corner and the turn rate require it.
         lateral: Largest lateral acceleration v² |κ|, m/s².
-        acceleration, deceleration: m/s², > 0.
-        turn_acceleration: Of the robot, rad/s², > 0; infinite for no limit.
     """
 
-    slowest: float = 0.2
-    fastest: float = 0.4
-    turn_rate: float = math.radians(25.0)
-    lateral: float = 0.3
-    acceleration: float = 0.5
-    deceleration: float = 0.5
-    turn_acceleration: float = math.inf
+    robot: RobotSpec
+    slowest: float
+    fastest: float
+    lateral: float
 
     def radius_at(self, speed: float) -> float:
         """Smallest radius, m, at which a speed, m/s, keeps the limits of turn rate and lateral acceleration."""
-        return max(speed / self.turn_rate, speed * speed / self.lateral)
+        return max(speed / self.robot.max_angular, speed * speed / self.lateral)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,14 +165,13 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     """
     bend = np.maximum(np.abs(curvature), 1e-9)
     speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
-    speed = np.minimum(speed, limits.turn_rate / bend)
-    turning = 0.5 * limits.turn_acceleration
+    speed = np.minimum(speed, limits.robot.max_angular / bend)
+    rates = (limits.robot.max_acceleration, limits.robot.max_deceleration)
+    turning = 0.5 * limits.robot.max_angular_acceleration
     speed = np.minimum(speed, np.maximum(_CRAWL, np.sqrt(turning / _bend_change(step, curvature))))
     speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
     speed[-1] = min(speed[-1], limits.slowest)
-    gain, loss = (
-        2.0 * step * np.minimum(rate, 0.5 * turning / bend) for rate in (limits.acceleration, limits.deceleration)
-    )
+    gain, loss = (2.0 * step * np.minimum(rate, 0.5 * turning / bend) for rate in rates)
     _limit_acceleration(speed, gain, loss)
     return speed
 
@@ -300,6 +295,8 @@ def warm_up() -> None:
     sight.warm_up()
     fillets.warm_up()
     path, cells = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.ones((3, 3), np.bool_)
-    made = make_trajectory(path, SpeedLimits(), cells)
-    make_trajectory(path, SpeedLimits())
+    robot = RobotSpec(path, 1.0, 0.05, 0.2, 0.5, 0.5, 0.5, 0.5)
+    limits = SpeedLimits(robot, 0.2, 0.4, 0.3)
+    made = make_trajectory(path, limits, cells)
+    make_trajectory(path, limits)
     free_samples(made.samples, cells, 1.0, (0.0, 0.0))

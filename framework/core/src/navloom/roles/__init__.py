@@ -1,5 +1,8 @@
 """The roles: one ABC, one input struct and one verb each."""
 
+from functools import cache
+from typing import get_args, get_type_hints
+
 from navloom.roles.avoider import Avoider, AvoiderInput
 from navloom.roles.base import Context, InputError, Params, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
@@ -17,8 +20,10 @@ ROLES: dict[str, type[Role]] = {
 }
 """The ABC of each role, by name. All other lists of roles derive from this one."""
 
-ROLE_API: dict[str, int] = dict.fromkeys(ROLES, 1)
+ROLE_API: dict[str, int] = {role: cls.facts.api for role, cls in ROLES.items()}
 """Major version of each role that this framework supports."""
+FIXED = frozenset(role for role, cls in ROLES.items() if not cls.facts.is_exchangeable)
+"""Roles whose instance is neither shadowed nor swapped: the robot itself."""
 
 
 def verb_of(role: str) -> str:
@@ -27,9 +32,18 @@ def verb_of(role: str) -> str:
     return verb
 
 
-def is_patient(role: str) -> bool:
-    """Whether a role's step may take long because no motor waits for it; False for the framework's own nodes."""
-    return role in ROLES and ROLES[role].is_patient
+@cache
+def given_of(role: str) -> type:
+    """The input struct of a role's verb."""
+    given: type = get_type_hints(getattr(ROLES[role], verb_of(role)))["given"]
+    return given
+
+
+@cache
+def answers_of(role: str) -> tuple[type, ...]:
+    """The classes that a role's verb may answer with; NoneType among them where it may answer None."""
+    answer = get_type_hints(getattr(ROLES[role], verb_of(role)))["return"]
+    return get_args(answer) or (answer,)
 
 
 __all__ = [
@@ -60,6 +74,5 @@ __all__ = [
     "RobotSpec",
     "Role",
     "SensorSpec",
-    "is_patient",
     "verb_of",
 ]

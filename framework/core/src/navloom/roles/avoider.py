@@ -7,7 +7,9 @@ from abc import abstractmethod
 
 from navloom.messages import Avoidance, Point2D, PoseEstimate, RangeScan, Twist2D
 from navloom.roles.base import P, Role
+from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.facts import RoleFacts
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
 
@@ -49,6 +51,15 @@ class Avoider(Role[P]):
     """Steers around sensed obstacles. While a trajectory is followed, it steps in every tick, driving or not."""
 
     role = "avoider"
+    facts = RoleFacts(
+        called="Called in every tick while a trajectory is followed, whether it drives or not. The framework decides "
+        "whether it drives.",
+        purpose=frozenset({Claim.NO_CONTACT, Claim.REACHES}),
+        default_plugin="improved_vfh",
+        process="drive",
+        commands=True,
+        gives_diagnostics=True,
+    )
     needs_sensor = True
     _interval, _last_status = -1, ""
 

@@ -17,6 +17,7 @@ from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles.claims import Claim
+from navloom.roles.facts import RoleFacts
 from navloom.roles.presets import Preset
 
 if TYPE_CHECKING:  # the default keeps `class Mine(Avoider)` valid under mypy --strict
@@ -161,6 +162,7 @@ class Role(ABC, Generic[P]):
 
     Class attributes:
         role: Name of the role, set by the role's ABC.
+        facts: What is true of every plugin of the role, set by the role's ABC.
         name: Name of the plugin, as in its entry point.
         api: Major version of the role that it is built for.
         is_patient: A step of the role may take long because no motor waits for it, if it releases the GIL; set by the
@@ -178,6 +180,7 @@ class Role(ABC, Generic[P]):
     """
 
     role: ClassVar[str]
+    facts: ClassVar[RoleFacts]
     name: ClassVar[str]
     api: ClassVar[int] = 1
     is_patient: ClassVar[bool] = False

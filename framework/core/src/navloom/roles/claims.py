@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
-from types import MappingProxyType
 
-__all__ = ["PURPOSE", "Claim"]
+__all__ = ["Claim"]
 
 
 class Claim(StrEnum):
@@ -44,17 +42,3 @@ class Claim(StrEnum):
     CORRECTS_DRIFT = "corrects_drift"
     DRIVES_AS_TOLD = "drives_as_told"
     ENDS = "ends"
-
-
-PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
-    {
-        "platform": frozenset({Claim.DRIVES_AS_TOLD}),
-        "localizer": frozenset({Claim.ACCURATE}),
-        "mapper": frozenset({Claim.ACCURATE}),
-        "planner": frozenset({Claim.NO_CONTACT, Claim.REACHES, Claim.FOOTPRINT}),
-        "controller": frozenset({Claim.SETTLES}),
-        "avoider": frozenset({Claim.NO_CONTACT, Claim.REACHES}),
-        "recovery": frozenset({Claim.NO_CONTACT, Claim.ENDS}),
-    }
-)
-"""Purpose of each role, as claims: its plugins make these claims unless `disclaims` says why not."""

@@ -7,7 +7,9 @@ from typing import ClassVar
 
 from navloom.messages import Message, PoseEstimate, Reference, TrackingCommand, Trajectory
 from navloom.roles.base import P, Role
+from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.facts import RoleFacts
 from navloom.roles.struct import struct
 
 __all__ = ["Controller", "ControllerInput"]
@@ -36,6 +38,13 @@ class Controller(Role[P]):
     """Follows trajectories. It steps in every tick while a trajectory is followed."""
 
     role = "controller"
+    facts = RoleFacts(
+        called="Called in every tick while a trajectory is followed.",
+        purpose=frozenset({Claim.SETTLES}),
+        default_plugin="lyapunov_tracker",
+        process="drive",
+        commands=True,
+    )
     accepts: ClassVar[tuple[type[Message], ...]] = ()
 
     @abstractmethod

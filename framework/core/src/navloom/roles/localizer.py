@@ -6,7 +6,9 @@ from abc import abstractmethod
 
 from navloom.messages import MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan
 from navloom.roles.base import InputError, P, Role
+from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.facts import RoleFacts
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
 
@@ -40,6 +42,13 @@ class Localizer(Role[P]):
     """Turns odometry and scans into a pose in the map."""
 
     role = "localizer"
+    facts = RoleFacts(
+        called="Called in every tick, with the new odometry and scans.",
+        purpose=frozenset({Claim.ACCURATE}),
+        default_plugin="odometry",
+        process="robot",
+        sees_map=True,
+    )
 
     def place(self, pose: Pose2D) -> None:
         """Take this pose in the map, which an operator gives, as the robot's. Called live, between two steps.

@@ -7,7 +7,9 @@ from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, OccupancyGrid, PoseTrack, RangeScan, Sweep
 from navloom.roles.base import P, Role
+from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.facts import RoleFacts
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
 
@@ -47,6 +49,15 @@ class Mapper(Role[P]):
     """Turns range data into a map. Raises InputError for data that it cannot use."""
 
     role = "mapper"
+    facts = RoleFacts(
+        called="Called for new sweeps or scans, and when the map is to be cleared. `navloom.geometry.echoes` turns "
+        "both into points, see [Geometry](geometry.md).",
+        purpose=frozenset({Claim.ACCURATE}),
+        default_plugin="ipabd",
+        process="think",
+        sees_map=True,
+        has_large_messages=True,
+    )
     is_patient = True
     accepts: ClassVar[tuple[type[Message], ...]] = (Sweep,)
     needs_sensor = True

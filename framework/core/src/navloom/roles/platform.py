@@ -9,6 +9,8 @@ from typing import ClassVar
 from navloom.geometry.world import World
 from navloom.messages import Contact, Message, Odometry, SweepRequest, Truth, Twist2D
 from navloom.roles.base import P, Params, Role, SensorSpec
+from navloom.roles.claims import Claim
+from navloom.roles.facts import RoleFacts
 from navloom.roles.struct import struct
 
 __all__ = ["Platform", "PlatformInput", "PlatformOutput"]
@@ -57,6 +59,14 @@ class Platform(Role[P]):
     """
 
     role = "platform"
+    facts = RoleFacts(
+        called="Moves the robot and reads its sensors: a simulator or a driver. One for each robot.",
+        purpose=frozenset({Claim.DRIVES_AS_TOLD}),
+        default_plugin="sensors_sim",
+        process="robot",
+        is_exchangeable=False,
+        has_large_messages=True,
+    )
     sensor_kinds: ClassVar[Mapping[str, type[Message]]] = {}
     sensor_settings: ClassVar[Mapping[str, type[Params]]] = {}
     is_simulated: ClassVar[bool] = False

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
 from navloom.roles.base import P, Role
+from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.facts import RoleFacts
 from navloom.roles.readings import NO_READINGS, Readings
 
 __all__ = ["Recovery", "RecoveryInput"]
@@ -52,6 +54,13 @@ class Recovery(Role[P]):
     """Frees a stuck robot. It is called in each tick while the goal requests it."""
 
     role = "recovery"
+    facts = RoleFacts(
+        called="Called in every tick while the goal requests a recovery.",
+        purpose=frozenset({Claim.NO_CONTACT, Claim.ENDS}),
+        default_plugin="wait_and_replan",
+        process="drive",
+        commands=True,
+    )
     is_patient = True
 
     @abstractmethod

@@ -9,18 +9,19 @@ from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
 from navloom.config.presets import preset_values
-from navloom.engine.build import grid_of
+from navloom.config.tables import DEFAULT_PLUGINS, FootprintTable, MapTable, RobotTable, RunTable
+from navloom.engine.build import grid_of, robot_spec
 from navloom.engine.random_streams import stream_source
-from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.blame import raised_in
-from navloom.roles import Context, InputError, Planner, PlannerInput, RobotSpec, Role
+from navloom.roles import Context, InputError, Planner, PlannerInput, Role
 from navloom.roles.presets import named_plugin
 
 __all__ = ["blamed", "map_update", "plan_once"]
@@ -53,10 +54,10 @@ def plan_once(
     start: tuple[float, float],
     goal: tuple[float, float],
     *,
-    planner: str = "astar",
+    planner: str = DEFAULT_PLUGINS["planner"],
     changes: Sequence[str] = (),
     size: tuple[float, float] = (0.0, 0.0),
-    resolution: float = 0.05,
+    resolution: float = MapTable().resolution,
     discovery: Discovery | None = None,
 ) -> dict[str, Any]:
     """Plan on a world's map.
@@ -90,8 +91,8 @@ def plan_once(
     for name, (x, y) in (("--from", start), ("--to", goal)):
         _check_inside(name, x, y, world)
     length, width = (max(side, POINT) for side in size)
-    robot = RobotSpec(rectangle(length, width), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
-    context = Context("plan", 0.05, robot, stream_source(0, "planner", "plan"), Pose2D(*start, 0.0))
+    robot = robot_spec(RobotTable(footprint=FootprintTable(length=length, width=width)))
+    context = Context("plan", RunTable().period, robot, stream_source(0, "planner", "plan"), Pose2D(*start, 0.0))
     given = PlannerInput(
         PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0)), map_update(grid_of(world, resolution, robot.height))
     )
@@ -119,8 +120,10 @@ def _check_sizes(size: tuple[float, float], resolution: float) -> None:
         raise ConfigError(
             f"--size {size[0]:g},{size[1]:g}: expected a length and a width of 0 to {LARGEST:g} m; 0,0 is a point"
         )
-    if not 0.005 <= resolution <= 1.0:
-        raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
+    try:
+        MapTable(resolution=resolution)
+    except ValidationError:
+        raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m") from None
 
 
 def _check_inside(name: str, x: float, y: float, world: World) -> None:

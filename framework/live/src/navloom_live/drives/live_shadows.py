@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from navloom.engine.difference_units import TOLERANCES
+from navloom.engine.streams import FRAMEWORK_PORTS, MAP
 from navloom.engine.system import System
 from navloom.runs.shadows import Disagreement, ShadowWatch
 
@@ -32,7 +33,7 @@ TELL_AGAIN = 10.0
 """Shortest time between two reports on the same shadow, s."""
 FEW = 20
 """Fewest compared ticks for such a report: a share of fewer says little."""
-LARGE = ("mapper",)
+LARGE = frozenset(port.role for port in FRAMEWORK_PORTS.ports() if port.answers and port.quality is MAP)
 """Roles whose answers are not compared: each would have to be sent to this process."""
 
 Source = tuple[str, str]

@@ -17,6 +17,7 @@ from navloom.engine.extending import extended
 from navloom.engine.system import System
 from navloom.errors import NavloomError
 from navloom.plugins.registry import close_to, nearest
+from navloom.roles import FIXED
 
 from navloom_live.hosting.directory import RobotFolder
 from navloom_live.hosting.network import Network
@@ -164,7 +165,7 @@ def refuse_addition(system: System, source: Source, barrier: bool) -> None:
     """
     role, name = source
     start = f"start it with `navloom up {system.loaded.name} --shadow {role}={name}"
-    roles = sorted({owner for owner, _ in system.parts} - {"platform"})
+    roles = sorted({owner for owner, _ in system.parts} - FIXED)
     if role not in roles:
         raise AdditionError(f"{role!r} is no role that can be swapped{nearest(role, roles)}")
     if barrier:

@@ -6,12 +6,13 @@ from collections.abc import Collection, Sequence
 
 from navloom.config.schema import Config
 from navloom.config.tables import OWN_NODES, ROLE_TABLES
+from navloom.roles import ROLES
 
 from navloom_live.live.cell import Source
 
 __all__ = ["are_on_one_host", "goes_first", "spread"]
 
-PLANNING = frozenset({"mapper", "planner"})
+PLANNING = frozenset(role for role, cls in ROLES.items() if cls.is_patient and not cls.facts.commands)
 """Roles that compute without a deadline: their processes have low priority."""
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from navloom.engine.hold import held_rate
-from navloom.roles import ROLES, is_patient
+from navloom.roles import ROLES
 
 from navloom_live.operating.looking import waiting
 from navloom_live.transport import links
@@ -65,7 +65,8 @@ def where(node: Node) -> str:
 
 def _is_patient(node: Node) -> bool:
     """Whether its step may take long, because no motor waits for it."""
-    said: bool = node.get("is_patient", is_patient(node["role"]))
+    role = ROLES.get(node["role"])
+    said: bool = node.get("is_patient", role is not None and role.is_patient)
     return said
 
 

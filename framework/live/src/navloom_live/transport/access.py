@@ -67,8 +67,6 @@ PACE, PACES = 50.0, {"*/*/describe": 20.0, "process/*/config": 5.0, RECALLED: 10
 closer together gets no answer."""
 SAID = 250.0
 """Largest rate of messages that pass the router, for each stream of a shadow and for an operator's commands, Hz."""
-LARGE_ROLES = ("mapper", "planner", "platform")
-"""Roles whose streams or answers have no size limit: maps, paths and scans."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _INSTANCE = re.compile(INSTANCE)
@@ -213,6 +211,8 @@ def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequ
     Args:
         realm, robot, identities, streams: As for `rules`.
     """
+    from navloom.roles import ROLES  # loads arrays, which a stop must not wait for
+
     prefix = f"{realm}/{robot}"
     small = [f"{prefix}/{key}" for key in (*READABLE, RECALLED)]
     paced = [{"key_expr": f"{prefix}/{key}", "freq": PACES.get(key, PACE)} for key in (*READABLE, RECALLED, *ACTING)]
@@ -227,7 +227,8 @@ def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequ
     ]
     for identity in identities:
         own = identity.instance.replace(".", "/", 1)
-        if identity.kind == "shadow" and not own.startswith(LARGE_ROLES):
+        role = ROLES.get(own.partition("/")[0])
+        if identity.kind == "shadow" and not (role is not None and role.facts.has_large_messages):
             filters.append(_bound(identity.name, ("put", "delete", "reply"), [f"{prefix}/{own}/**"], PLAIN_ANSWER))
     # An answer inherits both from its question: a reader that does not take it must not block the router.
     patient = {"id": "reading questions", "flows": ["ingress"], "link_protocols": ["tls"], "messages": ["query"],

@@ -18,6 +18,7 @@ from pathlib import Path
 from navloom.config.tables import ROLE_TABLES, TAKEN
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import INSTANCE, json_of
+from navloom.roles import FIXED
 
 from navloom_live.transport.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
 from navloom_live.transport.certificates import (
@@ -236,7 +237,7 @@ def _check_identity(identity: Identity) -> None:
             raise KeysError(f"--instance {identity.instance}: only for --kind shadow")
         return
     role, _, instance = identity.instance.partition(".")
-    shadowed = [role for role in ROLE_TABLES if role != "platform"]
+    shadowed = [role for role in ROLE_TABLES if role not in FIXED]
     is_node = re.fullmatch(r"[a-z][A-Za-z0-9_]*", role) and role not in TAKEN
     if not (role in shadowed or is_node) or not re.fullmatch(INSTANCE, instance):
         raise KeysError(

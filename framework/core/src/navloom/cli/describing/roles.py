@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import fields
+from types import NoneType
 from typing import Any
 
 from navloom.cli.describing.docstrings import meanings
@@ -13,20 +14,21 @@ __all__ = ["described", "print_role"]
 
 def described(role: str) -> dict[str, Any]:
     """A role's verb with the type of its answer, and the fields of all that its plugins see."""
-    import navloom
-    from navloom.roles import ROLES, Context, RobotSpec, verb_of
+    from navloom.messages import Message
+    from navloom.roles import ROLES, Context, RobotSpec, answers_of, given_of, verb_of
 
     cls = ROLES[role]
     verb = getattr(cls, verb_of(role))
     answer = str(inspect.signature(verb).return_annotation)
-    seen = {"given": getattr(navloom, f"{cls.__name__}Input")}
-    if role == "platform":
-        seen["answer"] = navloom.PlatformOutput
+    seen = {"given": given_of(role)}
+    for kind in answers_of(role):
+        if not issubclass(kind, (Message, NoneType)):
+            seen["answer"] = kind
     seen |= {"self.context": Context, "self.context.robot": RobotSpec}
     return {
         "role": role,
         "about": inspect.getdoc(cls),
-        "verb": f"{verb.__name__}(self, given: {cls.__name__}Input) -> {answer}",
+        "verb": f"{verb.__name__}(self, given: {given_of(role).__name__}) -> {answer}",
         "verb_about": inspect.getdoc(verb),
         "fields": {what: _fields(one) for what, one in seen.items()},
     }

@@ -26,8 +26,6 @@ KINDS = {
     "SHELL": "shells",
 }
 """Kind of candidates by metavar: a kind of `navloom.installed.candidates`, shells, folders or files."""
-ROLES = ("localizer", "mapper", "planner", "controller", "avoider", "recovery", "platform")
-"""Options of these names take a plugin of that role."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,9 @@ def _word(param: Any) -> Word:
 
 
 def _kind(names: tuple[str, ...], metavar: str) -> str:
+    from navloom.roles import ROLES
+
     role = names[0].removeprefix("--") if names else ""
-    if role in ROLES:
+    if role in ROLES:  # such an option takes a plugin of the role
         return role
     return "files" if metavar.startswith("F.") else KINDS.get(metavar, "")

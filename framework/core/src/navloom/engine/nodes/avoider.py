@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 from navloom.engine.door import TwistDoor
-from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.node import NodeSettings, Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.streams import AvoiderPorts, ControllerPorts, GatePorts, LocalizerPorts, MapperPorts, ReferencePorts
@@ -44,6 +44,17 @@ class AvoiderNode(RoleNode[Avoider]):
         self.door = TwistDoor(plugin, Avoidance)
         self.rule = rule
         self.look_ahead = look_ahead
+
+    @classmethod
+    def around(cls, plugin: Avoider, settings: NodeSettings) -> Self:
+        rules = settings.navigation
+        rule = HandOverRule(
+            rules.handover,
+            rules.handover_release,
+            margin=rules.corridor_margin,
+            footprint=settings.robot.footprint,
+        )
+        return cls(plugin, rule, rules.look_ahead if rules.handover_own_way else 0.0)
 
     def step(self, tick: Tick) -> None:
         estimate, reference, wanted = self.pose.value, self.reference.value, self.desired.value

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 
-from navloom.engine.ports import Declared, Group, NodeSpec, Out, Output, Port, SensorOutputs, Wired
+from navloom.engine.ports import Declared, Group, NodeSpec, Out, Output, Port, SensorOutputs, Silence, Wired
 from navloom.messages import Message
 
-__all__ = ["Node", "Outputs", "Tick"]
+if TYPE_CHECKING:
+    from navloom.config.tables import NavigationTable
+    from navloom.roles import RobotSpec, SensorSpec
+
+__all__ = ["Node", "NodeSettings", "Outputs", "Tick"]
 
 Outputs = list[tuple[Out[Any], Message]]
 PATIENCE = 0.005
@@ -29,6 +34,23 @@ class Tick(NamedTuple):
     time: float
     time_ns: int
     epoch: int
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """What the node around a plugin may take from the config beside the plugin.
+
+    Attributes:
+        navigation: The config's `[navigation]`.
+        robot: The robot.
+        tolerance: How near to its goal the robot must come, m.
+        sensors: The config's sensors.
+    """
+
+    navigation: NavigationTable
+    robot: RobotSpec
+    tolerance: float
+    sensors: tuple[SensorSpec, ...]
 
 
 class Node(ABC):
@@ -81,6 +103,11 @@ class Node(ABC):
         return node
 
     @classmethod
+    def around(cls, plugin: Any, settings: NodeSettings) -> Self:
+        """The node around a plugin of its role."""
+        return cls(plugin)
+
+    @classmethod
     def ports(cls, wired: Wired) -> list[Port[Any]]:
         """What it publishes on."""
         ports: list[Port[Any]] = []
@@ -101,7 +128,9 @@ class Node(ABC):
     def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
         """Bind each input to its wire, by name, and create the output ports of its sensors."""
         for one in self.declared_inputs:
-            if isinstance(one, Declared):
+            if isinstance(one, Declared) and one.name not in wires:
+                self.__dict__[one.name] = Silence()
+            elif isinstance(one, Declared):
                 wires[one.name].bind(self.__dict__, one.name)
             else:
                 group: dict[str, Any] = {}

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 
 from navloom.engine.door import PlannerDoor
-from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.node import NodeSettings, Tick
 from navloom.engine.nodes.role_node import RoleNode
 from navloom.engine.ports import Latest, New, Output
 from navloom.engine.streams import GoalPorts, MapperPorts, PlannerPorts
@@ -33,6 +35,10 @@ class PlannerNode(RoleNode[Planner]):
     def __init__(self, plugin: Planner, tolerance: float) -> None:
         self.plugin = plugin
         self.door = PlannerDoor(plugin, tolerance)
+
+    @classmethod
+    def around(cls, plugin: Planner, settings: NodeSettings) -> Self:
+        return cls(plugin, settings.tolerance)
 
     def step(self, tick: Tick) -> None:
         newest, known = self.map.value, self.known.value

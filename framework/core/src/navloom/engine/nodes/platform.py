@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Self
 
 from navloom.engine.door import PlatformDoor
-from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.node import Node, NodeSettings, Tick
 from navloom.engine.ports import Latest, New, Output, SensorOutputs
 from navloom.engine.streams import GatePorts, GoalPorts, PlatformPorts
 from navloom.messages import Command, Twist2D
@@ -33,6 +34,10 @@ class PlatformNode(Node):
         self.plugin = plugin
         self.door = PlatformDoor(plugin, sensors)
         self.driven: Command | None = None
+
+    @classmethod
+    def around(cls, plugin: Platform, settings: NodeSettings) -> Self:
+        return cls(plugin, settings.sensors)
 
     def step(self, tick: Tick) -> None:
         command = self.driven or self.command.value

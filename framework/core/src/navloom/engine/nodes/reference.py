@@ -91,15 +91,8 @@ class ReferenceNode(Node):
     def of(cls, config: Config, robot: RobotSpec, braking: Braking, tolerance: float) -> ReferenceNode:
         """The node that a config asks for, with the goal's tolerance, m."""
         rules = config.navigation
-        limits = SpeedLimits(
-            slowest=min(rules.speed[0], robot.max_linear),
-            fastest=min(rules.speed[1], robot.max_linear),
-            turn_rate=robot.max_angular,
-            lateral=rules.lateral_acceleration,
-            acceleration=robot.max_acceleration,
-            deceleration=robot.max_deceleration,
-            turn_acceleration=robot.max_angular_acceleration,
-        )
+        slowest, fastest = (min(speed, robot.max_linear) for speed in rules.speed)
+        limits = SpeedLimits(robot, slowest, fastest, rules.lateral_acceleration)
         half_width = float(np.abs(robot.footprint[:, 1]).max())
         slows = partial(slow_down, braking=braking, tolerance=tolerance)
         return cls(limits, rules.look_ahead, half_width + rules.corridor_margin, rules.path_shape == "rounded", slows)
@@ -124,7 +117,7 @@ class ReferenceNode(Node):
         To turn by an angle e takes it 2 sqrt(e / a) at a turn acceleration a; meanwhile it leaves its trajectory.
         """
         away = abs(math.remainder(at.heading - heading, math.tau))
-        beside = away * math.sqrt(away / self.limits.turn_acceleration)
+        beside = away * math.sqrt(away / self.limits.robot.max_angular_acceleration)
         speed = max(LEAST * at.speed, BESIDE / beside) if beside * at.speed > BESIDE else at.speed
         return speed, at.turn_rate if speed == at.speed else at.curvature * speed
 

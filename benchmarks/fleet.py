@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,8 @@ from typing import Any
 
 from driven import config
 from navloom.config.tables import LiveTable
+from navloom_live.live.description import Description
+from navloom_live.live.requests import SUBMIT, Submit
 from navloom_live.operating.client import Client, ClientError
 from navloom_live.operating.joining import join
 
@@ -140,13 +142,13 @@ def drive(robots: Sequence[One], seconds: float) -> None:
     *via, end = (PLACES[number % 2] for number in range(legs))
     for one in robots:
         assert one.client is not None
-        one.client.call("goal", "main", "submit", {"x": end[0], "y": end[1], "via": [list(at) for at in via]}, ANSWER)
+        one.client.call("goal", "main", SUBMIT, Submit(*end, via=tuple(via)), ANSWER)
 
 
-def told(one: One) -> dict[str, Any]:
+def told(one: One) -> Description:
     """The report of a robot's platform."""
     assert one.client is not None
-    found = next((found for found in one.client.describe() if found["role"] == "platform"), None)
+    found = next((found for found in one.client.describe() if found.role == "platform"), None)
     if found is None:
         raise ClientError(
             f"the platform of robot {one.realm} does not answer: fewer robots or a longer --period may fit"
@@ -209,10 +211,11 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
     time.sleep(seconds)
     took, after = time.monotonic() - began, [told(one) for one in robots]
 
-    def more(name: str) -> int:
-        return sum(new[name] - old[name] for new, old in zip(after, before, strict=True))
+    def more(count: Callable[[Description], int | None]) -> int:
+        return sum((count(new) or 0) - (count(old) or 0) for new, old in zip(after, before, strict=True))
 
-    ages = [one["streams"]["gate/main/command"] for one in after]
+    driven = more(lambda node: node.driven_ticks)
+    ages = [one.streams["gate/main/command"] for one in after]
     load, held = spent(pids) - used, memory(processes(folder))
     return {
         "robots": len(robots),
@@ -222,13 +225,13 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
         "pss_mb": round(held, 1),
         "pss_mb_per_robot": round(held / len(robots), 1),
         "segments_mb": round(segments(pids), 1),
-        "ticks": more("ticks"),
-        "late_ticks": more("late_ticks"),
-        "driven_ticks": more("driven_ticks"),
-        "own_share": round(more("own_ticks") / max(1, more("driven_ticks")), 5),
-        "stops": more("stops"),
-        "age_p50_ms": round(1e3 * sorted(one.get("age_p50_s", 0.0) for one in ages)[len(ages) // 2], 2),
-        "worst_age_p99_ms": round(1e3 * max(one.get("age_p99_s", 0.0) for one in ages), 2),
+        "ticks": more(lambda node: node.ticks),
+        "late_ticks": more(lambda node: node.late_ticks),
+        "driven_ticks": driven,
+        "own_share": round(more(lambda node: node.own_ticks) / max(1, driven), 5),
+        "stops": more(lambda node: node.stops),
+        "age_p50_ms": round(1e3 * sorted(one.age_p50_s or 0.0 for one in ages)[len(ages) // 2], 2),
+        "worst_age_p99_ms": round(1e3 * max(one.age_p99_s or 0.0 for one in ages), 2),
     }
 
 

@@ -134,7 +134,7 @@ def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) ->
     outcomes: dict[str, int] = {}
     with Navigator() as navigator, Navigator() as driver:
         nodes = navigator.client.describe()
-        pids = {node["process"]: node["pid"] for node in nodes} | {"up": supervisor}
+        pids = {node.process: node.pid for node in nodes} | {"up": supervisor}
         pids |= {"recorder": recorder_of(supervisor)} if given.record else {}
         samples: dict[str, list[float]] = {name: [] for name in pids}
         spent = {name: processor_time(pid) for name, pid in pids.items()}
@@ -153,24 +153,24 @@ def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) ->
         after = navigator.client.describe()
         navigator.cancel()
         thread.join(30)
-    platform = next(node for node in after if node["role"] == "platform")
-    command = next(counts for key, counts in platform["streams"].items() if key.endswith("gate/main/command"))
+    platform = next(node for node in after if node.role == "platform")
+    command = next(counts for key, counts in platform.streams.items() if key.endswith("gate/main/command"))
     return {
         "minutes": given.minutes,
         "rate_hz": given.rate,
         "goals": outcomes,
-        "ticks": platform["ticks"],
-        "missed_deadlines": platform["late_ticks"],
-        "missed_share": platform["late_ticks"] / platform["ticks"],
-        "driven_by_own_command": platform["own_ticks"] / max(1, platform["driven_ticks"]),
+        "ticks": platform.ticks,
+        "missed_deadlines": platform.late_ticks,
+        "missed_share": platform.late_ticks / platform.ticks,
+        "driven_by_own_command": platform.own_ticks / max(1, platform.driven_ticks),
         "loop": None if (rate := loop_rate(after)) is None else asdict(rate),
         "bare_timer": json.loads(timer.communicate(timeout=30)[0]),
-        "platform_stops": platform["stops"],
-        "command_age_s": {name: command[f"age_{name}_s"] for name in ("p50", "p99")},
+        "platform_stops": platform.stops,
+        "command_age_s": {"p50": command.age_p50_s, "p99": command.age_p99_s},
         "memory_mb": {name: [round(found[0], 1), round(found[-1], 1)] for name, found in samples.items()},
         "processor_share": {name: round(share, 4) for name, share in shares.items()},
         "memory_growth": {name: growth(found) for name, found in samples.items()},
-        "same_processes": {n["process"]: n["pid"] for n in after} == {n["process"]: n["pid"] for n in nodes},
+        "same_processes": {n.process: n.pid for n in after} == {n.process: n.pid for n in nodes},
     }
 
 

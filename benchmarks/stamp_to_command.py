@@ -25,6 +25,7 @@ from navloom.messages import Command, Message, StepReport
 from navloom.messages.codec import decode
 from navloom_live.hosting.network import network_of
 from navloom_live.hosting.robot import LiveRobot, StartError
+from navloom_live.live.requests import SUBMIT, Submit
 from navloom_live.operating.client import Client
 
 PROCESSES = (
@@ -86,7 +87,7 @@ def drive(system: System, seconds: float, say: Callable[[str], None]) -> tuple[W
             robot.supervisor.poll()
             if goal == 0 or _is_idle(client):
                 x, y = GOALS[goal % len(GOALS)]
-                client.call("goal", "main", "submit", {"x": x, "y": y})
+                client.call("goal", "main", SUBMIT, Submit(x, y))
                 goal += 1
             if time.monotonic() - asked > ASK:
                 asked = time.monotonic()
@@ -107,9 +108,10 @@ def _is_idle(client: Client) -> bool:
 def _own_record(client: Client, platform: str) -> list[dict[str, float]]:
     """Median and p99 of the ages of the last 256 commands, s, as measured by the platform's process; empty before."""
     for one in client.describe():
-        if (one["role"], one["instance"]) == ("platform", platform):
-            found = one["streams"].get("gate/main/command", {})
-            return [{"p50": found["age_p50_s"], "p99": found["age_p99_s"]}] if "age_p50_s" in found else []
+        if (one.role, one.instance) == ("platform", platform):
+            found = one.streams.get("gate/main/command")
+            is_known = found is not None and found.age_p50_s is not None
+            return [{"p50": found.age_p50_s, "p99": found.age_p99_s}] if is_known else []
     return []
 
 

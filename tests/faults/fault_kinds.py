@@ -11,6 +11,7 @@ from typing import Any
 
 from fault_rig import SHARES, Note, Rig, until
 from motor_record import longest_gap, old_words, ran_on
+from navloom_live.live.description import Description
 from outsider import FLOODED
 
 __all__ = [
@@ -271,9 +272,9 @@ def answer(what: str) -> Callable[[Rig], None]:
 def malformed(rig: Rig) -> dict[str, Any]:
     """Counts of malformed and of all received messages, by node and stream, for the flooded streams."""
     return {
-        f"{role} {stream}": (counts["malformed"], counts["received"])
+        f"{role} {stream}": (counts.malformed, counts.received)
         for (role, _), node in rig.describe().items()
-        for stream, counts in node["streams"].items()
+        for stream, counts in node.streams.items()
         if stream in FLOODED
     }
 
@@ -322,14 +323,14 @@ def ages(rig: Rig) -> dict[str, Any]:
     nodes = {role: node for (role, instance), node in rig.describe().items() if not instance.startswith("shadow")}
     found = {}
     for role, stream in OTHER_STREAMS:
-        counts = nodes[role]["streams"][stream]
-        found[f"{role} <- {stream}"] = (counts["age_p50_s"], counts["age_p99_s"])
+        counts = nodes[role].streams[stream]
+        found[f"{role} <- {stream}"] = (counts.age_p50_s, counts.age_p99_s)
     return found
 
 
-def _received(nodes: dict[tuple[str, str], dict[str, Any]]) -> dict[tuple[str, str], int]:
+def _received(nodes: dict[tuple[str, str], Description]) -> dict[tuple[str, str], int]:
     return {
-        (role, stream): node["streams"][stream]["received"]
+        (role, stream): node.streams[stream].received
         for (role, instance), node in nodes.items()
         for wanted, stream in OTHER_STREAMS
         if role == wanted and not instance.startswith("shadow")

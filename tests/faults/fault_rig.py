@@ -21,6 +21,7 @@ import fault_plugins
 from leftovers import Census
 from motor_record import RECORD, MotorRecord
 from navloom_live.hosting.directory import DirectoryError, RobotFolder
+from navloom_live.live.description import Description
 from navloom_live.operating.client import ClientError, Refused
 from navloom_live.operating.navigator import Navigator
 from pauses import Pauses
@@ -267,10 +268,10 @@ class Rig:
             [*COMMAND, *arguments], env=self.environment, capture_output=True, text=True, timeout=timeout, check=False
         )
 
-    def describe(self) -> dict[tuple[str, str], dict[str, Any]]:
+    def describe(self) -> dict[tuple[str, str], Description]:
         """Description of each node that answers, by role and instance."""
         with Navigator() as navigator:
-            return {(node["role"], node["instance"]): node for node in navigator.client.describe()}
+            return {(node.role, node.instance): node for node in navigator.client.describe()}
 
     def outsider(self, what: str) -> subprocess.Popen[str]:
         """A process that joins the robot's network, started once; it reads and prints lines."""

@@ -26,6 +26,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 
 from live_rig import EMPTY, Up, up
+from navloom_live.live.requests import CANCEL, SUBMIT, Submit
+from navloom_live.live.service import Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.operating.joining import join
 
@@ -63,9 +65,10 @@ def operator(seed: int, requests: int) -> dict[str, Any]:
             _count_attempts(client, ended)
             for _ in range(min(JOINED, requests - first)):
                 what = "submit" if source.random() < GOALS else "cancel"
-                given = {"x": source.uniform(-2.0, 2.0), "y": source.uniform(-2.0, 2.0)} if what == "submit" else {}
+                place = source.uniform(-2.0, 2.0), source.uniform(-2.0, 2.0)
+                goal = Submit(*place) if what == "submit" else None
                 began, found = time.monotonic(), []
-                thread = threading.Thread(target=lambda: found.append(_ask(client, what, given)), daemon=True)  # noqa: B023
+                thread = threading.Thread(target=lambda: found.append(_ask(client, goal)), daemon=True)  # noqa: B023
                 thread.start()
                 thread.join(BOUND)
                 longest = max(longest, time.monotonic() - began)
@@ -77,9 +80,12 @@ def operator(seed: int, requests: int) -> dict[str, Any]:
     return {"ended": dict(sorted(ended.items())), "longest_s": round(longest, 2), "goals": goals}
 
 
-def _ask(client: Client, what: str, given: dict[str, Any]) -> tuple[str, int]:
+def _ask(client: Client, goal: Submit | None) -> tuple[str, int]:
+    """Send a goal, or cancel the current one."""
     try:
-        return "answered", int(client.call("goal", "main", what, given)["goal_id"])
+        if goal is None:
+            return "answered", client.call("goal", "main", CANCEL, Nothing()).goal_id
+        return "answered", client.call("goal", "main", SUBMIT, goal).goal_id
     except Refused:
         return "refused", 0
     except ClientError as error:
@@ -150,7 +156,7 @@ def _last_goal(robot: Up) -> int:
     while True:
         try:
             with join() as client:
-                return int(client.call("goal", "main", "submit", {"x": 0.5, "y": 0.5})["goal_id"]) - 1
+                return client.call("goal", "main", SUBMIT, Submit(0.5, 0.5)).goal_id - 1
         except (ClientError, Refused) as error:
             assert time.monotonic() < limit, f"the goal's node is not there again: {error}"
 

@@ -53,7 +53,7 @@ def test_a_method_that_the_robot_lacks_takes_over_during_a_drive_and_hands_back(
         assert handle.result is None, "the drive ended before the last swap"
         last, statuses = listener.commands[-1][0], listener.statuses[before:]
         assert handle.wait(120).outcome == "succeeded"
-        shas = {one["config_sha256"] for one in navigator.client.describe()}
+        shas = {one.config_sha256 for one in navigator.client.describe()}
     assert said == ["avoider: starting vff in shadow"]
     assert len(shas) == 1
     span = range(first, last + 1)
@@ -83,7 +83,7 @@ def test_the_other_processes_know_it_after_their_restart(robot: Up) -> None:
         os.kill(node(robot, "main")["pid"], signal.SIGKILL)  # the goal's, beside mapper and planner
         robot.wait_for("process think was ended by SIGKILL")
         limit = time.monotonic() + SOON
-        while len({one["config_sha256"] for one in navigator.client.describe()}) != 1 or not navigator.client.lives(
+        while len({one.config_sha256 for one in navigator.client.describe()}) != 1 or not navigator.client.lives(
             "goal", "main"
         ):
             assert time.monotonic() < limit

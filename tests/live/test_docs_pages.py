@@ -188,7 +188,7 @@ class Reader:
 
         with Navigator() as navigator:
             if process not in self.pids:
-                self.pids.update({node["process"]: node["pid"] for node in navigator.client.describe()})
+                self.pids.update({node.process: node.pid for node in navigator.client.describe()})
             os.kill(self.pids[process], number)
             limit = time.monotonic() + START
             while number == signal.SIGKILL and not _pids(navigator, process) - {self.pids[process]}:
@@ -208,7 +208,7 @@ def it_stands(reader: Reader) -> None:
 
 def _pids(navigator: Any, process: str) -> set[int]:
     """Numbers of the processes in which the nodes of a process answer."""
-    return {node["pid"] for node in navigator.client.describe() if node["process"] == process}
+    return {node.pid for node in navigator.client.describe() if node.process == process}
 
 
 def codes(step: Step, command: str) -> set[int]:

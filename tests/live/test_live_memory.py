@@ -25,10 +25,10 @@ def driven(navigator: Navigator, x: float) -> object:
 
 def end(robot: Up, navigator: Navigator, role: str, number: signal.Signals) -> int:
     """Send a signal to the process of a role, and wait until its end is reported; gives the lines up to there."""
-    node = next(node for node in navigator.client.describe() if node["role"] == role)
+    node = next(node for node in navigator.client.describe() if node.role == role)
     seen = len(robot.said)
-    os.kill(node["pid"], number)
-    return robot.wait_for(f"process {node['process']} ", after=seen)
+    os.kill(node.pid, number)
+    return robot.wait_for(f"process {node.process} ", after=seen)
 
 
 @pytest.fixture
@@ -66,8 +66,8 @@ def test_a_stop_survives_a_terminated_gate_and_a_swap_survives_a_killed_avoider(
             seen = end(robot, navigator, "avoider", signal.SIGKILL)
             stopped = robot.wait_for("stopped: ", after=seen - 1)
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)
-            avoiders = {node["instance"]: node for node in navigator.client.describe() if node["role"] == "avoider"}
-            assert avoiders["other"]["active"] and avoiders["other"]["enabled"]
+            avoiders = {node.instance: node for node in navigator.client.describe() if node.role == "avoider"}
+            assert avoiders["other"].active and avoiders["other"].enabled
             navigator.stop()
             robot.wait_for("stopped: by an operator", after=stopped)
             ended = end(robot, navigator, "gate", signal.SIGTERM)

@@ -77,11 +77,6 @@ def _look_in(robot: Up) -> None:
     assert nobody.returncode == 1 and "cannot be joined" in nobody.stdout and "navloom router" in nobody.stdout
 
 
-def _nodes(robot: Up) -> list[dict[str, object]]:
-    with _navigator(robot) as navigator:
-        return navigator.client.describe()
-
-
 class _navigator:
     """A Navigator on a robot whose runtime folder is not that of this process."""
 
@@ -203,9 +198,9 @@ def test_a_killed_process_restarts_and_the_goal_is_reached(tmp_path: Path) -> No
             navigator.set_parameters("controller", "lyapunov_tracker", ["k3 = 1.5"])
             handle = navigator.go(4.2, 0.0)
             assert next(f for f in handle.updates(timeout=60) if f.state == "driving" and 0.0 < f.distance < 4.0)
-            victim = next(node for node in navigator.client.describe() if node["role"] == "controller")
+            victim = next(node for node in navigator.client.describe() if node.role == "controller")
             seen = len(robot.said)
-            os.kill(victim["pid"], signal.SIGKILL)
+            os.kill(victim.pid, signal.SIGKILL)
             robot.wait_for("process drive was ended by SIGKILL; it restarts in", after=seen)
             stopped = robot.wait_for("stopped: ", after=seen)
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)

@@ -171,8 +171,8 @@ def test_it_stops_though_its_localizer_is_killed_during_the_drive(tmp_path: Path
     with up(config(tmp_path, angle), *APART) as robot:
         robot.wait_for("every node is there")
         with _navigator(robot) as navigator:
-            localizer = next(node for node in navigator.client.describe() if node["role"] == "localizer")
-            killer = threading.Timer(1.5, os.kill, (localizer["pid"], signal.SIGKILL))
+            localizer = next(node for node in navigator.client.describe() if node.role == "localizer")
+            killer = threading.Timer(1.5, os.kill, (localizer.pid, signal.SIGKILL))
             killer.start()
             last = driven_at_the_wall(robot, duration(angle))
             killer.join()

@@ -152,11 +152,11 @@ def test_the_report_has_the_disagreement_of_each_tick(run: tuple[Study, Path], m
     assert data is not None
     assert (data.baseline, data.shadows) == ("kanayama", ("stiff", "lyapunov_tracker"))
     assert (data.changed, data.compared) == (0, 2)
-    told = [row for row in study.open_loop if (row["method"], row["quantity"]) == ("lyapunov_tracker", "wz")]
+    told = [line for line in study.open_loop if (line.method, line.quantity) == ("lyapunov_tracker", "wz")]
     kept = data.pooled("lyapunov_tracker", "wz")
-    assert kept.size == sum(int(row["ticks"]) for row in told)
+    assert kept.size == sum(line.ticks for line in told)
     # Stored to the milliradian per second.
-    assert abs(kept.max() - max(float(row["max"]) for row in told)) <= 5.1e-4
+    assert abs(kept.max() - max(line.max or 0.0 for line in told)) <= 5.1e-4
     drawn = over_time_figure(study, data)
     assert drawn is not None and drawn[1] == ["empty"] and len(drawn[0].axes) == len(data.quantities)
     monkeypatch.setattr(report, "find_spec", lambda name: None)

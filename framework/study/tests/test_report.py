@@ -255,6 +255,11 @@ def test_without_the_world_only_its_walls_are_missing(two: Path) -> None:
     assert "has changed" in (two / "report.html").read_text("utf-8")
 
 
+def _seedless(folder: Path) -> None:
+    path = folder / "episodes.csv"
+    path.write_text(path.read_text("utf-8").replace(",0,succeeded", ",zero,succeeded"), "utf-8")
+
+
 def _number(folder: Path, part: str) -> None:
     """A number among the names."""
     request = json.loads((folder / "study.json").read_text("utf-8"))
@@ -271,9 +276,10 @@ def _number(folder: Path, part: str) -> None:
         (lambda folder: _number(folder, "methods"), "study.json: damaged"),
         (lambda folder: _number(folder, "metrics"), "study.json: damaged"),
         (lambda folder: (folder / "timing.json").write_text("{"), "timing.json: damaged"),
+        (lambda folder: _seedless(folder), "episodes.csv: damaged"),
         (lambda folder: (folder / "episodes.csv").write_text("method,world\n"), "is not the table of study.json"),
     ],
-    ids=["no_study", "unfinished", "cut", "other", "method", "metric", "timing", "table"],
+    ids=["no_study", "unfinished", "cut", "other", "method", "metric", "timing", "seed", "table"],
 )
 def test_a_folder_that_is_no_study_is_refused(tmp_path: Path, spoil: Callable[[Path], Any], told: str) -> None:
     folder = study_folder(tmp_path / "s", ("a",), ("empty",), (0,), one_of_each("succeeded"))

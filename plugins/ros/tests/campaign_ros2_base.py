@@ -171,7 +171,7 @@ class Rig:
         if name == "guardian":
             return [pid for pid, line in commands() if "navloom_ros.base.guardian" in line]
         with Navigator() as robot:
-            return sorted({node["pid"] for node in robot.client.describe() if node["process"] == name})
+            return sorted({node.pid for node in robot.client.describe() if node.process == name})
 
     def move(self, patience: float = 60.0) -> None:
         """Send the robot to a goal and wait until it moves. Raises TimeoutError."""

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+
+import pytest
 from navloom.engine.nodes.told import GateTold, GoalTold, Obeyed
 from navloom.messages import Goal, OperatorRequest, Point2D
 
@@ -32,3 +36,15 @@ def test_only_fields_that_differ_from_the_default_are_written() -> None:
     assert GateTold.of(GateTold(now_ns=5, late="goal main").text).late == "goal main" and not GateTold.of("{}").late
     assert GateTold(now_ns=5, restarted=True).text == '{"now_ns": 5, "restarted": true}'
     assert GateTold().text == "" and GateTold(now_ns=0).text == "{}" and GateTold.of("{}").now_ns is None
+
+
+def test_a_record_of_a_later_version_may_have_more_entries() -> None:
+    assert GateTold.of('{"now_ns": 5, "gear": 2, "obeyed": []}') == GateTold(now_ns=5)
+    assert GoalTold.of('{"fault": "broke", "speed": 0.5}') == GoalTold("broke")
+
+
+@pytest.mark.parametrize("read", [GoalTold.of, GateTold.of])
+def test_a_record_with_an_entry_of_another_type_names_it(read: Callable[[str], object]) -> None:
+    entry = "lost" if read == GoalTold.of else "silent"
+    with pytest.raises(ValueError, match=f"^{entry}: expected bool, got str$"):
+        read(json.dumps({entry: "yes"}))

@@ -11,7 +11,7 @@ import pytest
 from navloom.messages import Command, Envelope, HandOver, Message, Twist2D
 from navloom.runs.episode import Episode, run_episode
 from navloom.runs.results import ResultFolder
-from navloom.runs.shadows import ShadowWatch, shadow_table
+from navloom.runs.shadows import DrivingSummary, ShadowWatch, Sizes, shadow_table
 from toys import discovery, toy_config
 
 AVOIDER = """
@@ -64,11 +64,11 @@ def test_differences_are_summed_up_by_tick() -> None:
     (found,) = watch.finish()
     summary = found.summary()
     # 0, 0.005, -0.3 and 0.4 m/s; 5 mm/s is within the tolerance.
-    assert summary["differences"]["vx"]["rms"] == pytest.approx(math.sqrt((0.005**2 + 0.09 + 0.16) / 4))
-    assert summary["differences"]["vx"]["max"] == pytest.approx(0.4)
-    assert (summary["ticks"], summary["unanswered"], summary["differing_share"]) == (4, 0, 0.5)
-    assert (summary["first_differing_tick"], summary["first_differing_s"]) == (2, pytest.approx(0.1))
-    assert summary["against"] == ["main"]
+    assert summary.differences["vx"].rms == pytest.approx(math.sqrt((0.005**2 + 0.09 + 0.16) / 4))
+    assert summary.differences["vx"].max == pytest.approx(0.4)
+    assert (summary.ticks, summary.unanswered, summary.differing_share) == (4, 0, 0.5)
+    assert (summary.first_differing_tick, summary.first_differing_s) == (2, pytest.approx(0.1))
+    assert summary.against == ["main"]
 
 
 def test_answers_of_one_tick_are_paired_however_late_one_is_published() -> None:
@@ -91,7 +91,7 @@ def test_silence_of_either_is_counted() -> None:
     (found,) = watch.finish()
     assert (found.unanswered, found.ticks) == (2, [])
     summary = found.summary()
-    assert summary["differing_share"] is None and summary["differences"] == {}
+    assert summary.differing_share is None and summary.differences == {}
 
 
 def test_after_a_swap_the_old_instance_is_the_shadow() -> None:
@@ -113,12 +113,9 @@ def test_ticks_in_which_the_avoider_drove_are_summarised_separately() -> None:
         say(watch, "other", False, tick, 0.4 if engaged else 0.2)
         publish(watch, "other", False, "handover", tick, HandOver(True, 1.0))
     (found,) = watch.finish()
-    driving = found.summary()["driving"]
-    assert driving == {
-        "ticks": 1,
-        "differing_share": 1.0,
-        "differences": {"vx": {"rms": 0.4, "max": 0.4}, "vy": {"rms": 0.0, "max": 0.0}, "wz": {"rms": 0.0, "max": 0.0}},
-    }
+    flat = Sizes(0.0, 0.0)
+    driving = found.summary().driving
+    assert driving == DrivingSummary(1, 1.0, {"vx": Sizes(0.4, 0.4), "vy": flat, "wz": flat})
 
 
 def test_a_shadow_avoider_is_compared_in_a_run_and_changes_nothing(tmp_path: Path) -> None:
@@ -177,7 +174,7 @@ def test_ticks_in_which_a_shadow_would_stop_or_hand_over_otherwise_are_counted()
         publish(watch, "other", False, "handover", tick, HandOver(hands_over, 1.0))
     (found,) = watch.finish()
     assert (found.stops, found.handovers) == (1, 2)
-    assert (found.summary()["stops"], found.summary()["handovers"]) == (1, 2)
+    assert (found.summary().stops, found.summary().handovers) == (1, 2)
 
 
 def test_the_state_so_far_has_the_newest_and_the_mean_difference() -> None:
@@ -186,5 +183,5 @@ def test_the_state_so_far_has_the_newest_and_the_mean_difference() -> None:
         say(watch, "main", True, tick, 0.3)
         say(watch, "other", False, tick, theirs)
     state = watch.finish()[0].so_far()
-    assert (state["against"], state["ticks"], state["differing_share"]) == ("main", 3, pytest.approx(2 / 3))
-    assert state["now"]["vx"] == pytest.approx(-0.1) and state["mean"]["vx"] == pytest.approx(0.1)
+    assert (state.against, state.ticks, state.differing_share) == ("main", 3, pytest.approx(2 / 3))
+    assert state.now["vx"] == pytest.approx(-0.1) and state.mean["vx"] == pytest.approx(0.1)

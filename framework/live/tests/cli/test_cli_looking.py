@@ -11,19 +11,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import toys
-from described import BusInWords, client, described, everyone
+from described import BusInWords, client, described, everyone, heard
 from live_rig import COMMAND, Up, up
 from navloom.cli import main
 from navloom.cli.output import print_table
 from navloom.messages import Feedback, GateStatus, GoalResult, Parameters, Point2D
 from navloom_live.cli.listing import state
 from navloom_live.cli.status import rows as status_rows
-from navloom_live.operating.looking import changed_parameters, last_words, listing
+from navloom_live.operating.looking import changed_parameters, last_words
+from navloom_live.operating.nodes import Node, listing
 
 TEXT = f"""{toys.TEXT}
 drive = false
@@ -322,15 +324,20 @@ def test_an_endpoint_without_a_listener_is_reported(look: Look, tmp_path: Path) 
         ({}, "active"),
         ({"active": False}, "shadow"),
         ({"active": False, "enabled": False}, "waiting"),
-        ({"answers": False}, "does not answer"),
         ({"busy_s": 0.5}, "active"),
         ({"busy_s": 0.75}, "active, 0.8 s in one step"),
         ({"faulted": 4, "active": False, "busy_s": 2.0}, "shadow, failed 4 times in a row, 2.0 s in one step"),
     ],
-    ids=["active", "shadow", "spare", "mute", "quick", "slow", "failing"],
+    ids=["active", "shadow", "spare", "quick", "slow", "failing"],
 )
 def test_the_state_of_a_node_in_words(changes: dict[str, Any], words: str) -> None:
-    assert state(described("avoider", "vfh", **{"answers": True, **changes})) == words
+    [node] = heard([described("avoider", "vfh", **changes)])
+    assert state(node) == words
+
+
+def test_a_node_without_a_description_says_why() -> None:
+    assert state(Node("avoider", "vfh", "drive", None)) == "does not answer"
+    assert state(Node("avoider", "vfh", "drive", None, "of a later version")) == "of a later version"
 
 
 def rows(bus: BusInWords) -> dict[str, str]:
@@ -359,7 +366,7 @@ def test_status_of_a_robot_that_drives() -> None:
 
 def test_status_of_a_robot_that_lacks_much() -> None:
     far = {"think": "brain"}
-    nodes = [node | {"hosts": far} for node in everyone() if node["process"] not in ("think", "drive")]
+    nodes = [replace(node, hosts=far) for node in everyone() if node.process not in ("think", "drive")]
     last = {"gate/main/status": GateStatus("none", "", True, True, "contact", ())}
     assert rows(BusInWords(nodes, silent=["avoider vfh"], last=last)) == {
         "robot": "lab/r1, run clock 5.0 s",
@@ -377,7 +384,7 @@ def test_status_of_a_robot_that_lacks_much() -> None:
 )
 def test_status_without_a_run_clock(tick: int, words: str) -> None:
     changes = {"silence_s": None, "clock_ns": -1, "tick": tick}  # one more by the time it is asked
-    found = rows(BusInWords(everyone(**{node["role"]: changes for node in everyone()})))
+    found = rows(BusInWords(everyone(**{node.role: changes for node in everyone()})))
     assert found == {
         "robot": "lab/r1",
         "goal": "none",

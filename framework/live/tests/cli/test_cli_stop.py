@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -95,8 +96,8 @@ class Robots:
         there = [Running("lab", name, 1, (), False, "paper", False) for name in names]
 
         @contextmanager
-        def join(robot: str, *_: object, **__: object) -> Iterator[str]:
-            yield robot
+        def join(robot: str, *_: object, **__: object) -> Iterator[SimpleNamespace]:
+            yield SimpleNamespace(stop=lambda: stop(robot))
 
         def stop(robot: str) -> None:
             if robot == silent:
@@ -106,7 +107,6 @@ class Robots:
         monkeypatch.setattr(stopping, "robots", lambda: iter(there))
         monkeypatch.setattr(stopping, "elsewhere", dict)
         monkeypatch.setattr(stopping, "join", join)
-        monkeypatch.setattr("navloom_live.operating.acts.stop", stop)
 
 
 def test_stop_for_all_stops_every_robot(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
+from navloom_live.live.description import Description, StreamSummary
 from navloom_live.operating.client import Client
+from navloom_live.operating.nodes import Node
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.zenoh_bus import Answer
 
@@ -34,9 +37,9 @@ PORTS = {
 }
 
 
-def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
+def described(role: str, instance: str, **changes: Any) -> Description:
     """Description of a healthy node, with changes; its process is that of `PLACES`."""
-    return {
+    fields: dict[str, Any] = {
         "role": role,
         "instance": instance,
         "plugin": instance,
@@ -52,31 +55,31 @@ def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
         "clock_ns": 5_000_000_000,
         "silence_s": 0.02,
         "up_s": 5.0,
-        "busy_s": None,
         "period_s": 0.05,
         "step_s": 0.004,
-        "faulted": 0,
-        "fault": "",
-        "notes": [],
+        "notes": (),
         "shares_memory": True,
         "shared_memory_mb": 900.0,
         "published": dict.fromkeys((*PORTS.get(role, ()), "step"), 7),
-        "streams": {},
         "places": PLACES,
-        "hosts": {},
-        **changes,
     }
+    return Description(**{**fields, **changes})
 
 
-def counts(**changes: Any) -> dict[str, Any]:
+def counts(**changes: Any) -> StreamSummary:
     """Counters of an input stream without losses."""
-    return {"received": 1000, "dropped": 0, "malformed": 0, "late": 0, "latest": False, **changes}
+    return StreamSummary(**{"received": 1000, "dropped": 0, "malformed": 0, "late": 0, "latest": False, **changes})
 
 
-def everyone(**changes: Mapping[str, Any]) -> list[dict[str, Any]]:
+def everyone(**changes: Mapping[str, Any]) -> list[Description]:
     """All nodes of `PLACES`, healthy but for the changes given by role."""
     names = (name.split() for name in PLACES)
     return [described(role, instance, **changes.get(role, {})) for role, instance in names]
+
+
+def heard(nodes: Sequence[Description]) -> list[Node]:
+    """The nodes, all of which answer."""
+    return [Node(node.role, node.instance, node.process, node) for node in nodes]
 
 
 class BusInWords:
@@ -92,7 +95,7 @@ class BusInWords:
 
     def __init__(
         self,
-        nodes: Sequence[Mapping[str, Any]],
+        nodes: Sequence[Description],
         silent: Sequence[str] = (),
         last: Mapping[str, Message] | None = None,
         others: Sequence[str] = (),
@@ -106,7 +109,7 @@ class BusInWords:
 
     def alive(self, key_expr: str) -> list[str]:
         """Tokens of this robot, or of all."""
-        own = [f"{node['role']} {node['instance']}" for node in self.nodes]
+        own = [node.name for node in self.nodes]
         tokens = [KEYS.alive(*name.split(), "life") for name in (*own, *self.silent)]
         return tokens if key_expr.startswith(KEYS.prefix) else [*tokens, *self.others]
 
@@ -117,7 +120,7 @@ class BusInWords:
         if port == "describe":
             self._questions += 1
             for node in self.nodes:
-                if role in ("*", node["role"]) and instance in ("*", node["instance"]):
+                if role in ("*", node.role) and instance in ("*", node.instance):
                     yield self._description(node)
             yield Answer("", b"", "", "Timeout")
             return
@@ -126,10 +129,10 @@ class BusInWords:
             if role in ("*", parts[0]) and instance in ("*", parts[1]) and port == parts[2]:
                 yield Answer(KEYS.port(*parts), *wire(message, stream), "")
 
-    def _description(self, node: Mapping[str, Any]) -> Answer:
-        tick = node["tick"] + self.steps * self._questions
-        told = {**node, "tick": tick, "wall_ns": time.time_ns() + node.get("wall_ns", 0)}
-        return Answer(KEYS.port(node["role"], node["instance"], "describe"), json.dumps(told).encode(), "json", "")
+    def _description(self, node: Description) -> Answer:
+        tick = node.tick + self.steps * self._questions
+        told = replace(node, tick=tick, wall_ns=time.time_ns() + (node.wall_ns or 0))
+        return Answer(KEYS.port(node.role, node.instance, "describe"), json.dumps(told.to_json()).encode(), "json", "")
 
     def subscribe(self, key_expr: str, receive: Callable[[str, bytes | None, str], None], most: int = 0) -> None:
         """Keep a subscriber."""

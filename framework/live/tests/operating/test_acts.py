@@ -6,6 +6,9 @@ import math
 from typing import Any
 
 import pytest
+from navloom_live.live.description import Description
+from navloom_live.live.requests import Placed
+from navloom_live.live.service import Service
 from navloom_live.operating import acts
 from navloom_live.operating.client import ClientError, Refused
 
@@ -23,14 +26,14 @@ class Robot:
         self._refused, self._warning = refused, warning
         self.asked: list[tuple[Any, ...]] = []
 
-    def describe(self) -> list[dict[str, Any]]:
+    def describe(self) -> list[Description]:
         return [*self._there, described("gate", "main")]
 
-    def call(self, role: str, instance: str, service: str, given: dict[str, float]) -> dict[str, Any]:
+    def call(self, role: str, instance: str, service: Service[Any, Any], asked: Any) -> Placed:
         if instance == self._refused:
             raise Refused(f"{role} {instance} does not accept a pose")
-        self.asked.append((role, instance, service, *given.values()))
-        return {"warning": self._warning}
+        self.asked.append((role, instance, service.name, *vars(asked).values()))
+        return Placed(True, self._warning)
 
 
 def place(robot: Robot, x: float = 1.0, y: float = -2.0, heading: float = 0.5) -> str:

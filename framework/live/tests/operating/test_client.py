@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -10,13 +11,15 @@ from typing import Any
 import pytest
 from navloom.messages import GoalResult, Point2D
 from navloom_live.live.mailbox import Inlet, Mailbox
+from navloom_live.live.requests import GET_PARAMETERS, SUBMIT, Submit
+from navloom_live.live.service import Nothing
 from navloom_live.operating import client as client_module
 from navloom_live.operating import navigator
 from navloom_live.operating.client import Client, ClientError, Refused, Unanswered
-from navloom_live.operating.findings import differing, failing, flowing, sharing, unheard
-from navloom_live.operating.looking import listing
+from navloom_live.operating.doctor import examine
 from navloom_live.operating.metering import clock_offsets
 from navloom_live.operating.navigator import GoalHandle, GoalStreams
+from navloom_live.operating.nodes import answering, listing
 from navloom_live.transport.once import Once
 from navloom_live.transport.zenoh_bus import TIMED_OUT, Answer
 
@@ -43,40 +46,44 @@ def client(*answers: bytes) -> Client:
     return Client(Bus(*(Answer(FORCES, data, "json", "") for data in answers)), KEYS)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"me", b"\xff", b"[]", b'"x"', b"null", b'{"tick": "late"}', b'{"active": 1}', b'{"streams": []}',
-        b'{"streams": {"a": 1}}', b'{"places": {"avoider": "drive"}}', b'{"places": {"avoider vfh": 3}}',
-        b'{"hosts": {"drive": null}}', b'{"wall_ns": "now"}', b'{"streams": {"a": {}}}', b'{"versions": {"numpy": []}}',
-        b'{"late_ticks": "many"}',
-    ],
-    ids=lambda data: data.decode(errors="replace"),
-)  # fmt: skip
-def test_an_answer_that_is_no_description_is_skipped(data: bytes) -> None:
-    good = Answer(KEYS.port("gate", "main", "describe"), json.dumps(described("gate", "main")).encode(), "json", "")
-    asked = Client(Bus(Answer(FORCES, data, "json", ""), good), KEYS)  # type: ignore[arg-type]
-    assert [node["role"] for node in asked.describe()] == ["gate"]
-    assert [node["role"] for node in listing(asked) if node["answers"]] == ["gate"]
-    assert clock_offsets(client(data), [described("avoider", "forces") | {"answers": True}]) == {}
+def test_an_answer_that_cannot_be_read_is_skipped_and_listed_with_one_sentence() -> None:
+    good = Answer(
+        KEYS.port("gate", "main", "describe"), json.dumps(described("gate", "main").to_json()).encode(), "", ""
+    )
+    asked = Client(Bus(Answer(FORCES, b"{}", "json", ""), good), KEYS)  # type: ignore[arg-type]
+    assert [node.role for node in asked.describe()] == ["gate"]
+    nodes = listing(asked)
+    assert [node.name for node in answering(nodes)] == ["gate main"]
+    (mute,) = (node for node in nodes if node.name == "avoider forces")
+    assert mute.unreadable.startswith("avoider forces: its description cannot be read (")
+    assert clock_offsets(client(b"{}"), [described("avoider", "forces")]) == {}
 
 
-def test_doctor_handles_an_instance_without_a_description() -> None:
-    nodes = [node for node in listing(client(b"{}")) if node["answers"]]
-    assert len(nodes) == 1
-    for check in (failing, flowing, differing, unheard, sharing):
-        check(nodes)
+def test_the_doctor_reports_a_description_that_cannot_be_read_as_one_finding() -> None:
+    finding, *others = examine(client(b"{}"), None, "robot.toml")[1]
+    assert finding.what.startswith("avoider forces: its description cannot be read")
+    assert finding.remedy == "install the same version on both"
+    assert not any("avoider" in other.what for other in others)
 
 
 def test_a_node_that_claims_another_name_is_listed_under_its_key() -> None:
-    liar = json.dumps(described("controller", "aaa")).encode()
+    liar = json.dumps(described("controller", "aaa").to_json()).encode()
     (node,) = client(liar).describe()
-    assert (node["role"], node["instance"]) == ("avoider", "forces")
+    assert (node.role, node.instance) == ("avoider", "forces")
 
 
-def test_an_invalid_answer_of_a_service_gives_one_message() -> None:
-    with pytest.raises(ClientError, match="avoider forces answers params/get with no JSON"):
-        client(b"me").call("avoider", "forces", "params/get", {})
+@pytest.mark.parametrize(
+    ("answer", "what"),
+    [
+        (b"me", "Expecting value: line 1 column 1 (char 0)"),
+        (b'{"version": 1}', "object missing required field values"),
+        (b'{"version": "1.0", "values": {}}', "version: expected int, got str"),
+    ],
+)
+def test_an_answer_that_cannot_be_read_gives_one_message(answer: bytes, what: str) -> None:
+    what = f"the answer of avoider forces to params/get cannot be read ({what}); install the same version"
+    with pytest.raises(ClientError, match=re.escape(what)):
+        client(answer).call("avoider", "forces", GET_PARAMETERS, Nothing())
 
 
 class LossyBus(Bus):
@@ -110,7 +117,7 @@ class LossyBus(Bus):
 
 def submit(bus: Bus, timeout: float = 5.0) -> int:
     asked = Client(bus, KEYS)  # type: ignore[arg-type]
-    return int(asked.call("goal", "main", "submit", {"x": 1.0, "y": 2.0}, timeout)["goal_id"])
+    return asked.call("goal", "main", SUBMIT, Submit(1.0, 2.0), timeout).goal_id
 
 
 @pytest.mark.parametrize("fates", [(), ("lost",), ("late", "lost"), ("unheard", "silent", "lost", "lost")])

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 from described import BusInWords, client, counts, described, everyone
 from navloom.messages import Feedback, GateStatus
 from navloom_live.hosting.directory import DirectoryError, Fate, RobotFolder, Running
+from navloom_live.live.description import Description, StreamSummary
 from navloom_live.operating import doctor
 from navloom_live.operating.doctor import diagnose, examine
 from navloom_live.operating.findings import (
@@ -152,7 +154,7 @@ def test_consequences_of_a_broken_platform_are_reported_with_it() -> None:
 def test_a_node_that_does_not_step_is_reported_beside_a_late_platform() -> None:
     class OneStands(BusInWords):
         def _description(self, node: Any) -> Any:
-            self.steps = 0 if node["role"] == "localizer" else 1
+            self.steps = 0 if node.role == "localizer" else 1
             return super()._description(node)
 
     nodes = everyone(platform={"late_ticks": 90, "ticks": 100})
@@ -168,7 +170,7 @@ def test_a_slow_node_of_the_framework_is_not_reported_as_a_slow_plugin() -> None
 
 
 def test_nodes_that_wait_for_a_missing_process_are_reported_with_it() -> None:
-    nodes = [node | {"tick": -1} for node in without("robot")]
+    nodes = without("robot", tick=-1)
     found = only(examine(client(BusInWords(nodes, steps=0)), None, "robot.toml")[1])
     assert found.what == (
         "platform sim, localizer odometry: missing; of process robot; goal main, gate main wait for it"
@@ -255,9 +257,9 @@ def test_messages_of_another_stream_are_not_blamed_on_versions(misrouted: int, s
     ],
     ids=["above a tenth", "a tenth", "few", "not few", "only the newest counts"],
 )
-def test_messages_dropped_unread_are_reported_where_each_counts(given: dict[str, Any], is_said: bool) -> None:
+def test_messages_dropped_unread_are_reported_where_each_counts(given: StreamSummary, is_said: bool) -> None:
     found = flowing(everyone(mapper={"streams": {"platform/sim/sonars": given}}))
-    words = f"mapper grid: {given['dropped']} of {given['received']} messages on platform/sim/sonars dropped unread"
+    words = f"mapper grid: {given.dropped} of {given.received} messages on platform/sim/sonars dropped unread"
     assert said(found) == ([words] if is_said else [])
 
 
@@ -292,9 +294,9 @@ def test_a_process_that_alone_receives_nothing_from_the_platform_is_reported() -
     assert found.remedy.startswith("the network between them")
     here = only(unheard(everyone(mapper={"silence_s": 2.5}, goal={"silence_s": 2.5})))
     assert here.remedy == "it hangs, or its host gives it no CPU time: `kill -KILL 4711` restarts it"
-    everybody = everyone(**{node["role"]: {"silence_s": 2.5} for node in everyone()})
+    everybody = everyone(**{node.role: {"silence_s": 2.5} for node in everyone()})
     assert unheard(everybody) == []  # the platform is silent then
-    assert unheard(everyone(**{node["role"]: {"silence_s": None} for node in everyone()})) == []
+    assert unheard(everyone(**{node.role: {"silence_s": None} for node in everyone()})) == []
 
 
 @pytest.mark.parametrize(
@@ -307,7 +309,7 @@ def test_a_process_that_alone_receives_nothing_from_the_platform_is_reported() -
     ids=["none", "short", "little"],
 )
 def test_short_shared_memory_is_reported_once_for_each_host(free: float | None, severity: str, words: str) -> None:
-    found = only(sharing(everyone(**{node["role"]: {"shared_memory_mb": free} for node in everyone()})))
+    found = only(sharing(everyone(**{node.role: {"shared_memory_mb": free} for node in everyone()})))
     assert (found.severity, found.what) == (severity, words)
     assert found.remedy == "give /dev/shm 16 MB for each process there (containers: --shm-size)"
 
@@ -327,8 +329,8 @@ def test_large_messages_that_leave_their_host_are_noted_and_small_ones_are_not()
 # --- missing nodes --------------------------------------------------------------------------------------------------
 
 
-def without(process: str, **changes: Any) -> list[dict[str, Any]]:
-    return [node | changes for node in everyone() if node["process"] != process]
+def without(process: str, **changes: Any) -> list[Description]:
+    return [replace(node, **changes) for node in everyone() if node.process != process]
 
 
 def made(fates: dict[str, Fate], pid: int | None = None, robot: str = "r1") -> RobotFolder:
@@ -409,7 +411,7 @@ def test_a_platform_that_does_not_tick_is_the_only_finding() -> None:
 def test_a_single_node_that_does_not_step_is_reported() -> None:
     class OneStands(BusInWords):
         def _description(self, node: Any) -> Any:
-            self.steps = 0 if node["role"] == "localizer" else 1
+            self.steps = 0 if node.role == "localizer" else 1
             return super()._description(node)
 
     found = only(examine(client(OneStands(everyone())), None, "robot.toml")[1])

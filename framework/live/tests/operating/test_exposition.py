@@ -8,16 +8,18 @@ import re
 import threading
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from described import counts, described, everyone
+from described import counts, described, everyone, heard
 from navloom.messages import GateStatus
 from navloom_live.operating import metrics_server
 from navloom_live.operating.exposition import MOST_REASONS, Stops, exposition
 from navloom_live.operating.listening import Told
 from navloom_live.operating.metrics_server import BindError, MetricsServer
+from navloom_live.operating.nodes import Node
 
 LINE = re.compile(r'[a-z_]+\{(?:[a-z]+="(?:[^"\\\n]|\\.)*",?)+\} -?[0-9.e+-]+')
 
@@ -53,14 +55,12 @@ def test_every_line_is_what_prometheus_reads() -> None:
         gate={"chain_p50_s": 0.004, "chain_p99_s": 0.02, "streams": {"avoider/vfh/command": stream}},
     )
     nodes.append(described("avoider", 'a"b\\c\n', busy_s=0.5, faulted=2))
-    nodes += [{**described("mapper", "silent"), "answers": False}]
-    for node in nodes:
-        node.setdefault("answers", True)
-        node["pid"], node["host"] = os.getpid(), platform.node()
+    here = heard([replace(node, pid=os.getpid(), host=platform.node()) for node in nodes])
+    here.append(Node("mapper", "silent", "think", None))
     stops = Stops()
     for reason in ("", "operator"):
         stops.take(said(reason))
-    found = values(exposition("lab/r1", nodes, 1, stops))
+    found = values(exposition("lab/r1", here, 1, stops))
     assert found["navloom_up"] == 1.0 and found["navloom_nodes_missing"] == 1.0
     assert found['navloom_gate_stops_total{reason="operator"}'] == 1.0 and found["navloom_gate_stopped"] == 1.0
     assert found['navloom_messages_published_total{role="gate",instance="main",port="command"}'] == 7.0
@@ -97,7 +97,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Any:
             return self.left.pop(0) if self.left else []
 
     monkeypatch.setattr(metrics_server, "Listening", Listening)
-    monkeypatch.setattr(metrics_server, "listing", lambda client: [{**one, "answers": True} for one in everyone()])
+    monkeypatch.setattr(metrics_server, "listing", lambda client: heard(everyone()))
     made = MetricsServer(Played(), ("127.0.0.1", 0))  # type: ignore[arg-type]
     thread = threading.Thread(target=made.run)
     thread.start()

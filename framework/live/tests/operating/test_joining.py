@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from navloom_live.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom_live.hosting.network import Network
+from navloom_live.live.requests import CANCEL, GoalNumber
+from navloom_live.live.service import Nothing
 from navloom_live.operating import joining
 from navloom_live.operating.client import ClientError
 from navloom_live.operating.joining import join, split_name
@@ -91,12 +93,12 @@ def test_a_tool_that_joins_while_a_process_restarts_reaches_it_when_it_is_there(
         robot, think = (replace(peer_link(end, ends, "lab", "r1"), peers=0) for end in ends)
         with Bus(robot), join() as client:
             with pytest.raises(ClientError, match="it is not there"):
-                client.call("goal", "main", "submit", {}, timeout=0.2)
+                client.call("goal", "main", CANCEL, Nothing(), timeout=0.2)
             with Bus(think) as bus:
-                key = keys.port("goal", "main", "submit")
+                key = keys.port("goal", "main", CANCEL.name)
                 bus.serve(key, lambda question: question.answer(key, b'{"goal_id": 1}', "json"))
                 bus.announce(keys.alive("goal", "main", "a"))
-                assert client.call("goal", "main", "submit", {}, timeout=10.0) == {"goal_id": 1}
+                assert client.call("goal", "main", CANCEL, Nothing(), timeout=10.0) == GoalNumber(1)
 
 
 def test_without_keys_no_certificate_is_presented() -> None:

@@ -7,22 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from described import KEYS, PLACES, BusInWords, client, described, everyone, wire
+from described import KEYS, PLACES, BusInWords, client, everyone, heard, wire
 from navloom.messages import Contact, Feedback, GateStatus, GoalResult, Message, Parameters, Point2D, RangeScan
 from navloom_live.cli.status import rows
 from navloom_live.live.mailbox import Mailbox
 from navloom_live.operating.looking import (
     NO_GOAL,
-    Missing,
     NoStream,
     changed_parameters,
     envelope_fields,
     last_words,
-    listing,
     message_fields,
-    missing,
-    neighbours_names,
-    platform_age,
     progress,
     resolve,
     retained,
@@ -31,11 +26,12 @@ from navloom_live.operating.looking import (
     who_drives,
     why_stopped,
 )
+from navloom_live.operating.nodes import Missing, Node, listing, missing, neighbours_names, platform_age
 from navloom_live.transport.zenoh_bus import Answer
 
 
-def names(nodes: list[dict[str, object]]) -> list[str]:
-    return [f"{node['role']} {node['instance']}" for node in nodes]
+def names(nodes: list[Node]) -> list[str]:
+    return [node.name for node in nodes]
 
 
 # --- nodes ----------------------------------------------------------------------------------------------------------
@@ -44,30 +40,21 @@ def names(nodes: list[dict[str, object]]) -> list[str]:
 def test_nodes_are_listed_in_the_order_of_the_graph() -> None:
     found = listing(client(BusInWords(everyone()[::-1])))
     assert names(found) == list(PLACES)
-    assert all(node["answers"] for node in found)
+    assert all(node.description is not None for node in found)
 
 
 def test_a_node_that_is_announced_but_silent_is_listed_with_its_process() -> None:
-    nodes = [node for node in everyone() if node["role"] != "avoider"]
+    nodes = [node for node in everyone() if node.role != "avoider"]
     found = listing(client(BusInWords(nodes, silent=["avoider vfh"])))
     assert names(found) == list(PLACES)
     mute = found[5]
-    assert (mute["answers"], mute["process"], mute["pid"], mute["active"]) == (False, "drive", None, None)
+    assert (mute.description, mute.process, mute.unreadable) == (None, "drive", "")
     assert missing(found) == []
-
-
-def test_a_node_of_a_version_with_fewer_fields_is_listed_too() -> None:
-    old = {
-        key: value for key, value in described("gate", "main").items() if key not in ("busy_s", "hosts", "silence_s")
-    }
-    found = listing(client(BusInWords([old])))
-    assert (found[0]["busy_s"], found[0]["hosts"], found[0]["answers"]) == (None, {}, True)
-    assert platform_age(found) is None
 
 
 def test_nodes_of_the_config_that_are_not_announced_are_missing_with_process_and_host() -> None:
     hosts = {"robot": "base", "safe": "base", "think": "brain"}
-    nodes = [node | {"hosts": hosts} for node in everyone() if node["process"] not in ("think", "drive")]
+    nodes = [replace(node, hosts=hosts) for node in everyone() if node.process not in ("think", "drive")]
     assert missing(listing(client(BusInWords(nodes)))) == [
         Missing("mapper", "grid", "think", "brain"),
         Missing("goal", "main", "think", "brain"),
@@ -101,9 +88,9 @@ def test_changed_parameters_are_listed_by_node_and_unchanged_ones_are_not() -> N
 
 def test_the_age_of_the_platform_is_that_at_the_gate_or_else_at_any_node() -> None:
     nodes = everyone(gate={"silence_s": 0.4}, mapper={"silence_s": 0.1})
-    assert platform_age(nodes) == 0.4
-    assert platform_age([node for node in nodes if node["role"] != "gate"]) == 0.02
-    assert platform_age(everyone(**{role: {"silence_s": None} for role in (n["role"] for n in nodes)})) is None
+    assert platform_age(heard(nodes)) == 0.4
+    assert platform_age(heard([node for node in nodes if node.role != "gate"])) == 0.02
+    assert platform_age(heard(everyone(**{node.role: {"silence_s": None} for node in nodes}))) is None
 
 
 @pytest.mark.parametrize(
@@ -246,7 +233,7 @@ def test_an_unknown_key_names_the_nearest(key: str, hint: str) -> None:
 
 
 def test_a_stream_of_a_missing_node_is_distinguished_from_a_wrong_name() -> None:
-    nodes = [node for node in everyone() if node["process"] != "drive"]
+    nodes = [node for node in everyone() if node.process != "drive"]
     found = listing(client(BusInWords(nodes, silent=["avoider vfh"])))
     with pytest.raises(NoStream, match="no stream 'controller/command': controller law is missing; `navloom doctor`"):
         resolve("controller/command", found)

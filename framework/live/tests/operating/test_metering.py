@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from described import KEYS, BusInWords, client, everyone, wire
+from described import KEYS, BusInWords, client, described, everyone, wire
 from navloom.messages import Command, Contact, Odometry, Pose2D, Twist2D
 from navloom_live.live import mailbox
 from navloom_live.live.mailbox import Mailbox, Packet
@@ -172,7 +173,7 @@ class Clocks(BusInWords):
     """Hosts with clocks ahead by s, and answers that take ms there and ms back; only they let time pass."""
 
     def __init__(self, ahead: dict[str, float], trips_ms: list[tuple[float, float]]) -> None:
-        super().__init__([node for node in everyone(gate={"host": "far"}) if node["role"] in ("gate", "platform")])
+        super().__init__([node for node in everyone(gate={"host": "far"}) if node.role in ("gate", "platform")])
         self._ahead, self._trips = ahead, iter(trips_ms)
         self.now_ns = 1_700_000_000_000_000_000
 
@@ -182,7 +183,8 @@ class Clocks(BusInWords):
         host = "far" if "gate" in key_expr else "base"
         wall = self.now_ns + round(self._ahead[host] * 1e9)
         self.now_ns += round(back * MS)
-        yield Answer(key_expr, json.dumps({"wall_ns": wall}).encode(), "json", "")
+        told = replace(described(*KEYS.split(key_expr)[:2]), wall_ns=wall)
+        yield Answer(key_expr, json.dumps(told.to_json()).encode(), "json", "")
 
 
 def offsets(monkeypatch: pytest.MonkeyPatch, bus: Clocks) -> dict[str, metering.Offset]:
@@ -190,7 +192,7 @@ def offsets(monkeypatch: pytest.MonkeyPatch, bus: Clocks) -> dict[str, metering.
         return bus.now_ns
 
     monkeypatch.setattr(metering, "time", SimpleNamespace(time_ns=now, perf_counter_ns=now, sleep=lambda s: None))
-    return clock_offsets(client(bus), [node | {"answers": True} for node in bus.nodes])
+    return clock_offsets(client(bus), bus.nodes)
 
 
 def test_the_fastest_answer_gives_the_offset_with_half_its_duration_as_uncertainty(
@@ -206,8 +208,6 @@ def test_the_fastest_answer_gives_the_offset_with_half_its_duration_as_uncertain
 
 
 def test_a_host_that_does_not_answer_has_no_offset() -> None:
-    silent = [node | {"answers": False} for node in everyone(gate={"host": "far"}) if node["role"] == "gate"]
     refusing = BusInWords([])  # answers Timeout, as the network does
-    asked = [node | {"answers": True} for node in everyone()]
-    assert clock_offsets(client(refusing), silent + asked) == {}
+    assert clock_offsets(client(refusing), everyone()) == {}
     assert refusing.asked == ["lab/r1/gate/main/describe"] * 5  # one node of a host, the last

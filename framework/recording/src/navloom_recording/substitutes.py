@@ -58,7 +58,7 @@ class Substitute:
 
     def summary(self) -> dict[str, Any]:
         """The result as `replay --json` prints it."""
-        return self.found.summary() | {
+        return self.found.summary().to_json() | {
             "steps": self.steps,
             "faults": len(self.faults),
             "first_fault": self.faults[0] if self.faults else None,

@@ -7,8 +7,8 @@ import fcntl
 import io
 import json
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,13 +17,15 @@ from navloom.config import ConfigError
 from navloom.files import write_each, write_whole
 from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
 from navloom.inputs.texts import json_of
+from navloom.inputs.typed_json import from_builtins
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.openloop import METHOD
 from navloom_study.rows import Row
 from navloom_study.tracks import FOLDER, file_of
 
-__all__ = ["StudyError", "StudyFolder", "open_loop_table", "table_of"]
+__all__ = ["Compared", "OpenLoopLine", "StudyError", "StudyFolder", "open_loop_lines", "open_loop_table", "rows_of",
+           "table_of"]  # fmt: skip
 
 SHOWN = 3
 """Most differences that an error names."""
@@ -164,7 +166,7 @@ class StudyFolder:
         """Whether it has all columns of this study's tables."""
         if row.key.method == METHOD:
             shadows = self.request.get("open_loop", {}).get("shadows", {})
-            return all(shadow["instance"] in shadows for shadow in row.shadows)
+            return all(shadow.instance in shadows for shadow in row.shadows)
         return all(name in row.metrics for name in self.request.get("metrics", ()))
 
     def _close(self) -> None:
@@ -185,29 +187,128 @@ def table_of(rows: Sequence[Row], metrics: Sequence[str]) -> str:
     return text.getvalue()
 
 
+def rows_of(table: str, metrics: Sequence[str]) -> list[Row]:
+    """Rows from the text of `table_of`.
+
+    Raises:
+        KeyError: A column is missing; ValueError, TypeError: a value is missing or no number.
+    """
+    return [
+        Row(
+            EpisodeKey(line["method"], line["world"], int(line["seed"])),
+            line["outcome"],
+            line["reason"],
+            {name: float(line[name]) if line[name] != "" else None for name in metrics},
+            line["trace_sha256"],
+        )
+        for line in csv.DictReader(io.StringIO(table, newline=""))
+    ]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A shadow's differences from the baseline in one quantity.
+
+    Attributes:
+        ticks: Number of ticks compared; None if there is nothing to compare.
+        differing_share: Share of the ticks in which any quantity differs.
+        rms, max: Root mean square and maximum of the difference, in the quantity's unit.
+    """
+
+    ticks: int | None
+    differing_share: float | None
+    rms: float | None
+    max: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenLoopLine:
+    """A line of `open_loop.csv`: a shadow in one world with one seed, and one quantity; its fields are the columns.
+
+    Attributes:
+        method, role, world, seed, outcome: The shadow's method and role, and the episode.
+        ticks, differing_share, rms, max: See `all_ticks`.
+        unanswered: Number of ticks in which only one of the two answered.
+        first_differing_s: Time of the first tick that differs, s.
+        driving_ticks, driving_differing_share, driving_rms, driving_max: See `while_driving`.
+        quantity: Name of the quantity; empty if nothing was compared.
+        trace_sha256: Hash of the episode's trace.
+    """
+
+    method: str
+    role: str
+    world: str
+    seed: int
+    outcome: str
+    ticks: int
+    unanswered: int
+    differing_share: float | None = None
+    first_differing_s: float | None = None
+    driving_ticks: int | None = None
+    driving_differing_share: float | None = None
+    quantity: str = ""
+    rms: float | None = None
+    max: float | None = None
+    driving_rms: float | None = None
+    driving_max: float | None = None
+    trace_sha256: str = ""
+
+    @property
+    def all_ticks(self) -> Compared:
+        """Differences over all ticks."""
+        return Compared(self.ticks, self.differing_share, self.rms, self.max)
+
+    @property
+    def while_driving(self) -> Compared:
+        """Differences over the ticks in which the active avoider drove."""
+        return Compared(self.driving_ticks, self.driving_differing_share, self.driving_rms, self.driving_max)
+
+
 def open_loop_table(rows: Sequence[Row], methods: Mapping[str, str]) -> str:
     """Open-loop rows as CSV, one line a shadow, world, seed and quantity; `methods` maps instances to methods."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([
-        "method", "role", "world", "seed", "outcome", "ticks", "unanswered", "differing_share", "first_differing_s",
-        "driving_ticks", "driving_differing_share", "quantity", "rms", "max", "driving_rms", "driving_max",
-        "trace_sha256",
-    ])  # fmt: skip
+    writer.writerow([column.name for column in fields(OpenLoopLine)])
     for row in rows:
-        for one in row.shadows:
-            told = [methods[one["instance"]], one["role"], row.key.world, row.key.seed, row.outcome, one["ticks"]]
-            told += [one["unanswered"], _number(one["differing_share"]), _number(one["first_differing_s"])]
-            drove = one["driving"] or {"ticks": "", "differing_share": None, "differences": {}}
-            told += [drove["ticks"], _number(drove["differing_share"])]
-            for name, found in (one["differences"] or {"": {}}).items():
-                sizes = [of.get(size) for of in (found, drove["differences"].get(name, {})) for size in ("rms", "max")]
-                writer.writerow([*told, name, *map(_number, sizes), row.trace_sha256])
+        for line in _open_loop_lines(row, methods):
+            values = [getattr(line, column.name) for column in fields(line)]
+            writer.writerow([f"{value:.12g}" if isinstance(value, float) else value for value in values])
     return text.getvalue()
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.12g}"
+def _open_loop_lines(row: Row, methods: Mapping[str, str]) -> Iterator[OpenLoopLine]:
+    for shadow in row.shadows:
+        drove = shadow.driving
+        for quantity in shadow.differences or [""]:
+            sizes = shadow.differences.get(quantity)
+            driving = None if drove is None else drove.differences.get(quantity)
+            yield OpenLoopLine(
+                method=methods[shadow.instance],
+                role=shadow.role,
+                world=row.key.world,
+                seed=row.key.seed,
+                outcome=row.outcome,
+                ticks=shadow.ticks,
+                unanswered=shadow.unanswered,
+                differing_share=shadow.differing_share,
+                first_differing_s=shadow.first_differing_s,
+                driving_ticks=None if drove is None else drove.ticks,
+                driving_differing_share=None if drove is None else drove.differing_share,
+                quantity=quantity,
+                rms=None if sizes is None else sizes.rms,
+                max=None if sizes is None else sizes.max,
+                driving_rms=None if driving is None else driving.rms,
+                driving_max=None if driving is None else driving.max,
+                trace_sha256=row.trace_sha256,
+            )
+
+
+def open_loop_lines(table: str) -> list[OpenLoopLine]:
+    """Lines from the text of `open_loop_table`. Raises ValueError."""
+    return [
+        from_builtins(OpenLoopLine, {name: text for name, text in line.items() if text}, from_texts=True)
+        for line in csv.DictReader(io.StringIO(table, newline=""))
+    ]
 
 
 def _differences(before: Any, now: Any, place: str = "") -> list[str]:

@@ -12,12 +12,13 @@ from typing import Any
 
 from navloom.config import Loaded
 from navloom.engine.run_warnings import RunWarning
+from navloom.inputs.typed_json import from_builtins
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.runs.episode import Episode, run_episode
 from navloom.runs.metrics import Metric, all_metrics, timing
+from navloom.runs.shadows import ShadowSummary
 from navloom.runs.trail import Trail, WayLengths, lost_trail, ways_of
-from pydantic import BaseModel
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.repeating import run_twice
@@ -66,7 +67,7 @@ class Row:
         trace_sha256: Hash of the trace, empty if there is none.
         timing: Wall times, µs and s: not reproducible, and not in the table.
         notes: Failed metrics.
-        warnings: Warnings of the run, from `RunWarning.to_json`; those about timing are not reproducible.
+        warnings: Warnings of the run; those about timing are not reproducible.
         shadows: Summary of each shadow of an open-loop episode.
         track: File of the driven track, for `trails/`; not in the journal.
     """
@@ -78,9 +79,9 @@ class Row:
     trace_sha256: str
     timing: dict[str, float | bool] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    shadows: tuple[dict[str, Any], ...] = ()
+    shadows: tuple[ShadowSummary, ...] = ()
     track: bytes = field(default=b"", compare=False, repr=False)
-    warnings: tuple[dict[str, Any], ...] = field(default=(), compare=False, repr=False)
+    warnings: tuple[RunWarning, ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         # All rows have the same names, so thousands of rows share one copy of each.
@@ -92,43 +93,45 @@ class Row:
         """The row as a line of the journal."""
         told = {name: value for name, value in vars(self).items() if name not in ("key", "track")}
         for name in ("shadows", "warnings"):
-            if not told[name]:
+            if told[name]:
+                told[name] = [one.to_json() for one in told[name]]
+            else:
                 del told[name]
         return {**vars(self.key), **told}
 
     @classmethod
     def from_json(cls, given: Any) -> Row:
         """Read a row from the journal. Raises ValueError for anything else."""
-        _Line.model_validate(given, strict=True)
-        rest = {name: given[name] for name in ("outcome", "reason", "metrics", "trace_sha256", "timing")}
-        key = EpisodeKey(given["method"], given["world"], given["seed"])
-        rest |= {name: tuple(given.get(name, ())) for name in ("notes", "shadows", "warnings")}
-        return cls(key, **rest)
+        line = from_builtins(_Line, given)
+        return cls(
+            EpisodeKey(line.method, line.world, line.seed),
+            line.outcome,
+            line.reason,
+            line.metrics,
+            line.trace_sha256,
+            line.timing,
+            line.notes,
+            line.shadows,
+            warnings=tuple(RunWarning.from_json(vars(one)) for one in line.warnings),
+        )
 
 
-class _Driving(BaseModel):
-    ticks: int
-    differing_share: float | None
-    differences: dict[str, dict[str, float]]
+@dataclass(frozen=True)
+class _Warning:
+    """A warning in a line of the journal, see `RunWarning.to_json`."""
 
-
-class _Shadow(_Driving):
-    role: str
-    instance: str
-    unanswered: int
-    first_differing_s: float | None
-    driving: _Driving | None
-
-
-class _Warning(BaseModel):
     kind: str
     role: str
     instance: str
     text: str
+    plugin: str | None = None
+    about: str | None = None
+    figures: dict[str, float] = field(default_factory=dict)
 
 
-class _Line(BaseModel):
-    """The parts of a journal line that the tables need."""
+@dataclass(frozen=True)
+class _Line:
+    """A line of the journal."""
 
     method: str
     world: str
@@ -138,9 +141,9 @@ class _Line(BaseModel):
     metrics: dict[str, float | None]
     trace_sha256: str
     timing: dict[str, bool | float]
-    notes: list[str]
-    shadows: list[_Shadow] = []
-    warnings: list[_Warning] = []
+    notes: tuple[str, ...]
+    shadows: tuple[ShadowSummary, ...] = ()
+    warnings: tuple[_Warning, ...] = ()
 
 
 def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
@@ -183,8 +186,8 @@ def row_of(task: EpisodeTask, episode: Episode, spent: float) -> Row:
     goal, shadows = episode.system.goal, episode.shadows
     place = None if goal is None else (goal.x, goal.y)
     track = encoded(trail, place, episode.system.goal_tolerance, shadows)
-    warnings = tuple(one.to_json() for one in episode.warnings)
-    return replace(row, shadows=tuple(one.summary() for one in shadows), track=track, warnings=warnings)
+    summaries = tuple(one.summary() for one in shadows)
+    return replace(row, shadows=summaries, track=track, warnings=tuple(episode.warnings))
 
 
 def lost_row(task: EpisodeTask, reason: str, spent: float = 0.0) -> Row:

@@ -184,15 +184,15 @@ class StudyResult:
         for is_counted, rows in ((True, self.rows), (False, self.repeated)):
             for row in rows:
                 for one in row.warnings:
-                    key = (row.key.method, one["kind"], one["role"], one["instance"], str(one.get("about", "")))
-                    told = found.setdefault(key, {**one, **vars(row.key), "episodes": 1 - is_counted})
+                    key = (row.key.method, one.kind, one.role, one.instance, one.about)
+                    told = found.setdefault(key, {**one.to_json(), **vars(row.key), "episodes": 1 - is_counted})
                     told["episodes"] += is_counted
         return list(found.values())
 
     @property
     def is_repeatable(self) -> bool:
         """Whether no episode that was run twice differed."""
-        return not any(one["kind"] == "repeat" for row in self.repeated for one in row.warnings)
+        return not any(one.kind == "repeat" for row in self.repeated for one in row.warnings)
 
     @property
     def notes(self) -> list[str]:

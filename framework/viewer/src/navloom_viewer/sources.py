@@ -86,13 +86,12 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
 
     It only subscribes and does not affect the robot.
     """
-    looking = part("navloom_live.operating.looking")
+    looking, nodes = part("navloom_live.operating.looking"), part("navloom_live.operating.nodes")
     first = facts.variants[0]
     instances = ActiveInstances(first.name, first.instances)
     mailbox = part("navloom_live.live.mailbox").Mailbox()
-    nodes = looking.listing(client)
-    names = [f"{n['role']}/{n['instance']}/{port}" for n in nodes for port in n["published"]]
-    taps = looking.tap(client, sorted(name for name in names if not name.endswith("/done")), mailbox)
+    names = looking.streams(nodes.listing(client))
+    taps = looking.tap(client, [name for name in names if not name.endswith("/done")], mailbox)
     for name in taps:
         kept = looking.retained(client, name)
         if kept is not None:

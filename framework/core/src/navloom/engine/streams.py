@@ -38,8 +38,8 @@ from navloom.messages import (
 )
 
 __all__ = ["FRAMEWORK_PORTS", "OWN_PORTS", "PLAIN", "STATE", "STEP", "WORD", "AvoiderPorts", "ControllerPorts",
-           "GatePorts", "GoalPorts", "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts", "PortTable",
-           "RecoveryPorts", "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
+           "GatePorts", "GoalPorts", "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts",
+           "PortTable", "RecoveryPorts", "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
 
 STEP = "step"
 """Port of every node's step reports."""

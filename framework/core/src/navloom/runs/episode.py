@@ -102,7 +102,7 @@ class Episode:
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
             "warnings": [one.to_json() for one in self.warnings],
-            "shadows": [one.summary() for one in self.shadows],
+            "shadows": [one.summary().to_json() for one in self.shadows],
         }
 
     @cached_property

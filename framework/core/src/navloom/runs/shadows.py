@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +14,63 @@ from numpy.typing import NDArray
 
 from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.engine.differences import differences, is_differing, would_stop
+from navloom.engine.shadow_state import ShadowState
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
 if TYPE_CHECKING:
     from navloom.engine.system import System
 
-__all__ = ["Disagreement", "ShadowWatch", "shadow_table"]
+__all__ = ["Disagreement", "DrivingSummary", "ShadowSummary", "ShadowWatch", "Sizes", "shadow_table"]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Root mean square and maximum of a difference, in its unit."""
+
+    rms: float
+    max: float
+
+
+@dataclass(frozen=True)
+class DrivingSummary:
+    """The part of a `ShadowSummary` for the ticks in which the active avoider drove."""
+
+    ticks: int
+    differing_share: float | None
+    differences: Mapping[str, Sizes]
+
+
+@dataclass(frozen=True)
+class ShadowSummary:
+    """Summary of a finished comparison.
+
+    Attributes:
+        role, instance: The shadow.
+        against: The active instances, in the order in which they were active.
+        ticks: Number of ticks compared.
+        unanswered, stops, handovers: See `Disagreement`.
+        differing_share: Share of the compared ticks in which any difference exceeds its tolerance; None without any.
+        first_differing_tick, first_differing_s: The first of them, and its time, s; None if there is none.
+        differences: Sizes of each difference over all compared ticks, by name.
+        driving: The same for the ticks in which the active avoider drove; None for other roles.
+    """
+
+    role: str
+    instance: str
+    against: list[str]
+    ticks: int
+    unanswered: int
+    differing_share: float | None
+    stops: int = 0
+    handovers: int = 0
+    first_differing_tick: int | None = None
+    first_differing_s: float | None = None
+    differences: Mapping[str, Sizes] = field(default_factory=dict)
+    driving: DrivingSummary | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json` and the journal of a study."""
+        return asdict(self)
 
 
 @dataclass(eq=False)
@@ -63,57 +114,52 @@ class Disagreement:
         for name in [*self.values, *(name for name in found if name not in self.values)]:
             self.values.setdefault(name, [math.nan] * before).append(found.get(name, math.nan))
 
-    def so_far(self) -> dict[str, Any]:
+    def so_far(self) -> ShadowState:
         """State for `navloom status`: the summary, with the newest and the mean absolute value of each difference."""
         now = {name: values[-1] for name, values in self.values.items() if not math.isnan(values[-1])}
         sizes = {name: np.abs(np.array(values, dtype=np.float64)) for name, values in self.values.items()}
-        return {
-            "role": self.role,
-            "instance": self.instance,
-            "against": self.against[-1] if self.against else None,
-            "ticks": len(self.ticks),
-            "unanswered": self.unanswered,
-            "differing_share": _share(np.array(self.differing, dtype=np.bool_)),
-            "now": now,
-            "mean": {name: float(np.nanmean(size)) for name, size in sizes.items() if not np.isnan(size).all()},
-            "stops": self.stops,
-            "handovers": self.handovers,
-        }
+        return ShadowState(
+            self.role,
+            self.instance,
+            against=self.against[-1] if self.against else None,
+            ticks=len(self.ticks),
+            unanswered=self.unanswered,
+            differing_share=_share(np.array(self.differing, dtype=np.bool_)),
+            now=now,
+            mean={name: float(np.nanmean(size)) for name, size in sizes.items() if not np.isnan(size).all()},
+            stops=self.stops,
+            handovers=self.handovers,
+        )
 
-    def summary(self) -> dict[str, Any]:
-        """Summary for `run --json`: ticks compared, the share that differ, and RMS and maximum of each difference.
-
-        `driving` is the same for the ticks in which the active avoider drove; None for other roles.
-        """
+    def summary(self) -> ShadowSummary:
+        """Ticks compared, the share that differ, and RMS and maximum of each difference."""
         drove = np.array(self.driving, dtype=np.bool_)
         first = self.differing.index(True) if True in self.differing else None
-        return {
-            "role": self.role,
-            "instance": self.instance,
-            "against": list(self.against),
-            "ticks": len(self.ticks),
-            "unanswered": self.unanswered,
-            "differing_share": _share(np.array(self.differing, dtype=np.bool_)),
-            "stops": self.stops,
-            "handovers": self.handovers,
-            "first_differing_tick": None if first is None else self.ticks[first],
-            "first_differing_s": None if first is None else self.times[first],
-            "differences": self._sizes(np.ones_like(drove)),
-            "driving": None if self.role != "avoider" else {
-                "ticks": int(drove.sum()),
-                "differing_share": _share(np.array(self.differing, dtype=np.bool_)[drove]),
-                "differences": self._sizes(drove),
-            },
-        }  # fmt: skip
+        differing = np.array(self.differing, dtype=np.bool_)
+        driving = DrivingSummary(int(drove.sum()), _share(differing[drove]), self._sizes(drove))
+        return ShadowSummary(
+            self.role,
+            self.instance,
+            against=list(self.against),
+            ticks=len(self.ticks),
+            unanswered=self.unanswered,
+            differing_share=_share(differing),
+            stops=self.stops,
+            handovers=self.handovers,
+            first_differing_tick=None if first is None else self.ticks[first],
+            first_differing_s=None if first is None else self.times[first],
+            differences=self._sizes(np.ones_like(drove)),
+            driving=driving if self.role == "avoider" else None,
+        )
 
-    def _sizes(self, these: NDArray[np.bool_]) -> dict[str, dict[str, float]]:
+    def _sizes(self, these: NDArray[np.bool_]) -> dict[str, Sizes]:
         """RMS and maximum of each difference over the ticks of a mask."""
         found = {}
         for name, values in self.values.items():
             known = np.abs(np.array(values, dtype=np.float64))[these]
             known = known[~np.isnan(known)]
             if known.size:
-                found[name] = {"rms": math.sqrt(float((known**2).mean())), "max": float(known.max())}
+                found[name] = Sizes(math.sqrt(float((known**2).mean())), float(known.max()))
         return found
 
 

@@ -59,7 +59,8 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
 
     from navloom_live.live.mailbox import Mailbox
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.looking import listing, resolve, retained, tap
+    from navloom_live.operating.looking import resolve, retained, tap
+    from navloom_live.operating.nodes import listing
 
     mailbox = Mailbox()
     taps = tap(client, resolve(key, listing(client)), mailbox)

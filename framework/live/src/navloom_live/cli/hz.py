@@ -28,12 +28,13 @@ def hz(
 
     from navloom_live.operating.looking import listing, resolve, streams
     from navloom_live.operating.metering import measure
+    from navloom_live.operating.nodes import listing, run_clock_ns
 
     with robot.look() as client:
         nodes = listing(client)
         names = resolve(key, nodes)
         odometry = [name for name in streams(nodes) if name.startswith("platform/") and name.endswith("/odometry")]
-        has_clock = any(node["clock_ns"] >= 0 for node in nodes)
+        has_clock = run_clock_ns(nodes) >= 0
         found = measure(client, names, odometry, duration, has_clock)
     if as_json:
         print_json(found)

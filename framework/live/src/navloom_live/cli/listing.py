@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navloom.cli.options import AsJson, RobotOptions
 
+if TYPE_CHECKING:
+    from navloom_live.operating.nodes import Node
+
 __all__ = ["list_nodes"]
 
-SHOWN = ("plugin", "process", "pid", "host")
 LONG = 0.5
 """Duration of a step from which a node counts as busy, s."""
 QUIET = ("streams", "places", "hosts")
 """Parts of a description that are left out; `navloom graph` and `navloom hz` show them."""
+SILENT: dict[str, Any] = {
+    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
+    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb")),
+    "versions": {},
+    "published": {},
+    "carries": {},
+    "clock_ns": -1,
+    "faulted": 0,
+    "fault": "",
+    "config_sha256": "",
+    "shares_memory": False,
+    "answers": False,
+}
+"""Fields of a node without a description."""
 
 
 def list_nodes(
@@ -28,36 +43,49 @@ def list_nodes(
     from navloom.cli.output import print_json, print_table
 
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.looking import listing, missing
+    from navloom_live.operating.nodes import listing, missing
 
     with robot.look() as client:
         nodes = listing(client)
     if not nodes:
         raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
     if as_json:
-        print_json([{key: value for key, value in node.items() if key not in QUIET} for node in nodes])
+        print_json([_fields(node) for node in nodes])
         return
-    rows = [(n["role"], n["instance"], *(n[key] for key in SHOWN), _tick(n), state(n)) for n in nodes]
+    rows = [_row(node) for node in nodes]
     for gone in missing(nodes):
         rows.append((gone.role, gone.instance, None, gone.process, None, gone.host or None, None, "missing"))
-    print_table(("role", "instance", *SHOWN, "tick", "state"), rows)
+    print_table(("role", "instance", "plugin", "process", "pid", "host", "tick", "state"), rows)
 
 
-def _tick(node: Mapping[str, Any]) -> int | None:
-    """Tick of its last step; None before the first."""
-    tick: int | None = node["tick"]
-    return None if tick is None or tick < 0 else tick
+def _fields(node: Node) -> dict[str, Any]:
+    """The node as plain values."""
+    said = node.description
+    if said is None:
+        why = {"unreadable": node.unreadable} if node.unreadable else {}
+        return SILENT | {"process": node.process, "role": node.role, "instance": node.instance} | why
+    return {key: value for key, value in said.to_json().items() if key not in QUIET} | {"answers": True}
 
 
-def state(node: Mapping[str, Any]) -> str:
+def _row(node: Node) -> tuple[Any, ...]:
+    """The node as a row of the table; its tick is left out before its first step."""
+    said = node.description
+    if said is None:
+        return (node.role, node.instance, None, node.process, None, None, None, state(node))
+    tick = said.tick if said.tick >= 0 else None
+    return (node.role, node.instance, said.plugin, said.process, said.pid, said.host, tick, state(node))
+
+
+def state(node: Node) -> str:
     """State of a node, in words."""
-    if not node["answers"]:
-        return "does not answer"
-    words = "active" if node["active"] else "shadow" if node["enabled"] else "waiting"
-    if waits_for := node.get("waits_for"):
-        words += f", waits for {' and '.join(waits_for)}"
-    if node["faulted"]:
-        words += f", failed {node['faulted']} times in a row"
-    if (node["busy_s"] or 0.0) > LONG:
-        words += f", {node['busy_s']:.1f} s in one step"
+    said = node.description
+    if said is None:
+        return node.unreadable or "does not answer"
+    words = "active" if said.active else "shadow" if said.enabled else "waiting"
+    if said.waits_for:
+        words += f", waits for {' and '.join(said.waits_for)}"
+    if said.faulted:
+        words += f", failed {said.faulted} times in a row"
+    if said.busy_s is not None and said.busy_s > LONG:
+        words += f", {said.busy_s:.1f} s in one step"
     return words

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+if TYPE_CHECKING:
+    from navloom_live.operating.nodes import Node
+
 __all__ = ["live_edges", "live_nodes", "print_dot", "print_live_graph", "print_nodes"]
 
-Node = Mapping[str, Any]
+__all__ = ["live_edges", "live_nodes", "print_dot", "print_nodes"]
 
 
 def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     """Every node, also announced and missing ones, in the order of their steps; `state` is that of `navloom list`."""
     from navloom_live.cli.listing import state
-    from navloom_live.operating.looking import missing
+    from navloom_live.operating.nodes import missing
 
-    kept = ("role", "instance", "process", "host", "active")
-    found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node["published"],
-              "carries": node["carries"]}
-             for node in nodes]  # fmt: skip
+    found: list[dict[str, Any]] = []
+    for node in nodes:
+        said = node.description
+        found.append(
+            {"role": node.role, "instance": node.instance, "process": node.process, "host": said and said.host,
+             "active": said and said.active, "state": state(node), "published": said.published if said else {},
+             "carries": said.carries if said else {}}
+        )  # fmt: skip
     for gone in missing(nodes):
         found.append(
             {"role": gone.role, "instance": gone.instance, "process": gone.process, "host": gone.host or None,
@@ -31,14 +38,16 @@ def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
 
 def live_edges(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     """Every stream into a node, with the number of messages received."""
+    from navloom_live.operating.nodes import answering
+
     return [
         {"from": stream.rpartition("/")[0], "port": stream.rpartition("/")[2],
-         "to": f"{node['role']}/{node['instance']}", "received": counts["received"]}
-        for node in nodes for stream, counts in node["streams"].items()
+         "to": f"{node.role}/{node.instance}", "received": counts.received}
+        for node in answering(nodes) for stream, counts in node.streams.items()
     ]  # fmt: skip
 
 
-def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
+def print_nodes(nodes: Sequence[Mapping[str, Any]], edges: Sequence[Mapping[str, Any]]) -> None:
     """Print for each node the streams that it has and has not received, and the ports that it publishes."""
     for node in nodes:
         name = f"{node['role']}/{node['instance']}"
@@ -52,7 +61,7 @@ def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> No
             typer.echo(f"  publishes {', '.join(_with_type(port, node['carries']) for port in node['published'])}")
 
 
-def print_dot(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
+def print_dot(nodes: Sequence[Mapping[str, Any]], edges: Sequence[Mapping[str, Any]]) -> None:
     """Print for Graphviz: a box for each process, missing nodes dashed, streams without messages dotted."""
     typer.echo("digraph navloom {\n  rankdir=LR;")
     processes = dict.fromkeys((node["process"], node["host"]) for node in nodes)
@@ -74,7 +83,7 @@ def _with_type(port: str, carries: Mapping[str, str]) -> str:
     return f"{port} ({schema})" if schema else port
 
 
-def _place(node: Node) -> str:
+def _place(node: Mapping[str, Any]) -> str:
     host = f" on {node['host']}" if node["host"] else ""
     return f"process {node['process']}{host}"
 
@@ -84,7 +93,7 @@ def print_live_graph(robot: Any, as_json: bool, dot: bool) -> None:
     from navloom.cli.output import print_json
 
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.looking import listing
+    from navloom_live.operating.nodes import listing
 
     with robot.look() as client:
         found = listing(client)

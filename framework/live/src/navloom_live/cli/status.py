@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navloom.cli.options import AsJson, RobotOptions
+
+if TYPE_CHECKING:
+    from navloom.engine.shadow_state import ShadowState
+
+    from navloom_live.operating.nodes import Node
 
 __all__ = ["rows", "status"]
 
@@ -22,7 +27,8 @@ def status(
     from navloom.cli.output import print_json, print_table
 
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.looking import changed_parameters, last_words, listing
+    from navloom_live.operating.looking import changed_parameters, last_words
+    from navloom_live.operating.nodes import listing
     from navloom_live.operating.pose_report import pose_now
     from navloom_live.operating.shadowing import shadows_of
 
@@ -33,23 +39,27 @@ def status(
     if not nodes:
         raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
     if as_json:
-        print_json(_summary(client.keys.prefix, nodes, words, changed, pose) | {"shadows": shadows})
+        print_json(
+            _summary(client.keys.prefix, nodes, words, changed, pose)
+            | {"shadows": [state.to_json() for state in shadows]}
+        )
     else:
         print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows, pose))
 
 
 def _summary(
     name: str,
-    nodes: Sequence[Mapping[str, Any]],
+    nodes: Sequence[Node],
     words: Mapping[str, Any],
     changed: Mapping[str, Sequence[str]],
     pose: Any,
 ) -> dict[str, Any]:
-    from navloom_live.operating.looking import message_fields, missing, platform_age
+    from navloom_live.operating.looking import message_fields
+    from navloom_live.operating.nodes import missing, platform_age, run_clock_ns
     from navloom_live.operating.pose_report import pose_fields
 
     reason, remedy = _why_stopped(words, nodes)
-    clock = max(node["clock_ns"] for node in nodes)
+    clock = run_clock_ns(nodes)
     return {
         "robot": name,
         "run_clock_s": clock * 1e-9 if clock >= 0 else None,
@@ -57,7 +67,7 @@ def _summary(
         "pose": None if pose is None else pose_fields(pose),
         "nodes": len(nodes),
         "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
-        "silent_nodes": [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]],
+        "silent_nodes": [node.name for node in nodes if node.description is None],
         "changed_parameters": dict(changed),
         "why_stopped": reason,
         "remedy": remedy,
@@ -67,19 +77,19 @@ def _summary(
 
 def rows(
     name: str,
-    nodes: Sequence[Mapping[str, Any]],
+    nodes: Sequence[Node],
     words: Mapping[str, Any],
     changed: Mapping[str, Sequence[str]],
-    shadows: Sequence[Mapping[str, Any]] = (),
+    shadows: Sequence[ShadowState] = (),
     pose: Any = None,
 ) -> list[tuple[str, str]]:
     """The printed lines; rows without a value are left out."""
-    from navloom_live.operating.looking import missing
+    from navloom_live.operating.nodes import missing, run_clock_ns
     from navloom_live.operating.shadowing import differing_text
 
-    clock = max(node["clock_ns"] for node in nodes)
+    clock = run_clock_ns(nodes)
     gone = missing(nodes)
-    silent = [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]]
+    silent = [node.unreadable or node.name for node in nodes if node.description is None]
     found = [
         ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
         ("goal", _goal(words["goal/feedback"], nodes)),
@@ -89,7 +99,7 @@ def rows(
         _driver(words, nodes),
         ("platform", _platform(nodes)),
         ("active", _selection(words["gate/selection"])),
-        *((f"in shadow, {one['role']} {one['instance']}", differing_text(one)) for one in shadows),
+        *((f"in shadow, {state.role} {state.instance}", differing_text(state)) for state in shadows),
         ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
         ("missing", ", ".join(_place(one) for one in gone)),
         ("does not answer", ", ".join(silent)),
@@ -98,17 +108,17 @@ def rows(
     return [row for row in found if row[1]]
 
 
-def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
-    from navloom_live.operating.looking import platform_age
+def _platform(nodes: Sequence[Node]) -> str:
+    from navloom_live.operating.nodes import answering, platform_age
 
     age = platform_age(nodes)
     if age is not None:
         return f"last message {age:.2f} s ago"
-    tick = max((n["tick"] for n in nodes if n["role"] == "platform" and n["tick"] is not None), default=-1)
+    tick = max((node.tick for node in answering(nodes) if node.role == "platform"), default=-1)
     return f"at tick {tick}, in simulated time" if tick >= 0 else "no message so far"
 
 
-def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
+def _goal(feedback: Any, nodes: Sequence[Node]) -> str:
     from navloom_live.operating.looking import progress
 
     if feedback is None and not _knows_goal(nodes):
@@ -118,8 +128,8 @@ def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
     return f"{feedback.goal_id}: {progress(feedback)}"
 
 
-def _knows_goal(nodes: Sequence[Mapping[str, Any]]) -> bool:
-    return any(node["role"] == "goal" and node["answers"] for node in nodes)
+def _knows_goal(nodes: Sequence[Node]) -> bool:
+    return any(node.role == "goal" and node.description is not None for node in nodes)
 
 
 def _result(result: Any) -> str:
@@ -151,7 +161,7 @@ def _localizer(feedback: Any, estimate: Any) -> str:
     return f"{said}; {WHERE_IT_IS}" if said else ""
 
 
-def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+def _driver(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
     """The row with the source that drives, or with why the robot is stopped."""
     from navloom_live.operating.looking import who_drives
 
@@ -164,7 +174,7 @@ def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tup
     return "stopped", why + (f"; {remedy}" if remedy else "")
 
 
-def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
     """Why the robot is stopped, and the remedy; both empty if it drives or the gate has not reported."""
     from navloom_live.operating.looking import NO_GOAL, why_stopped
 

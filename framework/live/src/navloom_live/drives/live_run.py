@@ -19,6 +19,7 @@ from navloom.engine.checks import check_live
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
+from navloom.engine.shadow_state import ShadowState
 from navloom.engine.system import System
 from navloom.messages import (
     Envelope,
@@ -43,9 +44,11 @@ from navloom_live.drives.live_show import LiveShow
 from navloom_live.drives.live_warnings import LiveWarnings
 from navloom_live.hosting.network import network_of
 from navloom_live.hosting.robot import START, Beside, LiveRobot
+from navloom_live.live import requests
 from navloom_live.live.cells import all_sources
 from navloom_live.live.mailbox import Inlet, Mailbox
 from navloom_live.live.placing import spread
+from navloom_live.live.service import GATE, Nothing
 from navloom_live.live.switchboard import Switchboard
 from navloom_live.operating import acts
 from navloom_live.operating.client import Client, ClientError, Refused
@@ -295,20 +298,22 @@ class LiveRun:
         try:
             if request.do == "goal" and request.goal is not None:
                 goal = request.goal
-                via = [[point.x, point.y] for point in goal.via]
-                given = {"x": goal.x, "y": goal.y, "heading": goal.heading, "via": via}
-                answer = client.call("goal", "main", "submit", given)
-                self._own_goal = self._own_goal or int(answer["goal_id"])
+                via = tuple((point.x, point.y) for point in goal.via)
+                answer = client.call(
+                    "goal", "main", requests.SUBMIT, requests.Submit(goal.x, goal.y, goal.heading, via)
+                )
+                self._own_goal = self._own_goal or answer.goal_id
             elif request.do == "cancel":
-                client.call("goal", "main", "cancel", {})
+                client.call("goal", "main", requests.CANCEL, Nothing())
             elif request.do == "swap":
-                client.call("gate", "main", "swap", {"role": request.role, "instance": request.instance})
+                client.call("gate", "main", requests.SWAP, requests.Swap(request.role, request.instance))
             elif request.do == "set":
-                client.call(request.role, request.instance, "params/set", {"values": list(request.values)})
+                values = requests.Assignments(tuple(request.values))
+                client.call(request.role, request.instance, requests.SET_PARAMETERS, values)
             elif request.do == "place" and request.goal is not None:
                 acts.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
             else:
-                client.call("gate", "main", request.do, {})
+                client.call("gate", "main", GATE[request.do], Nothing())
         except (Refused, ClientError) as error:
             if request.do == "goal" and request.goal is not None:
                 outcome: Literal["rejected", "error"] = "rejected" if isinstance(error, Refused) else "error"
@@ -368,7 +373,7 @@ class LiveRun:
                 self.say(f"repeat that step: {repeating(self.recording, *source, tick, is_only)}")
 
     @property
-    def shadows(self) -> list[dict[str, Any]]:
+    def shadows(self) -> list[ShadowState]:
         """Comparison of each shadow in the newest drive, see `Disagreement.so_far`."""
         return [] if self._shadows is None else self._shadows.so_far()
 

@@ -6,9 +6,9 @@ import json
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 from navloom.engine.difference_units import TOLERANCES
+from navloom.engine.shadow_state import ShadowState
 from navloom.engine.streams import FRAMEWORK_PORTS, MAP
 from navloom.engine.system import System
 from navloom.runs.shadows import Disagreement, ShadowWatch
@@ -91,7 +91,10 @@ class LiveShadows:
         """Serve the comparison to tools."""
         self._desk, key = Desk(), self._board.keys.process(SUPERVISOR, "shadows")
         answer = self._desk.window(
-            "shadows", lambda question: question.answer(key, json.dumps(self.so_far()).encode(), "json")
+            "shadows",
+            lambda question: question.answer(
+                key, json.dumps([state.to_json() for state in self.so_far()]).encode(), "json"
+            ),
         )
         self._board.bus.serve(key, answer)
 
@@ -113,7 +116,7 @@ class LiveShadows:
         for one in found:
             self._tell(one)
 
-    def so_far(self) -> list[dict[str, Any]]:
+    def so_far(self) -> list[ShadowState]:
         """State of the comparison of each shadow, see `Disagreement.so_far`. From any thread."""
         with self._lock:
             found = [] if self._watch is None else list(self._watch.found.values())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from navloom.config.added import with_alternative
 from navloom.engine.extending import admit_part
@@ -15,6 +14,7 @@ from navloom_live.live.cell import Source
 from navloom_live.live.cells import Hosted, widen
 from navloom_live.live.live import LiveRunner
 from navloom_live.live.monitor import MemoryReader
+from navloom_live.live.requests import Extend, Extended
 from navloom_live.live.switchboard import Switchboard
 
 __all__ = ["AddedInstances"]
@@ -41,24 +41,17 @@ class AddedInstances:
         self._system, self._hosted, self._live, self._board, self._monitor = system, hosted, live, board, monitor
         self._lock = threading.Lock()
 
-    def extend(self, given: dict[str, Any]) -> dict[str, Any]:
+    def extend(self, asked: Extend) -> Extended:
         """Take in an instance, on a service's thread. The nodes read it from their next steps on.
-
-        Args:
-            given: The `alternative` table with its name, and the `process` that will run it.
-
-        Returns:
-            `config_sha256` of this process from now on.
 
         Raises:
             ConfigError: The table does not fit.
         """
-        table, process = dict(given["alternative"]), str(given["process"])
-        source = str(table["role"]), str(table["name"])
+        process, source = asked.process, (asked.alternative.role, asked.alternative.name)
         with self._lock:
             system = self._system
             if source not in system.parts:
-                admit_part(system, with_alternative(system.loaded, table, process), source)
+                admit_part(system, with_alternative(system.loaded, vars(asked.alternative), process), source)
                 self._board.bus.bring_here("/".join(source), f"process/{process}")
                 self._monitor.follow(source)
                 changes = [
@@ -67,4 +60,4 @@ class AddedInstances:
                 self._board.connect()
                 for runner, more in changes:
                     runner.change(partial(runner.admit, more))
-            return {"config_sha256": system.loaded.sha256()}
+            return Extended(system.loaded.sha256())

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import re
 import threading
 import time
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from navloom.config.added import with_alternative
 from navloom.config.schema import Config
 from navloom.engine.extending import extended
 from navloom.engine.system import System
 from navloom.errors import NavloomError
+from navloom.inputs.typed_json import from_json
 from navloom.plugins.registry import close_to, nearest
 from navloom.roles import FIXED
 
@@ -25,10 +23,12 @@ from navloom_live.hosting.node_process import Share
 from navloom_live.hosting.process_tasks import NODE, node_task
 from navloom_live.hosting.supervisor import Supervisor
 from navloom_live.live.cell import Source
+from navloom_live.live.requests import ADD, EXTEND, Add, Added, Alternative, Extend, Extended
+from navloom_live.live.service import reply, request_bytes
 from navloom_live.transport.keyspace import ATTENDANT, GAINED, LINKED, SUPERVISOR, KeySpace
-from navloom_live.transport.once import REQUEST, Once
-from navloom_live.transport.questions import Desk, QuestionError, read_question
-from navloom_live.transport.zenoh_bus import Bus, Question
+from navloom_live.transport.once import Once
+from navloom_live.transport.questions import Desk, QuestionError
+from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["AdditionError", "Additions", "refuse_addition"]
 
@@ -72,51 +72,32 @@ class Additions:
 
     def offer(self) -> None:
         """Declare the service."""
-        key, desk, handler = self.keys.process(SUPERVISOR, "add"), Desk(), Once().guard(self._answer)
-
-        def handle(question: Question) -> None:
-            try:
-                answer = handler(read_question(question.data))
-            except (QuestionError, NavloomError) as error:
-                question.refuse(str(error))
-            else:
-                question.answer(key, json.dumps(answer).encode(), "json")
-
-        self.bus.serve(key, desk.window("add", handle))
+        key = self.keys.process(SUPERVISOR, ADD.name)
+        self.bus.serve(key, Desk().window(ADD.name, reply(key, ADD, self._answer, Once())))
         self.bus.announce(self.keys.process(SUPERVISOR, LINKED))
 
-    def _answer(self, given: dict[str, Any]) -> dict[str, Any]:
-        """Add an instance, or report on one that was added.
-
-        Args:
-            given: Its `role`, and its `instance`: a plugin or plugin@preset, which becomes its name.
-
-        Returns:
-            `is_new`; `state` and `why` of its process and `last_words` of its log, all empty if the config named it.
-        """
-        source = str(given["role"]), str(given["instance"])
+    def _answer(self, asked: Add) -> Added:
+        """Add an instance, or report on one that was added."""
+        source = asked.role, asked.instance
         with self._lock:
             is_new = source not in self.system.parts
             if is_new:
                 self._add(source)
         child = self.supervisor.children.get(self._added.get(source, ""))
-        if child is not None and child.state == "failed" and given.get("again"):
+        if child is not None and child.state == "failed" and asked.again:
             self.supervisor.add(child.task)
             child = None
-        return {
-            "is_new": is_new,
-            "state": "" if child is None else child.state,
-            "why": "" if child is None else child.why,
-            "last_words": "" if child is None or not child.why else self.supervisor.tail(child, 1),
-        }
+        if child is None:
+            return Added(is_new)
+        return Added(is_new, child.state, child.why, self.supervisor.tail(child, 1) if child.why else "")
 
     def _add(self, source: Source) -> None:
         role, name = source
         refuse_addition(self.system, source, self.barrier)
         process = _process_of(source, self.system.config)
-        table = {"role": role, "plugin": name, "name": name, "shadow": True}
+        table = Alternative(role, name, name, True)
         try:
-            loaded = with_alternative(self.system.loaded, table, process)
+            loaded = with_alternative(self.system.loaded, vars(table), process)
             system = extended(self.system, loaded, source)
         except NavloomError as error:
             raise AdditionError(_plain(str(error), self.system, source)) from None
@@ -127,7 +108,7 @@ class Additions:
         for child in self.supervisor.children.values():  # a process that restarts from now on knows the instance
             if child.task.module == NODE:
                 child.task = replace(child.task, given={**child.task.given, "loaded": loaded.to_json()})
-        self._extend_processes({"alternative": table, "process": process}, loaded.sha256())
+        self._extend_processes(Extend(table, process), loaded.sha256())
         self.bus.bring_here("/".join(source), f"process/{process}")
         self.system, self.shares, self._added[source] = system, shares, process
         self.gained(system, shares, source)
@@ -135,26 +116,27 @@ class Additions:
         self.supervisor.add(node_task(loaded, share))
         self.say(f"{role}: starting {name} in shadow")
 
-    def _extend_processes(self, given: dict[str, Any], sha256: str) -> None:
+    def _extend_processes(self, asked: Extend, sha256: str) -> None:
         """Let every running process know of the instance. Raises AdditionError if one does not answer."""
         for process in self.shares:
-            answer = self._ask(process, {**given, REQUEST: uuid.uuid4().hex})
-            if answer.get("config_sha256") != sha256:
+            answer = self._ask(process, asked)
+            if isinstance(answer, str) or answer.config_sha256 != sha256:
+                why = answer if isinstance(answer, str) and answer else "it does not answer"
                 raise AdditionError(
-                    f"process {process} cannot take in {given['alternative']['role']} {given['alternative']['name']}: "
-                    f"{answer.get('refusal') or 'it does not answer'}; nothing was started, try again"
+                    f"process {process} cannot take in {asked.alternative.role} {asked.alternative.name}: {why}; "
+                    "nothing was started, try again"
                 )
 
-    def _ask(self, process: str, given: dict[str, Any]) -> dict[str, Any]:
-        refusal = ""
+    def _ask(self, process: str, asked: Extend) -> Extended | str:
+        """The answer of a process, or the reason of its refusal, empty if it does not answer."""
+        refusal, data = "", request_bytes(asked)
         for _ in range(TRIES):
-            for answer in self.bus.ask(self.keys.process(process, "extend"), json.dumps(given).encode(), ANSWER):
+            for answer in self.bus.ask(self.keys.process(process, EXTEND.name), data, ANSWER):
                 if not answer.refusal:
-                    found: dict[str, Any] = json.loads(answer.data)
-                    return found
+                    return from_json(EXTEND.answered, answer.data)
                 refusal = answer.refusal
             time.sleep(0.2)
-        return {"refusal": refusal}
+        return refusal
 
 
 def refuse_addition(system: System, source: Source, barrier: bool) -> None:

@@ -24,7 +24,7 @@ from navloom_live.hosting.added_instances import AddedInstances
 from navloom_live.hosting.forking import keep_from_children
 from navloom_live.hosting.heartbeat import StopDetector
 from navloom_live.hosting.process_warnings import ProcessWarnings
-from navloom_live.hosting.services import Handler, Services
+from navloom_live.hosting.services import Services
 from navloom_live.live.barrier import BarrierEnded
 from navloom_live.live.barrier_runner import BarrierRunner
 from navloom_live.live.cell import Source
@@ -37,6 +37,7 @@ from navloom_live.live.memory import Memory
 from navloom_live.live.monitor import MemoryReader
 from navloom_live.live.placing import spread
 from navloom_live.live.presence import Presence, life_here
+from navloom_live.live.requests import Extend, Extended
 from navloom_live.live.run_clock import RunClock
 from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import ATTENDANT, LINKED, KeySpace
@@ -168,7 +169,7 @@ class NodeProcess:
             self.runners = {source: self._barrier_runner(cell) for source, cell in hosted.items()}
             runs: dict[str, Callable[[], None]] = {}
             live: dict[Source, LiveRunner] = {}
-            extend: Handler | None = None
+            extend: Callable[[Extend], Extended] | None = None
         else:
             memory.learn(self.known)
             self._recollect(bus, keys, memory)

@@ -11,10 +11,10 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Mapping
-from functools import cache
-from typing import Any
+from dataclasses import replace
+from functools import cache, partial
 
-from navloom.config import ConfigError, Loaded
+from navloom.config import Loaded
 from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
@@ -29,8 +29,10 @@ from navloom.plugins.registry import nearest
 from navloom.runs.provenance import distributions
 
 from navloom_live.hosting.process_warnings import ProcessWarnings
+from navloom_live.live import requests
 from navloom_live.live.cell import Source
 from navloom_live.live.cells import Hosted, all_sources
+from navloom_live.live.description import Description, ProcessConfig, clocks
 from navloom_live.live.live import LiveRunner
 from navloom_live.live.live_gate import LiveGate
 from navloom_live.live.live_goal import LiveGoal
@@ -38,13 +40,14 @@ from navloom_live.live.live_platform import LivePlatform
 from navloom_live.live.memory import Memory
 from navloom_live.live.placing import spread
 from navloom_live.live.run_clock import RunClock
+from navloom_live.live.service import GATE, STOP, Answered, Asked, Nothing, Service, reply
 from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.once import Once
-from navloom_live.transport.questions import Desk, KeptJson, QuestionError, read_question
-from navloom_live.transport.zenoh_bus import Bus, Question
+from navloom_live.transport.questions import Desk, KeptJson, QuestionError
+from navloom_live.transport.zenoh_bus import Bus
 
-__all__ = ["Handler", "ServiceError", "Services"]
+__all__ = ["ServiceError", "Services"]
 
 APPLY = 2.0
 """How long a node may take to begin with a change, s."""
@@ -53,8 +56,6 @@ USUAL = 64
 """Number of steps whose median is reported as the usual duration."""
 FEW_CHAINS = 100
 """Fewest ticks for statistics on how long their commands take."""
-
-Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 class ServiceError(QuestionError):
@@ -85,49 +86,40 @@ class Services:
         self._began = time.monotonic()
         self._kept_config: tuple[Loaded | None, bytes] = (None, b"")
 
-    def offer(self, extend: Handler | None = None) -> None:
+    def offer(self, extend: Callable[[requests.Extend], requests.Extended] | None = None) -> None:
         """Declare all services of this process; `extend` tells its nodes of an instance that the robot gains."""
         for source in self._hosted:
             self._offer_description(source)
             if source in self._system.parts:
-                self._serve(source, "params/get", lambda given, source=source: self._get(source))  # type: ignore[misc]
+                self._serve(source, requests.GET_PARAMETERS, partial(self._get, source))
         for source, runner in self._live.items():
             if source in self._system.parts:
-                self._serve(source, "params/set", lambda given, source=source: self._set(source, given))  # type: ignore[misc]
+                self._serve(source, requests.SET_PARAMETERS, partial(self._set, source))
             if source[0] == "localizer":
-                self._serve(source, "place", lambda given, runner=runner: self._place(runner, given))  # type: ignore[misc]
+                self._serve(source, requests.PLACE, partial(self._place, runner))
             if isinstance(runner, LiveGoal):
-                self._serve(source, "submit", lambda given, runner=runner: self._submit(runner, given))  # type: ignore[misc]
-                self._serve(source, "cancel", lambda given, runner=runner: self._cancel(runner))  # type: ignore[misc]
-                self._serve(source, "replan", lambda given, runner=runner: self._replan(runner))  # type: ignore[misc]
+                self._serve(source, requests.SUBMIT, partial(self._submit, runner))
+                self._serve(source, requests.CANCEL, partial(self._cancel, runner))
+                self._serve(source, requests.REPLAN, partial(self._replan, runner))
             if isinstance(runner, LiveGate):
-                self._serve(source, "swap", lambda given, runner=runner: self._swap(runner, given))  # type: ignore[misc]
-                for do in ("stop", "resume", "release", "enter_unseen"):
-                    self._serve(source, do, lambda given, runner=runner, do=do: self._gate(runner, do))  # type: ignore[misc]
+                self._serve(source, requests.SWAP, partial(self._swap, runner))
+                for service in GATE.values():
+                    self._serve(source, service, partial(self._gate, runner, service.name))
         if self._live:
             recalled = KeptJson(lambda: vars(self._memory), lambda: {"clock_ns": self._clock.now_ns()})
             self._show(self._keys.process(self._process, "memory"), "memory", recalled.to_bytes)
             self._show(self._keys.process(self._process, "steps"), "steps", self._step_times)
         if extend is not None:
-            self._serve(("process", self._process), "extend", extend)
+            self._serve(("process", self._process), requests.EXTEND, extend)
         self._show(self._keys.process(self._process, "config"), "config", self._config)
         self._show(self._keys.process(self._process, "warnings"), "warnings", self._listed_warnings)
         if os.environ.get(TRACEBACK):
             self._show(self._keys.process(self._process, "tracebacks"), "tracebacks", _tracebacks)
 
-    def _serve(self, source: Source, service: str, handler: Handler) -> None:
-        """Serve queries that carry a JSON object: a handler turns it into the answer."""
-        key, handler = self._keys.port(*source, service), self._once.guard(handler)
-
-        def handle(question: Question) -> None:
-            try:
-                answer = handler(read_question(question.data))
-            except (QuestionError, ConfigError) as error:
-                question.refuse(str(error))
-            else:
-                question.answer(key, json.dumps(answer).encode(), "json")
-
-        self._bus.serve(key, self._desk.window(service, handle))
+    def _serve(self, source: Source, service: Service[Asked, Answered], handler: Callable[[Asked], Answered]) -> None:
+        """Serve the requests to a node."""
+        key = self._keys.port(*source, service.name)
+        self._bus.serve(key, self._desk.window(service.name, reply(key, service, handler, self._once)))
 
     def _show(self, key: str, service: str, made: Callable[[], bytes]) -> None:
         """Serve queries that carry no data."""
@@ -137,12 +129,10 @@ class Services:
         """The whole config, for recordings: only the running process knows what it runs."""
         loaded = self._system.loaded
         if self._kept_config[0] is not loaded:
-            given = {
-                "loaded": loaded.to_json(),
-                "barrier": self._board.lossless,
-                "distributions": distributions(loaded.config),
-            }
-            self._kept_config = loaded, json.dumps(given).encode()
+            given = ProcessConfig(
+                loaded=loaded.to_json(), barrier=self._board.lossless, distributions=distributions(loaded.config)
+            )
+            self._kept_config = loaded, given.to_bytes()
         return self._kept_config[1]
 
     def _listed_warnings(self) -> bytes:
@@ -157,69 +147,64 @@ class Services:
     # --- what they are ----------------------------------------------------------------------------------------------
 
     def _offer_description(self, source: Source) -> None:
-        described = KeptJson(lambda: self._describe(source), self._clocks)
+        described = KeptJson(
+            lambda: self._describe(source).to_json(), lambda: clocks(self._clock.now_ns(), time.time_ns())
+        )
         self._show(self._keys.port(*source, "describe"), "describe", described.to_bytes)
 
-    def _clocks(self) -> dict[str, Any]:
-        """This host's clocks, for comparison by others; never cached."""
-        return {"clock_ns": self._clock.now_ns(), "wall_ns": time.time_ns()}
-
-    def _describe(self, source: Source) -> dict[str, Any]:
+    def _describe(self, source: Source) -> Description:
         cell = self._hosted[source].cell
         part = self._system.parts.get(source)
-        streams: dict[str, Any] = {}
-        for feed in cell.feeds:
-            key = feed.inlet.key.removeprefix(f"{self._keys.prefix}/")
-            streams[key] = feed.inlet.counts.summary() | {"latest": feed.inlet.keeps_latest}
+        inlets = {feed.inlet.key.removeprefix(f"{self._keys.prefix}/"): feed.inlet for feed in cell.feeds}
         runner, now = self._live.get(source), time.monotonic()
         since_ns = cell.stepper.busy_since_ns
-        return {
-            "role": source[0],
-            "instance": source[1],
-            "plugin": part.table.plugin if part is not None else None,
-            "process": self._process,
-            "pid": os.getpid(),
-            "host": platform.node(),
-            "active": cell.stepper.active,
-            "enabled": cell.stepper.enabled,
-            "tick": cell.stepper.stepped,
-            "epoch": cell.epoch,
-            "versions": _versions(),
-            "config_sha256": self._system.loaded.sha256(),
-            "silence_s": self._clock.silence_s() if self._clock.is_known else None,
-            "up_s": now - self._began,
-            "period_s": self._system.config.run.period * cell.stepper.stride,
-            "step_s": _usual(runner),
-            "busy_s": None if since_ns is None else max(0.0, now - since_ns * 1e-9),
-            "faulted": runner.faulted if runner is not None else 0,
-            "fault": runner.fault if runner is not None else "",
-            "notes": [f"{' '.join(source)} {note}" for note in notes_of(cell.node)],
-            "shares_memory": self._system.config.live.shared_memory,
-            "waits_for": list(cell.stepper.lacks),
-            "is_patient": self._system.catalogue.is_patient(source[0]),
-            "shared_memory_mb": shared_memory_mb(),
-            "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
-            "carries": {port: outlet.carries for port, outlet in cell.outlets.items()},
-            "streams": streams,
-            "places": self._places(),
-            "hosts": {process: host for host, share in self._system.config.live.hosts.items() for process in share},
-            **_punctuality(runner),
-        }
+        told = Description(
+            role=source[0],
+            instance=source[1],
+            plugin=part.table.plugin if part is not None else None,
+            process=self._process,
+            pid=os.getpid(),
+            host=platform.node(),
+            active=cell.stepper.active,
+            enabled=cell.stepper.enabled,
+            tick=cell.stepper.stepped,
+            epoch=cell.epoch,
+            versions=_versions(),
+            config_sha256=self._system.loaded.sha256(),
+            silence_s=self._clock.silence_s() if self._clock.is_known else None,
+            up_s=now - self._began,
+            period_s=self._system.config.run.period * cell.stepper.stride,
+            step_s=_usual(runner),
+            busy_s=None if since_ns is None else max(0.0, now - since_ns * 1e-9),
+            faulted=runner.faulted if runner is not None else 0,
+            fault=runner.fault if runner is not None else "",
+            notes=tuple(f"{' '.join(source)} {note}" for note in notes_of(cell.node)),
+            shares_memory=self._system.config.live.shared_memory,
+            waits_for=tuple(cell.stepper.lacks),
+            is_patient=self._system.catalogue.is_patient(source[0]),
+            shared_memory_mb=shared_memory_mb(),
+            published={port: outlet.sequence for port, outlet in cell.outlets.items()},
+            carries={port: outlet.carries for port, outlet in cell.outlets.items()},
+            streams={stream: inlet.counts.summary(inlet.keeps_latest) for stream, inlet in inlets.items()},
+            places=self._places(),
+            hosts={process: host for host, share in self._system.config.live.hosts.items() for process in share},
+        )
+        return _with_punctuality(told, runner)
 
     def _places(self) -> dict[str, str]:
         """Process of each node, by "role instance"."""
         shares = spread(self._system.config, all_sources(self._system), None)
         return {" ".join(source): process for process, share in shares.items() for source in share}
 
-    def _get(self, source: Source) -> dict[str, Any]:
+    def _get(self, source: Source, asked: Nothing) -> requests.ParameterValues:
         plugin, version = self._system.plugin(*source), self._hosted[source].cell.versions
-        return {"version": version, "values": plugin.params.model_dump(mode="json")}
+        return requests.ParameterValues(version, plugin.params.model_dump(mode="json"))
 
     # --- what they do -----------------------------------------------------------------------------------------------
 
-    def _set(self, source: Source, given: dict[str, Any]) -> dict[str, Any]:
+    def _set(self, source: Source, asked: requests.Assignments) -> requests.ParameterValues:
         """Check all values, then let the node take them between two steps."""
-        values = tuple(str(value) for value in given["values"])
+        values = asked.values
         _refuse_doubles(values)
         changed_params(self._system, *source, values)
         runner = self._live[source]
@@ -237,12 +222,13 @@ class Services:
             cell.outlets["parameters"].publish(changed, tick, stamp, stamp, cell.epoch)
 
         self._apply(runner, apply)
-        return self._get(source)
+        return self._get(source, Nothing())
 
-    def _submit(self, runner: LiveGoal, given: dict[str, Any]) -> dict[str, Any]:
-        x, y, heading = _number(given, "x"), _number(given, "y"), given.get("heading")
-        heading = None if heading is None else math.remainder(_number(given, "heading"), math.tau)
-        via = tuple(Point2D(float(px), float(py)) for px, py in given.get("via", ()))
+    def _submit(self, runner: LiveGoal, asked: requests.Submit) -> requests.GoalNumber:
+        _refuse_infinite(x=asked.x, y=asked.y, heading=asked.heading or 0.0)
+        x, y = asked.x, asked.y
+        heading = None if asked.heading is None else math.remainder(asked.heading, math.tau)
+        via = tuple(Point2D(*point) for point in asked.via)
         limit = time.monotonic() + APPLY
         while not self._clock.is_known and time.monotonic() < limit:
             time.sleep(0.02)
@@ -258,31 +244,32 @@ class Services:
         self._apply(
             runner, lambda: runner.submit(OperatorRequest("goal", goal)), patience=max(0.0, limit - time.monotonic())
         )
-        return {"goal_id": number}
+        return requests.GoalNumber(number)
 
-    def _place(self, runner: LiveRunner, given: dict[str, Any]) -> dict[str, Any]:
+    def _place(self, runner: LiveRunner, asked: requests.Place) -> requests.Placed:
         """Set a localizer's pose."""
         node = runner.cell.node
         assert isinstance(node, LocalizerNode)
-        x, y, heading = (_number(given, name) for name in ("x", "y", "heading"))
-        problem = place_problem(self._system, x, y, heading)
+        _refuse_infinite(x=asked.x, y=asked.y, heading=asked.heading)
+        problem = place_problem(self._system, asked.x, asked.y, asked.heading)
         if "outside" in problem:
             raise ServiceError(problem)
-        self._apply(runner, lambda: node.plugin.place(Pose2D(x, y, math.remainder(heading, math.tau))))
-        return {"placed": True, "warning": problem}
+        pose = Pose2D(asked.x, asked.y, math.remainder(asked.heading, math.tau))
+        self._apply(runner, lambda: node.plugin.place(pose))
+        return requests.Placed(True, problem)
 
-    def _replan(self, runner: LiveGoal) -> dict[str, Any]:
+    def _replan(self, runner: LiveGoal, asked: Nothing) -> requests.GoalNumber:
         """Plan again from where the localizer now says that the robot is."""
         self._apply(runner, lambda: runner.submit(OperatorRequest("place")))
-        return {"goal_id": runner.goal.machine.goal_id}
+        return requests.GoalNumber(runner.goal.machine.goal_id)
 
-    def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
+    def _cancel(self, runner: LiveGoal, asked: Nothing) -> requests.GoalNumber:
         number = runner.goal.machine.goal_id
         self._apply(runner, lambda: runner.submit(OperatorRequest("cancel")))
-        return {"goal_id": number}
+        return requests.GoalNumber(number)
 
-    def _swap(self, runner: LiveGate, given: dict[str, Any]) -> dict[str, Any]:
-        role, name = str(given["role"]), str(given["instance"])
+    def _swap(self, runner: LiveGate, asked: requests.Swap) -> requests.Selected:
+        role, name = asked.role, asked.instance
         names = [known for owner, known in self._system.parts if owner == role]
         if role == "platform" or not names:
             roles = sorted({owner for owner, _ in self._system.parts} - {"platform"})
@@ -293,11 +280,11 @@ class Services:
                 f"`navloom up CONFIG --shadow {role}={name}` to add one"
             )
         self._apply(runner, lambda: runner.obey(OperatorRequest("swap", None, role, name)))
-        return {"pending": runner.gate.pending, "selected": runner.gate.selected[role], "epoch": runner.gate.epoch}
+        return requests.Selected(tuple(runner.gate.pending), runner.gate.selected[role], runner.gate.epoch)
 
-    def _gate(self, runner: LiveGate, do: str) -> dict[str, Any]:
-        self._apply(runner, lambda: runner.obey(OperatorRequest(do)), waits=do == "stop")  # type: ignore[arg-type]
-        return {"done": do}
+    def _gate(self, runner: LiveGate, do: str, asked: Nothing) -> Nothing:
+        self._apply(runner, lambda: runner.obey(OperatorRequest(do)), waits=do == STOP.name)  # type: ignore[arg-type]
+        return asked
 
     def _apply(
         self, runner: LiveRunner, change: Callable[[], None], waits: bool = False, patience: float = APPLY
@@ -345,15 +332,17 @@ def _usual(runner: LiveRunner | None) -> float | None:
     return steps[len(steps) // 2] * 1e-9 if steps else None
 
 
-def _punctuality(runner: LiveRunner | None) -> dict[str, float]:
-    """For a platform, late ticks and stops; for a gate, how long a tick's commands take to arrive."""
+def _with_punctuality(told: Description, runner: LiveRunner | None) -> Description:
+    """With late ticks and stops of a platform, and how long a tick's commands take to arrive at a gate."""
     if isinstance(runner, LivePlatform):
-        own = {"driven_ticks": runner.driven, "own_ticks": runner.own}
-        return {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops, **own}
+        late, own = runner.late, runner.own
+        return replace(
+            told, ticks=runner.ticks, late_ticks=late, stops=runner.stops, driven_ticks=runner.driven, own_ticks=own
+        )
     if isinstance(runner, LiveGate) and len(runner.chains_s) >= FEW_CHAINS:
         chains = sorted(runner.chains_s.copy())
-        return {"chain_p50_s": chains[len(chains) // 2], "chain_p99_s": chains[len(chains) * 99 // 100]}
-    return {}
+        return replace(told, chain_p50_s=chains[len(chains) // 2], chain_p99_s=chains[len(chains) * 99 // 100])
+    return told
 
 
 def shared_memory_mb() -> float | None:
@@ -365,11 +354,10 @@ def shared_memory_mb() -> float | None:
     return status.f_bavail * status.f_frsize / 2**20
 
 
-def _number(given: Mapping[str, Any], name: str) -> float:
-    value = given[name]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ServiceError(f"rejected: {name} is {value!r}, expected a finite number")
-    return float(value)
+def _refuse_infinite(**numbers: float) -> None:
+    for name, value in numbers.items():
+        if not math.isfinite(value):
+            raise ServiceError(f"rejected: {name} is {value!r}, expected a finite number")
 
 
 def _name(assignment: str) -> str:

@@ -7,10 +7,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError, decode
+
+from navloom_live.live.description import StreamSummary
 
 __all__ = ["LATEST", "Inlet", "Mailbox", "Misrouted", "Packet", "StreamCounts"]
 
@@ -109,24 +110,21 @@ class StreamCounts:
     origin: str = ""
     ages: deque[float] = field(default_factory=lambda: deque(maxlen=AGES))
 
-    def summary(self) -> dict[str, Any]:
-        """The counts, and median and 99th percentile of the ages, s."""
+    def summary(self, latest: bool) -> StreamSummary:
+        """The counts, and median and 99th percentile of the ages; `latest`: only the newest message counts."""
         ages = sorted(self.ages)
-        found: dict[str, Any] = {
-            "received": self.received,
-            "dropped": self.dropped,
-            "malformed": self.malformed,
-            "misrouted": self.misrouted,
-            "late": self.late,
-        }
-        if self.complaint:
-            found["complaint"] = self.complaint
-        if self.origin:
-            found["origin"] = self.origin
-        if ages:
-            found["age_p50_s"] = ages[len(ages) // 2]
-            found["age_p99_s"] = ages[min(len(ages) - 1, len(ages) * 99 // 100)]
-        return found
+        return StreamSummary(
+            received=self.received,
+            dropped=self.dropped,
+            malformed=self.malformed,
+            misrouted=self.misrouted,
+            late=self.late,
+            complaint=self.complaint or None,
+            origin=self.origin or None,
+            age_p50_s=ages[len(ages) // 2] if ages else None,
+            age_p99_s=ages[min(len(ages) - 1, len(ages) * 99 // 100)] if ages else None,
+            latest=latest,
+        )
 
 
 LATEST = 4

@@ -8,25 +8,32 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from navloom_live.live.requests import (
+    CANCEL,
+    GET_PARAMETERS,
+    PLACE,
+    REPLAN,
+    SET_PARAMETERS,
+    SWAP,
+    Assignments,
+    Place,
+    Swap,
+)
+from navloom_live.live.service import RESUME, Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.operating.starting import start_in_shadow
 
-__all__ = ["cancel", "get_parameters", "place", "resume", "set_parameters", "stop", "swap"]
-
-
-def stop(client: Client) -> None:
-    """Stop the robot until `resume`."""
-    client.call("gate", "main", "stop", {})
+__all__ = ["cancel", "get_parameters", "place", "resume", "set_parameters", "swap"]
 
 
 def resume(client: Client) -> None:
     """Let the robot drive again after a stop or a contact."""
-    client.call("gate", "main", "resume", {})
+    client.call("gate", "main", RESUME, Nothing())
 
 
 def cancel(client: Client) -> bool:
     """Cancel the current goal; False if there is none."""
-    return bool(client.call("goal", "main", "cancel", {})["goal_id"])
+    return bool(client.call("goal", "main", CANCEL, Nothing()).goal_id)
 
 
 def place(client: Client, x: float, y: float, heading: float) -> str:
@@ -34,19 +41,19 @@ def place(client: Client, x: float, y: float, heading: float) -> str:
     for name, value in (("x", x), ("y", y), ("heading", heading)):
         if not math.isfinite(value):
             raise Refused(f"{name} is {value}, expected a finite number")
-    there = [one for one in client.describe() if one["role"] == "localizer"]
+    there = [node for node in client.describe() if node.role == "localizer"]
     warning = ""
-    for one in sorted(there, key=lambda one: not one["active"]):
+    for node in sorted(there, key=lambda node: not node.active):
         try:
-            answer = client.call("localizer", one["instance"], "place", {"x": x, "y": y, "heading": heading})
-            warning = warning or answer.get("warning", "")
+            answer = client.call("localizer", node.instance, PLACE, Place(x, y, heading))
+            warning = warning or answer.warning
         except Refused:
-            if one["active"]:
+            if node.active:
                 raise
-    if not any(one["active"] for one in there):
+    if not any(node.active for node in there):
         raise ClientError(f"robot {client.keys.prefix}: no localizer answers; `navloom doctor` says why")
     with contextlib.suppress(ClientError):  # without a goal node there is no goal to plan again
-        client.call("goal", "main", "replan", {})
+        client.call("goal", "main", REPLAN, Nothing())
     return warning
 
 
@@ -60,26 +67,24 @@ def swap(
     """Make another instance active as soon as it is ready; see `Navigator.swap`."""
     if not client.lives(role, instance):
         start_in_shadow(client, role, instance, say)
-    answer = client.call("gate", "main", "swap", {"role": role, "instance": instance})
+    answer = client.call("gate", "main", SWAP, Swap(role, instance))
     limit = time.monotonic() + timeout
-    while answer["selected"] != instance:
+    while answer.selected != instance:
         if time.monotonic() > limit:
             raise TimeoutError(
                 f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
-                f"{answer['selected']} stays active until it has"
+                f"{answer.selected} stays active until it has"
             )
         time.sleep(0.05)
-        answer = client.call("gate", "main", "swap", {"role": role, "instance": instance})
-    return int(answer["epoch"])
+        answer = client.call("gate", "main", SWAP, Swap(role, instance))
+    return answer.epoch
 
 
 def get_parameters(client: Client, role: str, instance: str) -> dict[str, Any]:
     """Parameters of an instance."""
-    values: dict[str, Any] = client.call(role, instance, "params/get", {})["values"]
-    return values
+    return client.call(role, instance, GET_PARAMETERS, Nothing()).values
 
 
 def set_parameters(client: Client, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
     """Change parameters between two ticks, all or none; see `Navigator.set_parameters`."""
-    values: dict[str, Any] = client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
-    return values
+    return client.call(role, instance, SET_PARAMETERS, Assignments(tuple(assignments))).values

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import time
-import uuid
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from navloom.errors import NavloomError
+from navloom.inputs.typed_json import from_json
 
 from navloom_live.hosting.directory import RobotFolder
+from navloom_live.live.service import STOP, Answered, Asked, Nothing, Service, request_bytes
 from navloom_live.transport.keyspace import LINKED, SUPERVISOR, KeySpace
-from navloom_live.transport.once import REQUEST
 from navloom_live.transport.questions import TOO_MANY
 from navloom_live.transport.zenoh_bus import TIMED_OUT, Answer, Bus
 
-__all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused", "Unanswered"]
+if TYPE_CHECKING:
+    from navloom_live.live.description import Description
+
+__all__ = ["AGAIN", "Client", "ClientError", "Refused", "Unanswered"]
 
 AGAIN = 0.1
 """Shortest time between two requests of one kind, s: a router drops requests that come sooner, see `access.PACES`."""
@@ -25,33 +27,6 @@ JOIN = 2.0
 ATTEMPT = 2.4
 """Wait for an answer before a retry, s; longer than a service takes."""
 UNKNOWN = "it may or may not have been done: `navloom status` shows which, `navloom doctor` why there was no answer"
-
-OPEN: Mapping[str, Any] = {
-    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
-    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s")),
-    **{key: {} for key in ("versions", "published", "carries", "streams", "places", "hosts")},
-    "clock_ns": -1,
-    "faulted": 0,
-    "fault": "",
-    "config_sha256": "",
-    "shares_memory": False,
-    "shared_memory_mb": None,
-}
-"""Defaults of a description, for a node that does not answer or whose version lacks an entry."""
-_NUMBER, _NONE = (int, float), type(None)
-_TYPES: Mapping[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
-    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns"), int),
-    **dict.fromkeys(("ticks", "late_ticks", "driven_ticks", "own_ticks"), int),
-    **dict.fromkeys(("active", "enabled", "shares_memory"), bool),
-    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
-    **dict.fromkeys(("chain_p50_s", "chain_p99_s"), _NUMBER),
-    **dict.fromkeys(("versions", "published", "carries", "streams", "places", "hosts"), dict),
-    "plugin": (str, _NONE),
-}
-"""Types of the entries of an instance's description that tools rely on."""
-_COUNTED = frozenset({"received", "dropped", "malformed", "late", "latest"})
-"""Counters that a description holds for each stream that the instance reads."""
 
 
 class ClientError(NavloomError, RuntimeError):
@@ -75,10 +50,14 @@ class Client:
         bus: A session on its network.
         keys: Its key space.
         home: Its folder, if it was started on this host.
+
+    Attributes:
+        unreadable: Why the last description of a node could not be read, by role and instance.
     """
 
     def __init__(self, bus: Bus, keys: KeySpace, home: RobotFolder | None = None) -> None:
         self.bus, self.keys, self._home = bus, keys, home
+        self.unreadable: dict[tuple[str, str], str] = {}
 
     @property
     def was_ended(self) -> bool:
@@ -93,7 +72,9 @@ class Client:
         """Identifiers of the current lives of an instance: usually one, replaced when the instance restarts."""
         return {key.rpartition("/")[2] for key in self.bus.alive(self.keys.alive(role, instance, "*"))}
 
-    def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 5.0) -> Any:
+    def call(
+        self, role: str, instance: str, service: Service[Asked, Answered], asked: Asked, timeout: float = 5.0
+    ) -> Answered:
         """Call a service of an instance and return its answer, within `timeout` seconds.
 
         Each request has a unique name, so that the instance carries it out once even if it is retried after a lost
@@ -102,46 +83,59 @@ class Client:
         Raises:
             Refused: The instance refuses; ClientError: it is not there; Unanswered: it is there, but no answer came.
         """
-        key = self.keys.port(role, instance, service)
-        return self._call(key, f"{role} {instance}", service, given, timeout, lambda: self.lives(role, instance))
+        key = self.keys.port(role, instance, service.name)
+        return self._call(key, f"{role} {instance}", service, asked, timeout, lambda: self.lives(role, instance))
 
-    def call_supervisor(self, service: str, given: Mapping[str, Any], timeout: float = 10.0) -> Any:
+    def call_supervisor(self, service: Service[Asked, Answered], asked: Asked, timeout: float = 10.0) -> Answered:
         """Call a service of the robot's `navloom up`, like `call`.
 
         Raises:
             Refused: It refuses; ClientError: no `navloom up` supervises the robot; Unanswered: no answer came.
         """
         token = self.keys.process(SUPERVISOR, LINKED)
-        key = self.keys.process(SUPERVISOR, service)
-        return self._call(key, "its supervisor", service, given, timeout, lambda: set(self.bus.alive(token)))
+        key = self.keys.process(SUPERVISOR, service.name)
+        return self._call(key, "its supervisor", service, asked, timeout, lambda: set(self.bus.alive(token)))
+
+    def stop(self) -> None:
+        """Stop the robot until the gate's service `resume`."""
+        self.call("gate", "main", STOP, Nothing())
 
     def _call(
-        self, key: str, who: str, service: str, given: Mapping[str, Any], timeout: float, find: Callable[[], set[str]]
-    ) -> Any:
+        self,
+        key: str,
+        who: str,
+        service: Service[Asked, Answered],
+        asked: Asked,
+        timeout: float,
+        find: Callable[[], set[str]],
+    ) -> Answered:
         """Call a service; `find` returns the current lives of the one that serves it."""
-        data = json.dumps({**given, REQUEST: uuid.uuid4().hex}).encode()
-        began, asked = time.monotonic(), frozenset[str]()
+        data, name = request_bytes(asked), service.name
+        began, told = time.monotonic(), frozenset[str]()
         while (left := began + timeout - time.monotonic()) > 0.0:
             lives = find()
-            if asked and lives - asked:
-                raise Unanswered(f"robot {self.keys.prefix}: {who} restarted during the request ({service}); {UNKNOWN}")
+            if told and lives - told:
+                raise Unanswered(f"robot {self.keys.prefix}: {who} restarted during the request ({name}); {UNKNOWN}")
             answer = self._asked_once(key, data, min(ATTEMPT, left)) if lives else None
             if answer is not None:
                 try:
-                    return json.loads(answer.data)
-                except ValueError:
-                    raise ClientError(f"robot {self.keys.prefix}: {who} answers {service} with no JSON") from None
-            asked |= lives
-            if not asked and time.monotonic() - began > JOIN:
+                    return from_json(service.answered, answer.data)
+                except ValueError as error:
+                    raise ClientError(
+                        f"robot {self.keys.prefix}: the answer of {who} to {name} cannot be read ({error}); install "
+                        "the same version of navloom on both"
+                    ) from None
+            told |= lives
+            if not told and time.monotonic() - began > JOIN:
                 break
             time.sleep(AGAIN)
-        if asked:
+        if told:
             raise Unanswered(
-                f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({service}); {UNKNOWN}; "
+                f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({name}); {UNKNOWN}; "
                 "the certificate may not allow this request"
             )
         raise ClientError(
-            f"robot {self.keys.prefix}: {who} does not answer ({service}): it is not there; `navloom list` shows who "
+            f"robot {self.keys.prefix}: {who} does not answer ({name}): it is not there; `navloom list` shows who "
             "is, `navloom doctor` why not"
         )
 
@@ -161,44 +155,31 @@ class Client:
             answers = list(self.bus.ask(key, timeout=timeout))
         return answers
 
-    def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
+    def describe(self, timeout: float = 1.0) -> list[Description]:
         """Description of every instance that answers, sorted by role and name."""
-        found = {(one["role"], one["instance"]): one for one in self.all_described(timeout)}
+        found = {(one.role, one.instance): one for one in self.all_described(timeout)}
         return [found[source] for source in sorted(found)]
 
-    def all_described(self, timeout: float = 1.0) -> list[dict[str, Any]]:
-        """Every description that arrives, also several of one instance, which two processes run at once."""
-        answers = self.ask_again(self.keys.port("*", "*", "describe"), timeout)
-        found = (self.described(answer) for answer in answers if not answer.refusal)
-        return [described for described in found if described is not None]
+    def all_described(self, timeout: float = 1.0) -> list[Description]:
+        """Every description that arrives, also several of one instance, which two processes run at once.
 
-    def described(self, answer: Answer) -> dict[str, Any] | None:
-        """An instance's description of itself; None if the answer is not a valid description.
-
-        Role and instance come from the key: a shadow's plugin may answer anything, but only under its own key.
+        `unreadable` says which answers were none.
         """
-        try:
-            given = json.loads(answer.data)
-        except ValueError:
-            return None
-        if not _is_description(given):
-            return None
+        from navloom_live.live.description import DescriptionError
+
+        self.unreadable = {}
+        found = []
+        for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
+            try:
+                found += [] if answer.refusal else [self.described(answer)]
+            except DescriptionError as error:
+                role, instance, _ = self.keys.split(answer.key)
+                self.unreadable[role, instance] = str(error)
+        return found
+
+    def described(self, answer: Answer) -> Description:
+        """The description in an answer. Raises DescriptionError."""
+        from navloom_live.live.description import read_description
+
         role, instance, _ = self.keys.split(answer.key)
-        return {**OPEN, **given, "role": role, "instance": instance}
-
-
-def _is_description(given: Any) -> bool:
-    """Whether all entries have the types that tools rely on; entries may be missing."""
-    if not isinstance(given, dict):
-        return False
-    if not all(isinstance(given[name], kinds) for name, kinds in _TYPES.items() if name in given):
-        return False
-    places, hosts, streams = (given.get(name, {}) for name in ("places", "hosts", "streams"))
-    names = [name for table in (places, hosts, given.get("versions", {})) for pair in table.items() for name in pair]
-    return (
-        all(isinstance(name, str) for name in names)
-        and all(" " in node for node in places)
-        and all(isinstance(counts, dict) and counts.keys() >= _COUNTED for counts in streams.values())
-        and all(isinstance(counts[name], int) for counts in streams.values() for name in _COUNTED)
-        and all(isinstance(counts.get("misrouted", 0), int) for counts in streams.values())
-    )
+        return read_description(role, instance, answer.data)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from navloom.messages import Feedback, GateStatus, GoalResult, Message
 
 from navloom_live.hosting.directory import DirectoryError, RobotFolder, robots
+from navloom_live.live.description import Description
 from navloom_live.operating.client import Client
 from navloom_live.operating.findings import (
     Finding,
@@ -22,25 +22,15 @@ from navloom_live.operating.findings import (
     is_stuck,
     lagging,
     loop_rate,
-    named,
     sharing,
     unheard,
     where,
 )
 from navloom_live.operating.host_faults import fate_in_words, left_behind, left_running, restarting
 from navloom_live.operating.joining import find_robot, join
-from navloom_live.operating.looking import (
-    NO_GOAL,
-    NO_PATH,
-    WHERE_IT_IS,
-    Missing,
-    last_words,
-    listing,
-    missing,
-    neighbours_names,
-    why_stopped,
-)
+from navloom_live.operating.looking import NO_GOAL, NO_PATH, WHERE_IT_IS, last_words, why_stopped
 from navloom_live.operating.metering import clock_offsets
+from navloom_live.operating.nodes import Missing, Node, answering, listing, missing, neighbours_names
 from navloom_live.transport.zenoh_bus import BusError
 
 __all__ = ["Diagnosis", "diagnose", "examine"]
@@ -140,28 +130,29 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
     """
     nodes = listing(client)
     gone = missing(nodes)
-    silent = {one.process for one in gone} | {node["process"] for node in nodes if not node["answers"]}
+    mute = [node for node in nodes if node.description is None]
+    silent = {one.process for one in gone} | {node.process for node in mute if node.process is not None}
     again = restarting(folder, silent) if folder is not None else []
     if not nodes:
         return 0, [*again, _no_nodes(client)]
-    answering = [node for node in nodes if node["answers"]]
-    found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
+    described = answering(nodes)
+    found = [*_absent(gone, folder, config), *_unreadable(mute), *_mute(mute, folder), *again]
     for check in (failing, lagging, flowing, differing, unheard, sharing):
-        found += check(answering)
+        found += check(described)
     found += doubled(client.all_described())
-    found += _clocks(client, answering)
-    ill = {one.role for one in gone} | {node["role"] for node in nodes if not node["answers"] or _is_ill(node)}
-    halted = _not_stepping(client, answering)
+    found += _clocks(client, described)
+    ill = {one.role for one in gone} | {node.role for node in mute} | {node.role for node in described if _is_ill(node)}
+    halted = _not_stepping(client, described)
     found = _with_waiting(found, halted, ill, folder)
-    is_slowed = any(is_slow(node) and node["active"] for node in answering)
+    is_slowed = any(is_slow(node) and node.active for node in described)
     words = last_words(client)
     found += _unsure(words["goal/feedback"])
     return len(nodes), found + _stopped(words, has_cause=bool(halted or ill or is_slowed))
 
 
-def _is_ill(node: Mapping[str, Any]) -> bool:
+def _is_ill(node: Description) -> bool:
     """Whether a node is active and has a fault that may keep other nodes from stepping."""
-    return node["active"] and bool(node["faulted"] or is_stuck(node) or node.get("waits_for"))
+    return node.active and bool(node.faulted or is_stuck(node) or node.waits_for)
 
 
 def _diagnosis(robot: str, nodes: int, found: Sequence[Finding]) -> Diagnosis:
@@ -230,13 +221,19 @@ def _absent(gone: Sequence[Missing], folder: RobotFolder | None, config: str) ->
     return found
 
 
-def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None) -> list[Finding]:
+def _unreadable(mute: Sequence[Node]) -> list[Finding]:
+    """Findings for nodes whose description this version cannot read."""
+    found = [node.unreadable.rpartition("; ") for node in mute if node.unreadable]
+    return [Finding("problem", what, remedy) for what, _, remedy in found]
+
+
+def _mute(nodes: Sequence[Node], folder: RobotFolder | None) -> list[Finding]:
     """Findings for nodes that are announced but do not answer, one for each process."""
     fates = folder.fates() if folder is not None else {}
-    mute = [node for node in nodes if not node["answers"]]
+    mute = [node for node in nodes if not node.unreadable]
     found = []
-    for process in dict.fromkeys(node["process"] for node in mute):
-        names = ", ".join(named(node) for node in mute if node["process"] == process)
+    for process in dict.fromkeys(node.process for node in mute):
+        names = ", ".join(node.name for node in mute if node.process == process)
         what = f"{names}: announced, but not answering; of process {process or 'unknown'}"
         remedy = "its process is suspended, overloaded, or gone with its host: run this again, or restart it"
         if folder is not None and process in fates:
@@ -249,7 +246,7 @@ def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None) -> lis
 # --- what they do ---------------------------------------------------------------------------------------------------
 
 
-def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
+def _clocks(client: Client, nodes: Sequence[Description]) -> list[Finding]:
     return [
         Finding(
             "problem",
@@ -261,20 +258,20 @@ def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]
     ]
 
 
-def _not_stepping(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _not_stepping(client: Client, nodes: Sequence[Description]) -> list[Description]:
     """Nodes that should step with every tick but do not."""
-    left = {named(node): node for node in nodes if node["role"] in FOLLOWS and node["active"]}
+    left = {node.name: node for node in nodes if node.role in FOLLOWS and node.active}
     limit, is_late = time.monotonic() + ADVANCE, False
     while left and not is_late:
         is_late = time.monotonic() > limit  # check once more after the limit: this process itself may have been delayed
         time.sleep(0.1)
-        now = {named(node): node["tick"] for node in client.describe()}
-        left = {name: node for name, node in left.items() if now.get(name) in (None, node["tick"])}
+        now = {node.name: node.tick for node in client.describe()}
+        left = {name: node for name, node in left.items() if now.get(name) in (None, node.tick)}
     return list(left.values())
 
 
 def _with_waiting(
-    found: Sequence[Finding], halted: Sequence[Mapping[str, Any]], ill: Container[str], folder: RobotFolder | None
+    found: Sequence[Finding], halted: Sequence[Description], ill: Container[str], folder: RobotFolder | None
 ) -> list[Finding]:
     """Add the nodes that do not step: as findings of their own, or to the finding of the node that they wait for.
 
@@ -285,14 +282,14 @@ def _with_waiting(
         folder: Folder of the robot if it was started on this host.
     """
     told = list(found)
-    still = {node["role"] for node in halted}
+    still = {node.role for node in halted}
     for node in halted:
-        if node["role"] in ill or any(role in ill or role in still for role in FOLLOWS[node["role"]]):
+        if node.role in ill or any(role in ill or role in still for role in FOLLOWS[node.role]):
             continue
-        since = "has not stepped so far" if node["tick"] < 0 else f"has not stepped since tick {node['tick']}"
-        told.append(Finding("problem", f"{named(node)} {since} ({where(node)})", _restart(node, folder)))
+        since = "has not stepped so far" if node.tick < 0 else f"has not stepped since tick {node.tick}"
+        told.append(Finding("problem", f"{node.name} {since} ({where(node)})", _restart(node, folder)))
     for cause in ("platform", "localizer"):
-        names = [named(node) for node in halted if cause in FOLLOWS[node["role"]]]
+        names = [node.name for node in halted if cause in FOLLOWS[node.role]]
         place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
         if names and place is not None and (cause in ill or cause in still):
             waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"
@@ -301,10 +298,10 @@ def _with_waiting(
     return told
 
 
-def _restart(node: Mapping[str, Any], folder: RobotFolder | None) -> str:
-    log = f"see {folder.path / node['process']}.log" if folder is not None else "see the log of its process"
-    hardware = "it may wait for its hardware; " if node["role"] == "platform" else ""
-    return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} makes `navloom up` restart it"
+def _restart(node: Description, folder: RobotFolder | None) -> str:
+    log = f"see {folder.path / node.process}.log" if folder is not None else "see the log of its process"
+    hardware = "it may wait for its hardware; " if node.role == "platform" else ""
+    return f"{hardware}{log}; `kill -KILL {node.pid}` on {node.host} makes `navloom up` restart it"
 
 
 def _unsure(feedback: Message | None) -> list[Finding]:

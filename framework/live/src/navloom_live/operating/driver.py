@@ -11,6 +11,7 @@ from types import TracebackType
 from navloom.messages import Command, Envelope, GateStatus, Message, Odometry, Twist2D
 from navloom.messages.codec import CodecError, decode, encode, schema_label
 
+from navloom_live.live.service import ENTER_UNSEEN, RELEASE, Nothing
 from navloom_live.operating.client import Client, ClientError
 from navloom_live.operating.looking import NO_PATH, last, who_drives, why_stopped
 from navloom_live.transport.quality import most_of, quality_of
@@ -83,14 +84,14 @@ class Driver:
         self._heed(last(self._client, "gate", "main", "status"))
         self._refuse_if_latched()
         if self._enters_unseen:
-            self._client.call("gate", "main", "enter_unseen", {})
+            self._client.call("gate", "main", ENTER_UNSEEN, Nothing())
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with contextlib.suppress(ClientError):
-            self._client.call("gate", "main", "release", {})
+            self._client.call("gate", "main", RELEASE, Nothing())
 
     def send(self, vx: float, wz_deg: float) -> None:
         """Command a speed, m/s, and a turn rate, deg/s. Without platform messages nothing is sent.

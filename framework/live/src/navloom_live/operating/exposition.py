@@ -12,7 +12,9 @@ from typing import Any
 
 from navloom.messages import GateStatus
 
+from navloom_live.live.description import Description
 from navloom_live.operating.listening import Told
+from navloom_live.operating.nodes import Node, answering
 
 __all__ = ["CONTENT_TYPE", "Stops", "exposition"]
 
@@ -51,13 +53,6 @@ _HELP = {
     "navloom_process_resident_bytes": ("gauge", "Memory of a process of this host."),
 }
 """Type and help text of each metric."""
-_PLATFORM = {
-    "ticks": "navloom_platform_ticks_total",
-    "late_ticks": "navloom_platform_late_ticks_total",
-    "driven_ticks": "navloom_platform_driven_ticks_total",
-    "own_ticks": "navloom_platform_own_ticks_total",
-    "stops": "navloom_platform_stops_total",
-}
 
 
 class Stops:
@@ -85,12 +80,12 @@ class Stops:
         self.is_stopped, self._reason = status.stopped, reason if status.stopped else ""
 
 
-def exposition(robot: str, nodes: Sequence[Mapping[str, Any]], missing: int, stops: Stops) -> str:
+def exposition(robot: str, nodes: Sequence[Node], missing: int, stops: Stops) -> str:
     """All metrics of a robot, in the format of `/metrics`.
 
     Args:
         robot: realm/name.
-        nodes: From `navloom_live.operating.looking.listing`.
+        nodes: From `navloom_live.operating.nodes.listing`.
         missing: Number of missing nodes.
         stops: Stops of its gate.
     """
@@ -108,49 +103,55 @@ def exposition(robot: str, nodes: Sequence[Mapping[str, Any]], missing: int, sto
     return "\n".join(lines) + "\n"
 
 
-def _samples(nodes: Sequence[Mapping[str, Any]], missing: int, stops: Stops) -> Iterator[Sample]:
-    yield "navloom_up", {}, float(any(node["answers"] for node in nodes))
+def _samples(nodes: Sequence[Node], missing: int, stops: Stops) -> Iterator[Sample]:
+    described = answering(nodes)
+    yield "navloom_up", {}, float(bool(described))
     yield "navloom_nodes_missing", {}, missing
     for node in nodes:
-        yield from _of_node(node)
+        yield from _of_node(node, node.description)
     if stops.is_stopped is not None:
         yield "navloom_gate_stopped", {}, float(stops.is_stopped)
     for reason, count in sorted(stops.counts.items()):
         yield "navloom_gate_stops_total", {"reason": reason}, count
     here = platform.node()
-    processes = {(node["process"], node["pid"]) for node in nodes if node["answers"] and node["host"] == here}
+    processes = {(node.process, node.pid) for node in described if node.host == here}
     for process, pid in sorted(processes):
         yield from _of_process(process, pid)
 
 
-def _of_node(node: Mapping[str, Any]) -> Iterator[Sample]:
-    who = {"role": node["role"], "instance": node["instance"]}
-    yield "navloom_node_answers", who, float(node["answers"])
-    if not node["answers"]:
+def _of_node(node: Node, said: Description | None) -> Iterator[Sample]:
+    who = {"role": node.role, "instance": node.instance}
+    yield "navloom_node_answers", who, float(said is not None)
+    if said is None:
         return
-    yield "navloom_node_active", who, float(node["active"])
-    yield "navloom_node_busy_seconds", who, node["busy_s"] or 0.0
-    yield "navloom_node_faults", who, node["faulted"]
-    for name, key in (("navloom_node_step_seconds", "step_s"), ("navloom_platform_silence_seconds", "silence_s")):
-        if node[key] is not None:
-            yield name, who, node[key]
-    for port, count in node["published"].items():
+    yield "navloom_node_active", who, float(said.active)
+    yield "navloom_node_busy_seconds", who, said.busy_s or 0.0
+    yield "navloom_node_faults", who, said.faulted
+    yield from _known("navloom_node_step_seconds", who, said.step_s)
+    yield from _known("navloom_platform_silence_seconds", who, said.silence_s)
+    for port, count in said.published.items():
         yield "navloom_messages_published_total", {**who, "port": port}, count
-    for stream, counts in node["streams"].items():
+    for stream, counts in said.streams.items():
         to = {**who, "stream": stream}
-        for what in ("received", "dropped", "malformed"):
-            yield f"navloom_messages_{what}_total", to, counts[what]
-        for quantile in ("0.5", "0.99"):
-            age = counts.get(f"age_p{float(quantile) * 100:g}_s")
-            if age is not None:
-                yield "navloom_message_age_seconds", {**to, "quantile": quantile}, age
-    for key, metric in _PLATFORM.items():
-        if key in node:
-            yield metric, {"instance": node["instance"]}, node[key]
-    for quantile in ("0.5", "0.99"):
-        chain = node.get(f"chain_p{float(quantile) * 100:g}_s")
-        if chain is not None:
-            yield "navloom_gate_chain_seconds", {"quantile": quantile}, chain
+        yield "navloom_messages_received_total", to, counts.received
+        yield "navloom_messages_dropped_total", to, counts.dropped
+        yield "navloom_messages_malformed_total", to, counts.malformed
+        yield from _known("navloom_message_age_seconds", {**to, "quantile": "0.5"}, counts.age_p50_s)
+        yield from _known("navloom_message_age_seconds", {**to, "quantile": "0.99"}, counts.age_p99_s)
+    instance = {"instance": node.instance}
+    yield from _known("navloom_platform_ticks_total", instance, said.ticks)
+    yield from _known("navloom_platform_late_ticks_total", instance, said.late_ticks)
+    yield from _known("navloom_platform_driven_ticks_total", instance, said.driven_ticks)
+    yield from _known("navloom_platform_own_ticks_total", instance, said.own_ticks)
+    yield from _known("navloom_platform_stops_total", instance, said.stops)
+    yield from _known("navloom_gate_chain_seconds", {"quantile": "0.5"}, said.chain_p50_s)
+    yield from _known("navloom_gate_chain_seconds", {"quantile": "0.99"}, said.chain_p99_s)
+
+
+def _known(metric: str, labels: Labels, value: float | None) -> Iterator[Sample]:
+    """The sample, if there is a value."""
+    if value is not None:
+        yield metric, labels, value
 
 
 def _of_process(process: str, pid: int) -> Iterator[Sample]:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from navloom.engine.hold import held_rate
 from navloom.roles import ROLES
 
+from navloom_live.live.description import Description, StreamSummary
 from navloom_live.operating.looking import waiting
 from navloom_live.transport import links
 
@@ -34,7 +35,6 @@ OLD = 0.05
 SMALL = ("odometry", "contact", "truth", "step", "parameters")
 """Ports of a platform that are not sensors."""
 
-Node = Mapping[str, Any]
 Severity = Literal["problem", "note"]
 
 
@@ -53,71 +53,68 @@ class Finding:
     remedy: str
 
 
-def named(node: Node) -> str:
-    """Role and instance."""
-    return f"{node['role']} {node['instance']}"
-
-
-def where(node: Node) -> str:
+def where(node: Description) -> str:
     """Process and host."""
-    return f"{node['process']} on {node['host']}"
+    return f"{node.process} on {node.host}"
 
 
-def _is_patient(node: Node) -> bool:
+def _is_patient(node: Description) -> bool:
     """Whether its step may take long, because no motor waits for it."""
-    role = ROLES.get(node["role"])
-    said: bool = node.get("is_patient", role is not None and role.is_patient)
-    return said
+    role = ROLES.get(node.role)
+    if node.is_patient is not None:
+        return node.is_patient
+    return role is not None and role.is_patient
 
 
-def is_slow(node: Node) -> bool:
+def is_slow(node: Description) -> bool:
     """Whether its usual step exceeds its period. Mappers and planners may: nothing waits for them in each tick."""
-    return not _is_patient(node) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
+    return not _is_patient(node) and (node.step_s or 0.0) > (node.period_s or math.inf)
 
 
-def is_stuck(node: Node) -> bool:
+def is_stuck(node: Description) -> bool:
     """Whether its current step has taken longer than its role may take."""
-    return (node["busy_s"] or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
+    return (node.busy_s or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
 
 
-def failing(nodes: Sequence[Node]) -> list[Finding]:
+def failing(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for plugins that raise, hang, are late or command far more than is allowed.
 
     Late ticks are not reported for a platform whose own steps are slow: that is their cause.
     """
     found = []
     for node in nodes:
-        if node["faulted"]:
-            times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
+        if node.faulted:
+            times = "in its last step" if node.faulted == 1 else f"{node.faulted} steps in a row"
             remedy = f"fix the plugin; {_instead(node, nodes)}"
-            found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
-        if node["active"] and node.get("waits_for"):
-            found.append(Finding("problem", *waiting(named(node), " and ".join(node["waits_for"]))))
-        for note in node.get("notes", ()):
+            found.append(Finding("problem", f"{node.name} failed {times}: {node.fault}", remedy))
+        if node.active and node.waits_for:
+            found.append(Finding("problem", *waiting(node.name, " and ".join(node.waits_for))))
+        for note in node.notes or ():
             found.append(Finding("note", note, "check the units in its code and parameters: rad/s and m/s"))
         if is_stuck(node):
-            what = f"{named(node)} has been in one step for {node['busy_s']:.1f} s"
+            what = f"{node.name} has been in one step for {node.busy_s:.1f} s"
             remedy = f"its plugin hangs or is too slow; live.hang_timeout ends its process; {_instead(node, nodes)}"
             found.append(Finding("problem", what, remedy))
         if is_slow(node):
-            what = f"{named(node)} takes {node['step_s'] * 1e3:.0f} ms per step, longer than its period"
+            what = f"{node.name} takes {(node.step_s or 0.0) * 1e3:.0f} ms per step, longer than its period"
             remedy = f"make it faster, or run.period longer; {_instead(node, nodes)}"
-            if node["plugin"] is None:
+            if node.plugin is None:
                 remedy = "its host is overloaded: end other programs there, or make run.period longer"
-            severity: Severity = "problem" if node["active"] else "note"
-            found.append(Finding(severity, f"{what} of {node['period_s'] * 1e3:.0f} ms", remedy))
-        elif node.get("late_ticks", 0) > max(FEW, node.get("ticks", 0) // 100):
-            what = f"{named(node)}: {node['late_ticks']} of {node['ticks']} ticks since its start came late"
+            severity: Severity = "problem" if node.active else "note"
+            found.append(Finding(severity, f"{what} of {(node.period_s or 0.0) * 1e3:.0f} ms", remedy))
+        elif (node.late_ticks or 0) > max(FEW, (node.ticks or 0) // 100):
+            what = f"{node.name}: {node.late_ticks} of {node.ticks} ticks since its start came late"
             remedy = "its host is overloaded: end other programs there, make run.period longer, or move mapper and "
             found.append(Finding("problem", what, remedy + "planner to another host (live.hosts)"))
     return found
 
 
-def lagging(nodes: Sequence[Node]) -> list[Finding]:
+def lagging(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for a robot that is driven by commands of earlier ticks, with the rate that it could hold."""
     found = []
     for node in nodes:
-        driven, old = node.get("driven_ticks", 0), node.get("driven_ticks", 0) - node.get("own_ticks", 0)
+        driven = node.driven_ticks or 0
+        old = driven - (node.own_ticks or 0)
         if old <= max(FEW, driven * OLD):
             continue
         what = f"{old} of {driven} ticks were driven by the command of an earlier tick"
@@ -147,66 +144,66 @@ class LoopRate:
         return f"{took}: these processes sustain up to {self.holds_hz:.0f} Hz"
 
 
-def loop_rate(nodes: Sequence[Node]) -> LoopRate | None:
+def loop_rate(nodes: Sequence[Description]) -> LoopRate | None:
     """Loop rate measured by the gate in its last drives; None if it has measured too little."""
     for node in nodes:
-        if node.get("chain_p99_s", 0.0) > 0.0:
-            return LoopRate(node["chain_p50_s"], node["chain_p99_s"], held_rate(node["chain_p99_s"]))
+        if node.chain_p50_s and node.chain_p99_s:
+            return LoopRate(node.chain_p50_s, node.chain_p99_s, held_rate(node.chain_p99_s))
     return None
 
 
-def _instead(node: Node, nodes: Sequence[Node]) -> str:
+def _instead(node: Description, nodes: Sequence[Description]) -> str:
     """How to replace a node that fails."""
-    role = node["role"]
-    if node["plugin"] is None:
+    role = node.role
+    if node.plugin is None:
         return "it is a node of navloom itself: report this with the log of its process"
     if role == "platform":
         return "a platform cannot be swapped: restart the robot with another plugin in [platform]"
-    if not node["active"]:
+    if not node.active:
         return "it is not active, so the robot drives without it"
-    others = [other["instance"] for other in nodes if other["role"] == role and not other["active"]]
+    others = [other.instance for other in nodes if other.role == role and not other.active]
     if others:
         return f"`navloom swap {role} {others[0]}` makes another active"
     table = f"[{role}]" if role in ROLES else f"[[node]] {role}"
     return f"the config has no other {role} to swap to: restart the robot with another plugin in {table}"
 
 
-def flowing(nodes: Sequence[Node]) -> list[Finding]:
+def flowing(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for streams with unreadable messages, or with dropped messages where each one counts."""
     found = []
     for node in nodes:
-        for stream, counts in node["streams"].items():
-            if counts["malformed"]:
-                what = f"{named(node)}: {counts['malformed']} malformed messages on {stream}: {counts['complaint']}"
+        for stream, counts in node.streams.items():
+            if counts.malformed:
+                what = f"{node.name}: {counts.malformed} malformed messages on {stream}: {counts.complaint}"
                 found.append(Finding("problem", what, "find the sender; both ends need the same version of navloom"))
-            if counts.get("misrouted"):
-                found.append(_misrouted(f"{named(node)}: {counts['misrouted']} messages on {stream}", counts))
-            if not is_slow(node) and not counts["latest"] and counts["dropped"] > max(FEW, counts["received"] // 10):
-                what = f"{named(node)}: {counts['dropped']} of {counts['received']} messages on {stream} dropped unread"
+            if counts.misrouted:
+                found.append(_misrouted(f"{node.name}: {counts.misrouted} messages on {stream}", counts))
+            if not is_slow(node) and not counts.latest and counts.dropped > max(FEW, counts.received // 10):
+                what = f"{node.name}: {counts.dropped} of {counts.received} messages on {stream} dropped unread"
                 remedy = "it is slower than the stream: give its process a core of its own, or lower the rate"
                 found.append(Finding("problem", what, remedy))
     return found
 
 
-def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
+def _misrouted(which: str, counts: StreamSummary) -> Finding:
     """Finding for messages of other streams: a few come from restarts, many from a publisher with a wrong key."""
-    what = f"{which} belong to another stream and were refused, the last to {counts.get('origin', 'an unknown one')}"
-    if counts["misrouted"] <= FEW:
+    what = f"{which} belong to another stream and were refused, the last to {counts.origin or 'an unknown one'}"
+    if counts.misrouted <= FEW:
         remedy = "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"
         return Finding("note", what, remedy)
     remedy = "find the publisher, such as a replay or a second robot of this name; if there is none, restart the "
     return Finding("problem", what, remedy + "router, or the robot if it has no router")
 
 
-def differing(nodes: Sequence[Node]) -> list[Finding]:
+def differing(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for versions and configs that differ between processes."""
     found = []
-    for package in sorted({package for node in nodes for package in node["versions"]}):
-        by_version = _grouped((node["versions"].get(package, "none"), where(node)) for node in nodes)
+    for package in sorted({package for node in nodes for package in node.versions}):
+        by_version = _grouped((node.versions.get(package, "none"), where(node)) for node in nodes)
         if len(by_version) > 1:
             what = f"{package} has different versions: {_listed(by_version)}"
             found.append(Finding("problem", what, "install the same version on every host"))
-    by_config = _grouped((node["config_sha256"][:8], where(node)) for node in nodes)
+    by_config = _grouped((node.config_sha256[:8], where(node)) for node in nodes)
     if len(by_config) > 1:
         what = f"the processes have different configs: {_listed(by_config)}"
         remedy = "start all of them with the same file, --set and --seed; `navloom config check --json` prints its hash"
@@ -214,37 +211,37 @@ def differing(nodes: Sequence[Node]) -> list[Finding]:
     return found
 
 
-def unheard(nodes: Sequence[Node]) -> list[Finding]:
+def unheard(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for processes that do not receive the platform's messages while others do."""
-    silent = {where(node): node for node in nodes if node["silence_s"] is not None}
-    if not silent or min(node["silence_s"] for node in silent.values()) > SILENT:
+    silent = {where(node): (node, node.silence_s) for node in nodes if node.silence_s is not None}
+    if not silent or min(silence for _, silence in silent.values()) > SILENT:
         return []
-    home = {node["host"] for node in nodes if node["role"] == "platform"}
+    home = {node.host for node in nodes if node.role == "platform"}
     found = []
-    for process, node in silent.items():
-        if node["silence_s"] > SILENT:
+    for process, (node, silence) in silent.items():
+        if silence > SILENT:
             remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
-            if node["host"] in home:
-                remedy = f"it hangs, or its host gives it no CPU time: `kill -KILL {node['pid']}` restarts it"
-            what = f"process {process} has not received a platform message for {node['silence_s']:.1f} s"
+            if node.host in home:
+                remedy = f"it hangs, or its host gives it no CPU time: `kill -KILL {node.pid}` restarts it"
+            what = f"process {process} has not received a platform message for {silence:.1f} s"
             found.append(Finding("problem", what, remedy))
     return found
 
 
-def doubled(answers: Sequence[Node]) -> list[Finding]:
+def doubled(answers: Sequence[Description]) -> list[Finding]:
     """Findings for nodes that several processes run: all of them publish on the node's streams.
 
     Args:
         answers: Every description that arrives, also several of one instance.
     """
     runs: dict[tuple[Any, ...], list[str]] = {}
-    for name in dict.fromkeys(map(named, answers)):
-        found: list[Node] = []
-        for answer in (one for one in answers if named(one) == name):
+    for name in dict.fromkeys(one.name for one in answers):
+        found: list[Description] = []
+        for answer in (one for one in answers if one.name == name):
             if not any(_is_same_process(answer, other) for other in found):
                 found.append(answer)
         if len(found) > 1:
-            who = sorted({f"host {one['host']} (process {one['pid']}{_since(one)})" for one in found})
+            who = sorted({f"host {one.host} (process {one.pid}{_since(one)})" for one in found})
             runs.setdefault(tuple(who), []).append(name)
     remedy = "two robots of one name take each other's commands: end one, or give it another robot.name"
     return [
@@ -255,39 +252,39 @@ def doubled(answers: Sequence[Node]) -> list[Finding]:
     ]
 
 
-def _is_same_process(one: Node, other: Node) -> bool:
+def _is_same_process(one: Description, other: Description) -> bool:
     is_near = abs(_started(one) - _started(other)) < TOGETHER
-    return (one["host"], one["pid"]) == (other["host"], other["pid"]) and is_near
+    return (one.host, one.pid) == (other.host, other.pid) and is_near
 
 
-def _started(node: Node) -> float:
+def _started(node: Description) -> float:
     """Wall clock at which the process of a node started, s since 1970; 0 if it does not say."""
-    return float(node.get("wall_ns", 0) * 1e-9 - (node.get("up_s") or 0.0)) if "wall_ns" in node else 0.0
+    return 0.0 if node.wall_ns is None else node.wall_ns * 1e-9 - (node.up_s or 0.0)
 
 
-def _since(node: Node) -> str:
+def _since(node: Description) -> str:
     started = _started(node)
     return time.strftime(", since %Y-%m-%d %H:%M:%S", time.localtime(started)) if started else ""
 
 
-def sharing(nodes: Sequence[Node]) -> list[Finding]:
+def sharing(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for too little shared memory, and for large messages that cross hosts and cannot use it."""
     found = []
-    for host, free in {node["host"]: node["shared_memory_mb"] for node in nodes if node["shares_memory"]}.items():
+    for host, free in {node.host: node.shared_memory_mb for node in nodes if node.shares_memory}.items():
         remedy = f"give /dev/shm {POOL:.0f} MB for each process there (containers: --shm-size)"
         if free is None or free < LOW:
             amount = "no shared memory" if free is None else f"only {free:.1f} MB of shared memory left"
             found.append(Finding("problem", f"{host} has {amount}: a process that starts there cannot join", remedy))
         elif free < POOL:
             found.append(Finding("note", f"{host} has {free:.0f} MB of shared memory left", remedy))
-    hosts = {f"{node['role']}/{node['instance']}": node["host"] for node in nodes}
+    hosts = {f"{node.role}/{node.instance}": node.host for node in nodes}
     for node in nodes:
-        for stream, counts in node["streams"].items():
+        for stream, counts in node.streams.items():
             source, _, port = stream.rpartition("/")
             is_scan = source.startswith("platform/") and port not in SMALL
             is_large = is_scan or (source.startswith("mapper/") and port == "map")
-            if is_large and counts["received"] and hosts.get(source, node["host"]) != node["host"]:
-                what = f"{named(node)} on {node['host']} gets {stream} over the network, from {hosts[source]}"
+            if is_large and counts.received and hosts.get(source, node.host) != node.host:
+                what = f"{node.name} on {node.host} gets {stream} over the network, from {hosts[source]}"
                 remedy = "within one host it costs less: if its age is high (`navloom hz`), move the reader there"
                 found.append(Finding("note", what, remedy))
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections import deque
@@ -13,13 +12,15 @@ from typing import NamedTuple
 
 from navloom.config import Loaded
 from navloom.engine.catalogue import catalogue_of
+from navloom.inputs.typed_json import from_json
 from navloom.messages.codec import CodecError, read_envelope
 from navloom.plugins.opening import OPENER
 from navloom_recording.counting import RecorderCounts
-from navloom_recording.header import Kind, RecordingHeader, header_of
+from navloom_recording.header import RecordingHeader, header_of
 from navloom_recording.writer import RecordingWriter, WriteError
 
 from navloom_live.hosting.network import streams_of
+from navloom_live.live.description import ProcessConfig
 from navloom_live.operating.client import Client, ClientError
 from navloom_live.transport.keyspace import ATTENDANT, FAULT, GAINED, LINKED
 from navloom_live.transport.quality import retained_ports
@@ -48,23 +49,35 @@ def ask_header(client: Client) -> RecordingHeader:
     """Header of a recording, from the robot's own description. Plugins that its config blocks are blocked here too.
 
     Raises:
-        ClientError: No process of the robot answers.
+        ClientError: No process of the robot answers, or the answer cannot be read.
     """
     limit = time.monotonic() + ASK
     while True:
         for answer in client.bus.ask(client.keys.process("*", "config"), timeout=1.0):
             if not answer.refusal:
-                given = json.loads(answer.data)
-                kind: Kind = "barrier" if given["barrier"] else "live"
-                loaded = Loaded.from_json(given["loaded"])
+                given, loaded = _read_config(client.keys.prefix, answer.data)
                 OPENER.block(loaded.config.plugins.blocked)
-                header = header_of(loaded, kind, given["distributions"])
+                header = header_of(loaded, "barrier" if given.barrier else "live", given.distributions)
                 return replace(header, realm=client.keys.realm, robot=client.keys.robot)
         if time.monotonic() > limit:
             raise ClientError(
                 f"robot {client.keys.prefix}: no process reports its config; `navloom list` shows its nodes"
             )
         time.sleep(0.05)
+
+
+def _read_config(robot: str, data: bytes) -> tuple[ProcessConfig, Loaded]:
+    try:
+        given = from_json(ProcessConfig, data)
+        if given.loaded is None:
+            raise ValueError("its config is not known")
+        return given, Loaded.from_json(given.loaded)
+    except (KeyError, ValueError) as error:
+        why = " ".join(str(error).split())
+        raise ClientError(
+            f"robot {robot}: the config that it reports cannot be read ({why}); install the same version of navloom "
+            "on both"
+        ) from None
 
 
 def _recorded(header: RecordingHeader) -> list[str]:

@@ -1,13 +1,13 @@
-"""Observes a live robot from outside: its nodes, its streams and its status."""
+"""Observes a live robot from outside: its streams and its status."""
 
 from __future__ import annotations
 
 import contextlib
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from navloom.engine.streams import FRAMEWORK_PORTS
@@ -19,24 +19,20 @@ from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE, WAITING
 from navloom.plugins.opening import OPENER
 
 from navloom_live.live.mailbox import Inlet, Mailbox, Packet
-from navloom_live.operating.client import OPEN, Client
+from navloom_live.operating.client import Client
+from navloom_live.operating.nodes import Node, answering, missing
 from navloom_live.transport.quality import is_retained, kind_of, most_of
 
 __all__ = [
     "NO_GOAL",
     "NO_PATH",
     "WHERE_IT_IS",
-    "Missing",
     "NoStream",
     "changed_parameters",
     "envelope_fields",
     "last",
     "last_words",
-    "listing",
     "message_fields",
-    "missing",
-    "neighbours_names",
-    "platform_age",
     "progress",
     "resolve",
     "retained",
@@ -87,60 +83,6 @@ class NoStream(NavloomError, ValueError):
     """The robot has no stream of this key; the text names the nearest one."""
 
 
-class Missing(NamedTuple):
-    """A node of the config that is missing.
-
-    Attributes:
-        role, instance: Its names.
-        process: Process that the config assigns it to.
-        host: Host of `[live.hosts]` with that process; empty if the config names none.
-    """
-
-    role: str
-    instance: str
-    process: str
-    host: str
-
-
-# --- who is there ---------------------------------------------------------------------------------------------------
-
-
-def listing(client: Client) -> list[dict[str, Any]]:
-    """Every node with its description, in the order of the graph; also those that are announced but do not answer."""
-    nodes = [{**node, "answers": True} for node in client.describe()]
-    answered = {(node["role"], node["instance"]) for node in nodes}
-    places = _places(nodes)
-    announced = {client.keys.split(key)[:2] for key in client.bus.alive(client.keys.alive("*", "*", "*"))}
-    for role, name in sorted(announced - answered):
-        process = places.get(f"{role} {name}")
-        nodes.append({**OPEN, "role": role, "instance": name, "process": process, "answers": False})
-    order = {node: number for number, node in enumerate(places)}
-    return sorted(nodes, key=lambda n: (order.get(f"{n['role']} {n['instance']}", len(order)), n["role"]))
-
-
-def missing(nodes: Sequence[Mapping[str, Any]]) -> list[Missing]:
-    """Nodes that the config of the others names, but that are not on the network."""
-    there = {f"{node['role']} {node['instance']}" for node in nodes}
-    hosts: dict[str, str] = {}
-    for node in nodes:
-        hosts |= node["hosts"]
-    gone = [(*name.split(" ", 1), process) for name, process in _places(nodes).items() if name not in there]
-    return [Missing(role, instance, process, hosts.get(process, "")) for role, instance, process in gone]
-
-
-def neighbours_names(client: Client) -> list[str]:
-    """Every realm/robot with a node on this network that this tool is allowed to see."""
-    return sorted({"/".join(key.split("/")[:2]) for key in client.bus.alive("*/*/*/*/alive/*")})
-
-
-def _places(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Process of each "role instance", in the order of the graph, according to the nodes that answer."""
-    found: dict[str, str] = {}
-    for node in nodes:
-        found |= node["places"]
-    return found
-
-
 # --- its status -----------------------------------------------------------------------------------------------------
 
 
@@ -169,12 +111,6 @@ def changed_parameters(client: Client) -> dict[str, list[str]]:
                 role, name, _ = client.keys.split(answer.key)
                 found[f"{role} {name}"] = list(message.values)
     return dict(sorted(found.items()))
-
-
-def platform_age(nodes: Sequence[Mapping[str, Any]]) -> float | None:
-    """Time since the last platform message, s: at the gate, or the shortest if there is no gate; None for never."""
-    ages = {node["role"]: node["silence_s"] for node in nodes if node["silence_s"] is not None}
-    return ages.get("gate", min(ages.values(), default=None))
 
 
 def progress(feedback: Feedback, pace: str = "") -> str:
@@ -273,13 +209,12 @@ def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple
 # --- streams --------------------------------------------------------------------------------------------------------
 
 
-def streams(nodes: Sequence[Mapping[str, Any]]) -> list[str]:
+def streams(nodes: Sequence[Node]) -> list[str]:
     """Every stream of the robot as role/instance/port."""
-    found = [f"{n['role']}/{n['instance']}/{port}" for n in nodes for port in n["published"]]
-    return sorted(found)
+    return sorted(f"{node.role}/{node.instance}/{port}" for node in answering(nodes) for port in node.published)
 
 
-def resolve(key: str, nodes: Sequence[Mapping[str, Any]]) -> list[str]:
+def resolve(key: str, nodes: Sequence[Node]) -> list[str]:
     """Streams meant by role/instance/port, role/port or role, each with `*` for any.
 
     Raises:
@@ -299,10 +234,10 @@ def resolve(key: str, nodes: Sequence[Mapping[str, Any]]) -> list[str]:
     raise NoStream(f"no stream {key!r}: expected role/port or role/instance/port; {_nearest(key, known)}")
 
 
-def _lacking(wanted: Sequence[str], nodes: Sequence[Mapping[str, Any]]) -> list[str]:
+def _lacking(wanted: Sequence[str], nodes: Sequence[Node]) -> list[str]:
     """Nodes of the wanted role and instance that are missing or do not answer."""
     found = [(gone.role, gone.instance, "is missing") for gone in missing(nodes)]
-    found += [(n["role"], n["instance"], "does not answer") for n in nodes if not n["answers"]]
+    found += [(node.role, node.instance, "does not answer") for node in nodes if node.description is None]
     return [f"{role} {name} {how}" for role, name, how in found if role == wanted[0] and wanted[1] in ("*", name)]
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from navloom.messages.codec import CodecError
 
+from navloom_live.live.description import Description, DescriptionError
 from navloom_live.live.mailbox import Mailbox, Packet
 from navloom_live.operating.client import AGAIN, Client
 from navloom_live.operating.looking import tap
@@ -126,9 +127,9 @@ def measure(
     return {name: meter.summary(listened, fastest) for name, meter in meters.items()}
 
 
-def clock_offsets(client: Client, nodes: Sequence[Mapping[str, Any]]) -> dict[str, Offset]:
+def clock_offsets(client: Client, nodes: Sequence[Description]) -> dict[str, Offset]:
     """Offset of each host's wall clock, from queries to one node of each host."""
-    asked = {node["host"]: (node["role"], node["instance"]) for node in nodes if node["answers"]}
+    asked = {node.host: (node.role, node.instance) for node in nodes}
     best: dict[str, Offset] = {}
     for host, source in asked.items():
         for _ in range(ROUNDS):
@@ -138,10 +139,13 @@ def clock_offsets(client: Client, nodes: Sequence[Mapping[str, Any]]) -> dict[st
                 if answer.refusal:
                     continue
                 trip = time.perf_counter_ns() - started
-                described = client.described(answer)
-                if described is None or "wall_ns" not in described:
+                try:
+                    wall_ns = client.described(answer).wall_ns
+                except DescriptionError:
                     continue
-                offset = Offset((described["wall_ns"] - before - trip / 2) * 1e-9, trip * 0.5e-9)
+                if wall_ns is None:
+                    continue
+                offset = Offset((wall_ns - before - trip / 2) * 1e-9, trip * 0.5e-9)
                 if host not in best or offset.uncertain < best[host].uncertain:
                     best[host] = offset
     return best

@@ -10,7 +10,7 @@ from navloom.errors import NavloomError
 from navloom_live.operating.client import Client
 from navloom_live.operating.exposition import CONTENT_TYPE, Stops, exposition
 from navloom_live.operating.listening import Listening
-from navloom_live.operating.looking import listing, missing
+from navloom_live.operating.nodes import listing, missing
 
 __all__ = ["BindError", "MetricsServer"]
 

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 
 from navloom_live.live.mailbox import Inlet, Mailbox, Packet
+from navloom_live.live.requests import CANCEL, SUBMIT, Submit
+from navloom_live.live.service import Nothing
 from navloom_live.operating import acts
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.operating.joining import join
@@ -111,7 +113,7 @@ class GoalHandle:
 
     def cancel(self) -> None:
         """Cancel it."""
-        self._client.call("goal", "main", "cancel", {})
+        self._client.call("goal", "main", CANCEL, Nothing())
 
     def _refuse_endless_wait(self) -> None:
         client, now = self._client, time.monotonic()
@@ -208,12 +210,11 @@ class Navigator:
         Raises:
             Refused: The goal is rejected immediately, with the reason; ClientError: the goal node does not answer.
         """
-        given = {"x": x, "y": y, "heading": heading, "via": [list(point) for point in via]}
         for name, value in (("x", x), ("y", y), ("heading", 0.0 if heading is None else heading)):
             if not math.isfinite(value):
                 raise Refused(f"rejected: {name} is {value}, expected a finite number")
-        answer = self.client.call("goal", "main", "submit", given)
-        return GoalHandle(self.client, self._mailbox, self._streams, int(answer["goal_id"]))
+        answer = self.client.call("goal", "main", SUBMIT, Submit(x, y, heading, tuple(via)))
+        return GoalHandle(self.client, self._mailbox, self._streams, answer.goal_id)
 
     def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
         """Send the robot to a place and wait for the result; a rejected goal is a result too.
@@ -235,7 +236,7 @@ class Navigator:
 
     def stop(self) -> None:
         """Stop the robot until `resume`."""
-        acts.stop(self.client)
+        self.client.stop()
 
     def resume(self) -> None:
         """Let the robot drive again after a stop or a contact."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from navloom.messages import PoseEstimate
 from navloom_live.live.mailbox import Mailbox
 from navloom_live.operating.client import Client
 from navloom_live.operating.looking import tap
+from navloom_live.operating.nodes import Node, answering
 
 __all__ = ["pose_fields", "pose_now"]
 
@@ -20,9 +21,9 @@ POSE = 1.0
 """Longest wait for a pose, s: longer than a localizer's usual period."""
 
 
-def pose_now(client: Client, nodes: Sequence[Mapping[str, Any]], timeout: float = POSE) -> PoseEstimate | None:
+def pose_now(client: Client, nodes: Sequence[Node], timeout: float = POSE) -> PoseEstimate | None:
     """The next pose of the active localizer; None if none comes within `timeout`, s."""
-    name = next((one["instance"] for one in nodes if one["role"] == "localizer" and one["active"]), None)
+    name = next((one.instance for one in answering(nodes) if one.role == "localizer" and one.active), None)
     if name is None:
         return None
     mailbox, limit = Mailbox(), time.monotonic() + timeout

@@ -9,7 +9,6 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from typing import Any
 
 from navloom.engine.catalogue import FRAMEWORK, catalogue_of
 from navloom.messages import SCHEMAS, Envelope, Message
@@ -18,6 +17,7 @@ from navloom_recording.reader import RawRecorded, Recording
 from navloom_recording.replaying import recorded_instances
 
 from navloom_live.hosting.directory import DirectoryError, RobotFolder, Running
+from navloom_live.live.description import Description, ProcessConfig
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.links import Link
 from navloom_live.transport.quality import is_retained, quality_of
@@ -139,19 +139,18 @@ class _Player:
 
     def _describe(self, question: Question, source: tuple[str, str], plugin: str | None) -> None:
         at = self._at[source]
-        described = {
-            "role": source[0], "instance": source[1], "plugin": plugin, "process": PROCESS, "pid": os.getpid(),
-            "host": platform.node(), "active": True, "enabled": True, "tick": at.tick, "epoch": at.epoch,
-            "versions": self.recording.header.versions, "published": self.published[source], "streams": {},
-            "config_sha256": self.recording.header.config_sha256, "clock_ns": at.stamp_ns, "silence_s": None,
-            "wall_ns": time.time_ns(), "places": {" ".join(one): PROCESS for one in self.published}, "hosts": {},
-        }  # fmt: skip
-        question.answer(self.keys.port(*source, "describe"), json.dumps(described).encode(), "json")
+        told = Description(
+            role=source[0], instance=source[1], plugin=plugin, process=PROCESS, pid=os.getpid(), host=platform.node(),
+            active=True, enabled=True, tick=at.tick, epoch=at.epoch, versions=self.recording.header.versions,
+            published=self.published[source], config_sha256=self.recording.header.config_sha256, clock_ns=at.stamp_ns,
+            wall_ns=time.time_ns(), places={" ".join(one): PROCESS for one in self.published},
+        )  # fmt: skip
+        question.answer(self.keys.port(*source, "describe"), json.dumps(told.to_json()).encode(), "json")
 
     def _show_config(self, question: Question) -> None:
         header = self.recording.header
-        given: dict[str, Any] = {"loaded": header.config, "barrier": False, "distributions": header.versions}
-        question.answer(self.keys.process(PROCESS, "config"), json.dumps(given).encode(), "json")
+        given = ProcessConfig(loaded=header.config, barrier=False, distributions=header.versions)
+        question.answer(self.keys.process(PROCESS, "config"), given.to_bytes(), "json")
 
 
 def _plugins(recording: Recording) -> dict[tuple[str, str], str]:

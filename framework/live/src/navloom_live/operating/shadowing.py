@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from navloom.engine.difference_units import UNITS
+from navloom.engine.shadow_state import ShadowState
+from navloom.inputs.typed_json import from_builtins
 
 from navloom_live.operating.client import Client
+from navloom_live.operating.nodes import Node, answering
 from navloom_live.transport.keyspace import SUPERVISOR
 
 __all__ = ["COLUMNS", "cells_of", "differing_text", "shadows_of", "sizes_text"]
@@ -21,41 +23,43 @@ LEAST = 5e-4
 """Smallest difference that is printed as different from 0, in its unit."""
 
 
-def shadows_of(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Each shadow that steps, with its comparison so far, see `recording.shadows.Disagreement.so_far`.
+def shadows_of(client: Client, nodes: Sequence[Node]) -> list[ShadowState]:
+    """Each shadow that steps, with its comparison so far.
 
     A shadow that `navloom up` does not compare, or of a robot without one, has no `ticks`.
     """
-    found: dict[tuple[str, str], dict[str, Any]] = {
-        (node["role"], node["instance"]): {"role": node["role"], "instance": node["instance"], "ticks": None}
-        for node in nodes
-        if node["plugin"] and node["active"] is False and node["enabled"]
+    found = {
+        (node.role, node.instance): ShadowState(node.role, node.instance)
+        for node in answering(nodes)
+        if node.plugin and not node.active and node.enabled
     }
     for answer in client.bus.ask(client.keys.process(SUPERVISOR, "shadows"), timeout=1.0) if found else ():
-        for one in [] if answer.refusal else json.loads(answer.data):
-            if (one["role"], one["instance"]) in found:
-                found[one["role"], one["instance"]] = one
+        for given in [] if answer.refusal else json.loads(answer.data):
+            state = from_builtins(ShadowState, given)
+            if (state.role, state.instance) in found:
+                found[state.role, state.instance] = state
     return list(found.values())
 
 
-def cells_of(one: Mapping[str, Any]) -> tuple[str, ...]:
+def cells_of(state: ShadowState) -> tuple[str, ...]:
     """The comparison of a shadow as text, in the order of COLUMNS; "-" where there is nothing to compare."""
-    name = f"{one['role']} {one['instance']}"
-    if not one["ticks"]:
+    name = f"{state.role} {state.instance}"
+    if not state.ticks:
         return (name, *["-"] * (len(COLUMNS) - 1))
-    handovers = f"{one['handovers']} ticks" if one["role"] == "avoider" else "-"
-    share, stops = f"{100.0 * one['differing_share']:.0f} %", f"{one['stops']} ticks" if "vx" in one["mean"] else "-"
-    sizes = sizes_text(one["now"]), sizes_text(one["mean"])
-    return (name, str(one["against"]), str(one["ticks"]), share, *sizes, stops, handovers)
+    handovers = f"{state.handovers} ticks" if state.role == "avoider" else "-"
+    share = f"{100.0 * (state.differing_share or 0.0):.0f} %"
+    stops = f"{state.stops} ticks" if "vx" in state.mean else "-"
+    sizes = sizes_text(state.now), sizes_text(state.mean)
+    return (name, str(state.against), str(state.ticks), share, *sizes, stops, handovers)
 
 
-def differing_text(one: Mapping[str, Any]) -> str:
+def differing_text(state: ShadowState) -> str:
     """The comparison of a shadow on one line."""
-    if not one["ticks"]:
-        return "nothing to compare so far" if one["ticks"] is not None else "not compared"
-    _, against, ticks, share, now, mean, stops, handovers = cells_of(one)
-    more = [f"would have stopped in {stops}"] if one["stops"] else []
-    more += [f"would have handed over otherwise in {handovers}"] if one["handovers"] else []
+    if not state.ticks:
+        return "nothing to compare so far" if state.ticks is not None else "not compared"
+    _, against, ticks, share, now, mean, stops, handovers = cells_of(state)
+    more = [f"would have stopped in {stops}"] if state.stops else []
+    more += [f"would have handed over otherwise in {handovers}"] if state.handovers else []
     return "; ".join([f"differs from {against} in {share} of {ticks} ticks", f"now {now}", f"mean {mean}", *more])
 
 

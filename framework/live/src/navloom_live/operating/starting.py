@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from navloom_live.live.requests import ADD, Add
 from navloom_live.operating.client import Client, ClientError, Refused
 
 __all__ = ["STARTS", "start_in_shadow"]
@@ -31,21 +32,20 @@ def start_in_shadow(client: Client, role: str, name: str, say: Callable[[str], N
     Raises:
         Refused: It cannot be added, or does not start, with the reason and a remedy.
     """
-    request = {"role": role, "instance": name}
     try:
-        answer = client.call_supervisor("add", {**request, "again": True})
+        answer = client.call_supervisor(ADD, Add(role, name, again=True))
     except ClientError:
         return
-    if answer["is_new"]:
+    if answer.is_new:
         say(f"{role}: starting {name} in shadow")
     limit, asked = time.monotonic() + STARTS, time.monotonic()
     while not client.lives(role, name):
         now = time.monotonic()
         if now > limit:
-            why = f": its process {answer['why']}" if answer["why"] else ""
+            why = f": its process {answer.why}" if answer.why else ""
             raise Refused(f"{role} {name} has not started within {STARTS:g} s{why}; `navloom doctor` says more")
         if now - asked > ASK:
-            asked, answer = now, client.call_supervisor("add", request)
-            if answer["state"] == "failed":
-                raise Refused(f"{role} {name} does not start: its process {answer['why']}: {answer['last_words']}")
+            asked, answer = now, client.call_supervisor(ADD, Add(role, name))
+            if answer.state == "failed":
+                raise Refused(f"{role} {name} does not start: its process {answer.why}: {answer.last_words}")
         time.sleep(LOOK)

@@ -19,7 +19,6 @@ from navloom.logs import Level, set_up_logging
 
 from navloom_live.hosting.claims import elsewhere
 from navloom_live.hosting.directory import DirectoryError, robots
-from navloom_live.operating import acts
 from navloom_live.operating.joining import find_robot, join
 
 __all__ = ["read_options", "stop_at_once", "stop_robots"]
@@ -88,7 +87,7 @@ def stop_robots(
         raise DirectoryError("--all: it means every robot on this host; leave --robot and --connect out")
     if not every:
         with join(robot, connect, keys, insecure=insecure) as client:
-            acts.stop(client)
+            client.stop()
         print(STOPPED, flush=True)
         return 0
     own, others = [f"{one.realm}/{one.robot}" for one in robots()], elsewhere()
@@ -140,7 +139,7 @@ class _Stop(threading.Thread):
     def run(self) -> None:
         try:
             with join(self.name, None, self._keys, insecure=self._insecure) as client:
-                acts.stop(client)
+                client.stop()
             self.outcome = STOPPED
         except NavloomError as error:
             self.outcome = f"not stopped: {error}"

@@ -28,26 +28,24 @@ def tell_substitute(found: Any, recorded: str) -> None:
     from navloom.cli.output import print_table
     from navloom.engine.difference_units import UNITS
 
-    summary = found.summary()
-    share = summary["differing_share"]
-    typer.echo(
-        f"{summary['role']} {summary['instance']} on what {recorded} was given, {summary['ticks']} ticks compared"
-    )
+    summary = found.found.summary()
+    share = summary.differing_share
+    typer.echo(f"{summary.role} {summary.instance} on what {recorded} was given, {summary.ticks} ticks compared")
     if share is None:
         typer.echo("no tick in which both gave an answer")
     else:
         differing = sum(found.found.differing)
-        first = summary["first_differing_tick"]
+        first = summary.first_differing_tick
         typer.echo(
             f"differs in {differing} ticks ({share:.1%})"
-            + ("" if first is None else f", first in tick {first} ({summary['first_differing_s']:.2f} s)")
+            + ("" if first is None else f", first in tick {first} ({summary.first_differing_s:.2f} s)")
         )
         typer.echo(f"ticks that differ: {_spans(found.found) or 'none'}")
-        rows = [(name, UNITS[name], one["rms"], one["max"]) for name, one in summary["differences"].items()]
+        rows = [(name, UNITS[name], sizes.rms, sizes.max) for name, sizes in summary.differences.items()]
         print_table(("difference", "unit", "rms", "max"), rows)
-    if summary["unanswered"]:
-        typer.echo(f"only one of the two gave an answer in {summary['unanswered']} ticks")
-    for text in (summary["first_fault"], summary["first_not_fed"], *summary["notes"]):
+    if summary.unanswered:
+        typer.echo(f"only one of the two gave an answer in {summary.unanswered} ticks")
+    for text in (*found.faults[:1], *found.not_fed[:1], *found.notes):
         if text:
             typer.echo(f"note: {text}")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,6 +22,8 @@ from navloom.plugins.registry import nearest
 from navloom.runs.metrics import Metric, all_metrics
 
 from navloom_study.episode_key import EpisodeKey
+from navloom_study.journal import OpenLoopLine, open_loop_lines, rows_of
+from navloom_study.rows import Row
 from navloom_study.statistics import Comparison, compare_methods
 from navloom_study.tracks import StoredWay, read_track
 from navloom_study.worldset import OWN_WORLD, world_digest
@@ -40,7 +41,7 @@ class StudyFiles:
     Attributes:
         folder: Folder of the study.
         request: Contents of `study.json`.
-        rows: Lines of `episodes.csv`.
+        rows: Rows of `episodes.csv`.
         open_loop: Lines of `open_loop.csv`, empty if there is none.
         timing: Contents of `timing.json`, empty if there is none.
         metrics: Metrics in the order of the table.
@@ -50,8 +51,8 @@ class StudyFiles:
 
     folder: Path
     request: dict[str, Any]
-    rows: list[dict[str, str]]
-    open_loop: list[dict[str, str]]
+    rows: list[Row]
+    open_loop: list[OpenLoopLine]
     timing: dict[str, Any]
     metrics: tuple[Metric, ...]
     baseline: str
@@ -75,20 +76,21 @@ class StudyFiles:
     @cached_property
     def comparison(self) -> Comparison:
         """Statistical comparison of the methods."""
-        return compare_methods(self.rows, self.baseline, self.metrics, np.random.default_rng(SEED))
+        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
+        return compare_methods(rows, self.baseline, self.metrics, np.random.default_rng(SEED))
 
     @cached_property
     def outcomes(self) -> dict[tuple[str, str], list[str]]:
         """Outcomes of the episodes, by method and world."""
         found: dict[tuple[str, str], list[str]] = {}
         for row in self.rows:
-            found.setdefault((row["method"], row["world"]), []).append(row["outcome"])
+            found.setdefault((row.key.method, row.key.world), []).append(row.outcome)
         return found
 
     def values(self, metric: str, method: str) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(n,) values of a metric in a method's episodes, where it is defined."""
-        told = [row[metric] for row in self.rows if row["method"] == method and row[metric] != ""]
-        return np.array([float(value) for value in told])
+        told = (row.metrics[metric] for row in self.rows if row.key.method == method)
+        return np.array([value for value in told if value is not None])
 
     def metric(self, name: str) -> Metric | None:
         """A metric by name, or None."""
@@ -152,23 +154,32 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     if not (folder / "episodes.csv").is_file():
         raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` continues it")
     request = _read(folder / "study.json", _json)
-    rows = _read(folder / "episodes.csv", _table)
+    table = _read(folder / "episodes.csv", _table)
     try:
         # intern raises TypeError for anything but a string
         names, told = ([intern(name) for name in request[part]] for part in ("methods", "metrics"))
         baseline = baseline or intern(request.get("open_loop", {}).get("baseline", "")) or names[0]
-        complete = len(rows) == len(names) * len(request["worlds"]) * len(request["seeds"])
-        lacking = [name for name in ("method", "world", "seed", "outcome", *told) if any(name not in r for r in rows)]
+        count = len(names) * len(request["worlds"]) * len(request["seeds"])
     except (KeyError, TypeError, IndexError, AttributeError):
-        raise ConfigError(f"{folder / 'study.json'}: damaged; make the study again in another folder") from None
-    if not complete or lacking:
+        raise _damaged(folder / "study.json") from None
+    try:
+        rows = rows_of(table, told)
+    except KeyError:
+        rows = []
+    except (TypeError, ValueError, csv.Error):
+        raise _damaged(folder / "episodes.csv") from None
+    if len(rows) != count:
         raise ConfigError(
             f"{folder / 'episodes.csv'}: is not the table of study.json; the same compare writes it again"
         )
     if baseline not in names:
         raise ConfigError(f"--baseline {baseline}: no such method in {folder}{nearest(baseline, names)}")
     timing = _optional(folder / "timing.json", _json, {})
-    open_loop = _optional(folder / "open_loop.csv", _table, []) if "open_loop" in request else []
+    open_loop = (
+        _optional(folder / "open_loop.csv", lambda path: open_loop_lines(_table(path)), [])
+        if "open_loop" in request
+        else []
+    )
     discovery = Discovery()
     known = {metric.name: metric for metric in all_metrics(discovery)[0]}
     metrics = tuple(known.get(name) or _unknown(name) for name in told)
@@ -180,9 +191,8 @@ def _unknown(name: str) -> Metric:
     return Metric(name, "?", None, lambda trail: None, "Of a plugin that is not installed here.")
 
 
-def _table(path: Path) -> list[dict[str, str]]:
-    text = read_file(path, IMAGE_MB, ConfigError).decode("utf-8")
-    return list(csv.DictReader(io.StringIO(text, newline="")))
+def _table(path: Path) -> str:
+    return read_file(path, IMAGE_MB, ConfigError).decode("utf-8")
 
 
 def _json(path: Path) -> Any:
@@ -195,7 +205,11 @@ def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
     except ConfigError:
         raise
     except (ValueError, csv.Error):
-        raise ConfigError(f"{path}: damaged; make the study again in another folder") from None
+        raise _damaged(path) from None
+
+
+def _damaged(path: Path) -> ConfigError:
+    return ConfigError(f"{path}: damaged; make the study again in another folder")
 
 
 def _optional(path: Path, reader: Callable[[Path], Any], default: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from navloom.engine.difference_units import TOLERANCES, UNITS
 from numpy.typing import NDArray
 
+from navloom_study.journal import Compared, OpenLoopLine
 from navloom_study.openloop import METHOD
 from navloom_study.report.data import StudyFiles
 from navloom_study.report.figures import WIDTH, line_of, shortened
@@ -82,9 +84,9 @@ def open_loop_data(study: StudyFiles) -> OpenLoopData | None:
                 values.setdefault(key, []).append((track.shadow_time[name], found))
     quantities = tuple(name for name in UNITS if any(key[1] == name for key in values))
     alone = {
-        (row["world"], row["seed"]): row["trace_sha256"] for row in study.rows if row["method"] == told["baseline"]
+        (row.key.world, row.key.seed): row.trace_sha256 for row in study.rows if row.key.method == told["baseline"]
     }
-    beside = {(row["world"], row["seed"]): row["trace_sha256"] for row in study.open_loop}
+    beside = {(line.world, line.seed): line.trace_sha256 for line in study.open_loop}
     both = [key for key in beside if beside[key] and alone.get(key)]
     changed = sum(alone[key] != beside[key] for key in both)
     return OpenLoopData(
@@ -96,21 +98,21 @@ def shadow_summary(study: StudyFiles, data: OpenLoopData) -> TextTable:
     """Ticks, share of differing ticks, and differences by method and quantity; for avoiders also while they drove."""
     rows = []
     for method in data.shadows:
-        told = [row for row in study.open_loop if row["method"] == method]
-        episodes = list({(row["world"], row["seed"]): row for row in told}.values())
-        spans = [("all ticks", "")]
-        if any(row["driving_ticks"] for row in episodes):
-            spans.append(("while the avoider drove", "driving_"))
-        for span, prefix in spans:
-            ticks, share = _pooled_share(episodes, prefix)
-            quantities = [name for name in data.quantities if any(row["quantity"] == name for row in told)]
+        told = [line for line in study.open_loop if line.method == method]
+        episodes = list({(line.world, line.seed): line for line in told}.values())
+        spans: list[tuple[str, Callable[[OpenLoopLine], Compared]]] = [("all ticks", lambda line: line.all_ticks)]
+        if any(line.driving_ticks is not None for line in episodes):
+            spans.append(("while the avoider drove", lambda line: line.while_driving))
+        for n, (span, of) in enumerate(spans):
+            ticks, share = _pooled_share([of(line) for line in episodes])
+            quantities = [name for name in data.quantities if any(line.quantity == name for line in told)]
             for k, quantity in enumerate(quantities or [""]):
-                rms, most = _pooled_sizes([row for row in told if row["quantity"] == quantity], prefix)
+                rms, most = _pooled_sizes([of(line) for line in told if line.quantity == quantity])
                 digits = decimals([most])
-                named = [method if not prefix else "", span, str(ticks), share] if not k else [""] * 4
+                named = [method if n == 0 else "", span, str(ticks), share] if not k else [""] * 4
                 unit = f"{quantity}, {UNITS[quantity]}" if quantity else NONE
                 rows.append([*named, unit, number(rms, digits), number(most, digits)])
-    silent = sum(int(row["unanswered"]) for row in study.open_loop)
+    silent = sum(line.unanswered for line in study.open_loop)
     limits = ", ".join(f"{name} {TOLERANCES[name]:g} {UNITS[name]}" for name in data.quantities)
     caption = f"Ticks differ where any difference is beyond {limits}." if limits else "No tick differs at all."
     if silent:
@@ -120,20 +122,20 @@ def shadow_summary(study: StudyFiles, data: OpenLoopData) -> TextTable:
     return TextTable(["method", "", "ticks", "differing", "quantity", "RMS", "greatest"], rows, caption, (0, 1, 4))
 
 
-def _pooled_share(episodes: list[dict[str, str]], prefix: str) -> tuple[int, str]:
-    ticks = sum(int(row[f"{prefix}ticks"] or 0) for row in episodes)
-    differing = sum(int(row[f"{prefix}ticks"] or 0) * float(row[f"{prefix}differing_share"] or 0.0) for row in episodes)
+def _pooled_share(episodes: Sequence[Compared]) -> tuple[int, str]:
+    ticks = sum(one.ticks or 0 for one in episodes)
+    differing = sum((one.ticks or 0) * (one.differing_share or 0.0) for one in episodes)
     return ticks, f"{100.0 * differing / ticks:.1f} %" if ticks else NONE
 
 
-def _pooled_sizes(lines: list[dict[str, str]], prefix: str) -> tuple[float | None, float | None]:
+def _pooled_sizes(lines: Sequence[Compared]) -> tuple[float | None, float | None]:
     """RMS and maximum over the ticks of all episodes."""
-    known = [row for row in lines if row[f"{prefix}rms"]]
-    count = sum(int(row[f"{prefix}ticks"]) for row in known)
+    known = [(one.ticks or 0, one.rms, one.max or 0.0) for one in lines if one.rms is not None]
+    count = sum(ticks for ticks, _, _ in known)
     if not count:
         return None, None
-    square = sum(float(row[f"{prefix}rms"]) ** 2 * int(row[f"{prefix}ticks"]) for row in known)
-    return math.sqrt(square / count), max(float(row[f"{prefix}max"]) for row in known)
+    square = sum(rms**2 * ticks for ticks, rms, _ in known)
+    return math.sqrt(square / count), max(most for _, _, most in known)
 
 
 def over_time_figure(study: StudyFiles, data: OpenLoopData) -> tuple[Figure, list[str]] | None:

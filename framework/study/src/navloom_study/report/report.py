@@ -156,7 +156,7 @@ def _in_short(study: StudyFiles) -> ReportPart:
         )
     untold = {
         method: sum(
-            row["method"] == method and row["outcome"] == "succeeded" and not row.get("false_success")
+            row.key.method == method and row.outcome == "succeeded" and row.metrics.get("false_success") is None
             for row in study.rows
         )
         for method in study.methods
@@ -297,7 +297,7 @@ def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
     told = study.request["open_loop"]
     for method, why in told["left_out"].items():
         part.say(f"{method} is left out: it {why}.", "note")
-    lost = len(study.worlds) * len(study.seeds) - len({(row["world"], row["seed"]) for row in study.open_loop})
+    lost = len(study.worlds) * len(study.seeds) - len({(line.world, line.seed) for line in study.open_loop})
     if lost:
         part.say(f"{lost} open-loop episodes failed and are left out; journal.jsonl gives the reason.", "note")
     if data.changed:

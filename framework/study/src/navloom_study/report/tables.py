@@ -165,7 +165,7 @@ def chance(value: float | None) -> str:
 def outcome_table(study: StudyFiles) -> TextTable:
     """Number of episodes by method and outcome."""
     counts = study.comparison.outcomes
-    kinds = [kind for kind, _ in Counter(row["outcome"] for row in study.rows).most_common()]
+    kinds = [kind for kind, _ in Counter(row.outcome for row in study.rows).most_common()]
     kinds.sort(key=lambda kind: kind != "succeeded")
     rows = [[method, *(str(counts[method].get(kind, 0)) for kind in kinds)] for method in study.methods]
     return TextTable(["method", *kinds], rows, "Episodes by outcome.")
@@ -174,9 +174,9 @@ def outcome_table(study: StudyFiles) -> TextTable:
 def reasons(study: StudyFiles, most: int = 12) -> TextTable:
     """Why episodes failed, the most common reasons first; places and distances, which vary, are left out."""
     told = Counter(
-        (row["method"], row["outcome"], DISTANCE.sub("… m ", PLACE.sub("(…)", row["reason"])))
+        (row.key.method, row.outcome, DISTANCE.sub("… m ", PLACE.sub("(…)", row.reason)))
         for row in study.rows
-        if row["outcome"] != "succeeded"
+        if row.outcome != "succeeded"
     )
     rows = [
         [method, outcome, reason, str(count)]

@@ -63,7 +63,7 @@ def ways_in(study: StudyFiles, world: str) -> WorldWays:
     """The stored tracks of the first seeds in one world."""
     seeds = study.seeds[:SEEDS]
     tracks: dict[str, list[tuple[StoredWay, str]]] = {}
-    ends = {(row["method"], int(row["seed"])): row["outcome"] for row in study.rows if row["world"] == world}
+    ends = {(row.key.method, row.key.seed): row.outcome for row in study.rows if row.key.world == world}
     for method in study.methods:
         found = [(study.track(method, world, seed), ends[method, seed]) for seed in seeds]
         tracks[method] = [(track, end) for track, end in found if track is not None]
@@ -85,9 +85,9 @@ def worlds_shown(study: StudyFiles) -> list[tuple[str, WorldWays]]:
 
 
 def _rank(study: StudyFiles, world: str) -> tuple[float, float]:
-    rows = [row for row in study.rows if row["world"] == world]
-    wins = sum(row["outcome"] == "succeeded" for row in rows)
-    return wins / len(rows), sum(float(row.get("spl") or 0.0) for row in rows) / len(rows)
+    rows = [row for row in study.rows if row.key.world == world]
+    wins = sum(row.outcome == "succeeded" for row in rows)
+    return wins / len(rows), sum(row.metrics.get("spl") or 0.0 for row in rows) / len(rows)
 
 
 def ways_figure(study: StudyFiles, ways: WorldWays) -> Figure:

@@ -6,10 +6,10 @@ A step record holds it as the text `told`, a JSON object; empty for nothing. Its
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from navloom.inputs.typed_json import from_json
 from navloom.messages import Goal, OperatorRequest, Point2D
 
 __all__ = ["GateTold", "GoalTold", "Obeyed"]
@@ -36,24 +36,47 @@ class GoalTold:
         """Text for the step record; empty for nothing."""
         if self == GoalTold():
             return ""
-        told = {
-            "fault": self.fault,
-            "lost": self.lost,
-            "restarted": list(self.restarted),
-            "submitted": [_request_words(request) for request in self.submitted],
-        }
-        return json.dumps(told)
+        submitted = tuple(_Submitted.of(request) for request in self.submitted)
+        return json.dumps(asdict(_GoalRecord(self.fault, self.lost, self.restarted, submitted)))
 
     @classmethod
     def of(cls, text: str) -> GoalTold:
         """From a step record."""
-        told = _words(text)
-        return cls(
-            told.get("fault", ""),
-            told.get("lost", False),
-            tuple(told.get("restarted", ())),
-            tuple(_request(one) for one in told.get("submitted", ())),
-        )
+        told = from_json(_GoalRecord, text or "{}")
+        return cls(told.fault, told.lost, told.restarted, tuple(one.request for one in told.submitted))
+
+
+@dataclass(frozen=True)
+class _Submitted:
+    """A request as a step record holds it; its goal as number, x, y, heading and points to pass."""
+
+    do: Any  # `OperatorRequest` checks it
+    goal: tuple[int, float, float, float | None, tuple[tuple[float, float], ...]] | None = None
+
+    @classmethod
+    def of(cls, request: OperatorRequest) -> _Submitted:
+        goal = request.goal
+        if goal is None:
+            return cls(request.do)
+        via = tuple((point.x, point.y) for point in goal.via)
+        return cls(request.do, (goal.goal_id, goal.x, goal.y, goal.heading, via))
+
+    @property
+    def request(self) -> OperatorRequest:
+        if self.goal is None:
+            return OperatorRequest(self.do)
+        number, x, y, heading, via = self.goal
+        return OperatorRequest(self.do, Goal(number, x, y, heading, tuple(Point2D(*point) for point in via)))
+
+
+@dataclass(frozen=True)
+class _GoalRecord:
+    """`GoalTold` as a step record holds it."""
+
+    fault: str = ""
+    lost: bool = False
+    restarted: tuple[str, ...] = ()
+    submitted: tuple[_Submitted, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,7 +88,7 @@ class Obeyed:
         driving: Sequence number of the newest command of an operator who was driving; 0 for none.
     """
 
-    do: Any
+    do: Any  # `OperatorRequest` checks it
     role: str
     instance: str
     driving: int
@@ -110,25 +133,4 @@ class GateTold:
     @classmethod
     def of(cls, text: str) -> GateTold:
         """From a step record."""
-        told = _words(text)
-        obeyed = tuple(Obeyed(**one) for one in told.pop("obeyed", ()))
-        return cls(**{**told, "obeyed": obeyed, "warm": tuple(told.get("warm", ()))})
-
-
-def _words(text: str) -> dict[str, Any]:
-    return dict(json.loads(text)) if text else {}
-
-
-def _request_words(request: OperatorRequest) -> Mapping[str, Any]:
-    goal = request.goal
-    via = [] if goal is None else [[point.x, point.y] for point in goal.via]
-    of_goal = None if goal is None else [goal.goal_id, goal.x, goal.y, goal.heading, via]
-    return {"do": request.do, "goal": of_goal}
-
-
-def _request(words: Mapping[str, Any]) -> OperatorRequest:
-    goal = words["goal"]
-    if goal is not None:
-        number, x, y, heading, via = goal
-        goal = Goal(number, x, y, heading, tuple(Point2D(*point) for point in via))
-    return OperatorRequest(words["do"], goal)
+        return from_json(cls, text or "{}")

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import navloom.messages
 import pytest
 from navloom.engine.catalogue import FRAMEWORK
 from navloom.engine.ports import Wired
 from navloom.engine.streams import sensor_port
-from navloom.messages import SCHEMAS, Envelope, Message, RangeScan
+from navloom.messages import SCHEMAS, Envelope, Message, RangeScan, ReasonCode
 from navloom.messages.bounds import header_limit, size_limit
 from navloom.messages.kinds import MAX_ITEMS, MAX_TEXT, Kind
+from navloom.messages.stop_reasons import StopKind
 from navloom_live.transport.quality import quality_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "messages.md").read_text("utf-8")
@@ -35,6 +37,8 @@ def rows(title: str) -> list[list[str]]:
 
 RULES = {"": "", "heading": ", in [-π, π]", "positive": ", > 0", "not_negative": ", >= 0", "stamp": ", >= 0"}
 """Rule of a number -> how the page writes it."""
+NAMED = {get_args(StopKind): "kind of stop", get_args(ReasonCode): "reason code"}
+"""Enumerations that grow, and that `navloom messages` lists -> how the page calls them."""
 BOUNDED = {MAX_TEXT: "str", 255: "name"}
 """Bound of a text, bytes -> its type as the page writes it."""
 
@@ -52,7 +56,7 @@ def written(kind: Kind) -> str:
     elif kind.item is not None:
         text = f"tuple of {written(kind.item)}" + (f", at most {kind.most}" if kind.most != MAX_ITEMS else "")
     elif kind.choices:
-        text = " / ".join(choice or "empty" for choice in kind.choices)
+        text = NAMED.get(kind.choices) or " / ".join(choice or "empty" for choice in kind.choices)
     elif kind.form == "str":
         text = "words" if kind.is_cut else BOUNDED.get(kind.most) or f"str, at most {kind.most} bytes"
     else:

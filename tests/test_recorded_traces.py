@@ -16,6 +16,7 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.trace import read_trace
 from navloom.messages.codec import encode
+from navloom.messages.schema import OLDER, in_version
 from navloom.runs.episode import Episode, run_episode
 
 FILE = Path(__file__).with_name("recorded_streams.json")
@@ -28,11 +29,18 @@ Streams = dict[str, str]
 
 
 def streams_of(trace: Path) -> Streams:
-    """By stream, "role instance port": the first 16 digits of the SHA-256 of its messages and envelopes."""
+    """By stream, "role instance port": the first 16 digits of the SHA-256 of its messages and envelopes.
+
+    A stream whose schema has older versions is there as each of them too: as `gate main status/1`.
+    """
     hashes: dict[str, Any] = {}
     for entry in read_trace(trace):
-        stream = hashes.setdefault(f"{entry.role} {entry.instance} {entry.port}", sha256())
-        stream.update(encode(entry.message, entry.envelope))
+        stream, message = f"{entry.role} {entry.instance} {entry.port}", entry.message
+        hashes.setdefault(stream, sha256()).update(encode(message, entry.envelope))
+        for label, older in OLDER.items():
+            if older.schema_name == message.schema_name:
+                version = hashes.setdefault(f"{stream}/{older.schema_version}", sha256())
+                version.update(encode(in_version(message, label), entry.envelope))
     return {name: stream.hexdigest()[:16] for name, stream in sorted(hashes.items())}
 
 

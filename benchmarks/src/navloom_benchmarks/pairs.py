@@ -21,6 +21,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from navloom import NavloomError
+
 __all__ = ["Block", "Child", "Effort", "Peer", "PeerError", "Row", "paired", "peer_module", "timed"]
 
 Block = Callable[[], float]
@@ -29,8 +31,10 @@ END = 8.0
 """Longest wait for a process to end by itself, s."""
 
 
-class PeerError(RuntimeError):
+class PeerError(NavloomError, RuntimeError):
     """A peer that is not installed or does not work; the text names it and the fix."""
+
+    exit_code = 1
 
 
 @dataclass(frozen=True)

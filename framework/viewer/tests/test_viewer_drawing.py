@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from importlib.metadata import EntryPoint
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,18 +16,21 @@ from navloom.messages import (
     Command,
     Contact,
     GateStatus,
+    GoalState,
     HandOver,
     MapUpdate,
     OccupancyGrid,
     Path,
     Pose2D,
     RangeScan,
+    StopReason,
     Sweep,
     Truth,
     Twist2D,
 )
 from navloom.plugins import Discovery, Registry
 from navloom_viewer.blueprint import states
+from navloom_viewer.colours import STATES
 from navloom_viewer.drawing import Drawing
 from navloom_viewer.facts import actors_of
 from navloom_viewer.panels import Panel, panels_of
@@ -163,7 +166,7 @@ def test_lanes_of_states_have_plain_names() -> None:
     made.take(shown(status, "avoider", "status"))
     made.take(shown(status, "avoider", "status", instance="other", active=False))
     several, both = drawing("vff", "dwa")
-    several.take(shown(GateStatus("controller", "", False, False, "", ()), "gate", "status", name="dwa"))
+    several.take(shown(GateStatus("controller", "", False, False, None, ()), "gate", "status", name="dwa"))
     lanes = [path for kept in (memory, both) for path, shapes, *_ in kept.logged
              if type(shapes[0]).__name__ == "StateChange"]  # fmt: skip
     assert lanes == ["/avoider", "/other/avoider", "/dwa/driver"]
@@ -233,10 +236,15 @@ def test_ring_slots_and_cones_have_the_specified_sizes() -> None:
     assert cone[3].tolist() == pytest.approx([0.0, 3.0, 0.25], abs=1e-12)
 
 
+def test_every_state_of_a_goal_has_a_colour() -> None:
+    assert set(get_args(GoalState)) <= set(STATES)
+
+
 def test_a_gate_stop_is_logged_once_with_its_reason_and_the_remedy() -> None:
     made, memory = drawing()
     for tick, reason in enumerate(["", "contact", "contact", ""]):
-        status = GateStatus("none" if reason else "controller", "", bool(reason), bool(reason), reason, ())
+        source, why = "none" if reason else "controller", StopReason.parse(reason)
+        status = GateStatus(source, "", bool(reason), bool(reason), why, ())
         made.take(shown(status, "gate", "status", tick=tick))
     texts = [component(line, "text")[0] for line in memory.at("/log/r1/gate")]
     assert texts == ["r1: gate stops the robot: it touched something; `navloom resume` when the way is clear"]

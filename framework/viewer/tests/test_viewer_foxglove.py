@@ -17,6 +17,7 @@ from navloom.messages import (
     Pose2D,
     PoseEstimate,
     RangeScan,
+    StopReason,
     Trajectory,
     Twist2D,
 )
@@ -65,7 +66,7 @@ def test_each_message_has_its_topic_and_frame() -> None:
         ("planner", "path", Path(1, np.zeros((2, 2)), 0.0, None)),
         ("reference", "trajectory", Trajectory(1, samples)),
         ("gate", "command", Command(Twist2D(0.2, 0.0, 0.1))),
-        ("gate", "status", GateStatus("none", "", True, False, "operator", ())),
+        ("gate", "status", GateStatus("none", "", True, False, StopReason("operator"), ())),
     ):
         server.put(shown(role, port, message))
     server.put(shown("planner", "path", Path(1, np.ones((2, 2)), 0.0, None), active=False))

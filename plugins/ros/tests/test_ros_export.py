@@ -22,6 +22,7 @@ from navloom import (
 from navloom import Path as PlannedPath
 from navloom import Pose2D as Pose
 from navloom.config import load_config
+from navloom.messages import StopReason
 from navloom.messages.codec import encode, schema_label
 from navloom_recording.header import RecordingHeader
 from navloom_recording.writer import RecordingWriter
@@ -153,7 +154,7 @@ def test_a_plan_faces_where_it_goes(count):
 
 
 def test_the_gate_says_why_it_stopped():
-    status = GateStatus("none", "", True, False, "stale: controller", ())
+    status = GateStatus("none", "", True, False, StopReason.parse("stale: controller"), ())
     (told,) = one("gate", "status", status)["/diagnostics"].status
     assert (told.level, told.message) == (1, "stopped: stale: controller")
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from navloom.errors import NavloomError
+
 __all__ = ["CheckReport", "Finding", "NotRun", "Remark", "Result"]
 
 Outcome = Literal["passed", "failed", "not_run", "shown"]
 
 
-class NotRun(Exception):
+class NotRun(NavloomError):
     """A check that does not apply to a plugin, or cannot judge it; the text is the reason, as one phrase."""
 
 

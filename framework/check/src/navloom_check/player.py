@@ -21,6 +21,7 @@ from navloom.engine.door import (
 )
 from navloom.engine.ports import Out
 from navloom.engine.random_streams import stream_source
+from navloom.errors import NavloomError
 from navloom.messages import Message
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.roles import Context, InputError, PlatformOutput, answers_of
@@ -38,7 +39,7 @@ TOLERANCE = 0.2
 """Goal tolerance with which paths are checked, m."""
 
 
-class Fault(Exception):
+class Fault(NavloomError):
     """A call that raised, or that gave a wrong answer.
 
     Attributes:

@@ -25,6 +25,8 @@ from time import perf_counter
 from typing import Any
 
 from navloom.errors import NavloomError
+from navloom.messages import MessageError
+from navloom.messages.codec import CodecError
 
 from navloom_check.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
 from navloom_check.checks import Check
@@ -89,6 +91,8 @@ def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject
             with GUARD.within("warm_up", WARM_UP_LIMIT):
                 subject.thing.warm_up()
         return subject
+    except (MessageError, CodecError) as error:
+        text, place = f"warm_up() raises {type(error).__name__}: {error}", subject.place
     except NavloomError as error:
         text, place = str(error), ""
     except (Exception, SystemExit) as error:

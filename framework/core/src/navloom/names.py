@@ -14,17 +14,18 @@ _NAMES = {
     "navloom.geometry.world": "Box Cylinder Obstacle Place Raster World position_at read_only",
     "navloom.messages": (
         "Array Avoidance AvoiderDiagnostics AvoiderStatus ClearRequest Command Contact Count Drive Envelope "
-        "Feedback GateStatus Goal GoalResult HandOver Heading InputRead MapUpdate Message MessageError Most "
-        "Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome Parameters Path PlanFailure "
-        "PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive RangeScan RecoveryRequest "
-        "RecoveryStep Reference SCHEMAS Selection Stamp StepRecord StepReport Sweep SweepRequest "
-        "TrackingCommand Trajectory Truth Twist2D Unbounded Words message"
+        "Feedback GateStatus Goal GoalResult GoalState HandOver Heading InputRead MapUpdate Message "
+        "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
+        "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "
+        "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference SCHEMAS Selection Stamp StepRecord "
+        "StepReport StopReason Sweep SweepRequest TrackingCommand Trajectory Truth Twist2D Unbounded Words "
+        "message"
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (
         "Avoider AvoiderInput Claim Context Controller ControllerInput Extra Extras InputError Localizer "
         "LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
-        "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec is_patient verb_of"
+        "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
     ),
     "navloom.runs.metrics": "METRICS Metric",
     "navloom.runs.trail": "Trail",

@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable
 
 import pytest
-from navloom.engine.nodes.told import GateTold, GoalTold, Obeyed
-from navloom.messages import Goal, OperatorRequest, Point2D
+from navloom.engine.nodes.told import GateTold, GoalTold, Obeyed, gone_of, gone_text
+from navloom.messages import Goal, OperatorRequest, Point2D, StopReason
 
 
 def test_a_request_to_the_goal_survives_a_round_trip() -> None:
@@ -48,3 +48,19 @@ def test_a_record_with_an_entry_of_another_type_names_it(read: Callable[[str], o
     entry = "lost" if read == GoalTold.of else "silent"
     with pytest.raises(ValueError, match=f"^{entry}: expected bool, got str$"):
         read(json.dumps({entry: "yes"}))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", None),
+        ("localizer odometry", StopReason("gone", "localizer odometry")),
+        ("goal main does not step", StopReason("goal_halted")),
+        (
+            "rivals: controller main on host a (process 1)",
+            StopReason("rivals", "controller main", "on host a (process 1)"),
+        ),
+    ],
+)
+def test_a_missing_node_is_written_as_in_older_recordings(text: str, reason: StopReason | None) -> None:
+    assert (gone_of(text), gone_text(reason)) == (reason, text)

@@ -27,6 +27,7 @@ from navloom.messages import (
     Pose2D,
     PoseTrack,
     Selection,
+    StopReason,
     Trajectory,
     Twist2D,
     message,
@@ -404,11 +405,11 @@ def test_arrays_of_every_element_type_and_in_tuples_come_back() -> None:
 
 
 def test_a_field_that_is_newer_than_the_bytes_has_its_default() -> None:
-    status = GateStatus("none", "", True, False, "operator", ())
+    status = GateStatus("none", "", True, False, StopReason("operator"), ())
     data = encode(status, AT)
     for name in ("share", "limit", "place", "distance"):
         data = changed(data, lambda header, name=name: header["fields"].pop(name))  # type: ignore[misc]
-    assert decode(data, "navloom.GateStatus/1")[0] == status
+    assert decode(data, schema_label(GateStatus))[0] == status
 
 
 @pytest.mark.parametrize("sent", [STANDING, TRACK, PoseTrack(np.zeros(0, np.int64), np.zeros((0, 3)))])

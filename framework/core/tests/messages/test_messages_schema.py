@@ -146,15 +146,15 @@ def test_a_numpy_string_is_held_as_a_plain_one() -> None:
 
 
 def test_a_literal_takes_its_choices_only_and_the_error_names_them() -> None:
-    assert GateStatus("avoider", "main", False, False, "", ()).source == "avoider"
+    assert GateStatus("avoider", "main", False, False, None, ()).source == "avoider"
     with pytest.raises(MessageError, match=r"GateStatus\.source: got 'wheel', expected one of none, controller"):
-        GateStatus("wheel", "main", False, False, "", ())  # type: ignore[arg-type]
+        GateStatus("wheel", "main", False, False, None, ())  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("given", [[], {}, np.zeros(3), None, 3])
 def test_a_literal_refuses_what_is_not_text(given: Any) -> None:
     with pytest.raises(MessageError, match=r"GateStatus\.source: got .*, expected str"):
-        GateStatus(given, "main", False, False, "", ())
+        GateStatus(given, "main", False, False, None, ())
 
 
 def test_the_outcomes_are_those_a_goal_result_takes() -> None:

@@ -26,6 +26,7 @@ from navloom.messages import (
     RangeScan,
     Selection,
     StepReport,
+    StopReason,
     Trajectory,
     Truth,
     Twist2D,
@@ -47,8 +48,8 @@ REPORT = StepReport(
 PLAIN = [
     Point2D(-0.0, 5e-324),
     Truth(ORIGIN, Twist2D(0.1, 0.0, -0.2), float("inf"), "wall", False),
-    GateStatus("avoider", "forces", False, False, "", ("mapper b",), 0.5, "obstacle", Point2D(1.0, 2.0), 0.3),
-    GateStatus("none", "", True, True, "operator", ()),
+    GateStatus("avoider", "forces", False, False, None, ("mapper b",), 0.5, "obstacle", Point2D(1.0, 2.0), 0.3),
+    GateStatus("none", "", True, True, StopReason("operator"), ()),
     Selection(1, 2, ("mapper a", "planner b")),
     REPORT,
     SCAN,

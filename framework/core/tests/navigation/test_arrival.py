@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from navloom.messages import Drive, Goal, HandOver, Point2D, Pose2D, PoseEstimate, Reference, Twist2D
-from navloom.navigation.active_goal import ActiveGoal
+from navloom.navigation.active_goal import ActiveGoal, GoalEnd
 from navloom.navigation.arrival import Arrival, Move
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.stopping import Braking, Ending, Standstill
@@ -115,7 +115,7 @@ def rests(arrival: Arrival, active: ActiveGoal, x: float, heading: float = 0.0, 
 
 
 def test_at_rest_within_both_tolerances_the_goal_was_reached() -> None:
-    assert rests(*arriving(), 3.81, 0.09) == Move(outcome="succeeded", reason="the goal was reached")
+    assert rests(*arriving(), 3.81, 0.09) == Move(end=GoalEnd("succeeded", "reached", "the goal was reached"))
 
 
 def test_at_rest_out_of_the_tolerance_the_robot_drives_on() -> None:
@@ -133,19 +133,22 @@ def test_at_rest_with_another_heading_the_robot_turns_again_on_the_same_path() -
 def test_after_four_misses_the_goal_ends_stuck() -> None:
     assert rests(*arriving(misses=2), 3.5).plans
     move = rests(*arriving(misses=3), 3.5)
-    assert move.outcome == "stuck" and move.reason.startswith("missed the goal 4 times, the last time by ")
+    assert move.end is not None and move.end[:2] == ("stuck", "missed")
+    assert move.end.reason.startswith("missed the goal 4 times, the last time by ")
 
 
 def test_a_robot_that_may_still_move_is_waited_for() -> None:
     """The command before the stop acts for 0.1 s more."""
     arrival, active = arriving()
     assert rests(arrival, active, 3.9, time=1.09) == Move() and arrival.since == 1.0
-    assert rests(arrival, active, 3.9, time=1.11).outcome == "succeeded"
+    end = rests(arrival, active, 3.9, time=1.11).end
+    assert end is not None and end.outcome == "succeeded"
 
 
 def test_a_turn_that_does_not_end_is_stuck_after_a_while() -> None:
     arrival, active = Arrival(RULES), ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
     active.moved_at = 1.0
-    for time, outcome in ((6.0, ""), (6.1, "stuck")):
+    for time, code in ((6.0, ""), (6.1, "heading_missed")):
         view = GoalView(1, time, round(time * 1e9), at(3.9, heading=0.5))
-        assert arrival.step(active, Pose2D(3.9, 0.0, 0.5), TURNS, view).outcome == outcome
+        end = arrival.step(active, Pose2D(3.9, 0.0, 0.5), TURNS, view).end
+        assert (end.code if end is not None else "") == code

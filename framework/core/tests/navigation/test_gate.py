@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from limits import with_robot
-from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
+from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, StopReason, Twist2D
 from navloom.navigation.gate import CommandGate, GateLimits, Offer, Sensed
 from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.testing import robot
@@ -172,7 +172,7 @@ FAULTS: dict[str, Sensed] = {
     "contact": Sensed(NOW, True, {}),
     "silent: platform": Sensed(NOW, False, {}, is_silent=True),
     "silent: sensor laser": Sensed(NOW, False, {"laser": NOW - 500_000_001}),
-    "gone: controller a": Sensed(NOW, False, {}, gone="controller a"),
+    "gone: controller a": Sensed(NOW, False, {}, gone=StopReason("gone", "controller a")),
     "stale: goal main": Sensed(NOW, False, {}, late="goal main"),
 }
 
@@ -203,7 +203,7 @@ def test_a_drive_whose_first_command_is_not_there_yet_leaves_the_ramp_as_it_is()
 
 def test_an_operator_whose_robot_lacks_a_node_is_released_by_a_ramp() -> None:
     gate = CommandGate(with_robot(LIMITS, max_acceleration=100.0))
-    lacking = Sensed(NOW, False, {}, gone="controller a", late="goal main")
+    lacking = Sensed(NOW, False, {}, gone=StopReason("gone", "controller a"), late="goal main")
     gate.decide(lacking, {"operator": offer(0.18)}, False, 0, ())
     twist, _, status = gate.decide(lacking, {}, False, 0, ())
     assert (twist.vx, status.reason) == (pytest.approx(0.13), "no_trajectory")
@@ -235,7 +235,7 @@ def test_the_monitor_judges_each_step_of_a_ramp() -> None:
 @pytest.mark.parametrize("reason", ["operator", "contact", "stale: operator main"])
 def test_a_restarted_gate_with_a_kept_stop_is_stopped_until_resume(reason: str) -> None:
     gate = CommandGate(LIMITS)
-    gate.latch(reason)
+    gate.latch(StopReason.parse(reason))
     assert gate.is_latched and decide(gate, BOTH)[0] == 0.0
     gate.request("resume")
     assert not gate.is_latched and decide(gate, BOTH)[1] == "controller"
@@ -243,7 +243,7 @@ def test_a_restarted_gate_with_a_kept_stop_is_stopped_until_resume(reason: str) 
 
 def test_a_restarted_gate_without_a_kept_stop_drives() -> None:
     gate = CommandGate(LIMITS)
-    gate.latch("")
+    gate.latch(None)
     assert decide(gate, BOTH)[1] == "controller"
 
 
@@ -255,7 +255,7 @@ def test_only_an_operator_may_enter_unseen_space_and_only_until_release() -> Non
     gate = CommandGate(with_robot(LIMITS, max_acceleration=100.0), monitor)
 
     def backwards(role: str) -> tuple[str, float]:
-        gate.stop("", ())
+        gate.stop(None, ())
         twist, _, status = gate.decide(Sensed(NOW, False, {}), {role: offer(-0.5)}, False, 0, ())
         return status.limit, twist.vx
 

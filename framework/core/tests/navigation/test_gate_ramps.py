@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 from judged_gate import FREE, HALT, LIMITS, NOW, WALL, Judge, decide, judged, offer, sensed
 from limits import with_robot
-from navloom.messages import GateStatus, Point2D
+from navloom.messages import GateStatus, Point2D, StopReason
 from navloom.navigation.gate import CommandGate, GateLimits
+
+GONE = StopReason("gone", "planner main")
 
 
 def moving(speed: float, turn: float, limits: GateLimits = LIMITS, role: str = "operator") -> tuple[CommandGate, Judge]:
@@ -52,9 +54,8 @@ def test_the_status_of_a_ramp_names_no_source_and_what_limits_it() -> None:
     gate, judge = moving(0.33, 0.11)
     judge.verdict = WALL
     status = gate.decide(sensed(waiting="planner main"), {}, False, 3, ["avoider other"])[2]
-    assert status == GateStatus(
-        "none", "", False, False, "waits: planner main", ("avoider other",), 0.3, "obstacle", Point2D(0.4, -0.3), 0.13
-    )
+    waits, place = StopReason("waits", "planner main"), Point2D(0.4, -0.3)
+    assert status == GateStatus("none", "", False, False, waits, ("avoider other",), 0.3, "obstacle", place, 0.13)
     again = gate.look_again(status, 1.02)
     assert again == (WALL.twist, status)
     judge.verdict = HALT
@@ -66,8 +67,8 @@ def test_the_status_of_a_ramp_names_no_source_and_what_limits_it() -> None:
 def test_a_ramp_is_announced_before_its_first_step() -> None:
     gate, _ = moving(0.33, 0.11)
     gate.request("stop")
-    assert gate.announce("operator", ["avoider other"]) == GateStatus(
-        "none", "", False, True, "operator", ("avoider other",)
+    assert gate.announce(StopReason("operator"), ["avoider other"]) == GateStatus(
+        "none", "", False, True, StopReason("operator"), ("avoider other",)
     )
     assert decide(gate, {"operator": offer(0.33)})[0].vx == pytest.approx(0.275)
 
@@ -84,38 +85,39 @@ def test_a_ramp_is_announced_before_its_first_step() -> None:
         ("operator", {"touching": True}, "controller", False),
         ("operator", {"is_silent": True}, "controller", False),
         ("operator", {"sensors_ns": {"laser": NOW - 500_000_001}}, "controller", False),
-        ("operator", {"gone": "planner main"}, "controller", False),
+        ("operator", {"gone": GONE}, "controller", False),
         ("operator", {"late": "goal main"}, "controller", False),
-        ("operator", {"gone": "planner main"}, "operator", True),  # an operator drives without a planner
+        ("operator", {"gone": GONE}, "operator", True),  # an operator drives without a planner
         ("operator", {"late": "goal main"}, "operator", True),
     ],
 )
 def test_a_robot_ramps_down_for_an_ordinary_stop_without_a_fault(
     reason: str, more: dict[str, Any], role: str, ramps: bool
 ) -> None:
+    why = StopReason.parse(reason)
     gate, _ = moving(0.33, 0.11, role=role)
-    assert gate.ramps(reason, sensed(**more)) is ramps
-    assert not CommandGate(LIMITS).ramps(reason, sensed(**more)), "a robot at rest has nothing to ramp down"
+    assert gate.ramps(why, sensed(**more)) is ramps
+    assert not CommandGate(LIMITS).ramps(why, sensed(**more)), "a robot at rest has nothing to ramp down"
 
 
 def test_a_robot_that_turns_on_the_spot_ramps_down_too() -> None:
     gate, _ = moving(0.0, 0.11)
-    assert gate.is_moving and gate.ramps("operator", sensed())
+    assert gate.is_moving and gate.ramps(StopReason("operator"), sensed())
     assert decide(gate, {})[0].wz == pytest.approx(0.045)
 
 
 def test_an_offer_that_is_refused_during_a_ramp_leaves_its_reason_until_the_robot_stands() -> None:
     gate, _ = moving(0.06, 0.0, role="controller")
     late = {"controller": offer(age_ns=100_000_001), "avoider": offer()}
-    assert gate.choose(sensed(), late, False, 3)[2] == "stale: controller a", "no ramp has begun"
+    assert gate.choose(sensed(), late, False, 3)[2] == StopReason("stale", "controller a"), "no ramp has begun"
     assert decide(gate, {})[2].reason == "no_trajectory"
-    assert gate.choose(sensed(), late, False, 3)[2] == "no_trajectory"
-    assert gate.choose(sensed(gone="planner main"), late, False, 3)[2] == "gone: planner main"
+    assert gate.choose(sensed(), late, False, 3)[2] == StopReason("no_trajectory")
+    assert gate.choose(sensed(gone=GONE), late, False, 3)[2] == GONE
     gate.request("stop")
-    assert gate.choose(sensed(), late, False, 3)[2] == "operator"
+    assert gate.choose(sensed(), late, False, 3)[2] == StopReason("operator")
     gate.request("resume")
     decide(gate, {})
-    assert not gate.is_moving and gate.choose(sensed(), late, False, 3)[2] == "stale: controller a"
+    assert not gate.is_moving and gate.choose(sensed(), late, False, 3)[2] == StopReason("stale", "controller a")
 
 
 def test_a_robot_that_drives_again_has_no_ramp() -> None:
@@ -123,7 +125,7 @@ def test_a_robot_that_drives_again_has_no_ramp() -> None:
     decide(gate, {})
     assert decide(gate, {"controller": offer(0.3), "avoider": offer()})[0].vx == pytest.approx(0.3)
     late = {"controller": offer(age_ns=100_000_001), "avoider": offer()}
-    assert gate.choose(sensed(), late, False, 3)[2] == "stale: controller a"
+    assert gate.choose(sensed(), late, False, 3)[2] == StopReason("stale", "controller a")
 
 
 def test_without_a_monitor_a_ramp_ends_too() -> None:
@@ -140,5 +142,5 @@ def test_without_a_monitor_a_ramp_ends_too() -> None:
 def test_a_second_source_during_a_ramp_is_named_as_it_is() -> None:
     gate, _ = moving(0.33, 0.11, role="controller")
     reason = "rivals: controller main on host base (process 12) and on host copy (process 14)"
-    twist, _, status = decide(gate, {}, sensed(gone=reason))
+    twist, _, status = decide(gate, {}, sensed(gone=StopReason.parse(reason)))
     assert (twist.vx, status.stopped, status.reason) == (0.0, True, reason)

@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 from judged_gate import FREE, HALT, LIMITS, NOW, WALL, decide, judged, offer, sensed
 from limits import with_robot
-from navloom.messages import GateStatus, Point2D, Twist2D
+from navloom.messages import GateStatus, Point2D, StopReason, Twist2D
 from navloom.navigation.gate import STOPPED, CommandGate, Offer
 from navloom.navigation.monitor import Verdict
-from navloom.navigation.stop_reasons import HIDING, is_at_rest
 from navloom.testing import robot
 
 
@@ -76,7 +75,7 @@ def test_a_fault_stops_the_wheels_and_the_turn_at_once() -> None:
     gate.speed, gate.turn = 0.4, 0.5
     twist, cause, status = decide(gate, {"operator": offer()}, sensed(touching=True))
     assert (twist.vx, twist.vy, twist.wz) == (0.0, 0.0, 0.0) and twist == STOPPED and cause == NOW
-    assert status == GateStatus("none", "", True, True, "contact", ())
+    assert status == GateStatus("none", "", True, True, StopReason("contact"), ())
     gate.request("resume")
     assert drive(gate, 5.0, 5.0) == pytest.approx((0.03, 0.065)), "it begins from standstill"
 
@@ -106,7 +105,7 @@ def test_sources_drive_in_order() -> None:
 def test_a_command_passes_with_the_stamp_that_it_derives_from() -> None:
     _, cause, status = decide(CommandGate(LIMITS), {"operator": offer(age_ns=70, name="desk")})
     assert cause == NOW - 70
-    assert status == GateStatus("operator", "desk", False, False, "", (), 1.0, "", None, None)
+    assert status == GateStatus("operator", "desk", False, False, None, (), 1.0, "", None, None)
 
 
 @pytest.mark.parametrize(
@@ -117,9 +116,9 @@ def test_a_command_passes_with_the_stamp_that_it_derives_from() -> None:
         (only("controller"), {}, "silent: avoider"),
         (only("controller"), {"waiting": "avoider main"}, "waits: avoider main"),
         (only("avoider"), {}, "no_trajectory"),
-        (only("avoider", "controller"), {"gone": "mapper main"}, "gone: mapper main"),
-        (only("recovery"), {"gone": "mapper main"}, "gone: mapper main"),
-        (only("operator"), {"gone": "mapper main"}, ""),
+        (only("avoider", "controller"), {"gone": StopReason("gone", "mapper main")}, "gone: mapper main"),
+        (only("recovery"), {"gone": StopReason("gone", "mapper main")}, "gone: mapper main"),
+        (only("operator"), {"gone": StopReason("gone", "mapper main")}, ""),
         (only("avoider", "controller"), {"late": "goal main"}, "stale: goal main"),
         (only("operator"), {"late": "goal main"}, ""),
         (only("recovery"), {}, ""),
@@ -173,9 +172,9 @@ def test_stop_and_contact_latch_until_resume_and_no_other_request() -> None:
     gate.latch_contact()
     assert gate.is_latched and gate.has_contact
     gate.request("stop")
-    assert gate.has_contact and gate.fault(sensed()) == "operator"
+    assert gate.has_contact and gate.fault(sensed()) == StopReason("operator")
     gate.request("resume")
-    assert not gate.is_latched and gate.fault(sensed()) == ""
+    assert not gate.is_latched and gate.fault(sensed()) is None
 
 
 def test_entering_unseen_space_is_allowed_until_the_next_request() -> None:
@@ -194,23 +193,25 @@ def test_entering_unseen_space_is_allowed_until_the_next_request() -> None:
 )  # fmt: skip
 def test_a_later_gate_takes_over_a_latched_stop(reason: str, fault: str, has_contact: bool) -> None:
     gate = CommandGate(LIMITS)
-    gate.latch(reason)
-    assert gate.fault(sensed()) == fault and gate.has_contact is has_contact
+    gate.latch(StopReason.parse(reason))
+    assert gate.fault(sensed()) == StopReason.parse(fault) and gate.has_contact is has_contact
 
 
 @pytest.mark.parametrize(
     ("reason", "rests"),
     [("no_trajectory", True), ("ending", True), ("waits: avoider main", True), ("stale: avoider main", False),
-     ("operator", False), ("", False)],
+     ("operator", False)],
 )  # fmt: skip
 def test_a_robot_with_nothing_to_drive_is_at_rest(reason: str, rests: bool) -> None:
-    assert is_at_rest(reason) is rests
+    status = GateStatus("none", "", True, False, StopReason.parse(reason), ())
+    assert status.interrupts is not rests
 
 
 @pytest.mark.parametrize(("more", "hides"), [({"is_silent": True}, True), ({"sensors_ns": {"b": 0}}, True),
                                              ({"touching": True}, False)])  # fmt: skip
 def test_a_silent_robot_hides_that_the_operator_is_silent(more: dict[str, Any], hides: bool) -> None:
-    assert CommandGate(LIMITS).fault(sensed(**more)).startswith(HIDING) is hides
+    fault = CommandGate(LIMITS).fault(sensed(**more))
+    assert fault is not None and fault.stop.hides is hides
 
 
 # --- with a monitor ---------------------------------------------------------------------------------------------------
@@ -235,7 +236,7 @@ def test_what_the_monitor_lets_pass_is_driven_and_the_next_command_begins_there(
 def test_the_status_says_what_limits_a_command_in_round_numbers() -> None:
     gate, judge = judged(WALL)
     status = decide(gate, {"recovery": offer(name="back")})[2]
-    assert status == GateStatus("recovery", "back", False, False, "", (), 0.3, "obstacle", Point2D(0.4, -0.3), 0.13)
+    assert status == GateStatus("recovery", "back", False, False, None, (), 0.3, "obstacle", Point2D(0.4, -0.3), 0.13)
     judge.verdict = WALL._replace(share=0.28, distance=0.133)
     assert decide(gate, {"recovery": offer(name="back")})[2] is status, "what does not show does not change it"
     judge.verdict = WALL._replace(share=0.24)
@@ -244,7 +245,8 @@ def test_the_status_says_what_limits_a_command_in_round_numbers() -> None:
 
 def test_a_robot_that_the_monitor_stops_has_an_obstacle_in_its_way() -> None:
     status = decide(judged(HALT)[0], {"operator": offer(name="desk")})[2]
-    assert status == GateStatus("operator", "desk", True, False, "obstacle", (), 0.0, "unseen", Point2D(0.4, 0.0), 0.4)
+    why, place = StopReason("obstacle"), Point2D(0.4, 0.0)
+    assert status == GateStatus("operator", "desk", True, False, why, (), 0.0, "unseen", place, 0.4)
 
 
 def test_a_reduced_command_says_so_though_nothing_is_named() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from navloom.messages import (
     GateStatus,
     Goal,
     GoalResult,
+    GoalState,
     HandOver,
     MapUpdate,
     Message,
@@ -24,6 +26,7 @@ from navloom.messages import (
     PoseEstimate,
     RecoveryStep,
     Reference,
+    StopReason,
     Trajectory,
     Twist2D,
 )
@@ -81,6 +84,17 @@ def result(out: list[tuple[str, Message]]) -> tuple[str, str]:
     return found.outcome, found.reason
 
 
+def code(out: list[tuple[str, Message]]) -> str:
+    (found,) = [message for _, message in out if isinstance(message, GoalResult)]
+    return found.code
+
+
+def why(out: list[tuple[str, Message]]) -> tuple[str, str]:
+    """State and code of the feedback."""
+    (found,) = [message for _, message in out if isinstance(message, Feedback)]
+    return found.state, found.code
+
+
 def driving(rules: GoalRules = RULES, goal: Goal = GOAL) -> GoalMachine:
     """A state machine that follows path 2, at 2 s."""
     machine = GoalMachine(rules)
@@ -109,9 +123,9 @@ def test_without_sweeps_on_request_any_map_will_do() -> None:
     assert ports(machine.step(seen(0.5, map=a_map(0.1)))) == ["plan"]
 
 
-DRIVES = GateStatus("controller", "a", False, False, "", ())
-BRAKES = GateStatus("none", "", False, False, "no_trajectory", ())
-STANDS = GateStatus("none", "", True, False, "no_trajectory", ())
+DRIVES = GateStatus("controller", "a", False, False, None, ())
+BRAKES = GateStatus("none", "", False, False, StopReason("no_trajectory"), ())
+STANDS = GateStatus("none", "", True, False, StopReason("no_trajectory"), ())
 
 
 def rolling(x: float, speed: float, heading: float = 0.0) -> PoseEstimate:
@@ -250,7 +264,7 @@ def test_a_path_that_is_not_followed_counts_as_lost_and_is_requested_again() -> 
 
 def test_an_operators_stop_is_not_lack_of_progress() -> None:
     machine = driving()
-    held, latched = reference(2, 3.0), GateStatus("none", "", True, True, "operator", ())
+    held, latched = reference(2, 3.0), GateStatus("none", "", True, True, StopReason("operator"), ())
     for time in (3.0, 9.0, 15.0):
         assert ports(machine.step(seen(time, reference=held, gate=latched))) == []
     assert machine.state == "driving"
@@ -269,14 +283,76 @@ def test_exhausted_recovery_ends_stuck_for_being_trapped() -> None:
     assert result(out) == ("stuck", "trapped")
 
 
+BLOCKED = GateStatus("controller", "law", True, False, StopReason("obstacle"), ())
+CRAMPED = replace(BLOCKED, why=StopReason("no_room"))
+
+
+@pytest.mark.parametrize(
+    ("views", "expected"),
+    [
+        ([seen(3.0, gate=GateStatus("none", "", True, True, StopReason("contact"), ()))], "contact"),
+        ([seen(60.0)], "overdue"),
+        ([seen(60.0, gate=GateStatus("none", "", True, True, StopReason("operator"), ()))], "not_resumed"),
+        ([seen(3.0, reference=reference(2, 3.0)), seen(8.1, reference=reference(2, 3.0))], "no_progress"),
+        ([seen(3.0, avoider=status("trapped"), handover=HandOver(True, 1.0))], "trapped"),
+        ([seen(3.0, gate=BLOCKED), seen(5.1, gate=BLOCKED)], "blocked"),
+        ([seen(3.0, gate=CRAMPED), seen(5.1, gate=CRAMPED)], "no_room"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_result_has_the_code_of_its_reason(views: list[GoalView], expected: str) -> None:
+    machine = driving(replace(RULES, max_recoveries=0))
+    assert code([pair for view in views for pair in machine.step(view)]) == expected
+
+
+@pytest.mark.parametrize("kind", ["start_occupied", "goal_occupied", "outside_map", "no_path"])
+def test_a_planners_failure_is_a_code(kind: str) -> None:
+    machine = driving()
+    machine.submit(Goal(2, 9.0, 0.0, None, ()), seen(3.0, map=a_map(1.4)))
+    machine.step(seen(3.0, map=a_map(1.4)))
+    failure = PlanFailure(3, kind, Point2D(9.0, 0.0), "why")  # type: ignore[arg-type]
+    assert code(machine.step(seen(3.1, answer=failure))) == kind
+
+
+def test_requests_and_restarts_have_codes() -> None:
+    machine = driving()
+    machine.submit(replace(GOAL, goal_id=2), seen(3.0, map=a_map(1.4)))
+    assert code(machine.step(seen(3.0, map=a_map(1.4)))) == "preempted"
+    machine.cancel(seen(3.1))
+    assert code(machine.step(seen(3.1))) == "by_operator"
+    machine.begin(100, unfinished=2)
+    assert code(machine.step(seen(5.0))) == "node_restarted"
+
+
+def test_the_feedback_says_why_the_goal_does_not_go_on() -> None:
+    machine = driving()
+    assert why(machine.step(seen(3.0, avoider=status("trapped"), handover=HandOver(True, 1.0)))) == (
+        "recovering", "trapped",
+    )  # fmt: skip
+    machine.hold(seen(3.1))
+    assert why(machine.step(seen(3.1))) == ("waiting", "platform_silent")
+    machine.go_on(seen(3.2))
+    assert why(machine.step(seen(3.2))) == ("mapping", "")
+
+
+def test_an_operator_who_places_the_robot_is_why_it_searches() -> None:
+    machine = driving()
+    machine.place(seen(3.0))
+    assert why(machine.step(replace(seen(3.0), estimate=replace(pose(), stamp_ns=0)))) == ("searching", "placed")
+
+
+def test_every_state_of_an_active_goal_has_its_step() -> None:
+    assert set(GoalMachine.steps) == set(get_args(GoalState)) - {"idle"}
+
+
 def test_contact_is_a_collision() -> None:
-    out = driving().step(seen(3.0, gate=GateStatus("none", "", True, True, "contact", ())))
+    out = driving().step(seen(3.0, gate=GateStatus("none", "", True, True, StopReason("contact"), ())))
     assert result(out)[0] == "collision"
 
 
 def test_the_deadline_is_a_timeout_or_a_stop_that_was_not_resumed() -> None:
     assert result(driving().step(seen(60.0)))[0] == "timeout"
-    latched = GateStatus("none", "", True, True, "operator", ())
+    latched = GateStatus("none", "", True, True, StopReason("operator"), ())
     assert result(driving().step(seen(60.0, gate=latched)))[0] == "stopped"
 
 
@@ -346,11 +422,11 @@ def test_a_swapped_in_mapper_or_planner_means_a_new_plan() -> None:
 
 def test_a_waiting_mapper_gets_a_sweep() -> None:
     machine = driving()
-    waiting = GateStatus("controller", "a", False, False, "", ("mapper other",))
+    waiting = GateStatus("controller", "a", False, False, None, ("mapper other",))
     out = machine.step(seen(3.0, gate=waiting, estimate=rolling(1.0, 0.4)))
     assert ports(out) == ["drive"] and machine.state == "mapping"
     assert ports(machine.step(seen(3.2, gate=waiting, estimate=rolling(1.1, 0.2)))) == []  # it still brakes
-    stands = replace(waiting, source="none", stopped=True, reason="no_trajectory")
+    stands = replace(waiting, source="none", stopped=True, why=StopReason("no_trajectory"))
     assert ports(machine.step(seen(3.6, gate=stands, estimate=pose(1.2)))) == ["sweep"]
 
 
@@ -537,7 +613,7 @@ def test_a_robot_that_passes_the_end_of_its_path_or_is_stopped_there_has_not_mis
     assert beside_the_goal(machine, 3.0, 2) == []
     machine.step(seen(3.5, estimate=pose(3.7), reference=reference(2, 0.2)))
     assert beside_the_goal(machine, 4.2, 2) == []
-    stopped = GateStatus("none", "", True, True, "operator", ())
+    stopped = GateStatus("none", "", True, True, StopReason("operator"), ())
     at_end = seen(5.3, estimate=pose(3.7), reference=reference(2, 0.0), gate=stopped)
     assert ports(machine.step(at_end)) == []
 

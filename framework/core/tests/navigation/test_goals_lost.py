@@ -17,11 +17,11 @@ from navloom.messages import (
     Path,
     Pose2D,
     PoseEstimate,
+    StopReason,
     Twist2D,
 )
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import UNSURE, GoalMachine
-from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE
 from navloom.navigation.stopping import Braking
 from navloom.testing import robot
 
@@ -99,7 +99,7 @@ def test_it_never_succeeds_while_the_localizer_is_unsure() -> None:
 
 def test_a_recovery_is_cancelled() -> None:
     machine = driving()
-    held = GateStatus("controller", "law", True, False, OBSTACLE, ())
+    held = GateStatus("controller", "law", True, False, StopReason("obstacle"), ())
     for time in (1.5, 2.0, 4.0):
         machine.step(seen(time, gate=held))
     assert machine.state == "recovering"
@@ -107,10 +107,10 @@ def test_a_recovery_is_cancelled() -> None:
     assert [m.active for p, m in out if p == "recovery"] == [False]  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(("reason", "why"), [(OBSTACLE, "blocked"), (NO_ROOM, "blocked: no room to turn")])
+@pytest.mark.parametrize(("reason", "why"), [("obstacle", "blocked"), ("no room to turn", "blocked: no room to turn")])
 def test_a_recovery_is_told_whether_the_robot_has_no_room_to_turn(reason: str, why: str) -> None:
     machine = driving()
-    held = GateStatus("controller", "law", True, False, reason, ())
+    held = GateStatus("controller", "law", True, False, StopReason.parse(reason), ())
     out = [pair for time in (1.5, 2.0, 4.0) for pair in machine.step(seen(time, gate=held))]
     assert [m.reason for p, m in out if p == "recovery"] == [why]  # type: ignore[attr-defined]
 

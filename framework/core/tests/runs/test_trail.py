@@ -21,6 +21,7 @@ from navloom.messages import (
     Point2D,
     Pose2D,
     Reference,
+    StopReason,
     Truth,
     Twist2D,
 )
@@ -207,8 +208,8 @@ def test_messages_are_matched_by_their_stamps(toy: Episode) -> None:
         pose, way = Pose2D(0.0, 0.0, 0.0), np.zeros((1, 2))
         return Reference(1, 0.0, 1.0, pose, 0.4, 0.0, e, Point2D(1.0, 0.0), way, 0.4)
 
-    idle = GateStatus("none", "", True, False, "no_trajectory", ())
-    held = GateStatus("none", "", True, True, "operator", ())
+    idle = GateStatus("none", "", True, False, StopReason("no_trajectory"), ())
+    held = GateStatus("none", "", True, True, StopReason("operator"), ())
     trail = fed(
             toy,
             None,

@@ -21,7 +21,7 @@ from described import BusInWords, client, described, everyone, heard
 from live_rig import COMMAND, Up, up
 from navloom.cli import main
 from navloom.cli.output import print_table
-from navloom.messages import Feedback, GateStatus, GoalResult, Parameters, Point2D
+from navloom.messages import Feedback, GateStatus, GoalResult, Parameters, Point2D, StopReason
 from navloom_live.cli.listing import state
 from navloom_live.cli.status import rows as status_rows
 from navloom_live.operating.looking import changed_parameters, last_words
@@ -138,7 +138,7 @@ def test_status_says_who_is_active_and_why_it_is_stopped(robot: Up, look: Look) 
     assert found["goal_result"] is None and found["run_clock_s"] > 0.0
 
     code, out, err = look(robot, "status")
-    rows = {line[:10].rstrip(): line[10:] for line in out.splitlines()}
+    rows = dict(re.split(" {2,}", line, maxsplit=1) for line in out.splitlines())
     assert (code, err) == (0, "")
     assert rows["robot"].startswith("lab/r1, run clock ") and rows["goal"] == "none"
     assert "controller toy_chaser" in rows["active"] and "missing" not in rows
@@ -350,7 +350,7 @@ def test_status_of_a_robot_that_drives() -> None:
     last = {
         "goal/main/feedback": Feedback(3, "driving", 1.5, 4.0, -0.012, 2),
         "goal/main/result": GoalResult(2, "stuck", "trapped", Point2D(1.0, 2.0)),
-        "gate/main/status": GateStatus("avoider", "vfh", False, False, "", ("controller other",)),
+        "gate/main/status": GateStatus("avoider", "vfh", False, False, None, ("controller other",)),
         "controller/law/parameters": Parameters(2, ("k1 = 0.8", "k3 = 1.0")),
     }
     assert rows(BusInWords(everyone(gate={"silence_s": 0.031}), last=last)) == {
@@ -367,7 +367,7 @@ def test_status_of_a_robot_that_drives() -> None:
 def test_status_of_a_robot_that_lacks_much() -> None:
     far = {"think": "brain"}
     nodes = [replace(node, hosts=far) for node in everyone() if node.process not in ("think", "drive")]
-    last = {"gate/main/status": GateStatus("none", "", True, True, "contact", ())}
+    last = {"gate/main/status": GateStatus("none", "", True, True, StopReason("contact"), ())}
     assert rows(BusInWords(nodes, silent=["avoider vfh"], last=last)) == {
         "robot": "lab/r1, run clock 5.0 s",
         "goal": "unknown: its goal node does not answer",

@@ -6,18 +6,18 @@ import io
 import math
 
 import pytest
-from navloom.messages import Feedback, GateStatus, GoalResult, Point2D, Twist2D
+from navloom.messages import Feedback, GateStatus, GoalResult, Point2D, StopReason, Twist2D
 from navloom_live.cli.live_line import LiveLine, goal_line
 from navloom_live.cli.live_table import StatusTable
 from navloom_live.cli.teleop import teleop_line
 from navloom_live.operating.driver import limit_in_words
 
-DRIVES = GateStatus("controller", "law", False, False, "", ())
-OPERATOR = GateStatus("operator", "main", False, False, "", ())
+DRIVES = GateStatus("controller", "law", False, False, None, ())
+OPERATOR = GateStatus("operator", "main", False, False, None, ())
 
 
 def stop(reason: str, latched: bool = False) -> GateStatus:
-    return GateStatus("none", "", True, latched, reason, ())
+    return GateStatus("none", "", True, latched, StopReason.parse(reason), ())
 
 
 class Terminal(io.StringIO):
@@ -69,7 +69,7 @@ def test_the_line_of_a_goal(feedback: Feedback, gate: GateStatus | None, speed: 
 def test_a_goal_gets_a_new_line_when_its_driver_changes_and_not_when_the_robot_moves() -> None:
     far, near = Feedback(2, "driving", 3.6, 9.0, 0.0, 0), Feedback(2, "driving", 3.4, 8.0, 0.0, 0)
     assert goal_line(far, DRIVES, 0.4)[1] == goal_line(near, DRIVES, 0.3)[1]
-    avoider = GateStatus("avoider", "vfh", False, False, "", ())
+    avoider = GateStatus("avoider", "vfh", False, False, None, ())
     kinds = {goal_line(far, gate, 0.4)[1] for gate in (DRIVES, avoider, stop("contact"), stop("operator"))}
     assert len(kinds) == 4
 

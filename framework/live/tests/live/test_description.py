@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from described import counts, described
+from described import KEYS, counts, described
 from navloom.inputs.typed_json import from_json
+from navloom.operating.client import Client, ClientError
+from navloom.recording.live_recorder import ask_header
+from navloom.transport.zenoh_bus import Answer
 from navloom_live.live.description import (
     IF_KNOWN,
     Description,
@@ -114,3 +119,20 @@ def test_an_answer_that_is_no_description_gives_one_sentence(data: bytes, what: 
 def test_the_config_of_a_process_comes_back_from_the_wire_as_it_was() -> None:
     whole = ProcessConfig(loaded={"name": "paper"}, barrier=True, distributions={"navloom": "1.0"})
     assert from_json(ProcessConfig, whole.to_bytes()) == whole
+
+
+@pytest.mark.parametrize(
+    ("config", "why"),
+    [
+        ({"loaded": None, "barrier": False, "distributions": {}}, "its config is not known"),
+        ({"loaded": {}, "distributions": {}}, "object missing required field barrier"),
+        ({"loaded": {}, "barrier": "no", "distributions": {}}, "barrier: expected bool, got str"),
+        ({"loaded": {}, "barrier": False, "distributions": {}}, "'config'"),
+    ],
+)
+def test_a_recorder_says_why_it_cannot_read_the_config_of_a_process(config: dict[str, Any], why: str) -> None:
+    answer = Answer("lab/r1/process/drive/config", json.dumps(config).encode(), "json", "")
+    bus = SimpleNamespace(ask=lambda key, timeout: [answer])
+    said = re.escape(f"robot lab/r1: the config that it reports cannot be read ({why}); install the same version")
+    with pytest.raises(ClientError, match=said):
+        ask_header(Client(bus, KEYS))  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYST
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.hold import held_rate, hold
-from navloom.messages import Command, Drive, Odometry, OperatorRequest, Pose2D, Twist2D
+from navloom.messages import Command, Drive, Odometry, OperatorRequest, Pose2D, StopReason, Twist2D
 from navloom_live.live import live_gate, mailbox
 from navloom_live.live.cells import all_sources
 
@@ -97,19 +97,19 @@ def test_after_a_restart_of_the_platform_it_waits_for_a_later_step_of_the_goal()
     gate.begin(*all_sources(SYSTEM))
     gate.report(("goal", "main"), 1, 0)
     gate.tick(0)
-    assert gate.node.gone == ""
+    assert gate.node.gone is None
     gate.give(PLATFORM, "odometry", Odometry(round(20 * PERIOD * 1e9), ORIGIN, STILL), 20, sequence=0)
     gate.look()
-    assert gate.node.gone == "goal main does not step"
+    assert gate.node.gone == StopReason("goal_halted")
     gate.report(("goal", "main"), 2, 19)  # a step without a pose, which does not reflect the restart
     gate.look()
-    assert gate.node.gone == "goal main does not step"
+    assert gate.node.gone == StopReason("goal_halted")
     gate.report(("goal", "main"), 3, 20)  # nor is one in the same tick a later one
     gate.look()
-    assert gate.node.gone == "goal main does not step"
+    assert gate.node.gone == StopReason("goal_halted")
     gate.report(("goal", "main"), 4, 21)
     gate.look()
-    assert gate.node.gone == ""
+    assert gate.node.gone is None
 
 
 def test_a_platform_may_restart_at_tick_0() -> None:
@@ -118,10 +118,10 @@ def test_a_platform_may_restart_at_tick_0() -> None:
     gate.tick(300)
     gate.give(PLATFORM, "odometry", Odometry(0, ORIGIN, STILL), 0)
     gate.look()
-    assert gate.node.gone == "goal main does not step"
+    assert gate.node.gone == StopReason("goal_halted")
     gate.report(("goal", "main"), 1, 1)
     gate.look()
-    assert gate.node.gone == ""
+    assert gate.node.gone is None
 
 
 def test_after_a_restart_of_the_platform_the_monitor_begins_again() -> None:
@@ -281,7 +281,8 @@ def test_a_lost_token_of_another_process_stops_the_robot_at_once(live: Gate) -> 
 def test_a_process_without_tokens_is_gone_62_5_ms_after_its_last_message(live: Gate) -> None:
     """The last messages are of tick 19; only the localizer's process is in doubt."""
     live.lose(*THINKING, life="think")
-    for before_ns, gone, wait in ((2, "", 2e-9), (1, "", 1e-9), (0, f"localizer {LOCALIZER[1]}", None)):
+    localizer = StopReason("gone", " ".join(LOCALIZER))
+    for before_ns, gone, wait in ((2, None, 2e-9), (1, None, 1e-9), (0, localizer, None)):
         live.clock.now = 950_000_000 + 62_500_000 - before_ns
         live.look()
         assert live.node.gone == gone
@@ -300,7 +301,7 @@ def test_a_command_shows_that_its_process_runs(live: Gate) -> None:
         assert reason(live) == ""
     live.clock.now += 63_000_000
     live.look()
-    assert live.node.gone == " ".join(controller)
+    assert live.node.gone == StopReason("gone", " ".join(controller))
 
 
 def command(gate: Gate) -> tuple[float, int]:

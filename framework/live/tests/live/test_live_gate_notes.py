@@ -35,13 +35,14 @@ from navloom.messages import (
     OperatorRequest,
     PortMark,
     StepReport,
+    StopReason,
     TrackingCommand,
 )
+from navloom.navigation.status_words import why_stopped
 from navloom_live.live.cell import Source
 from navloom_live.live.cells import Widening, all_sources
 from navloom_live.live.live_gate import BETWEEN
 from navloom_live.live.mailbox import Inlet
-from navloom_live.operating.looking import why_stopped
 
 # --- what it records --------------------------------------------------------------------------------------------------
 
@@ -255,12 +256,13 @@ CONTROLLER = ("controller", SYSTEM.config.controller.instance)
 LIVES = ("0a~12~base", "0b~14~copy")
 
 
-def two_controllers(gate: Gate, ticks: range) -> str:
+def two_controllers(gate: Gate, ticks: range) -> StopReason:
     """Two processes publish the controller's commands; returns the reason of the stop."""
     for tick in ticks:
         gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick)
         gate.give(CONTROLLER, "command", tracking(), tick, sequence=tick)
         gate.tick(tick)
+    assert gate.runner.gate.gone is not None
     return gate.runner.gate.gone
 
 
@@ -275,7 +277,7 @@ def test_a_second_source_of_commands_stops_the_robot_and_the_reason_names_both_p
         gate.begin(CONTROLLER, life=life)
     reason = two_controllers(gate, range(1, 6))
     name = " ".join(CONTROLLER)
-    assert reason == f"rivals: {name} on host base (process 12) and on host copy (process 14)"
+    assert reason.text == f"rivals: {name} on host base (process 12) and on host copy (process 14)"
     status = GateStatus("none", "", True, False, reason, ())
     assert why_stopped(status)[0].endswith("and on host copy (process 14) publish the same stream")
 
@@ -284,7 +286,7 @@ def test_of_a_second_source_without_a_token_it_says_so() -> None:
     gate = Gate()
     gate.has_stamps = True
     gate.begin(CONTROLLER)
-    assert "in two processes, of which one has announced no node" in two_controllers(gate, range(1, 6))
+    assert "in two processes, of which one has announced no node" in two_controllers(gate, range(1, 6)).of
 
 
 def test_a_restarted_controller_is_no_second_one() -> None:
@@ -294,4 +296,4 @@ def test_a_restarted_controller_is_no_second_one() -> None:
     for tick in range(1, 12):
         gate.give(CONTROLLER, "command", tracking(), tick, sequence=500 + tick if tick < 6 else tick - 5)
         gate.tick(tick)
-    assert gate.runner.gate.gone == ""
+    assert gate.runner.gate.gone is None

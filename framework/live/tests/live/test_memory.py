@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from navloom.messages import Envelope, Feedback, GateStatus, Parameters, Selection
+from navloom.messages import Envelope, Feedback, GateStatus, Parameters, Selection, StopReason
 from navloom_live.live.memory import Memory
 
 GATE, GOAL, CONTROLLER = ("gate", "main"), ("goal", "main"), ("controller", "law")
@@ -14,7 +14,7 @@ def at(tick: int) -> Envelope:
 
 
 def stop(reason: str, latched: bool) -> GateStatus:
-    return GateStatus("none", "", True, latched, reason, ())
+    return GateStatus("none", "", True, latched, StopReason.parse(reason), ())
 
 
 def full() -> Memory:
@@ -45,9 +45,9 @@ def test_a_resumed_stop_is_not_kept() -> None:
     ("last", "kept"),
     [
         (stop("contact", True), "contact"),
-        (GateStatus("none", "", True, False, "stale: operator main", ()), "stale: operator main"),
-        (GateStatus("none", "", True, False, "stale: controller law", ()), ""),
-        (GateStatus("controller", "law", False, False, "", ()), ""),
+        (GateStatus("none", "", True, False, StopReason.parse("stale: operator main"), ()), "stale: operator main"),
+        (GateStatus("none", "", True, False, StopReason.parse("stale: controller law"), ()), ""),
+        (GateStatus("controller", "law", False, False, None, ()), ""),
     ],
     ids=["contact", "operator-lost", "controller-late", "drives"],
 )

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from described import BusInWords, client, counts, described, everyone
-from navloom.messages import Feedback, GateStatus
+from navloom.messages import Feedback, GateStatus, StopReason
 from navloom_live.hosting.directory import DirectoryError, Fate, RobotFolder, Running
 from navloom_live.live.description import Description, StreamSummary
 from navloom_live.operating import doctor
@@ -419,7 +419,7 @@ def test_a_single_node_that_does_not_step_is_reported() -> None:
 
 
 def status(reason: str, latched: bool = False) -> GateStatus:
-    return GateStatus("none", "", True, latched, reason, ())
+    return GateStatus("none", "", True, latched, StopReason.parse(reason), ())
 
 
 def test_a_latched_stop_is_reported_with_the_command_that_releases_it() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from described import counts, described, everyone, heard
-from navloom.messages import GateStatus
+from navloom.messages import GateStatus, StopReason
 from navloom_live.operating import metrics_server
 from navloom_live.operating.exposition import MOST_REASONS, Stops, exposition
 from navloom_live.operating.listening import Told
@@ -25,7 +25,7 @@ LINE = re.compile(r'[a-z_]+\{(?:[a-z]+="(?:[^"\\\n]|\\.)*",?)+\} -?[0-9.e+-]+')
 
 
 def said(reason: str) -> Told:
-    status = GateStatus("none" if reason else "avoider", "vfh", bool(reason), False, reason, ())
+    status = GateStatus("none" if reason else "avoider", "vfh", bool(reason), False, StopReason.parse(reason), ())
     return Told("gate", "main", "status", status, 0)
 
 

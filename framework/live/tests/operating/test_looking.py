@@ -4,27 +4,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 from described import KEYS, PLACES, BusInWords, client, everyone, heard, wire
-from navloom.messages import Contact, Feedback, GateStatus, GoalResult, Message, Parameters, Point2D, RangeScan
+from navloom.messages import (
+    Contact,
+    Feedback,
+    GateStatus,
+    GoalResult,
+    GoalState,
+    Message,
+    Parameters,
+    Point2D,
+    RangeScan,
+    StopReason,
+)
+from navloom.navigation.status_words import NO_GOAL, WAITS, progress, who_drives, why_stopped
 from navloom_live.cli.status import rows
 from navloom_live.live.mailbox import Mailbox
 from navloom_live.operating.looking import (
-    NO_GOAL,
     NoStream,
     changed_parameters,
     envelope_fields,
     last_words,
     message_fields,
-    progress,
     resolve,
     retained,
     streams,
     tap,
-    who_drives,
-    why_stopped,
 )
 from navloom_live.operating.nodes import Missing, Node, listing, missing, neighbours_names, platform_age
 from navloom_live.transport.zenoh_bus import Answer
@@ -112,8 +121,12 @@ def test_the_age_of_the_platform_is_that_at_the_gate_or_else_at_any_node() -> No
     ],
 )
 def test_every_reason_for_a_stop_is_explained_with_a_remedy(reason: str, words: str, remedy: str) -> None:
-    told, advice = why_stopped(GateStatus("none", "", True, False, reason, ()))
+    told, advice = why_stopped(GateStatus("none", "", True, False, StopReason.parse(reason), ()))
     assert told == words and remedy in advice
+
+
+def test_every_state_of_an_active_goal_says_why_the_robot_is_stopped() -> None:
+    assert set(WAITS) == set(get_args(GoalState)) - {"idle"}
 
 
 REACHED = GoalResult(1, "succeeded", "the goal was reached", Point2D(0.0, 0.0))
@@ -134,7 +147,7 @@ REACHED = GoalResult(1, "succeeded", "the goal was reached", Point2D(0.0, 0.0))
 def test_a_robot_without_a_path_is_not_reported_as_a_fault(
     feedback: Feedback, result: GoalResult | None, words: str
 ) -> None:
-    status = GateStatus("none", "", True, False, "no_trajectory", ())
+    status = GateStatus("none", "", True, False, StopReason("no_trajectory"), ())
     assert who_drives(status, feedback, result) == words
     assert ("navloom goal X Y" in why_stopped(status, feedback, result)[1]) == (feedback.goal_id == 0)
 
@@ -166,7 +179,7 @@ def test_status_of_a_robot_that_has_reached_its_goal_shows_no_fault() -> None:
     last: dict[str, Message] = {
         "goal/main/feedback": Feedback(0, "idle", 0.0, 0.0, 0.0, 0),
         "goal/main/result": GoalResult(2, "succeeded", "the goal was reached", Point2D(1.0, 2.0)),
-        "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
+        "gate/main/status": GateStatus("none", "", True, False, StopReason("no_trajectory"), ()),
     }
     found = status_rows(last)
     assert found["stopped"] == "goal reached; `navloom goal X Y` gives it a goal" and "drives" not in found
@@ -177,7 +190,7 @@ def test_status_of_a_robot_that_has_reached_its_goal_shows_no_fault() -> None:
 def test_status_of_a_lost_robot_says_so_with_a_remedy() -> None:
     last: dict[str, Message] = {
         "goal/main/feedback": Feedback(2, "searching", 0.0, 0.0, 0.0, 0, "lost: 24% of the echoes fit the map"),
-        "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
+        "gate/main/status": GateStatus("none", "", True, False, StopReason("no_trajectory"), ()),
     }
     found = status_rows(last)
     assert found["goal"] == "2: searching, localizer lost: 24% of the echoes fit the map"
@@ -188,7 +201,7 @@ def test_status_of_a_lost_robot_says_so_with_a_remedy() -> None:
 
 
 def test_a_driving_robot_has_no_explanation_of_a_stop() -> None:
-    assert why_stopped(GateStatus("controller", "law", False, False, "", ())) == ("", "")
+    assert why_stopped(GateStatus("controller", "law", False, False, None, ())) == ("", "")
 
 
 # --- streams --------------------------------------------------------------------------------------------------------
@@ -256,6 +269,16 @@ def test_only_streams_for_late_joiners_are_queried() -> None:
     assert retained(client(bus), "goal/main/feedback") is None
     assert retained(client(bus), "platform/sim/odometry") is None
     assert bus.asked == ["lab/r1/goal/main/result", "lab/r1/goal/main/feedback"]
+
+
+def test_a_stop_is_printed_as_the_text_of_version_1_and_as_its_reason() -> None:
+    status = GateStatus("none", "", True, False, StopReason("stale", "controller law"), ())
+    found = message_fields(status)
+    assert found["reason"] == "stale: controller law"
+    assert found["why"] == {"kind": "stale", "who": "controller law", "of": ""}
+    assert list(found) == [
+        "source", "instance", "stopped", "latched", "reason", "pending", "share", "limit", "place", "distance", "why",
+    ]  # fmt: skip
 
 
 def test_a_kept_message_that_cannot_be_read_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -326,15 +349,15 @@ def test_messages_within_messages_and_envelopes_become_plain_values() -> None:
     [(0.5, 0.0, "ahead"), (0.2, 0.4, "left (63°)"), (0.0, -0.5, "right (90°)"), (-0.5, 0.0, "behind")],
 )
 def test_the_obstacle_that_slows_the_robot_is_reported_with_its_place(x: float, y: float, words: str) -> None:
-    slowed = GateStatus("controller", "law", False, False, "", (), 0.4, "obstacle", Point2D(x, y), 0.25)
+    slowed = GateStatus("controller", "law", False, False, None, (), 0.4, "obstacle", Point2D(x, y), 0.25)
     assert who_drives(slowed) == f"controller law drives, slowed: obstacle 0.25 m away, {words}"
-    stopped = replace(slowed, stopped=True, reason="obstacle", share=0.0)
+    stopped = replace(slowed, stopped=True, why=StopReason("obstacle"), share=0.0)
     assert why_stopped(stopped)[0] == f"obstacle 0.25 m away, {words}"
 
 
 def test_a_robot_without_room_to_turn_is_reported_with_what_is_beside_it_and_what_the_recovery_does() -> None:
     status = GateStatus(
-        "controller", "law", True, False, "no room to turn", (), 0.0, "obstacle", Point2D(-0.1, -0.3), 0.05
+        "controller", "law", True, False, StopReason("no_room"), (), 0.0, "obstacle", Point2D(-0.1, -0.3), 0.05
     )
     assert why_stopped(status) == (
         "no room to turn, obstacle 0.05 m away, right (108°)",

@@ -12,6 +12,7 @@ from navloom.engine.build import assemble
 from navloom.engine.catalogue import catalogue_of
 from navloom.engine.system import System
 from navloom.messages import Message
+from navloom.messages.schema import in_version
 
 from navloom_recording.comparing import ReplayDifference, first_difference, is_same
 from navloom_recording.outcomes import Outcomes
@@ -138,7 +139,8 @@ def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str
         return "", said, "nothing" if replayed is None else type(replayed).__name__
     if is_same(recorded, entry.raw.data, entry.raw.label, replayed):
         return None
-    return first_difference(recorded.message, replayed) or ("", "other bytes", "the same values in other bytes")
+    before, now = (in_version(message, entry.raw.label) for message in (recorded.message, replayed))
+    return first_difference(before, now) or ("", "other bytes", "the same values in other bytes")
 
 
 def installed_part(loaded: Loaded) -> tuple[System, list[NodeCheck]]:

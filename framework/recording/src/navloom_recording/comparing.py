@@ -9,6 +9,7 @@ import numpy as np
 from navloom.messages import Message
 from navloom.messages.codec import encode, schema_label
 from navloom.messages.kinds import brief
+from navloom.messages.schema import in_version
 
 from navloom_recording.reader import Recorded
 
@@ -40,7 +41,8 @@ class ReplayDifference:
 
 
 def is_same(recorded: Recorded, data: bytes | memoryview, label: str, replayed: Message) -> bool:
-    """Whether a replayed message is the recorded one, bit for bit."""
+    """Whether a replayed message, in the recorded version of its schema, is the recorded one, bit for bit."""
+    replayed = in_version(replayed, label)
     return schema_label(type(replayed)) == label and encode(replayed, recorded.envelope) == data
 
 

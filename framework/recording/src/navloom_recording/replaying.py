@@ -15,7 +15,7 @@ from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.goal import GoalNode
 from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.nodes.node import Node, Tick
-from navloom.engine.nodes.told import GateTold, GoalTold
+from navloom.engine.nodes.told import GateTold, GoalTold, gone_of
 from navloom.engine.streams import STEP
 from navloom.engine.system import System
 from navloom.messages import Command, Envelope, Message, OperatorRequest, Parameters, Selection, StepReport
@@ -258,7 +258,7 @@ class Replayer:
         node.is_warm = lambda role, name: f"{role} {name}" in told.warm
         node.find_waiting = lambda: told.waiting
         if self.is_live:
-            node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, told.gone
+            node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, gone_of(told.gone)
             node.has_new_platform, node.late = told.restarted, told.late
             for one in told.obeyed:
                 entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one.driving, step.place)

@@ -11,7 +11,7 @@ from typing import Any
 
 from navloom.errors import NavloomError
 from navloom.messages.codec import schema_label
-from navloom.messages.schema import SCHEMAS
+from navloom.messages.schema import OLDER, SCHEMAS
 from navloom.plugins.opening import OPENER
 
 from navloom_recording.header import HEADER, RecordingError, RecordingHeader
@@ -139,7 +139,7 @@ class RecordingWriter:
         with self._sound():
             if label not in self._schemas:
                 OPENER.why_unknown(label)  # load a distribution's class, so that the recording contains its schema
-                cls = SCHEMAS.get(label.partition("/")[0])
+                cls = OLDER.get(label) or SCHEMAS.get(label.partition("/")[0])
                 text = schema_text(cls) if cls is not None and schema_label(cls) == label else ""
                 self._schemas[label] = self._writer.register_schema(label, SCHEMA_ENCODING, text.encode())
             number: int = self._writer.register_channel(key, ENCODING, self._schemas[label])

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from navloom.config import ConfigError
+from navloom.errors import NavloomError
 from navloom.files import write_each, write_whole
 from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
 from navloom.inputs.texts import json_of
@@ -31,8 +32,10 @@ SHOWN = 3
 """Most differences that an error names."""
 
 
-class StudyError(RuntimeError):
+class StudyError(NavloomError, RuntimeError):
     """The study can no longer be stored; ended episodes are kept. The text says why, and what to do."""
+
+    exit_code = 1
 
 
 class StudyFolder:

@@ -19,6 +19,7 @@ from time import monotonic
 from typing import IO, Any
 
 from navloom.crashes import crashed_at, dump_when_broken
+from navloom.errors import NavloomError
 
 from navloom_study.rows import EpisodeTask, Row, episode_row, lost_row
 
@@ -39,8 +40,10 @@ STILLBORN = 3
 """Number of workers in a row that end before their first episode at which the study fails."""
 
 
-class PoolError(RuntimeError):
+class PoolError(NavloomError, RuntimeError):
     """Episodes cannot run here at all; the text says why."""
+
+    exit_code = 1
 
 
 def cores() -> int:

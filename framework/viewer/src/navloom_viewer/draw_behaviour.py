@@ -17,8 +17,7 @@ from navloom.messages import (
     RecoveryRequest,
     Selection,
 )
-from navloom.navigation.stop_reasons import is_at_rest
-from navloom.parts import part
+from navloom.navigation.status_words import what_limits, who_drives, why_stopped
 
 from navloom_viewer.colours import BLOCKED, FREE, VERMILION, faded
 from navloom_viewer.draw_sensing import BLENDED
@@ -149,23 +148,21 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     """Draw the source that drives; log a stop with its reason in words and the remedy."""
     import rerun as rr
 
-    looking = part("navloom_live.operating.looking")
-
     name = seen.actor.name
     state: str = message.source if message.source != "none" else "braking"
     if message.stopped:
-        state = "standing" if is_at_rest(message.reason) else "stopped"
+        state = "stopped" if message.interrupts else "standing"
     yield seen.lane("driver"), Change(state, rr.StateChange(state=state))
-    why, remedy = looking.why_stopped(message)
+    why, remedy = why_stopped(message)
     key = message.reason if message.stopped else ""
     level = "INFO" if state == "standing" else "WARN"
     text = f"{name}: gate stops the robot: {why}" + (f"; {remedy}" if remedy and state == "stopped" else "")
     if state == "standing":
         text = f"{name}: is stopped, {why}"
     yield f"/log/{name}/gate", Change(key, rr.TextLog(text, level=level) if key else None)
-    slowed = f"{name}: gate slows the robot: {looking.what_limits(message)}"
+    slowed = f"{name}: gate slows the robot: {what_limits(message)}"
     if message.limit == "overridden":
-        slowed = f"{name}: {looking.who_drives(message)}"
+        slowed = f"{name}: {who_drives(message)}"
     told = message.limit if not message.stopped else ""
     yield f"/log/{name}/monitor", Change(told, rr.TextLog(slowed, level="INFO") if told else None)
     places = [] if message.place is None else [(message.place.x, message.place.y, 0.1)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from navloom.config import Loaded
 from navloom.engine.build import assemble
+from navloom.errors import NavloomError
 from navloom.messages import Envelope, Message
 from navloom.runs.episode import Episode, run_episode
 
@@ -23,7 +24,7 @@ __all__ = ["Pace", "drive_side_by_side"]
 Say = Callable[[str], None]
 
 
-class Stopped(Exception):
+class Stopped(NavloomError):
     """The user ended the run."""
 
 

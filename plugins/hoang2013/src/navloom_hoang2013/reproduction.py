@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from navloom.errors import NavloomError
 from navloom.plugins import Discovery
 
 from navloom_hoang2013.cloud import cloud_of
@@ -26,8 +27,10 @@ FILES = ("report.html", "numbers.json", "figure-*", "errata-*")
 Say = Callable[[str], None]
 
 
-class PaperError(RuntimeError):
+class PaperError(NavloomError, RuntimeError):
     """The experiment ended too early to draw its figures."""
+
+    exit_code = 1
 
 
 def steps(campaigns: bool = False) -> int:

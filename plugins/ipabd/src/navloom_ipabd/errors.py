@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from navloom.errors import NavloomError
+
 __all__ = ["DataError", "SettingError", "SweepError", "TrackError"]
 
 
-class DataError(ValueError):
+class DataError(NavloomError, ValueError):
     """Input that cannot be mapped.
 
     Args:

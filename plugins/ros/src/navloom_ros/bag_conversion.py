@@ -12,6 +12,7 @@ import numpy as np
 from navloom import Odometry, Pose2D, RangeScan, Sweep, Twist2D
 from numpy.typing import NDArray
 
+from navloom_ros.errors import RosError
 from navloom_ros.frames import Mount, quaternion_matrix, wrap
 from navloom_ros.times import ns_of
 
@@ -27,7 +28,7 @@ _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f
 """numpy's types for the `datatype` of a sensor_msgs/msg/PointField."""
 
 
-class ConversionError(ValueError):
+class ConversionError(RosError):
     """A message that cannot be converted; the text says why."""
 
 

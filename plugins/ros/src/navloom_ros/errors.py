@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from navloom.errors import NavloomError
+
 __all__ = [
     "BadDefinition",
     "BadName",
@@ -14,7 +16,7 @@ __all__ = [
 ]
 
 
-class RosError(ValueError):
+class RosError(NavloomError, ValueError):
     """Base class: a ROS network, file or message that cannot be used. The text is one sentence for the user."""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from navloom.engine.random_streams import stream_source
+from navloom.errors import NavloomError
 from navloom.geometry.world import World
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles import Context, RobotSpec, Role, SensorSpec
@@ -34,7 +35,7 @@ TRIES = 60
 """Most scenes that are tried while a failing scene is reduced."""
 
 
-class Unfit(Exception):
+class Unfit(NavloomError):
     """A scene does not suit a plugin, or cannot be judged; the text is the reason, as one phrase."""
 
 

@@ -15,6 +15,7 @@ from pathlib import PurePath
 from types import NoneType
 from typing import Any, Generic, NoReturn, TypeVar
 
+from navloom.errors import NavloomError
 from navloom.messages import (
     Avoidance,
     Contact,
@@ -58,7 +59,7 @@ FAR = 10.0
 A = TypeVar("A", bound=TrackingCommand | Avoidance | RecoveryStep)
 
 
-class AnswerError(ValueError):
+class AnswerError(NavloomError, ValueError):
     """A plugin's answer does not fit its input. The text says what it gave, what was expected, and the verb's line."""
 
 

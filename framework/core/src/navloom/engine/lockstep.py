@@ -20,7 +20,6 @@ from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, Odometry, OperatorRequest, Selection, StepRecord
-from navloom.navigation.stop_reasons import is_at_rest
 from navloom.navigation.stopping import Braking, Ending
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
@@ -86,7 +85,7 @@ class RunLog:
 
     def hear_gate(self, status: GateStatus) -> None:
         """Count a stop or limit of the gate that the previous status did not have."""
-        stopped_for = status.reason if status.stopped and not is_at_rest(status.reason) else ""
+        stopped_for = status.reason if status.interrupts else ""
         self.gate_stops += bool(stopped_for) and stopped_for != self._stopped_for
         limited_by = "" if status.limit == "overridden" else status.limit
         self.gate_limits += bool(limited_by) and not self._limited_by

@@ -9,6 +9,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from navloom.errors import NavloomError
 from navloom.messages import Envelope, Message
 from navloom.messages.bounds import ALIGNMENT
 from navloom.messages.codec import add_blocks, decode, lead_of, pack_time
@@ -24,7 +25,7 @@ BATCH = 16
 """Number of ticks that are encoded together."""
 
 
-class TraceError(ValueError):
+class TraceError(NavloomError, ValueError):
     """A file that is not a trace, or one that is cut short."""
 
 

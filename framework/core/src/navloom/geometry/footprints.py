@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from navloom.errors import NavloomError
+
 __all__ = ["FootprintError", "circumscribed_radius", "inscribed_radius", "polygon", "rectangle"]
 
 Floats = NDArray[np.float64]
@@ -14,7 +16,7 @@ _LARGEST = 100.0
 """Largest side and largest coordinate of a corner, m; larger ones are probably in millimetres."""
 
 
-class FootprintError(ValueError):
+class FootprintError(NavloomError, ValueError):
     """An impossible footprint. The text says what was given and what was expected."""
 
 

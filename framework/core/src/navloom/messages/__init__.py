@@ -9,7 +9,17 @@ from navloom.messages.behaviour import (
     RecoveryStep,
 )
 from navloom.messages.envelope import Envelope, StepRecord
-from navloom.messages.goals import OUTCOMES, Drive, Feedback, Goal, GoalResult, OperatorRequest, Outcome
+from navloom.messages.goals import (
+    OUTCOMES,
+    Drive,
+    Feedback,
+    Goal,
+    GoalResult,
+    GoalState,
+    OperatorRequest,
+    Outcome,
+    ReasonCode,
+)
 from navloom.messages.mapping import (
     ClearRequest,
     Count,
@@ -52,6 +62,7 @@ from navloom.messages.schema import (
 )
 from navloom.messages.sensing import RangeScan, Sweep, SweepRequest
 from navloom.messages.steps import InputRead, Parameters, PortMark, StepReport
+from navloom.messages.stop_reasons import StopReason
 
 __all__ = [
     "OUTCOMES",
@@ -70,6 +81,7 @@ __all__ = [
     "GateStatus",
     "Goal",
     "GoalResult",
+    "GoalState",
     "HandOver",
     "Heading",
     "InputRead",
@@ -94,6 +106,7 @@ __all__ = [
     "PoseTrack",
     "Positive",
     "RangeScan",
+    "ReasonCode",
     "RecoveryRequest",
     "RecoveryStep",
     "Reference",
@@ -101,6 +114,7 @@ __all__ = [
     "Stamp",
     "StepRecord",
     "StepReport",
+    "StopReason",
     "Sweep",
     "SweepRequest",
     "TrackingCommand",

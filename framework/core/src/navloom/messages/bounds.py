@@ -67,7 +67,7 @@ def _value(kind: Kind) -> int:
         assert kind.item is not None
         return 3 + kind.most * _value(kind.item)
     if kind.form == "str":
-        return _text(max((len(choice.encode()) for choice in kind.choices), default=kind.most))
+        return _text(max(kind.most, *(len(choice.encode()) for choice in kind.choices), 0))
     return {"float": _NUMBER, "int": _NUMBER, "bool": 1, "array": 3}[kind.form]
 
 

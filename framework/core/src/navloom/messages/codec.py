@@ -17,13 +17,14 @@ from typing import Any
 import msgpack
 from numpy.typing import NDArray
 
+from navloom.errors import NavloomError
 from navloom.messages.arrays import memory_of, views
 from navloom.messages.bounds import ALIGNMENT, LARGEST_HEADER, header_limit
 from navloom.messages.envelope import Envelope
 from navloom.messages.headers import read_header
 from navloom.messages.kinds import MAX_ARRAYS, Kind, Message, MessageError, brief
 from navloom.messages.packing import PAD, Arrays, Pads, pack, writer_of
-from navloom.messages.schema import SCHEMAS
+from navloom.messages.schema import OLDER, SCHEMAS
 from navloom.messages.typed import SHORT, SHORT_LIST, Typed, typed_reader
 
 __all__ = ["CodecError", "UnknownSchema", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
@@ -39,7 +40,7 @@ _SIX = b"\x96"
 Read = Callable[[Any, list[NDArray[Any]]], Any]
 
 
-class CodecError(ValueError):
+class CodecError(NavloomError, ValueError):
     """Bytes are not the message that they claim to be. The text names the place, the value and the expectation."""
 
 
@@ -47,8 +48,8 @@ class UnknownSchema(CodecError):
     """A message's class, or its version of the class, is not declared in this process."""
 
 
-_WAYS: dict[str, tuple[type[Message], Typed, int]] = {}
-"""By label: the class, the fast reader of this version's headers, and the largest header, bytes."""
+_WAYS: dict[str, tuple[type[Message], type[Message], Typed, int]] = {}
+"""By label: the class of today and of that version, the fast reader of its headers, and the largest header, bytes."""
 _READERS: dict[type[Message], Read] = {}
 """By class: the reader of a header's values that accepts any version."""
 
@@ -107,8 +108,9 @@ def pack_time(when: tuple[int, ...]) -> bytes:
 def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     """Message and envelope from bytes, which must not change afterwards: arrays are views of them.
 
-    Unknown fields are ignored, and a field with a default may be missing, as fields added later have one. Arrays are
-    copied only if the bytes are at an unaligned address.
+    Unknown fields are ignored, and a field with a default may be missing, as fields added later have one. A message of
+    an older version that is declared here is returned as the present one. Arrays are copied only if the bytes are at an
+    unaligned address.
 
     Raises:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
@@ -116,7 +118,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     way = _WAYS.get(label)
     if way is None or SCHEMAS.get(way[0].schema_name) is not way[0]:
         way = _new_way(label)
-    cls, read, most = way
+    now, cls, read, most = way
     if data.__class__ is not bytes:
         data = memoryview(data).cast("B").toreadonly()
     if len(data) < 4:
@@ -136,7 +138,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
         header = _header(data[4:end], cls)
         arrays = views(header.get("arrays"), memory, start)
         message = _reader(cls)(header.get("fields"), arrays)
-        return message, _envelope(header.get("envelope"))
+        return message if cls is now else message.upgraded(), _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
 
@@ -201,24 +203,36 @@ def _built(packed: bytes | memoryview, cls: type[Message]) -> Any:
         return read_header(packed, cls)
 
 
-def _new_way(label: str) -> tuple[type[Message], Typed, int]:
-    cls = _class_of(label)
-    way = _WAYS[label] = cls, typed_reader(cls), header_limit(cls)
+def _new_way(label: str) -> tuple[type[Message], type[Message], Typed, int]:
+    now, cls = _classes_of(label)
+    read = typed_reader(cls)
+    way = _WAYS[label] = now, cls, read if cls is now else _upgrading(read), header_limit(cls)
     return way
 
 
-def _class_of(label: str) -> type[Message]:
+def _upgrading(read: Typed) -> Typed:
+    """The fast reader of an older version."""
+
+    def read_older(packed: bytes | memoryview, memory: Any, start: int) -> tuple[Message, Envelope]:
+        message, envelope = read(packed, memory, start)
+        return message.upgraded(), envelope  # type: ignore[attr-defined]
+
+    return read_older
+
+
+def _classes_of(label: str) -> tuple[type[Message], type[Message]]:
+    """The class of today, and that of the label's version."""
     name, _, version = label.partition("/")
     cls = SCHEMAS.get(name)
     if cls is None:
         raise UnknownSchema(
             f"schema {brief(label)} is unknown here: the sender runs another set of plugins or versions"
         )
-    if version != str(cls.schema_version):
+    if version != str(cls.schema_version) and label not in OLDER:
         raise UnknownSchema(
             f"schema {brief(label)}: this side speaks version {cls.schema_version}; update the older side"
         )
-    return cls
+    return cls, OLDER.get(label, cls)
 
 
 def _envelope(value: Any) -> Envelope:

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from navloom.messages.motion import Point2D
 from navloom.messages.schema import Message, Most, Name, Words, message
 
-__all__ = ["OUTCOMES", "Drive", "Feedback", "Goal", "GoalResult", "OperatorRequest", "Outcome"]
+__all__ = ["OUTCOMES", "Drive", "Feedback", "Goal", "GoalResult", "GoalState", "OperatorRequest", "Outcome",
+           "ReasonCode"]  # fmt: skip
 
 Outcome = Literal[
     "succeeded", "cancelled", "rejected", "no_path", "stuck", "lost", "collision", "timeout", "stopped", "error"
 ]
-OUTCOMES: tuple[str, ...] = (
-    "succeeded", "cancelled", "rejected", "no_path", "stuck", "lost", "collision", "timeout", "stopped", "error"
-)  # fmt: skip
+OUTCOMES: tuple[str, ...] = get_args(Outcome)
+GoalState = Literal["idle", "mapping", "planning", "driving", "recovering", "waiting", "searching"]
+"""State of a goal; "waiting" for a silent platform, "searching" while the localizer is not tracking."""
+ReasonCode = Literal[
+    "", "reached", "preempted", "by_operator", "contact", "overdue", "not_resumed",  # how a goal ends
+    "start_occupied", "goal_occupied", "outside_map", "no_path", "no_answer", "no_map",  # there is no path
+    "trapped", "blocked", "no_room", "no_progress", "missed", "heading_missed",  # the robot does not get on
+    "placed", "not_tracking", "platform_silent", "node_failed", "node_restarted", "robot_down", "refused",  # the robot
+]  # fmt: skip
+"""Why a goal ended, recovers, waits or searches; empty if it is not known, as in messages of version 1."""
 
 
 @message()
@@ -71,31 +79,49 @@ class Drive(Message):
     stop_here: bool
 
 
-@message()
+@message(2)
 class Feedback(Message):
     """Progress of a goal.
 
     Attributes:
         goal_id: Number of the goal; 0 for none.
-        state: State of its state machine; "waiting" for a silent platform, "searching" while the localizer is not
-            tracking.
+        state: State of its state machine.
         distance: Remaining distance along the trajectory, m.
         time_left: Estimated remaining time, s.
         cross_track: Distance from the trajectory, m, positive to the left.
         recoveries: Number of recoveries so far.
         localizer: State and reason of a localizer that is not tracking; otherwise empty.
+        code: Why it recovers, waits or searches; otherwise empty.
     """
 
     goal_id: int
-    state: Literal["idle", "mapping", "planning", "driving", "recovering", "waiting", "searching"]
+    state: GoalState
+    distance: float
+    time_left: float
+    cross_track: float
+    recoveries: int
+    localizer: Words = ""
+    code: Annotated[ReasonCode, Most(32)] = ""
+
+
+@message(1, now=Feedback)
+class Feedback1(Message):
+    """`Feedback` until it had a code; for its fields see there."""
+
+    goal_id: int
+    state: GoalState
     distance: float
     time_left: float
     cross_track: float
     recoveries: int
     localizer: Words = ""
 
+    def upgraded(self) -> Feedback:
+        """The present version."""
+        return Feedback(*self.read_fields())
 
-@message()
+
+@message(2)
 class GoalResult(Message):
     """How a goal ended.
 
@@ -104,9 +130,25 @@ class GoalResult(Message):
         outcome: One of `OUTCOMES`.
         reason: The reason in one phrase.
         place: Where the robot was, or where the planner failed, map frame.
+        code: The reason for programs.
     """
 
     goal_id: int
     outcome: Outcome
     reason: Words
     place: Point2D
+    code: Annotated[ReasonCode, Most(32)] = ""
+
+
+@message(1, now=GoalResult)
+class GoalResult1(Message):
+    """`GoalResult` until it had a code; for its fields see there."""
+
+    goal_id: int
+    outcome: Outcome
+    reason: Words
+    place: Point2D
+
+    def upgraded(self) -> GoalResult:
+        """The present version."""
+        return GoalResult(*self.read_fields())

@@ -10,6 +10,8 @@ from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origi
 
 import numpy as np
 
+from navloom.errors import NavloomError
+
 __all__ = ["DTYPES", "MAX_ARRAYS", "MAX_ITEMS", "MAX_TEXT", "RULES", "Array", "Heading", "Kind", "Message",
            "MessageError", "Most", "Name", "NotNegative", "Positive", "Stamp", "Unbounded", "Words", "brief",
            "holds_array", "kind_of", "typed"]  # fmt: skip
@@ -27,7 +29,7 @@ MAX_TEXT = 1024
 """Most bytes of a text field whose declaration sets no other bound with `Most`."""
 
 
-class MessageError(ValueError):
+class MessageError(NavloomError, ValueError):
     """A field does not fit its declaration. The text names the field, what was given and what was expected."""
 
 
@@ -53,7 +55,10 @@ class Array:
 
 @dataclass(frozen=True)
 class Most:
-    """Bound of a text field, bytes of UTF-8, or of a tuple field, items: `Annotated[tuple[Point2D, ...], Most(16)]`."""
+    """Bound of a text field, bytes of UTF-8, or of a tuple field, items: `Annotated[tuple[Point2D, ...], Most(16)]`.
+
+    Of a Literal it is the room for later choices, so that a longer one does not change the limit of the header.
+    """
 
     count: int
 
@@ -96,7 +101,7 @@ class Kind:
         message: Class of a nested message.
         infinite: A float that may be infinite.
         rule: The rule for a number, one of RULES; empty for none.
-        most: Most items of a tuple, or most bytes of a text.
+        most: Most items of a tuple, or most bytes of a text; 0 for a Literal without `Most`.
         is_cut: A longer text is cut; otherwise it is refused.
     """
 
@@ -159,7 +164,7 @@ def _marked(base: Any, mark: Any) -> Kind:
             raise TypeError(f"a message field cannot be annotated {mark!r}")
         return Kind("array", array=mark)
     kind = kind_of(base)
-    if isinstance(mark, Most) and kind.most:
+    if isinstance(mark, Most) and (kind.most or kind.choices):
         return replace(kind, most=mark.count)
     if mark == "words" and base is str:
         return replace(kind, is_cut=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages.schema import Array, Heading, Message, Most, Name, Stamp, Unbounded, Words, message
+from navloom.messages.stop_reasons import StopReason
 
 __all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
            "Reference", "Selection", "TrackingCommand", "Trajectory", "Truth", "Twist2D"]  # fmt: skip
@@ -197,7 +198,7 @@ class TrackingCommand(Message):
     e3: Heading
 
 
-@message()
+@message(2)
 class GateStatus(Message):
     """Status of the gate: which source drives, or why none does.
 
@@ -206,8 +207,7 @@ class GateStatus(Message):
         instance: Name of its instance; empty for none.
         stopped: The gate commands zero.
         latched: The stop stays until `resume`.
-        reason: Why it is stopped, or brakes to a stop (`operator`, `no_trajectory`, `stale: …`, …); empty while a
-            source drives.
+        why: Why it is stopped, or brakes to a stop; None while a source drives.
         pending: "role instance" of swaps that wait for the instance to warm up, sorted by role.
         share: Share of the command that passes when the monitor slows the robot; 1 for all of it.
         limit: Why the monitor slows or stops the robot: an `obstacle`, or `unseen` space; empty for no reason;
@@ -220,12 +220,43 @@ class GateStatus(Message):
     instance: Name
     stopped: bool
     latched: bool
+    why: StopReason | None
+    pending: Instances
+    share: float = 1.0
+    limit: Literal["", "obstacle", "unseen", "overridden"] = ""
+    place: Point2D | None = None
+    distance: float | None = None
+
+    @property
+    def reason(self) -> str:
+        """`why` as one text: `operator`, `no_trajectory`, `stale: controller main`, …; empty while a source drives."""
+        return "" if self.why is None else self.why.text
+
+    @property
+    def interrupts(self) -> bool:
+        """Whether the robot is stopped for a reason that interrupts a drive."""
+        return self.stopped and self.why is not None and not self.why.stop.is_at_rest
+
+
+@message(1, now=GateStatus)
+class GateStatus1(Message):
+    """`GateStatus` until its reason became a `StopReason`; for its fields see there."""
+
+    source: Literal["none", "controller", "avoider", "recovery", "operator"]
+    instance: Name
+    stopped: bool
+    latched: bool
     reason: Words
     pending: Instances
     share: float = 1.0
     limit: Literal["", "obstacle", "unseen", "overridden"] = ""
     place: Point2D | None = None
     distance: float | None = None
+
+    def upgraded(self) -> GateStatus:
+        """The present version."""
+        source, instance, stopped, latched, reason, *others = self.read_fields()
+        return GateStatus(source, instance, stopped, latched, StopReason.parse(reason), *others)
 
 
 @message()

@@ -30,21 +30,25 @@ from navloom.messages.kinds import (
     kind_of,
 )
 
-__all__ = ["SCHEMAS", "Array", "Heading", "Kind", "Message", "MessageError", "Most", "Name", "NotNegative", "Positive",
-           "Stamp", "Unbounded", "Words", "message"]  # fmt: skip
+__all__ = ["OLDER", "SCHEMAS", "Array", "Heading", "Kind", "Message", "MessageError", "Most", "Name", "NotNegative",
+           "Positive", "Stamp", "Unbounded", "Words", "in_version", "message",
+           "older_names"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 
 SCHEMAS: dict[str, type[Message]] = {}
 """Every declared message class by its schema name."""
 
+OLDER: dict[str, type[Message]] = {}
+"""Older versions of messages that are still read, by label, as `navloom.GateStatus/1`."""
+
 
 @overload
 def message(cls: type[M], /) -> type[M]: ...
 @overload
-def message(version: int = 1) -> Callable[[type[M]], type[M]]: ...
+def message(version: int = 1, now: type[Message] | None = None) -> Callable[[type[M]], type[M]]: ...
 @dataclass_transform(frozen_default=True)
-def message(version: Any = 1) -> Any:
+def message(version: Any = 1, now: type[Message] | None = None) -> Any:
     """Declare a message, as `@message` or `@message(version=2)`: the class becomes a frozen dataclass with slots.
 
     Its schema name begins with the top-level package of its module, as `navloom_people.Tracks`, so that two
@@ -54,8 +58,14 @@ def message(version: Any = 1) -> Any:
     held read-only; an array that could still be written is copied. Classes with array fields compare by identity, the
     others by value.
 
+    Args:
+        version: Of the schema; raise it with any change of the fields.
+        now: The class declares an older version of this message. Its method `upgraded` returns the present one, which
+            can be read by the older field names too. Bytes of the older version then decode as the present one.
+
     Raises:
-        TypeError: A field of no known kind, a version below 1, or a name that another message has.
+        TypeError: A field of no known kind, a version below 1, a name that another message has, or an older version
+            that is not older or cannot be upgraded.
     """
     if isinstance(version, type):
         return message()(version)
@@ -70,11 +80,15 @@ def message(version: Any = 1) -> Any:
         kinds = {name: kind_of(hints[name]) for name in cls.__annotations__}
         by_identity = any(holds_array(kind) for kind in kinds.values())
         made = dataclass(frozen=True, slots=True, init=False, eq=not by_identity)(cls)
-        made.schema_name = f"{_package_of(cls.__module__)}.{cls.__name__}"
+        made.schema_name = f"{_package_of(cls.__module__)}.{cls.__name__}" if now is None else now.schema_name
         made.schema_version = version
         made.kinds = kinds
         made.read_fields = _reader(list(kinds))
         made.__init__ = _constructor(made, kinds)  # type: ignore[method-assign]
+        if now is not None:
+            _refuse_bad_older(made, now)
+            OLDER[f"{now.schema_name}/{version}"] = made
+            return made
         other = SCHEMAS.setdefault(made.schema_name, made)
         if (_file_of(other), other.__qualname__) != (_file_of(made), made.__qualname__):
             raise TypeError(f"message {made.schema_name} is declared in {other.__module__} already: rename this one")
@@ -82,6 +96,28 @@ def message(version: Any = 1) -> Any:
         return made
 
     return declare
+
+
+def _refuse_bad_older(older: type[Message], now: type[Message]) -> None:
+    if older.schema_version >= now.schema_version or not hasattr(older, "upgraded"):
+        wanted = f"a version below {now.schema_version} and a method `upgraded`"
+        raise TypeError(f"message {older.__name__}, an older {now.__name__}: expected {wanted}")
+    for name in older.kinds:
+        if not hasattr(now, name):
+            raise TypeError(f"message {now.__name__}: version {older.schema_version} has {name!r}: give it a property")
+
+
+def in_version(message: Message, label: str) -> Message:
+    """A message as the version of a label had it; itself if it has that version, or that version is unknown here."""
+    older = OLDER.get(label)
+    if older is None or older.schema_name != message.schema_name:
+        return message
+    return older(*[getattr(message, name) for name in older.kinds])
+
+
+def older_names(message: Message) -> list[str]:
+    """Names of the fields that older versions of a message had, which can still be read."""
+    return [name for older in OLDER.values() if older.schema_name == message.schema_name for name in older.kinds]
 
 
 def _package_of(module: str) -> str:

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from navloom.messages import AvoiderStatus, Feedback, Goal, GoalResult, Message, Point2D, Pose2D
+from navloom.messages import (
+    AvoiderStatus,
+    Feedback,
+    Goal,
+    GoalResult,
+    GoalState,
+    Message,
+    Outcome,
+    PlanFailure,
+    Point2D,
+    Pose2D,
+    ReasonCode,
+)
 from navloom.navigation.goal_rules import GoalView
-from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE
 
-__all__ = ["ActiveGoal", "feedback_of", "overdue", "result_of"]
+__all__ = ["ActiveGoal", "GoalEnd", "ending_of_plan", "feedback_of", "overdue", "result_of"]
 
 BLOCKED = 2.0
 """How long the gate may stop the robot for an obstacle before the goal starts a recovery, s."""
@@ -24,6 +36,15 @@ MISSES = 3
 stopped at the goal, and is not within its tolerances at rest, drives on."""
 PROGRESS = 0.05
 """Decrease of the remaining length that counts as progress, m."""
+REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
+
+
+class GoalEnd(NamedTuple):
+    """How and why a goal ends."""
+
+    outcome: Outcome
+    code: ReasonCode
+    reason: str
 
 
 @dataclass
@@ -50,6 +71,7 @@ class ActiveGoal:
         asked_at: When that was last published, s.
         heard: When the recovery last published its status, s.
         why: Reason of the newest recovery.
+        code: Why it recovers, waits or searches, or last did.
         avoider: Avoider status at the newest recovery: it is outdated for the drive after that.
         has_driven: A path of this goal was driven.
     """
@@ -72,6 +94,7 @@ class ActiveGoal:
     asked_at: float = 0.0
     heard: float = -math.inf
     why: str = ""
+    code: ReasonCode = ""
     avoider: AvoiderStatus | None = None
     has_driven: bool = False
 
@@ -130,7 +153,7 @@ class ActiveGoal:
 
     def is_blocked(self, seen: GoalView) -> bool:
         """Whether the gate has stopped the robot for an obstacle for too long."""
-        if seen.gate is None or not (seen.gate.stopped and seen.gate.reason in (OBSTACLE, NO_ROOM)):
+        if not (seen.gate is not None and seen.gate.stopped and seen.stop_kind in ("obstacle", "no_room")):
             self.free_at = seen.time
         return seen.time - self.free_at > BLOCKED
 
@@ -146,7 +169,7 @@ class ActiveGoal:
         return seen.time - self.moved_at > stuck_after
 
 
-def feedback_of(active: ActiveGoal | None, state: str, seen: GoalView) -> Feedback:
+def feedback_of(active: ActiveGoal | None, state: GoalState, seen: GoalView) -> Feedback:
     """The feedback on a goal in a state; None for no goal."""
     reference, estimate = seen.reference if state == "driving" else None, seen.estimate
     if reference is not None and active is not None and reference.path_id < active.first_path:
@@ -154,28 +177,36 @@ def feedback_of(active: ActiveGoal | None, state: str, seen: GoalView) -> Feedba
     left = reference.remaining if reference is not None else 0.0
     return Feedback(
         goal_id=active.goal.goal_id if active else 0,
-        state=state,  # type: ignore[arg-type]
+        state=state,
         distance=left,
         time_left=left / reference.speed if reference is not None else 0.0,
         cross_track=reference.cross_track if reference is not None else 0.0,
         recoveries=active.recoveries if active else 0,
         localizer="" if estimate is None or estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}",
+        code=active.code if active and state in ("recovering", "waiting", "searching") else "",
     )
 
 
-def overdue(seen: GoalView) -> tuple[str, str]:
-    """Outcome and reason of a goal that is not reached at its deadline."""
+def overdue(seen: GoalView) -> GoalEnd:
+    """How a goal ends that is not reached at its deadline."""
     if _is_held(seen):
-        return "stopped", "an operator's stop was not resumed"
-    return "timeout", f"not there after {seen.time:g} s"
+        return GoalEnd("stopped", "not_resumed", "an operator's stop was not resumed")
+    return GoalEnd("timeout", "overdue", f"not there after {seen.time:g} s")
 
 
-def result_of(active: ActiveGoal, outcome: str, reason: str, place: Point2D | None, seen: GoalView) -> GoalResult:
+def ending_of_plan(failure: PlanFailure, has_driven: bool) -> GoalEnd:
+    """How a goal ends for which there is no path."""
+    outcome: Outcome = "rejected" if failure.kind in REJECTING and not has_driven else "no_path"
+    reason = failure.detail if failure.kind == outcome else f"{failure.kind}: {failure.detail}"
+    return GoalEnd(outcome, failure.kind, reason)
+
+
+def result_of(active: ActiveGoal, end: GoalEnd, place: Point2D | None, seen: GoalView) -> GoalResult:
     """The result of a goal that ends; without a place, where the robot is."""
     if place is None:
         pose = seen.estimate.pose if seen.estimate is not None else Pose2D(0.0, 0.0, 0.0)
         place = Point2D(pose.x, pose.y)
-    return GoalResult(active.goal.goal_id, outcome, reason, place)  # type: ignore[arg-type]
+    return GoalResult(active.goal.goal_id, end.outcome, end.reason, place, end.code)
 
 
 def _is_held(seen: GoalView) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from navloom.messages import Drive, Pose2D, PoseEstimate
-from navloom.navigation.active_goal import MISSES, ActiveGoal
+from navloom.navigation.active_goal import MISSES, ActiveGoal, GoalEnd
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.stopping import ACROSS, Standstill
 
@@ -18,13 +18,12 @@ class Move(NamedTuple):
     Attributes:
         drive: The drive from now on; None for the same as before.
         plans: Drive on: request another path.
-        outcome, reason: The goal ends; empty if it does not.
+        end: The goal ends like this; None if it does not.
     """
 
     drive: Drive | None = None
     plans: bool = False
-    outcome: str = ""
-    reason: str = ""
+    end: GoalEnd | None = None
 
 
 class Arrival:
@@ -84,10 +83,10 @@ class Arrival:
         self.since = None
         is_near = active.distance(pose) <= self.rules.tolerance
         if is_near and active.heading_error(pose) <= self.rules.heading_tolerance:
-            return Move(outcome="succeeded", reason="the goal was reached")
+            return Move(end=GoalEnd("succeeded", "reached", "the goal was reached"))
         if active.misses >= MISSES:
-            where = active.off_by(pose)
-            return Move(outcome="stuck", reason=f"missed the goal {MISSES + 1} times, the last time by {where}")
+            why = f"missed the goal {MISSES + 1} times, the last time by {active.off_by(pose)}"
+            return Move(end=GoalEnd("stuck", "missed", why))
         active.misses += 1
         return self._turn(active, self._path_id, seen) if is_near else Move(plans=True)
 
@@ -100,7 +99,8 @@ class Arrival:
         if not drive.stop_here:
             return self._turn(active, drive.path_id, seen)
         if seen.time - active.moved_at > self.rules.stuck_after:
-            return Move(outcome="stuck", reason=f"the heading asked for was not reached: {active.off_by(pose)} off")
+            why = f"the heading asked for was not reached: {active.off_by(pose)} off"
+            return Move(end=GoalEnd("stuck", "heading_missed", why))
         return Move()
 
     def _is_turned(self, active: ActiveGoal, estimate: PoseEstimate) -> bool:

@@ -1,9 +1,9 @@
 """The command gate: the last decision before the wheels. Pure: time and messages are handed in.
 
-An ordinary stop (`ORDINARY`) is a ramp: the speed falls by the robot's limits along the curvature of the last command,
-and the collision monitor checks each step of it. Any other stop is a step to zero: contact, silence of the platform or
-a sensor, a stale, missing or outdated command of the source that drives, a missing node, and the end of the gate's own
-process. The monitor may order zero at any time.
+An ordinary stop (`Stop.is_ramp`) is a ramp: the speed falls by the robot's limits along the curvature of the last
+command, and the collision monitor checks each step of it. Any other stop is a step to zero: contact, silence of the
+platform or a sensor, a stale, missing or outdated command of the source that drives, a missing node, and the end of the
+gate's own process. The monitor may order zero at any time.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from navloom.messages import GateStatus, Point2D, Twist2D
+from navloom.messages import GateStatus, Point2D, StopReason, Twist2D
 from navloom.navigation.monitor import CollisionMonitor, Verdict
-from navloom.navigation.stop_reasons import LEFT, NO_ROOM, OBSTACLE, ORDINARY, RIVALS, WAITING
 from navloom.navigation.stopping import braked
 from navloom.roles import RobotSpec
 
@@ -58,7 +57,7 @@ class Sensed(NamedTuple):
         touching: The robot touches something.
         sensors_ns: Newest stamp of each required sensor.
         is_silent: No message from the platform for as long as the stop deadline.
-        gone: A required node that is missing; empty for none. An operator may drive without it.
+        gone: Why a required node does not do its part; None for none. An operator may drive without it.
         waiting: A node that does not step yet, and the stream it waits for; empty for none.
         late: The goal node, if its last step is too old; otherwise empty.
     """
@@ -67,7 +66,7 @@ class Sensed(NamedTuple):
     touching: bool
     sensors_ns: Mapping[str, int]
     is_silent: bool = False
-    gone: str = ""
+    gone: StopReason | None = None
     waiting: str = ""
     late: str = ""
 
@@ -88,7 +87,8 @@ class CommandGate:
         self.monitor = monitor
         self.speed, self.turn = 0.0, 0.0
         self.enters_unseen = False
-        self._driver, self._ramp = "none", ""
+        self._driver = "none"
+        self._ramp: StopReason | None = None
         self._operator_stop = False
         self._contact = False
         self._turns = False
@@ -103,33 +103,34 @@ class CommandGate:
         if do == "resume":
             self._contact = False
 
-    def fault(self, sensed: Sensed) -> str:
-        """Why no source is allowed to drive; empty if one is."""
+    def fault(self, sensed: Sensed) -> StopReason | None:
+        """Why no source is allowed to drive; None if one is."""
         hindrance = self._hindrance(sensed)
-        return "operator" if self._operator_stop else hindrance
+        return StopReason("operator") if self._operator_stop else hindrance
 
-    def _hindrance(self, sensed: Sensed) -> str:
-        """Contact or silence, which forbid a ramp too; empty for neither."""
+    def _hindrance(self, sensed: Sensed) -> StopReason | None:
+        """Contact or silence, which forbid a ramp too; None for neither."""
         self._contact = self._contact or sensed.touching
         if self._contact:
-            return "contact"
+            return StopReason("contact")
         if sensed.is_silent:
-            return "silent: platform"
+            return StopReason("silent_platform")
         for name, stamp in sensed.sensors_ns.items():
             if sensed.platform_ns - stamp > self.limits.sensor_timeout_ns:
-                return f"silent: sensor {name}"
-        return ""
+                return StopReason("silent_sensor", name)
+        return None
 
     @property
     def is_moving(self) -> bool:
         """Whether the last command was not zero."""
         return self.speed != 0.0 or self.turn != 0.0
 
-    def ramps(self, reason: str, sensed: Sensed) -> bool:
+    def ramps(self, reason: StopReason | None, sensed: Sensed) -> bool:
         """Whether a stop for this reason, from `choose`, is a ramp."""
         return (
             self.is_moving
-            and reason.startswith(ORDINARY)
+            and reason is not None
+            and reason.stop.is_ramp
             and not self._hindrance(sensed)
             and not self._absent(self._driver, sensed)
         )
@@ -148,15 +149,15 @@ class CommandGate:
         """Whether the gate stays stopped until `resume`."""
         return self._operator_stop or self._contact
 
-    def latch(self, reason: str) -> None:
+    def latch(self, reason: StopReason | None) -> None:
         """Take over the stop of an earlier gate. A stop for a silent operator becomes an operator's stop."""
-        self._operator_stop = reason == "operator" or reason.startswith(LEFT)
-        self._contact = reason == "contact"
+        latched = "" if reason is None else reason.stop.restores
+        self._operator_stop, self._contact = latched == "operator", latched == "contact"
 
     def choose(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int
-    ) -> tuple[str, Offer | None, str]:
-        """The source that drives, its command, and why it is refused; empty if it is not. See `decide`."""
+    ) -> tuple[str, Offer | None, StopReason | None]:
+        """The source that drives, its command, and why it is refused; None if it is not. See `decide`."""
         source, offer = "none", None
         for role in ("operator", "recovery", "avoider" if engaged else "controller"):
             found = offers.get(role)
@@ -166,7 +167,7 @@ class CommandGate:
         fault = self.fault(sensed)
         reason = fault or self._refusal(source, offer, offers, sensed, epoch)
         is_braking = self._ramp and self.is_moving and not fault and not self._absent(self._driver, sensed)
-        if reason and is_braking and not reason.startswith(ORDINARY):
+        if reason and is_braking and not reason.stop.is_ramp:
             reason = self._ramp  # a source that does not drive yet, as at the start of the next goal, is no fault
         return source, offer, reason
 
@@ -183,11 +184,11 @@ class CommandGate:
             pending: Pending swaps.
         """
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
-        if self.ramps(reason, sensed):
+        if reason is not None and self.ramps(reason, sensed):
             return self._slow_down(reason, sensed, pending)
-        if reason or offer is None:
+        if reason is not None or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
-        self._driver, self._ramp = source, ""
+        self._driver, self._ramp = source, None
         speed, monitor = self.speed, self.monitor
         limited = self._limit(offer.twist)
         self._turns = limited.vx == 0.0 and limited.wz != 0.0
@@ -210,12 +211,12 @@ class CommandGate:
             return verdict.twist, self._braking(verdict, status.pending)
         return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
 
-    def announce(self, reason: str, pending: Sequence[str]) -> GateStatus:
+    def announce(self, reason: StopReason, pending: Sequence[str]) -> GateStatus:
         """The status of a ramp that begins with the next tick."""
         self._ramp = reason
         return GateStatus("none", "", False, self.is_latched, reason, tuple(pending))
 
-    def _slow_down(self, reason: str, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
+    def _slow_down(self, reason: StopReason, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
         """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
         self._ramp, speed = reason, self.speed
         slower = braked(speed, self.limits.robot.max_deceleration * self.limits.period)
@@ -228,7 +229,7 @@ class CommandGate:
     def _braking(self, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
         """The status during a ramp, with the monitor's verdict."""
         limited = self._status("none", "", verdict, pending)
-        return replace(limited, stopped=not self.is_moving, latched=self.is_latched, reason=self._ramp)
+        return replace(limited, stopped=not self.is_moving, latched=self.is_latched, why=self._ramp)
 
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
         """The status of a driving source with the monitor's verdict, rounded so that noise alone does not change it."""
@@ -239,54 +240,54 @@ class CommandGate:
         share, limit = round(verdict.share, 1), verdict.kind or ("overridden" if is_overridden else "")
         where = None if place is None else (round(place.x, 1), round(place.y, 1))
         gap = None if distance is None else round(distance, 2)
-        reason = "" if not is_stopped else NO_ROOM if self._turns and limit == "obstacle" else OBSTACLE
-        return self._said((source, instance, reason, tuple(pending), share, limit, where, gap))
+        kind = "" if not is_stopped else "no_room" if self._turns and limit == "obstacle" else "obstacle"
+        return self._said((source, instance, kind, tuple(pending), share, limit, where, gap))
 
     def _free(self, source: str, instance: str, pending: Sequence[str]) -> GateStatus:
         """The status of a driving source whose command is not limited."""
         return self._said((source, instance, "", tuple(pending), 1.0, "", None, None))
 
     def _said(self, key: tuple[Any, ...]) -> GateStatus:
-        """The status of (source, instance, why it is stopped, pending, share, limit, place, distance)."""
+        """The status of (source, instance, kind of its stop, pending, share, limit, place, distance)."""
         if self._last is None or self._last[0] != key:  # in most ticks it is the same as before
-            source, instance, reason, pending, share, limit, where, gap = key
-            point = None if where is None else Point2D(*where)
-            status = GateStatus(source, instance, bool(reason), False, reason, pending, share, limit, point, gap)
+            source, instance, kind, pending, share, limit, where, gap = key
+            point, why = None if where is None else Point2D(*where), StopReason(kind) if kind else None
+            status = GateStatus(source, instance, bool(kind), False, why, pending, share, limit, point, gap)
             self._last = key, status
         return self._last[1]
 
-    def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
+    def stop(self, reason: StopReason | None, pending: Sequence[str]) -> GateStatus:
         """Forget the speed, and return a status in which no source drives."""
-        self.speed, self.turn, self._ramp = 0.0, 0.0, ""
+        self.speed, self.turn, self._ramp = 0.0, 0.0, None
         return GateStatus("none", "", True, self.is_latched, reason, tuple(pending))
 
     def _refusal(
         self, source: str, offer: Offer | None, offers: Mapping[str, Offer | None], sensed: Sensed, epoch: int
-    ) -> str:
+    ) -> StopReason | None:
         """Why an offer is refused: nothing to drive, a stale or missing part of the chain, or an older selection."""
         if offer is None:
-            absent = self._absent(self._driver, sensed) if self.is_moving else ""
-            return absent or (f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory")
+            absent = self._absent(self._driver, sensed) if self.is_moving else None
+            return absent or _waits(sensed) or StopReason("no_trajectory")
         if sensed.gone and source != "operator":
-            return _gone(sensed)
+            return sensed.gone
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)
             if part is None:
-                return f"{WAITING}{sensed.waiting}" if sensed.waiting else f"silent: {role}"
+                return _waits(sensed) or StopReason("silent", role)
             if abs(sensed.platform_ns - part.cause_ns) > self.limits.stop_deadline_ns:
-                return f"stale: {role} {part.instance}"
+                return _stale(role, part.instance)
         if sensed.late and source != "operator":
-            return f"stale: {sensed.late}"
+            return StopReason("goal_late")
         if offer.epoch < epoch and source != "operator":
-            return f"old_selection: {source} {offer.instance}"
-        return ""
+            return StopReason("old_selection", f"{source} {offer.instance}")
+        return None
 
-    def _absent(self, driver: str, sensed: Sensed) -> str:
-        """A missing node or a late goal node as a reason; empty for neither, or if an operator drives."""
+    def _absent(self, driver: str, sensed: Sensed) -> StopReason | None:
+        """A missing node or a late goal node as a reason; None for neither, or if an operator drives."""
         if driver == "operator":
-            return ""
-        return _gone(sensed) if sensed.gone else f"stale: {sensed.late}" if sensed.late else ""
+            return None
+        return sensed.gone or (StopReason("goal_late") if sensed.late else None)
 
     def _limit(self, twist: Twist2D) -> Twist2D:
         robot, period = self.limits.robot, self.limits.period
@@ -302,6 +303,14 @@ class CommandGate:
         return Twist2D(speed, 0.0, turn)
 
 
-def _gone(sensed: Sensed) -> str:
-    """The reason of a stop for a missing node, or for one of which there are two."""
-    return sensed.gone if sensed.gone.startswith(RIVALS) else f"gone: {sensed.gone}"
+def _waits(sensed: Sensed) -> StopReason | None:
+    """The reason of a stop for a node that waits for its first inputs; None if none does."""
+    if not sensed.waiting:
+        return None
+    who, _, of = sensed.waiting.partition(" for ")
+    return StopReason("waits", who, of)
+
+
+def _stale(role: str, instance: str) -> StopReason:
+    """The reason of a stop for a command from old data."""
+    return StopReason("stale_operator", instance) if role == "operator" else StopReason("stale", f"{role} {instance}")

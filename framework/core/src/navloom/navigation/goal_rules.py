@@ -76,3 +76,8 @@ class GoalView:
     """The answer is a path of the known map that leads through what the mapper has seen: no other was found."""
     speed: float = 0.0
     """Forward speed that the gate last commanded, m/s."""
+
+    @property
+    def stop_kind(self) -> str:
+        """Kind of the gate's stop; empty for none."""
+        return "" if self.gate is None or self.gate.why is None else self.gate.why.kind

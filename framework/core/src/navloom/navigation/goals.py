@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, ClassVar
 
 from navloom.messages import (
     ClearRequest,
     Drive,
     Goal,
     GoalResult,
+    GoalState,
     Message,
     Path,
     PlanFailure,
     PlanRequest,
     Point2D,
     Pose2D,
+    ReasonCode,
     RecoveryRequest,
     SweepRequest,
 )
-from navloom.navigation.active_goal import ActiveGoal, feedback_of, overdue, result_of
+from navloom.messages.stop_reasons import STOPS
+from navloom.navigation.active_goal import ActiveGoal, GoalEnd, ending_of_plan, feedback_of, overdue, result_of
 from navloom.navigation.arrival import Arrival
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
-from navloom.navigation.stop_reasons import NO_ROOM
 
 __all__ = ["GoalMachine"]
 
@@ -35,7 +39,6 @@ SILENT_RECOVERY = 10.0
 """Longest silence of a recovery, s."""
 ASKS = 3
 """How often a map or a plan is requested within its timeout, live, where request and answer can be lost."""
-REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
 
 
 class GoalMachine:
@@ -47,7 +50,7 @@ class GoalMachine:
 
     def __init__(self, rules: GoalRules) -> None:
         self.rules = rules
-        self.state = "idle"
+        self.state: GoalState = "idle"
         self._active: ActiveGoal | None = None
         self._drive = NO_DRIVE
         self._requests = 0
@@ -75,7 +78,7 @@ class GoalMachine:
         """Accept a goal. An active goal is cancelled, but its trajectory is driven until the new plan arrives."""
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
         if self._active is not None:
-            self._finish("cancelled", f"pre-empted by goal {goal.goal_id}", seen)
+            self._finish(GoalEnd("cancelled", "preempted", f"pre-empted by goal {goal.goal_id}"), seen)
         legs = [*goal.via, Point2D(goal.x, goal.y)]
         deadline = self.rules.deadline + (seen.time if self.rules.is_live else 0.0)
         self._active = ActiveGoal(goal, legs, seen.time, deadline)
@@ -86,12 +89,12 @@ class GoalMachine:
     def cancel(self, seen: GoalView) -> None:
         """Cancel the active goal."""
         if self._active is not None:
-            self._finish("cancelled", "by the operator", seen)
+            self._finish(GoalEnd("cancelled", "by_operator", "by the operator"), seen)
 
     def fail(self, reason: str, seen: GoalView) -> None:
         """End the active goal because a node failed."""
         if self._active is not None:
-            self._finish("error", reason, seen)
+            self._finish(GoalEnd("error", "node_failed", reason), seen)
 
     def begin(self, tick: int, unfinished: int) -> None:
         """Continue after an earlier goal node: keep request numbers increasing, and end its unfinished goal.
@@ -105,13 +108,13 @@ class GoalMachine:
         self._out.append(("drive", NO_DRIVE))
         self._out.append(("recovery", RecoveryRequest(False, 0, "")))
         if unfinished:
-            place = Point2D(0.0, 0.0)
-            self._out.append(("result", GoalResult(unfinished, "error", "restarted: the goal node began anew", place)))
+            why, place = "restarted: the goal node began anew", Point2D(0.0, 0.0)
+            self._out.append(("result", GoalResult(unfinished, "error", why, place, "node_restarted")))
 
     def hold(self, seen: GoalView) -> None:
         """The platform is silent: stop the drive and wait for it."""
         if self._active is not None and self.state != "waiting":
-            self._pause(self._active, "waiting", seen)
+            self._pause(self._active, "waiting", "platform_silent", seen)
 
     def go_on(self, seen: GoalView) -> None:
         """The platform is no longer silent: plan again from the robot's current pose."""
@@ -122,7 +125,7 @@ class GoalMachine:
         """An operator has told the localizer where the robot is: stop, and plan from the first pose after that."""
         self._placed_ns = seen.time_ns
         if self._active is not None and self.state not in ("waiting", "searching"):
-            self._pause(self._active, "searching", seen)
+            self._pause(self._active, "searching", "placed", seen)
 
     def restart_of(self, role: str, seen: GoalView) -> None:
         """Repeat the request to a restarted instance: a restarted mapper has no map, a restarted planner no request."""
@@ -141,15 +144,15 @@ class GoalMachine:
         active = self._active
         self._arrival.look(seen)
         if active is not None and seen.estimate is not None:
-            if seen.gate is not None and seen.gate.reason == "contact":
-                self._finish("collision", "the robot touched something", seen)
+            if seen.stop_kind == "contact":
+                self._finish(GoalEnd("collision", "contact", "the robot touched something"), seen)
             elif seen.time >= active.deadline and self._arrival.since is None:
-                self._finish(*overdue(seen), seen)
+                self._finish(overdue(seen), seen)
             elif seen.estimate.state != "tracking" and self.state not in ("waiting", "searching"):
-                self._pause(active, "searching", seen)
+                self._pause(active, "searching", "not_tracking", seen)
             else:
                 self._react_to_swaps(active, seen)
-                getattr(self, f"_while_{self.state}")(active, seen)
+                self.steps[self.state](self, active, seen)
         self._report(seen)
         out, self._out = self._out, []
         return out
@@ -164,7 +167,7 @@ class GoalMachine:
         elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
             self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
         elif seen.time - active.since > self.rules.map_timeout:
-            self._finish("error", f"no map within {self.rules.map_timeout:g} s", seen)
+            self._finish(GoalEnd("error", "no_map", f"no map within {self.rules.map_timeout:g} s"), seen)
         else:
             self._ask_again(active, self.rules.map_timeout, seen)
 
@@ -172,7 +175,8 @@ class GoalMachine:
         answer = seen.answer
         if answer is None or answer.request_id != active.plan_id:
             if seen.time - active.since > self.rules.plan_timeout:
-                self._finish("no_path", f"the planner gave no answer within {self.rules.plan_timeout:g} s", seen)
+                why = f"the planner gave no answer within {self.rules.plan_timeout:g} s"
+                self._finish(GoalEnd("no_path", "no_answer", why), seen)
             else:
                 self._ask_again(active, self.rules.plan_timeout, seen)
         elif isinstance(answer, PlanFailure):
@@ -191,11 +195,11 @@ class GoalMachine:
         said = seen.avoider if seen.avoider is not active.avoider else None
         trapped = said is not None and said.status == "trapped"
         if trapped and seen.handover is not None and seen.handover.engaged:
-            self._recover(active, "trapped", seen)
+            self._recover(active, "trapped", "trapped", seen)
         elif active.is_blocked(seen):
-            self._recover(active, "blocked", seen)
+            self._recover(active, "blocked", "blocked", seen)
         elif active.makes_no_progress(path_id, seen, self.rules.stuck_after):
-            self._recover(active, "no_progress", seen)
+            self._recover(active, "no_progress", "no_progress", seen)
         elif active.is_unfollowed(path_id, seen):
             self._ask_plan(active, seen)
         elif active.has_missed(path_id, seen):
@@ -208,7 +212,7 @@ class GoalMachine:
         step = seen.recovery
         if step is None or seen.time == active.since:
             if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
-                self._recover(active, active.why, seen)  # the recovery died, or its last message was lost
+                self._recover(active, active.why, active.code, seen)  # the recovery died, or its last message was lost
             return
         active.heard = seen.time
         if step.state == "done":
@@ -219,11 +223,11 @@ class GoalMachine:
                 self._has_scanned = False
             self._need_map(seen, is_cleared=step.clear_map)
         elif step.state == "failed":
-            self._recover(active, active.why, seen)
+            self._recover(active, active.why, active.code, seen)
 
     def _while_waiting(self, active: ActiveGoal, seen: GoalView) -> None:
         if seen.time - active.since > LOST:
-            self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
+            self._finish(GoalEnd("error", "platform_silent", f"the platform has been silent for {LOST:g} s"), seen)
 
     def _while_searching(self, active: ActiveGoal, seen: GoalView) -> None:
         """The localizer is not tracking: the robot stays stopped until it is, and then plans from there."""
@@ -233,7 +237,7 @@ class GoalMachine:
             self._need_map(seen)
         elif seen.time - active.since > UNSURE:
             why = f"the localizer has not been tracking for {UNSURE:g} s: {estimate.reason}"
-            self._finish("lost", why.removesuffix(": "), seen)
+            self._finish(GoalEnd("lost", "not_tracking", why.removesuffix(": ")), seen)
 
     def _replan(self, active: ActiveGoal, seen: GoalView) -> None:
         """Request another path without stopping, and take it if it is better."""
@@ -246,7 +250,7 @@ class GoalMachine:
         answer = seen.answer
         if answer is None or answer.request_id != active.plan_id:
             if watch.is_blocked and seen.time - active.since > self.rules.plan_timeout:
-                self._recover(active, "no_path: the planner gave no answer", seen)
+                self._recover(active, "no_path: the planner gave no answer", "no_answer", seen)
             else:
                 self._ask_again(active, self.rules.plan_timeout, seen)
         elif isinstance(answer, Path):
@@ -261,12 +265,12 @@ class GoalMachine:
 
     # --- what they share ------------------------------------------------------------------------------------------
 
-    def _pause(self, active: ActiveGoal, state: str, seen: GoalView) -> None:
+    def _pause(self, active: ActiveGoal, state: GoalState, code: ReasonCode, seen: GoalView) -> None:
         """Stop the drive, or the recovery, and wait."""
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
         self._set_drive(NO_DRIVE)
-        active.since, self._arrival.since = seen.time, None
+        active.since, active.code, self._arrival.since = seen.time, code, None
         self.state = state
 
     def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
@@ -306,11 +310,9 @@ class GoalMachine:
     def _fail_plan(self, active: ActiveGoal, failure: PlanFailure, seen: GoalView) -> None:
         """End the goal; but recover if the robot has driven, since the obstacle may be gone from a cleared map."""
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
-            self._recover(active, f"{failure.kind}: {failure.detail}", seen)
+            self._recover(active, f"{failure.kind}: {failure.detail}", failure.kind, seen)
             return
-        outcome = "rejected" if failure.kind in REJECTING and not active.has_driven else "no_path"
-        reason = failure.detail if failure.kind == outcome else f"{failure.kind}: {failure.detail}"
-        self._finish(outcome, reason, seen, failure.place)
+        self._finish(ending_of_plan(failure, active.has_driven), seen, failure.place)
 
     def _request_plan(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
@@ -338,18 +340,18 @@ class GoalMachine:
             self._set_drive(move.drive)
         if move.plans:
             self._ask_plan(active, seen)
-        elif move.outcome:
-            self._finish(move.outcome, move.reason, seen)
+        elif move.end is not None:
+            self._finish(move.end, seen)
 
-    def _recover(self, active: ActiveGoal, why: str, seen: GoalView) -> None:
-        if why == "blocked" and seen.gate is not None and seen.gate.reason == NO_ROOM:
-            why = f"blocked: {NO_ROOM}"
+    def _recover(self, active: ActiveGoal, why: str, code: ReasonCode, seen: GoalView) -> None:
+        if code == "blocked" and seen.stop_kind == "no_room":
+            why, code = f"blocked: {STOPS['no_room'].text}", "no_room"
         if active.recoveries >= self.rules.max_recoveries:
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
-            self._finish("stuck", why, seen)
+            self._finish(GoalEnd("stuck", code, why), seen)
             return
         active.recoveries += 1
-        active.why, active.since, active.avoider = why, seen.time, seen.avoider
+        active.why, active.code, active.since, active.avoider = why, code, seen.time, seen.avoider
         self._set_drive(NO_DRIVE)
         self._out.append(("recovery", RecoveryRequest(True, active.recoveries, why)))
         self.state = "recovering"
@@ -357,28 +359,23 @@ class GoalMachine:
     def _react_to_swaps(self, active: ActiveGoal, seen: GoalView) -> None:
         """Plan again after a swap of mapper or planner, and give a pending instance the input that warms it up."""
         pending = seen.gate.pending if seen.gate is not None else ()
-        selected = self._selected
-        self._selected = seen.selected
+        selected, self._selected = self._selected, seen.selected
         if pending == self._pending and seen.selected == selected:
             return
-        fresh = [entry for entry in pending if entry not in self._pending]
-        self._pending = pending
-        if (selected != ("", "") and seen.selected != selected and self.state in ("driving", "planning")) or (
+        fresh, self._pending = [entry for entry in pending if entry not in self._pending], pending
+        is_under_way = self.state in ("driving", "planning")
+        if (selected != ("", "") and seen.selected != selected and is_under_way) or (
             any(entry.startswith("planner ") for entry in fresh) and self.state == "driving"
         ):
             self._ask_plan(active, seen)
-        elif (
-            any(entry.startswith("mapper ") for entry in fresh)
-            and self.rules.scans_on_request
-            and self.state in ("driving", "planning")
-        ):
+        elif self.rules.scans_on_request and any(entry.startswith("mapper ") for entry in fresh) and is_under_way:
             self._has_scanned = False
             self._need_map(seen)
 
-    def _finish(self, outcome: str, reason: str, seen: GoalView, place: Point2D | None = None) -> None:
+    def _finish(self, end: GoalEnd, seen: GoalView, place: Point2D | None = None) -> None:
         active = self._active
         assert active is not None
-        self._out.append(("result", result_of(active, outcome, reason, place, seen)))
+        self._out.append(("result", result_of(active, end, place, seen)))
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
         self._active, self._arrival.since = None, None
@@ -395,3 +392,9 @@ class GoalMachine:
         if now != self._said or (self._active is not None and seen.tick % self.rules.feedback_ticks == 0):
             self._said = now
             self._out.append(("feedback", feedback_of(self._active, self.state, seen)))
+
+    steps: ClassVar[dict[GoalState, Callable[[Any, ActiveGoal, GoalView], None]]] = {
+        "mapping": _while_mapping, "planning": _while_planning, "driving": _while_driving,
+        "recovering": _while_recovering, "waiting": _while_waiting, "searching": _while_searching,
+    }  # fmt: skip
+    """What an active goal does in a tick, by its state; without a goal the state is "idle"."""

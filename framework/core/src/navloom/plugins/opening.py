@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from navloom.messages import SCHEMAS, Envelope, Message
 from navloom.messages.codec import UnknownSchema, decode
 from navloom.messages.generic import decode_generic
+from navloom.messages.schema import OLDER
 from navloom.plugins.discovery import Discovery
 from navloom.plugins.registry import PluginError
 
@@ -99,7 +100,7 @@ class Opener:
             except PluginError as error:
                 return f"message {schema}: {error}"
         here = str(SCHEMAS[schema].schema_version)
-        if here != version:
+        if here != version and f"{schema}/{version}" not in OLDER:
             return (
                 f"message {schema}: version {version} was sent, {owner or package} here has version {here}; "
                 "update the older side"

@@ -75,6 +75,7 @@ class Episode:
         return {
             "outcome": result.outcome,
             "reason": result.reason,
+            "code": result.code,
             "config_sha256": self.system.loaded.sha256(),
             "trace_sha256": log.trace_sha256 or None,
             "seed": self.system.config.run.seed,

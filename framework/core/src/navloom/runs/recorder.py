@@ -29,7 +29,6 @@ from navloom.messages import (
     Trajectory,
     Truth,
 )
-from navloom.navigation.stop_reasons import is_at_rest
 
 __all__ = ["Recorder"]
 
@@ -148,7 +147,7 @@ class Recorder:
             self.engaged.append((time, handover.engaged))
 
     def _keep_gate(self, status: GateStatus, time: float) -> None:
-        stopped = status.stopped and not is_at_rest(status.reason)
+        stopped = status.interrupts
         if not self.gate_stopped or self.gate_stopped[-1][1] != stopped:
             self.gate_stopped.append((time, stopped))
 

@@ -26,7 +26,7 @@ def hz(
     """Print rate, jitter, age and bandwidth of streams. Ages count from the platform's stamp a message derives from."""
     from navloom.cli.output import print_json, print_table
 
-    from navloom_live.operating.looking import listing, resolve, streams
+    from navloom_live.operating.looking import resolve, streams
     from navloom_live.operating.metering import measure
     from navloom_live.operating.nodes import listing, run_clock_ns
 

@@ -51,7 +51,7 @@ def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
         gate: The gate's newest status, or None.
         speed: Speed that the platform measures, m/s, or None.
     """
-    from navloom_live.operating.looking import progress, why_stopped
+    from navloom.navigation.status_words import progress, why_stopped
 
     way = progress(feedback)
     kind = f"{way.partition(',')[0]} {feedback.recoveries}"

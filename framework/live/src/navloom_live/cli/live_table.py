@@ -84,21 +84,21 @@ class StatusTable:
 
     def _driver(self) -> tuple[str, bool]:
         """The source that drives, or why the robot is stopped (empty if the goal says it); whether that is a fault."""
-        from navloom_live.operating.looking import NO_GOAL, NO_PATH, who_drives
+        from navloom.navigation.status_words import NO_GOAL, has_no_path, who_drives
 
         feedback, status = self._run.feedback or NO_GOAL, self._run.status
         if status is None:
             return "", False
-        if status.reason != NO_PATH:
+        if not has_no_path(status):
             return who_drives(status), status.stopped
         return "" if feedback.goal_id else who_drives(status, feedback, self._run.result), False
 
     def _table(self, robot: Any) -> Any:
+        from navloom.navigation.status_words import progress
         from rich.console import Group
         from rich.table import Table
         from rich.text import Text
 
-        from navloom_live.operating.looking import progress
         from navloom_live.operating.shadowing import COLUMNS, cells_of
 
         feedback = self._run.feedback

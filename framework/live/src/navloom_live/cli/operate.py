@@ -252,9 +252,8 @@ def _end(result: Any, as_json: bool) -> NoReturn:
 
     place = result.place
     if as_json:
-        print_json(
-            {"goal_id": result.goal_id, "outcome": result.outcome, "reason": result.reason, "place": [place.x, place.y]}
-        )
+        told = {"goal_id": result.goal_id, "outcome": result.outcome, "reason": result.reason, "code": result.code}
+        print_json({**told, "place": [place.x, place.y]})
     else:
         typer.echo(f"{result.outcome}: {result.reason}, at ({place.x:.2f}, {place.y:.2f})")
     raise typer.Exit(0 if result.outcome == "succeeded" else 1)

@@ -119,7 +119,7 @@ def _platform(nodes: Sequence[Node]) -> str:
 
 
 def _goal(feedback: Any, nodes: Sequence[Node]) -> str:
-    from navloom_live.operating.looking import progress
+    from navloom.navigation.status_words import progress
 
     if feedback is None and not _knows_goal(nodes):
         return "unknown: its goal node does not answer"
@@ -153,7 +153,7 @@ def _pose(estimate: Any) -> str:
 
 def _localizer(feedback: Any, estimate: Any) -> str:
     """Why it is not tracking, and what to do; empty while it is tracking, or if that is not known."""
-    from navloom_live.operating.looking import WHERE_IT_IS
+    from navloom.navigation.status_words import WHERE_IT_IS
 
     said = feedback.localizer if feedback is not None else ""
     if estimate is not None:
@@ -163,7 +163,7 @@ def _localizer(feedback: Any, estimate: Any) -> str:
 
 def _driver(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
     """The row with the source that drives, or with why the robot is stopped."""
-    from navloom_live.operating.looking import who_drives
+    from navloom.navigation.status_words import who_drives
 
     gate = words["gate/status"]
     if gate is None:
@@ -176,7 +176,7 @@ def _driver(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
 
 def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
     """Why the robot is stopped, and the remedy; both empty if it drives or the gate has not reported."""
-    from navloom_live.operating.looking import NO_GOAL, why_stopped
+    from navloom.navigation.status_words import NO_GOAL, why_stopped
 
     gate, feedback = words["gate/status"], words["goal/feedback"]
     if gate is None:

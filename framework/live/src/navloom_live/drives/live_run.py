@@ -258,7 +258,8 @@ class LiveRun:
         """End a goal in progress, because the robot shuts down."""
         number = 0 if self.feedback is None else self.feedback.goal_id
         if number:
-            self._end(GoalResult(number, "error", f"robot {robot} went down, and goal {number} with it", self._place))
+            why = f"robot {robot} went down, and goal {number} with it"
+            self._end(GoalResult(number, "error", why, self._place, "robot_down"))
 
     def _tell_ended(self, client: Client, tell: Callable[[Episode], None] | None) -> None:
         while self._ended:
@@ -318,7 +319,7 @@ class LiveRun:
             if request.do == "goal" and request.goal is not None:
                 outcome: Literal["rejected", "error"] = "rejected" if isinstance(error, Refused) else "error"
                 reason, place = str(error).removeprefix("rejected: "), Point2D(request.goal.x, request.goal.y)
-                self._ended.append(GoalResult(0, outcome, reason, place))
+                self._ended.append(GoalResult(0, outcome, reason, place, "refused" if outcome == "rejected" else ""))
             self.say(f"{request.do}: {error}")
 
     def _take(self) -> int:

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from navloom.errors import NavloomError
 from navloom.messages import Envelope, Message, StepReport
 
 from navloom_live.live.cell import Source
@@ -21,7 +22,7 @@ LOOK_UP = 0.2
 """Interval of checking for the end of the run while waiting, s."""
 
 
-class BarrierEnded(Exception):
+class BarrierEnded(NavloomError):
     """The process is ending, so waiting stops."""
 
 

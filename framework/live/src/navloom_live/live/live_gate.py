@@ -12,8 +12,7 @@ from navloom.engine.nodes.gate import GateNode
 from navloom.engine.nodes.node import Tick
 from navloom.engine.nodes.told import Obeyed
 from navloom.engine.system import System
-from navloom.messages import Command, Envelope, OperatorRequest, StepReport
-from navloom.navigation.stop_reasons import ENDING, RIVALS
+from navloom.messages import Command, Envelope, OperatorRequest, StepReport, StopReason
 
 from navloom_live.live.cell import Feed, Source
 from navloom_live.live.cells import Hosted, Widening, all_sources
@@ -115,7 +114,7 @@ class LiveGate(LiveRunner):
         """Run until the process ends, and then publish a last stop."""
         super().run()
         tick = self._tick(self.clock.tick)
-        outputs = self.stepper.run(tick, lambda tick: self.gate.stop(ENDING, tick.time_ns))
+        outputs = self.stepper.run(tick, lambda tick: self.gate.stop(StopReason("ending"), tick.time_ns))
         self.cell.publish(outputs, tick, self.cause_of(tick))
 
     def begin_anew(self, tick: int) -> None:
@@ -257,17 +256,17 @@ class LiveGate(LiveRunner):
                 if source[0] == "goal":
                     self.hear(source)
 
-    def _gone(self) -> str:
+    def _gone(self) -> StopReason | None:
         self._doubt_ends_ns = 2**62
         for feed in self.cell.feeds:
             if feed.rivals is not None and feed.rivals.is_split and self.cell.in_charge(feed.source):
-                return f"{RIVALS}{' '.join(feed.source)} {self.presence.processes(feed.source)}"
+                return StopReason("rivals", " ".join(feed.source), self.presence.processes(feed.source))
         if self._awaited_tick >= 0:
-            return "goal main does not step"
+            return StopReason("goal_halted")
         for role, name in self._needed:
             if self.cell.in_charge((role, name)) and not self._is_there((role, name)):
-                return f"{role} {name}"
-        return ""
+                return StopReason("gone", f"{role} {name}")
+        return None
 
     def _is_goal_in_time(self) -> bool:
         goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.messages import Envelope, Feedback, GateStatus, Message, Parameters, Selection
-from navloom.navigation.stop_reasons import ENDING, HIDING, LEFT
 
 __all__ = ["Memory"]
 
@@ -48,12 +47,14 @@ class Memory:
 
     def _stop_of(self, message: GateStatus) -> str:
         """Reason of a stop that lasts until `resume`, from the gate's status; some statuses leave it as it was."""
-        before = self.stop[1]
-        if message.reason == ENDING:
+        before, why = self.stop[1], message.why
+        if why is None:
+            return ""
+        if why.kind == "ending":
             return before or ("operator" if message.latched else "")
-        if message.reason.startswith(HIDING) and not message.latched:
+        if why.stop.hides and not message.latched:
             return before
-        return message.reason if message.latched or message.reason.startswith(LEFT) else ""
+        return why.text if message.latched or why.stop.restores else ""
 
     def to_bytes(self) -> bytes:
         """Serialised for another process."""

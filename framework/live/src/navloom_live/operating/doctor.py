@@ -7,6 +7,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from navloom.messages import Feedback, GateStatus, GoalResult, Message
+from navloom.navigation.status_words import NO_GOAL, WHERE_IT_IS, has_no_path, why_stopped
 
 from navloom_live.hosting.directory import DirectoryError, RobotFolder, robots
 from navloom_live.live.description import Description
@@ -28,7 +29,7 @@ from navloom_live.operating.findings import (
 )
 from navloom_live.operating.host_faults import fate_in_words, left_behind, left_running, restarting
 from navloom_live.operating.joining import find_robot, join
-from navloom_live.operating.looking import NO_GOAL, NO_PATH, WHERE_IT_IS, last_words, why_stopped
+from navloom_live.operating.looking import last_words
 from navloom_live.operating.metering import clock_offsets
 from navloom_live.operating.nodes import Missing, Node, answering, listing, missing, neighbours_names
 from navloom_live.transport.zenoh_bus import BusError
@@ -45,20 +46,6 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "gate": ("platform",),
 }
 """Roles that step with the platform whether or not there is a goal, each with the roles it waits for."""
-AGAIN = "run this again in a moment"
-ADVICE = {
-    NO_PATH: f"{AGAIN}; if it persists, `navloom cancel` it and send the goal again",
-    "silent: platform": "`navloom hz platform/odometry` shows whether it arrives; see the log of its process",
-    "silent: sensor": "`navloom hz platform/{who}` shows whether it arrives; see its cable and the platform's log",
-    "silent": "`navloom hz {who}/command` shows whether it arrives; see the log of its process",
-    "gone": f"{AGAIN}: it has just gone, and `navloom up` restarts it",
-    "stale: goal main": "its process had no processor time, or C code of a mapper or planner held the GIL: end other "
-    "programs on its host, or make gate.stop_deadline longer",
-    "stale": "no node is slow now: `navloom hz '*/command'` shows how old commands are; end other programs on its "
-    "host, or make gate.stop_deadline longer",
-    "old_selection": f"{AGAIN}; if it persists, restart the process of {{who}}",
-}
-"""Remedy for a stop whose cause no finding names, by the start of its reason; the first match counts."""
 ADVANCE = 2.0
 """Time within which each of these roles must step, s."""
 
@@ -317,9 +304,8 @@ def _stopped(words: Mapping[str, Message | None], has_cause: bool) -> list[Findi
     if not isinstance(status, GateStatus) or not status.stopped or (has_cause and not status.latched):
         return []
     goal = feedback if isinstance(feedback, Feedback) else NO_GOAL
-    if status.reason == NO_PATH and goal.state != "driving":
+    if has_no_path(status) and goal.state != "driving":
         return []
     text, remedy = why_stopped(status, goal, result if isinstance(result, GoalResult) else None)
-    remedy = next((advice for begin, advice in ADVICE.items() if status.reason.startswith(begin)), remedy)
-    who = status.reason.partition(": ")[2].removeprefix("sensor ")
-    return [Finding("problem", f"the robot is stopped: {text}", remedy.format(who=who))]
+    advice = status.why.advice if status.why is not None else ""
+    return [Finding("problem", f"the robot is stopped: {text}", advice or remedy)]

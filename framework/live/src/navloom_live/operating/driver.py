@@ -10,10 +10,11 @@ from types import TracebackType
 
 from navloom.messages import Command, Envelope, GateStatus, Message, Odometry, Twist2D
 from navloom.messages.codec import CodecError, decode, encode, schema_label
+from navloom.navigation.status_words import has_no_path, who_drives, why_stopped
 
 from navloom_live.live.service import ENTER_UNSEEN, RELEASE, Nothing
 from navloom_live.operating.client import Client, ClientError
-from navloom_live.operating.looking import NO_PATH, last, who_drives, why_stopped
+from navloom_live.operating.looking import last
 from navloom_live.transport.quality import most_of, quality_of
 
 __all__ = ["Driver", "limit_in_words"]
@@ -35,7 +36,7 @@ def limit_in_words(asked: Twist2D, granted: Twist2D, before: Twist2D, status: Ga
         status: Status of the gate; None if it is not known.
     """
     if status is not None and status.stopped:
-        return "not taken yet" if status.reason == NO_PATH else f"stopped: {why_stopped(status)[0]}"
+        return "not taken yet" if has_no_path(status) else f"stopped: {why_stopped(status)[0]}"
     if status is not None and status.source != "operator":
         return who_drives(status)
     found = []

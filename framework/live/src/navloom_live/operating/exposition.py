@@ -73,7 +73,7 @@ class Stops:
         status = told.message
         if not isinstance(status, GateStatus):
             return
-        reason = status.reason.partition(":")[0] or status.limit or "unknown"
+        reason = status.why.head if status.why is not None else status.limit or "unknown"
         if status.stopped and self.is_stopped is not None and reason != self._reason:
             is_known = reason in self.counts or len(self.counts) < MOST_REASONS
             self.counts[reason if is_known else "other"] += 1

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from navloom.engine.hold import held_rate
+from navloom.messages import StopReason
 from navloom.roles import ROLES
 
 from navloom_live.live.description import Description, StreamSummary
-from navloom_live.operating.looking import waiting
 from navloom_live.transport import links
 
 __all__ = ["Finding", "LoopRate", "differing", "doubled", "failing", "flowing", "is_slow", "is_stuck", "lagging",
@@ -88,7 +88,7 @@ def failing(nodes: Sequence[Description]) -> list[Finding]:
             remedy = f"fix the plugin; {_instead(node, nodes)}"
             found.append(Finding("problem", f"{node.name} failed {times}: {node.fault}", remedy))
         if node.active and node.waits_for:
-            found.append(Finding("problem", *waiting(node.name, " and ".join(node.waits_for))))
+            found.append(Finding("problem", *StopReason("waits", node.name, " and ".join(node.waits_for)).in_words()))
         for note in node.notes or ():
             found.append(Finding("note", note, "check the units in its code and parameters: rad/s and m/s"))
         if is_stuck(node):

@@ -72,7 +72,7 @@ def _read_config(robot: str, data: bytes) -> tuple[ProcessConfig, Loaded]:
         if given.loaded is None:
             raise ValueError("its config is not known")
         return given, Loaded.from_json(given.loaded)
-    except (KeyError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         why = " ".join(str(error).split())
         raise ClientError(
             f"robot {robot}: the config that it reports cannot be read ({why}); install the same version of navloom "

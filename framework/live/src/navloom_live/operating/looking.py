@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from navloom.engine.streams import FRAMEWORK_PORTS
 from navloom.errors import NavloomError
-from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
+from navloom.messages import Envelope, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.messages.generic import GenericMessage
-from navloom.navigation.stop_reasons import NO_ROOM, OBSTACLE, WAITING
+from navloom.messages.schema import older_names
 from navloom.plugins.opening import OPENER
 
 from navloom_live.live.mailbox import Inlet, Mailbox, Packet
@@ -24,59 +22,20 @@ from navloom_live.operating.nodes import Node, answering, missing
 from navloom_live.transport.quality import is_retained, kind_of, most_of
 
 __all__ = [
-    "NO_GOAL",
-    "NO_PATH",
-    "WHERE_IT_IS",
     "NoStream",
     "changed_parameters",
     "envelope_fields",
     "last",
     "last_words",
     "message_fields",
-    "progress",
     "resolve",
     "retained",
     "streams",
     "tap",
-    "who_drives",
-    "why_stopped",
 ]
 
 FIRST = 4
 """Number of entries in the summary of an array."""
-NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
-"""Feedback that stands for a goal node without any goal so far."""
-NO_PATH = "no_trajectory"
-"""Stop reason of a gate without a trajectory; not a fault if the robot has no goal."""
-WHERE_IT_IS = (
-    "`navloom place X Y HEADING` tells it where it is; if it sees little of the map, drive it with `navloom teleop` to "
-    "where it sees more"
-)
-"""Remedy for a robot that does not know where it is."""
-_STOPS = {
-    "operator": ("by an operator", "`navloom resume` lets it drive again"),
-    "contact": ("it touched something", "`navloom resume` when the way is clear"),
-    "ending": ("its gate has ended", "`navloom up` restarts it"),
-    "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
-    "stale: goal main": ("its goal node does not step", "`navloom doctor` looks for the cause"),
-    "silent: platform": ("the platform is silent", "`navloom doctor` looks for the cause"),
-}
-_WAITS = {
-    "mapping": "it waits for a map",
-    "planning": "it waits for a path",
-    "driving": "its new path is not followed yet",
-    "recovering": "it waits for its recovery",
-    "waiting": "it waits for the platform",
-    "searching": "it does not know where it is",
-}
-"""Why the robot is stopped, by the state of the goal."""
-_KINDS = {
-    "silent": ("is silent", "`navloom hz` shows its stream, `navloom doctor` looks for the cause"),
-    "rivals": ("publish the same stream", "`navloom doctor` names both: end one of them"),
-    "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
-    "stale": ("gives commands from old data", "its process or the network is too slow: `navloom doctor` says which"),
-    "old_selection": ("does not know of the last swap", "it passes with its next step, else ask `navloom doctor`"),
-}
 
 
 class NoStream(NavloomError, ValueError):
@@ -111,99 +70,6 @@ def changed_parameters(client: Client) -> dict[str, list[str]]:
                 role, name, _ = client.keys.split(answer.key)
                 found[f"{role} {name}"] = list(message.values)
     return dict(sorted(found.items()))
-
-
-def progress(feedback: Feedback, pace: str = "") -> str:
-    """State of a goal in words, with the remaining distance and time, localizer, pace, recoveries, cross-track error.
-
-    Until the path is followed there is no remaining distance, so the state is shown as planning.
-    """
-    has_way = bool(feedback.distance or feedback.cross_track)
-    parts: list[str] = ["planning" if feedback.state == "driving" and not has_way else feedback.state]
-    if has_way:
-        parts.append(f"{feedback.distance:.2f} m and {feedback.time_left:.0f} s left")
-    if feedback.localizer:
-        parts.append(f"localizer {feedback.localizer}")
-    if pace:
-        parts.append(pace)
-    if feedback.recoveries:
-        parts.append(f"recoveries {feedback.recoveries}")
-    if has_way:
-        parts.append(f"cross-track {feedback.cross_track:+.2f} m")
-    return ", ".join(parts)
-
-
-def who_drives(status: GateStatus, feedback: Feedback | None = None, result: GoalResult | None = None) -> str:
-    """The source that drives the robot, or why it is stopped, in a few words; see `why_stopped`."""
-    if status.stopped:
-        return f"stopped: {why_stopped(status, feedback, result)[0]}"
-    if status.source == "none":
-        return f"brakes: {why_stopped(replace(status, stopped=True), feedback, result)[0]}"
-    who = "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
-    if status.limit == "overridden":
-        return f"{who}, also into space that no sensor has seen"
-    return f"{who}, slowed: {what_limits(status)}" if status.limit else who
-
-
-def what_limits(status: GateStatus) -> str:
-    """Why the gate's monitor slows or stops the robot, and where; empty if it does not."""
-    what = {"obstacle": "obstacle", "unseen": "space that no sensor has seen"}.get(status.limit, "")
-    if not what or status.place is None:
-        return what
-    bearing = math.degrees(math.atan2(status.place.y, status.place.x))
-    side = f"{'left' if bearing > 0.0 else 'right'} ({abs(bearing):.0f}°)"
-    if abs(bearing) < 15.0 or abs(bearing) > 165.0:
-        side = "ahead" if abs(bearing) < 90.0 else "behind"
-    if status.limit == "unseen" or status.distance is None:
-        return f"{what} {side}"
-    return f"{what} {status.distance:.2f} m away, {side}"
-
-
-def why_stopped(
-    status: GateStatus, feedback: Feedback | None = None, result: GoalResult | None = None
-) -> tuple[str, str]:
-    """Why the robot is stopped, in words that follow "stopped:", and what to do; both empty if it is not stopped.
-
-    Args:
-        status: Status of the gate.
-        feedback: Last feedback of the goal; None if it is not known, `NO_GOAL` if there was none so far.
-        result: Result of the last goal, if there was one.
-    """
-    if not status.stopped:
-        return "", ""
-    if status.reason == NO_PATH:
-        return _without_path(feedback, result)
-    if status.reason == OBSTACLE:
-        return what_limits(status), "the goal recovers after 2 s; `navloom teleop` drives away from it"
-    if status.reason == NO_ROOM:
-        return f"{NO_ROOM}, {what_limits(status)}", "the recovery drives out and turns where there is room, after 2 s"
-    if status.reason in _STOPS:
-        return _STOPS[status.reason]
-    kind, _, who = status.reason.partition(": ")
-    if status.reason.startswith(WAITING):
-        node, _, streams = who.partition(" for ")
-        return waiting(node, streams)
-    words, remedy = _KINDS.get(kind, ("", "`navloom echo gate/status` shows whether it passes"))
-    who = "the operator" if who.startswith("operator") else who
-    return (f"{who} {words}" if words else status.reason), remedy
-
-
-def waiting(node: str, streams: str) -> tuple[str, str]:
-    """Message that a node waits for the first message of streams, and what to do."""
-    first = streams.split(" and ")[0].replace(".", "/")
-    return (
-        f"{node} waits for {streams}",
-        f"`navloom hz {first}` shows whether it arrives, `navloom list` shows which nodes are missing",
-    )
-
-
-def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple[str, str]:
-    if feedback is None:
-        return "no path to follow", "`navloom goal X Y` gives it a goal"
-    if feedback.goal_id:
-        return _WAITS.get(feedback.state, "no path to follow"), WHERE_IT_IS if feedback.state == "searching" else ""
-    is_reached = result is not None and result.outcome == "succeeded"
-    return ("goal reached" if is_reached else "no goal"), "`navloom goal X Y` gives it a goal"
 
 
 # --- streams --------------------------------------------------------------------------------------------------------
@@ -281,11 +147,12 @@ def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
 
 
 def message_fields(message: Message, whole: bool = False) -> dict[str, Any]:
-    """A message as plain values; arrays as summaries, or whole."""
+    """A message as plain values, also under the names of older versions; arrays as summaries, or whole."""
     if isinstance(message, GenericMessage):
         arrays = {f"array {number}": _plain(array, whole) for number, array in enumerate(message.arrays)}
         return {**{name: _plain(value, whole) for name, value in message.fields.items()}, **arrays}
-    return {name: _plain(getattr(message, name), whole) for name in type(message).kinds}
+    names = [*older_names(message), *type(message).kinds]
+    return {name: _plain(getattr(message, name), whole) for name in dict.fromkeys(names)}
 
 
 def envelope_fields(envelope: Envelope) -> dict[str, Any]:

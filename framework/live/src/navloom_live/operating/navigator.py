@@ -44,7 +44,7 @@ class GoalStreams(NamedTuple):
 def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
     """The result of a goal that was refused immediately."""
     place = Point2D(x, y) if math.isfinite(x) and math.isfinite(y) else Point2D(0.0, 0.0)
-    return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), place)
+    return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), place, "refused")
 
 
 class GoalHandle:
@@ -146,7 +146,7 @@ class GoalHandle:
                 self.result = message
             elif message.goal_id > self.goal_id:
                 why = f"goal {message.goal_id} came after it, and its own result was missed"
-                self.result = GoalResult(self.goal_id, "cancelled", why, message.place)
+                self.result = GoalResult(self.goal_id, "cancelled", why, message.place, "preempted")
 
 
 class Navigator:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navloom.errors import NavloomError
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import INSTANCE, json_of
 
@@ -83,7 +84,7 @@ _ALL = (
 )
 
 
-class AccessError(ValueError):
+class AccessError(NavloomError, ValueError):
     """A list of identities that cannot be used."""
 
 

@@ -13,6 +13,8 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
+from navloom.errors import NavloomError
+
 from navloom_live.transport.access import HERE, MOVED
 from navloom_live.transport.file_watch import FileWatch
 from navloom_live.transport.keyspace import LARGEST
@@ -44,7 +46,7 @@ LEAVING = 0.5
 """Longest wait for a pending connection attempt when this process leaves, s."""
 
 
-class BusError(OSError):
+class BusError(NavloomError, OSError):
     """The network could not be joined."""
 
 

@@ -9,6 +9,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from navloom.errors import NavloomError
+
 from navloom_live.transport.zenoh_bus import Question
 
 __all__ = [
@@ -50,7 +52,7 @@ _BRACKETS = b"[]{}"
 _OTHERS = bytes(set(range(256)) - set(_BRACKETS))
 
 
-class QuestionError(ValueError):
+class QuestionError(NavloomError, ValueError):
     """A query is refused. The text says why."""
 
 

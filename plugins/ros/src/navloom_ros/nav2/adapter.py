@@ -57,7 +57,7 @@ class Nav2Handle:
         if sent.is_accepted:
             self._ending = sent.result(LONGEST)
         else:
-            self.result = GoalResult(self.goal_id, "rejected", "by the robot", self._place)
+            self.result = GoalResult(self.goal_id, "rejected", "by the robot", self._place, "refused")
 
     def hear(self, message: Any) -> None:
         """Queue a feedback message; called on the thread of the action client."""
@@ -112,9 +112,9 @@ class Nav2Handle:
             return
         why = getattr(ended.result, "error_msg", "") or f"error code {getattr(ended.result, 'error_code', 'not given')}"
         if ended.status == SUCCEEDED:
-            self.result = GoalResult(self.goal_id, "succeeded", "the goal was reached", self._place)
+            self.result = GoalResult(self.goal_id, "succeeded", "the goal was reached", self._place, "reached")
         elif ended.status == CANCELED:
-            self.result = GoalResult(self.goal_id, "cancelled", "as asked", self._place)
+            self.result = GoalResult(self.goal_id, "cancelled", "as asked", self._place, "by_operator")
         else:
             self.result = GoalResult(self.goal_id, "error", f"aborted: {why}", self._place)
 

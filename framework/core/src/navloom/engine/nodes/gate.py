@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from navloom.engine.nodes.node import Node, Tick
-from navloom.engine.nodes.told import GateTold, Obeyed
+from navloom.engine.nodes.told import GateTold, Obeyed, gone_text
 from navloom.engine.ports import Dated, Latest, New, Offers, Output, SensorOffers, Sensors
 from navloom.engine.streams import (
     AvoiderPorts,
@@ -19,7 +19,16 @@ from navloom.engine.streams import (
     PlatformPorts,
     RecoveryPorts,
 )
-from navloom.messages import GateStatus, Message, OperatorRequest, RangeScan, Selection, TrackingCommand, Twist2D
+from navloom.messages import (
+    GateStatus,
+    Message,
+    OperatorRequest,
+    RangeScan,
+    Selection,
+    StopReason,
+    TrackingCommand,
+    Twist2D,
+)
 from navloom.messages.motion import Command
 from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed
 
@@ -75,7 +84,8 @@ class GateNode(Node):
         self.lead = 1
         self.now_ns: int | None = None
         self.is_silent = False
-        self.gone = self.late = ""
+        self.gone: StopReason | None = None
+        self.late = ""
         self.find_waiting: Callable[[], str] = lambda: ""
         self.obeyed: list[Obeyed] = []
         self.has_new_platform = False
@@ -120,18 +130,18 @@ class GateNode(Node):
         reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
         said = self._status
         ramps = self.gate.ramps(reason, sensed)
-        if ramps and said is not None and said.latched != self.gate.is_latched:
+        if reason is not None and ramps and said is not None and said.latched != self.gate.is_latched:
             self._note(has_contact)
             said = self._status = self.gate.announce(reason, self.pending)
             self.status.put(said)
-        if not reason or ramps:
+        if reason is None or ramps:
             if said is not None and has_seen:
                 self._look_again(said, sensed.platform_ns)
         elif said is None or not said.stopped or said.latched != self.gate.is_latched:
             self._note(has_contact)
             self.stop(reason, sensed.platform_ns)
 
-    def stop(self, reason: str, platform_ns: int) -> None:
+    def stop(self, reason: StopReason, platform_ns: int) -> None:
         """Publish a zero command and a status with the reason."""
         self.cause_ns = platform_ns
         self._status = self.gate.stop(reason, self.pending)
@@ -140,10 +150,10 @@ class GateNode(Node):
         self.status.put(self._status)
 
     def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
-        """Continue from an earlier gate: its selection, under a newer epoch, and its latched stop."""
+        """Continue from an earlier gate: its selection, under a newer epoch, and its latched stop, as a text."""
         self.epoch = epoch + 1
         self.selected |= selected
-        self.gate.latch(latched)
+        self.gate.latch(StopReason.parse(latched))
 
     def begin_anew(self) -> None:
         """The run clock restarted: the current selection applies from tick 0."""
@@ -185,8 +195,8 @@ class GateNode(Node):
             self.told = ""
             return
         self.told = GateTold(
-            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm), self._waiting,
-            self._has_forgotten, self.late,
+            self.now_ns, self.is_silent, gone_text(self.gone), tuple(self.obeyed), has_contact, tuple(self._warm),
+            self._waiting, self._has_forgotten, self.late,
         ).text  # fmt: skip
         self.obeyed, self._warm, self._has_forgotten = [], [], False
 

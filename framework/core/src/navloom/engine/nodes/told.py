@@ -10,7 +10,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from navloom.inputs.typed_json import from_json
-from navloom.messages import Goal, OperatorRequest, Point2D
+from navloom.messages import Goal, OperatorRequest, Point2D, StopReason
+from navloom.messages.stop_reasons import STOPS
 
 __all__ = ["GateTold", "GoalTold", "Obeyed"]
 
@@ -101,7 +102,7 @@ class GateTold:
     Attributes:
         now_ns: Live: what the platform's clock shows now.
         silent: Live: the platform is silent.
-        gone: Live: a missing node without which the robot does not drive; empty for none.
+        gone: Live: why a required node does not do its part, as `gone_text` writes it; empty for none.
         obeyed: Live: requests that came through a service since the previous step.
         contact: A contact was latched between two steps.
         warm: "role instance" of the instances that were able to take over.
@@ -134,3 +135,15 @@ class GateTold:
     def of(cls, text: str) -> GateTold:
         """From a step record."""
         return from_json(cls, text or "{}")
+
+
+def gone_text(gone: StopReason | None) -> str:
+    """Why a required node does not do its part, as step records hold it: a missing node by its name alone."""
+    return "" if gone is None else gone.text.removeprefix(STOPS["gone"].text)
+
+
+def gone_of(text: str) -> StopReason | None:
+    """The reason that `gone_text` wrote."""
+    reason = StopReason.parse(text)
+    is_name = reason is not None and reason.kind == "other"
+    return StopReason.parse(f"{STOPS['gone'].text}{text}") if is_name else reason

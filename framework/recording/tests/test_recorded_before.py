@@ -1,0 +1,50 @@
+"""A recording from before the gate's status and the goal's result had codes is read, replayed and equal.
+
+`version_1.mcap.gz` is a run of the toys, 0.35 m ahead with a stop and a resume; all its schemas have version 1.
+"""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import pytest
+from navloom.engine.build import assemble
+from navloom.messages import Feedback, GateStatus, GoalResult, Message, StopReason
+from navloom_recording.check import check
+from navloom_recording.reader import Recording
+from navloom_recording.replaying import Replayer
+from toys import discovery
+
+FILE = Path(__file__).with_name("version_1.mcap.gz")
+
+
+@pytest.fixture
+def before(tmp_path: Path) -> Recording:
+    path = tmp_path / "before.mcap"
+    path.write_bytes(gzip.decompress(FILE.read_bytes()))
+    return Recording(path)
+
+
+def messages(recording: Recording, stream: str) -> list[Message]:
+    return [one.open().message for one in recording.raw() if one.key == f"lab/r1/{stream}"]
+
+
+def test_its_stops_have_kinds(before: Recording) -> None:
+    said = messages(before, "gate/main/status")
+    stops = [one.why for one in said if isinstance(one, GateStatus) and one.stopped]
+    assert len(said) == 7
+    assert stops == [StopReason("no_trajectory"), StopReason("operator"), StopReason("no_trajectory")]
+
+
+def test_its_goal_succeeded(before: Recording) -> None:
+    (result,) = messages(before, "goal/main/result")
+    assert isinstance(result, GoalResult) and result.outcome == "succeeded"
+    assert {one.state for one in messages(before, "goal/main/feedback") if isinstance(one, Feedback)} >= {"driving"}
+
+
+def test_it_is_replayed_and_every_node_gives_what_it_gave(before: Recording) -> None:
+    found = {one.node: one for one in check(Replayer(before, assemble(before.header.loaded(), discovery())))}
+    gate, goal = found["gate main"], found["goal main"]
+    assert (gate.steps, gate.messages) == (39, 47) and goal.messages > 0
+    assert [one.first for one in found.values() if one.first is not None] == []

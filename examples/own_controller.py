@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from navloom import Controller, ControllerInput, Params, Registry, TrackingCommand, Twist2D, hookimpl
 from navloom.config import load_config
 from navloom.plugins import Discovery
-from navloom.runs.episode import run_episode
+from navloom.runs import run_episode
 from pydantic import Field
 
 

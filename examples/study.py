@@ -13,7 +13,7 @@ Write a script for what the command cannot do: methods proposed by a search, or 
 import sys
 from statistics import mean
 
-from navloom_study.compare import plan_study, run_study
+from navloom_study import plan_study, run_study
 
 
 def main() -> int:

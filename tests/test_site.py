@@ -8,13 +8,13 @@ import logging
 import re
 import socket
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 import navloom
 import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
-from navloom.names import MODULE_OF
 from navloom_sensors_sim.adapter import SensorsSim
 
 TOP = Path(__file__).resolve().parents[1]
@@ -51,11 +51,24 @@ def test_no_page_fetches_anything(site: Path) -> None:
 
 
 def test_every_public_name_is_in_the_reference(site: Path) -> None:
-    things = {name: getattr(navloom, name) for name in MODULE_OF}
+    things = {name: getattr(navloom, name) for name in navloom.__all__}
     documented = {name for name, thing in things.items() if inspect.isclass(thing) or inspect.isfunction(thing)}
     pages = [*site.glob("reference/**/*.html"), site / "messages/index.html"]
     text = " ".join(page.read_text("utf-8") for page in pages)
     assert documented - set(re.findall(r'id="navloom\.(?:messages\.)?(\w+)"', text)) == set()
+
+
+def test_every_name_of_a_public_package_is_in_the_reference(site: Path) -> None:
+    page = (TOP / "docs" / "writing-a-plugin.md").read_text("utf-8")
+    things = {}
+    for package in re.findall(r"^\| `([\w.]+)` \|  \|", page, re.MULTILINE):
+        made = import_module(package)
+        things.update({name: getattr(made, name) for name in made.__all__})
+    documented = {name for name, thing in things.items() if inspect.isclass(thing) or inspect.isroutine(thing)}
+    names = documented - {*navloom.__all__, "navloom_register"}
+    text = " ".join(page.read_text("utf-8") for page in site.glob("reference/**/*.html"))
+    assert len(names) > 80
+    assert names - set(re.findall(r'id="navloom[\w.]*\.(\w+)"', text)) == set()
 
 
 def test_the_reference_shows_types_and_meanings_of_shared_entries(site: Path) -> None:

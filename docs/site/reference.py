@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
+from importlib import import_module
 from types import NoneType
 
+import navloom
 from navloom.messages import Message
 from navloom.roles import ROLES, answers_of, given_of, verb_of
 from tables import (
@@ -147,7 +149,7 @@ def metrics_page() -> str:
         "## Panels of the viewer",
         "[A panel of your own](../viewing.md#a-panel-of-your-own) is a guide.",
         public("Panel", "Seen"),
-        shown("navloom_viewer.panels.Change"),
+        shown("navloom_viewer.Change"),
     )
 
 
@@ -209,7 +211,8 @@ def avoidance_page() -> str:
                "clearance", "certainty", "support", "himm")  # fmt: skip
     return page(
         "Avoidance",
-        "What several avoiders share: functions on numpy arrays. Import from the named module.",
+        "What several avoiders share: functions on numpy arrays. Import from the named module, "
+        "also as `navloom.avoidance`.",
         *(module(f"navloom_avoidance.{name}") for name in modules),
     )
 
@@ -239,6 +242,8 @@ def testing_page() -> str:
         shown("navloom_check.messages", options="\n    options: { show_root_heading: false }"),
         "## Scenes",
         shown("navloom_check.scenes", options="\n    options: { show_root_heading: false }"),
+        "## Samples and checks",
+        shown("navloom_check.samples.sample", "navloom_check.runner.check_plugin"),
     )
 
 
@@ -254,15 +259,21 @@ def hooks_page() -> str:
     )
 
 
+def package(name: str) -> str:
+    """A package with the classes and functions that it lists and `navloom` does not."""
+    listed = {one: getattr(import_module(name), one) for one in import_module(name).__all__}
+    documented = [one for one, thing in listed.items() if inspect.isroutine(thing) or inspect.isclass(thing)]
+    names = [one for one in documented if one not in navloom.__all__ and one != "navloom_register"]
+    return f"## {name}\n\n" + shown(*(f"{name}.{one}" for one in names))
+
+
 def python_page() -> str:
     """What scripts use."""
     return page(
         "Python API",
-        "Every public name is importable from `navloom`. Messages are on their [own page](../messages.md).",
+        "A name without another package is imported from `navloom`. Messages are on their [own page](../messages.md).",
         "## A live robot",
         public("Navigator", "GoalHandle"),
-        "## A run in simulation",
-        shown("navloom.config.load_config", "navloom.runs.episode.run_episode", "navloom.runs.episode.Episode"),
         "## Roles and verbs",
         public("verb_of"),
         "## Worlds and arrays",
@@ -271,9 +282,26 @@ def python_page() -> str:
         public("StepRecord"),
         "## Errors",
         public("NavloomError"),
+        "The names of other packages are public too: "
+        "[What a distribution may import](../writing-a-plugin.md#what-a-distribution-may-import).",
+        *map(package, PACKAGES),
     )
 
 
+PACKAGES = (
+    "navloom.cli",
+    "navloom.config",
+    "navloom.engine",
+    "navloom.inputs",
+    "navloom.runs",
+    "navloom.worlds",
+    "navloom_maps",
+    "navloom_recording",
+    "navloom_study",
+    "navloom_study.report",
+    "navloom_viewer",
+)
+"""Public packages whose names are on the page of the Python API."""
 PAGES: dict[str, Callable[[], str]] = {
     "index.md": overview,
     "plugins.md": plugins_page,

@@ -10,7 +10,7 @@ from navloom_ipabd.rules import Filters, Rule
 from navloom_ipabd.sweep import SweepImage
 from navloom_ipabd.track import frame_motion, standing
 from navloom_viewer.facts import SweepRule
-from navloom_viewer.sweep_classes import CLASSES, sweep_classes, sweep_points
+from navloom_viewer.sweep_classes import CLASSES, classify_sweep, sweep_points
 
 NONE = (Rule.NO_RETURN, Rule.BEYOND_MAX, Rule.BELOW_MIN)
 OF_RULES = {
@@ -34,7 +34,7 @@ def random_sweep(geometry: str) -> Sweep:
 
 
 def counted(sweep: Sweep, rule: SweepRule, poses: np.ndarray | None = None) -> dict[str, int]:
-    numbers = np.bincount(sweep_classes(sweep, rule, poses).ravel(), minlength=len(CLASSES))
+    numbers = np.bincount(classify_sweep(sweep, rule, poses).ravel(), minlength=len(CLASSES))
     return dict(zip(CLASSES, numbers.tolist(), strict=True))
 
 
@@ -71,4 +71,4 @@ def test_a_point_lies_where_trigonometry_puts_it() -> None:
     (point,) = sweep_points(down, SweepRule(), np.array([[1.0, 2.0, np.pi / 2]]))[0]
     # 2 m at 30 degrees down from 1 m: on the floor, 1.732 m ahead of the sensor, which is 0.1 m ahead of base.
     assert point == pytest.approx([1.0, 2.0 + 0.1 + 1.7320508, 0.0], abs=1e-6)
-    assert CLASSES[int(sweep_classes(down, SweepRule())[0, 0])] == "floor"
+    assert CLASSES[int(classify_sweep(down, SweepRule())[0, 0])] == "floor"

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from navloom.parts import lazy_names
 
 if TYPE_CHECKING:
     from navloom_check.builders import *  # noqa: F403
     from navloom_check.messages import *  # noqa: F403
+    from navloom_check.runner import check_plugin as check_plugin
     from navloom_check.samples import *  # noqa: F403
     from navloom_check.scenes import *  # noqa: F403
-
-_MODULES = (
-    "navloom_check.builders",
-    "navloom_check.messages",
-    "navloom_check.scenes",
-    "navloom_check.samples",
-)
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use, since pytest imports this package in every session."""
-    if not name.startswith("_"):
-        for module in map(import_module, _MODULES):
-            if name in module.__all__:
-                return getattr(module, name)
-    raise AttributeError(f"module 'navloom.testing' has no attribute {name!r}")
+else:
+    __all__, __getattr__ = lazy_names(
+        "navloom.testing",
+        {
+            "navloom_check.builders": (
+                "avoider_input context controller_input extras localizer_input make mapper_input planner_input "
+                "platform_input recovery_input robot"
+            ),
+            "navloom_check.messages": "empty_diagnostics estimate map_update pose scan sweep track trajectory",
+            "navloom_check.runner": "check_plugin",
+            "navloom_check.samples": "sample",
+            "navloom_check.scenes": "box cast closed corridor door grid open_floor room wall_ahead",
+        },
+    )

@@ -1,16 +1,17 @@
-"""navloom: plugin-based navigation for mobile robots. Plugins import from here and from navloom.testing only."""
+"""navloom: plugin-based navigation for mobile robots. The names of this package are what plugins import."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from navloom.names import MODULE_OF
-from navloom.parts import install_aliases, part
+from navloom.names import NAMES
+from navloom.parts import install_aliases, lazy_names
 
 if TYPE_CHECKING:
-    from navloom_live.operating.navigator import *  # noqa: F403
-    from navloom_viewer import *  # noqa: F403
+    from navloom_live.operating.navigator import GoalHandle as GoalHandle
+    from navloom_live.operating.navigator import Navigator as Navigator
+    from navloom_viewer.panels import Panel as Panel
+    from navloom_viewer.panels import Seen as Seen
 
     from navloom.engine.nodes.node_plugin import *  # noqa: F403
     from navloom.errors import *  # noqa: F403
@@ -20,17 +21,7 @@ if TYPE_CHECKING:
     from navloom.roles import *  # noqa: F403
     from navloom.runs.metrics import *  # noqa: F403
     from navloom.runs.trail import Trail as Trail
+else:
+    __all__, __getattr__ = lazy_names("navloom", NAMES)
 
 install_aliases()
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name from its module on first use, so that each loads only what it needs."""
-    module = MODULE_OF.get(name)
-    if module is not None:
-        return getattr(import_module(module) if module.startswith("navloom.") else part(module), name)
-    if name.startswith("_"):
-        raise AttributeError(f"module 'navloom' has no attribute {name!r}")
-    from navloom.misspelt import close_to
-
-    raise AttributeError(f"module 'navloom' has no attribute {name!r}{close_to(name, list(MODULE_OF))}")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["MODULE_OF"]
+__all__ = ["NAMES"]
 
-_NAMES = {
+NAMES = {
     "navloom.engine.nodes.node_plugin": (
         "AvoiderPorts ControllerPorts GatePorts GoalPorts Latest LocalizerPorts MapperPorts New NodePlugin "
         "OperatorPorts PlannerPorts PlatformPorts Publishes Quality RecoveryPorts ReferencePorts Sensors Tick "
@@ -30,7 +30,6 @@ _NAMES = {
     "navloom.runs.metrics": "METRICS Metric",
     "navloom.runs.trail": "Trail",
     "navloom_live.operating.navigator": "GoalHandle Navigator",
-    "navloom_viewer": "Panel Seen",
+    "navloom_viewer.panels": "Panel Seen",
 }
-MODULE_OF = {name: module for module, names in _NAMES.items() for name in names.split()}
-"""Module of each name that `from navloom import NAME` gives."""
+"""Names that `from navloom import NAME` gives, by their module."""

@@ -1,4 +1,6 @@
-"""The parts of the framework that are distributions of their own, asked for by name: the core imports none of them.
+"""The parts of the framework that are distributions of their own, and public names that are imported late.
+
+The core imports no part: it asks for it by name.
 
 Every start of the command line imports this module: keep it light.
 """
@@ -6,7 +8,7 @@ Every start of the command line imports this module: keep it light.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -14,7 +16,7 @@ from typing import Any
 
 from navloom.errors import NavloomError
 
-__all__ = ["ALIASES", "OF_FRAMEWORK", "PARTS", "MissingPartError", "has_part", "install_aliases", "part"]
+__all__ = ["ALIASES", "OF_FRAMEWORK", "PARTS", "MissingPartError", "has_part", "install_aliases", "lazy_names", "part"]
 
 PARTS = {
     "navloom_avoidance": "navloom-avoidance",
@@ -55,6 +57,31 @@ def has_part(package: str) -> bool:
     from importlib.util import find_spec
 
     return find_spec(package) is not None
+
+
+def lazy_names(package: str, names: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
+    """The `__all__` and `__getattr__` of a package that imports a public name from its module on first use.
+
+    So each name loads only what it needs, and a package may list names of modules that import the package.
+
+    Args:
+        package: Its name, for messages.
+        names: Public names, separated by spaces, by their module. No name may be that of a module of the package: once
+            imported, the module takes the name.
+    """
+    module_of = {name: module for module, listed in names.items() for name in listed.split()}
+
+    def public_name(name: str) -> Any:
+        if name in module_of:
+            return getattr(part(module_of[name]), name)
+        near = ""
+        if not name.startswith("_"):
+            from navloom.misspelt import close_to
+
+            near = close_to(name, list(module_of))
+        raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
+
+    return list(module_of), public_name
 
 
 class _Alias:

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from described import KEYS, counts, described
 from navloom.inputs.typed_json import from_json
-from navloom.operating.client import Client, ClientError
 from navloom.recording.live_recorder import ask_header
 from navloom.transport.zenoh_bus import Answer
 from navloom_live.live.description import (
@@ -22,6 +21,7 @@ from navloom_live.live.description import (
     clocks,
     read_description,
 )
+from navloom_live.operating.client import Client, ClientError
 
 PLATFORM = {"ticks": 100, "late_ticks": 3, "stops": 1, "driven_ticks": 50, "own_ticks": 49}
 FULL = described(

@@ -1,6 +1,26 @@
-"""Episodes, metrics and studies. A plugin that adds a metric imports only what is listed here."""
+"""Episodes, metrics and studies."""
 
-from navloom.runs.metrics import METRICS, Metric
-from navloom.runs.trail import Trail
+from __future__ import annotations
 
-__all__ = ["METRICS", "Metric", "Trail"]
+from typing import TYPE_CHECKING
+
+from navloom.parts import lazy_names
+
+if TYPE_CHECKING:
+    from navloom.runs.metrics import METRICS as METRICS
+    from navloom.runs.metrics import Metric as Metric
+    from navloom.runs.trail import Trail as Trail
+
+    from navloom_study.compare import plan_study as plan_study
+    from navloom_study.compare import run_study as run_study
+    from navloom_study.statistics import compare_methods as compare_methods
+else:
+    __all__, __getattr__ = lazy_names(
+        "navloom_study",
+        {
+            "navloom.runs.metrics": "METRICS Metric",
+            "navloom.runs.trail": "Trail",
+            "navloom_study.compare": "plan_study run_study",
+            "navloom_study.statistics": "compare_methods",
+        },
+    )

@@ -1,5 +1,27 @@
 """Shows runs in the Rerun viewer. Only this house imports rerun, and only when a viewer is requested."""
 
-from navloom_viewer.panels import Panel, Seen
+from __future__ import annotations
 
-__all__ = ["Panel", "Seen"]
+from typing import TYPE_CHECKING
+
+from navloom.parts import lazy_names
+
+if TYPE_CHECKING:
+    from navloom_viewer.facts import SweepRule as SweepRule
+    from navloom_viewer.facts import sweep_rule as sweep_rule
+    from navloom_viewer.panels import Change as Change
+    from navloom_viewer.panels import Drawn as Drawn
+    from navloom_viewer.panels import Panel as Panel
+    from navloom_viewer.panels import Seen as Seen
+    from navloom_viewer.sweep_classes import CLASSES as CLASSES
+    from navloom_viewer.sweep_classes import KEPT as KEPT
+    from navloom_viewer.sweep_classes import classify_sweep as classify_sweep
+else:
+    __all__, __getattr__ = lazy_names(
+        "navloom_viewer",
+        {
+            "navloom_viewer.facts": "SweepRule sweep_rule",
+            "navloom_viewer.panels": "Change Drawn Panel Seen",
+            "navloom_viewer.sweep_classes": "CLASSES KEPT classify_sweep",
+        },
+    )

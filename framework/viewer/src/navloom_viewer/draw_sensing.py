@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navloom_viewer.colours import CLOUD, GREY, SKY, faded
 from navloom_viewer.panels import Drawn, Seen
 from navloom_viewer.shapes import at_height, cones, rgba_cells, stripes
-from navloom_viewer.sweep_classes import CLASSES, sweep_classes, sweep_points
+from navloom_viewer.sweep_classes import CLASSES, classify_sweep, sweep_points
 
 __all__ = ["BLENDED", "map_update", "range_scan", "sweep"]
 
@@ -55,7 +55,7 @@ def sweep(message: Sweep, seen: Seen) -> Drawn:
     poses = poses_along(times, track[:, 0], track[:, 1:]) if len(track) else None
     rule = seen.robot.sweep_rule
     points = sweep_points(message, rule, poses)
-    classes = sweep_classes(message, rule, poses)
+    classes = classify_sweep(message, rule, poses)
     for number, name in enumerate(CLASSES):
         if name == "none":
             continue

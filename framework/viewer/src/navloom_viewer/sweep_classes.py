@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from navloom_viewer.facts import SweepRule
 
-__all__ = ["CLASSES", "KEPT", "sweep_classes", "sweep_points"]
+__all__ = ["CLASSES", "KEPT", "classify_sweep", "sweep_points"]
 
 Floats = NDArray[np.float64]
 CLASSES = ("none", "below", "floor", "overhead", "behind", "kept")
@@ -40,7 +40,7 @@ def sweep_points(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> 
     return points
 
 
-def sweep_classes(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> NDArray[np.uint8]:
+def classify_sweep(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> NDArray[np.uint8]:
     """(frames, beams) index in CLASSES of each point. The counts agree with those of the mapper `ipabd`.
 
     Args:

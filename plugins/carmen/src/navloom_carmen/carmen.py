@@ -24,8 +24,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from navloom.inputs.bounds import LOG_MB, bytes_of, open_file, too_large
-from navloom_recording.header import RecordingError
+from navloom.inputs import LOG_MB, bytes_of, open_file, too_large
+from navloom_recording import RecordingError
 from numpy.typing import NDArray
 
 __all__ = ["LASERS", "ODOM", "BeamPattern", "Survey", "scans", "survey"]

@@ -13,8 +13,7 @@ import numpy as np
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom_recording.header import RecordingError
-from navloom_recording.imported import RANGE_SCAN, ImportedLog, imported_config, placed_in_map, writing
+from navloom_recording import RANGE_SCAN, ImportedLog, RecordingError, imported_config, placed_in_map, writing
 from numpy.typing import NDArray
 
 from navloom_carmen.carmen import LASERS, ODOM, BeamPattern, Survey, scans, survey

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
-from navloom_recording.header import RecordingError
+from navloom_recording import RecordingError
 from numpy.typing import NDArray
 
 from navloom_carmen.carmen import ODOM

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from navloom.cli.options import AsJson, MapOptions, a_number, seconds
+from navloom.cli import AsJson, MapOptions, a_number, seconds
 
 __all__ = ["import_log"]
 
@@ -49,8 +49,8 @@ def import_log(
 
     If the log's poses are corrected, the raw odometry is recovered.
     """
-    from navloom.cli.output import print_json, print_table
-    from navloom_recording.imported import mount_option
+    from navloom.cli import print_json, print_table
+    from navloom_recording import mount_option
 
     from navloom_carmen.carmen_import import import_carmen
 
@@ -73,8 +73,8 @@ def import_log(
 
 def _refuse_bag(path: Path) -> None:
     """Say which command reads ROS bags. Raises ConfigError."""
+    from navloom.cli import added_commands
     from navloom.config import ConfigError
-    from navloom.entry_kinds import added_commands
 
     if path.suffix not in (".bag", ".db3", ".mcap") and not path.is_dir():
         return

@@ -38,9 +38,9 @@ def paper(
 
     Exit 0: with and without the obstacle O, the robot truly arrived at D through gate B without contact; else 1.
     """
-    from navloom.cli.output import print_json
-    from navloom.runs.results import OutFolder
-    from navloom_study.report.plotting import need_matplotlib
+    from navloom.cli import print_json
+    from navloom.runs import OutFolder
+    from navloom_study.report import need_matplotlib
 
     from navloom_hoang2013.measured import statements_of
     from navloom_hoang2013.reproduction import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps
@@ -68,7 +68,7 @@ def paper(
 
 def _print(statements: Sequence[Statement]) -> None:
     """Print the table for people, and how many statements got which verdict."""
-    from navloom.cli.output import print_table
+    from navloom.cli import print_table
 
     rows = [
         (row.id, row.printed if len(row.printed) <= WIDTH else row.printed[: WIDTH - 1] + "…", row.ours, row.verdict)
@@ -89,7 +89,7 @@ def _progress(quiet: bool, total: int) -> Iterator[Callable[[str], None]]:
         print("navloom: reproducing the paper; the first run compiles kernels, later ones load them", file=sys.stderr)
         yield lambda text: None
     else:
-        from navloom.cli.output import progress_line
+        from navloom.cli import progress_line
 
         with progress_line("reproducing the paper (compiles in the first run)", total) as update:
             yield lambda text: update(description=text, advance=1)

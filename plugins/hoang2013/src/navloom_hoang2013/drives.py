@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from navloom.geometry.frames import transform
 from navloom.messages import Pose2D
-from navloom.palette import GREY
-from navloom_study.report.plotting import new_figure
+from navloom_study.report import GREY, new_figure
 from numpy.typing import NDArray
 
 from navloom_hoang2013.figures import (

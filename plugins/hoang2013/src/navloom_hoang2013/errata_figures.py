@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from navloom.palette import GREY, OKABE_ITO
-from navloom_study.report.plotting import new_figure
+from navloom_study.report import GREY, OKABE_ITO, new_figure
 
 from navloom_hoang2013.cloud import Cloud
 from navloom_hoang2013.errata import Errata, Variant, grown, length_of

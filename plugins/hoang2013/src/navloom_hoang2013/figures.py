@@ -8,8 +8,7 @@ import numpy as np
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import OccupancyGrid
-from navloom.palette import GREY, OKABE_ITO
-from navloom_study.report.plotting import new_figure
+from navloom_study.report import GREY, OKABE_ITO, new_figure
 from numpy.typing import NDArray
 
 from navloom_hoang2013.cloud import Cloud

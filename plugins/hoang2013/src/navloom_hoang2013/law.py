@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from navloom.config import check_params
-from navloom.engine.random_streams import stream_source
+from navloom.engine import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.messages import Point2D, Pose2D, PoseEstimate, Reference, Trajectory, Twist2D
 from navloom.plugins import Discovery

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+import navloom_study.report as html
 import numpy as np
-from navloom_study.report import html
 
 from navloom_hoang2013.cloud import hits_by_box
 from navloom_hoang2013.drive_readings import DriveReadings

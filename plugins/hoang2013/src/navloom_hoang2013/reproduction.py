@@ -99,7 +99,7 @@ def files_of(made: Reproduction, say: Say = lambda text: None) -> dict[str, byte
 
 def drawn(plate: Plate) -> tuple[str, bytes]:
     """A figure as SVG and as PNG of 300 dpi. Raises ConfigError if matplotlib is not installed."""
-    from navloom_study.report.plotting import png_of, svg_of
+    from navloom_study.report import png_of, svg_of
 
     figure = plate.draw()
     svg = svg_of(figure)

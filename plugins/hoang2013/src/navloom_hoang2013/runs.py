@@ -27,7 +27,7 @@ from navloom.messages import (
     TrackingCommand,
     Trajectory,
 )
-from navloom.runs.episode import Episode, run_episode
+from navloom.runs import Episode, run_episode
 from numpy.typing import NDArray
 
 __all__ = [

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from navloom.config import load_config
-from navloom.runs.episode import run_episode
+from navloom.runs import run_episode
 from numpy.typing import NDArray
 
 __all__ = [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any, Literal
 
-from navloom.engine.system import System
+from navloom.engine import System
 from navloom_sensors_sim.params import PitchedLaserSettings, SonarSettings
 
 __all__ = ["Finding", "Statement", "Verdict", "active_settings", "judged", "printed_statements", "value_of"]

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from navloom.geometry.frames import transform
-from navloom.palette import GREY
-from navloom_study.report.plotting import new_figure
+from navloom_study.report import GREY, new_figure
 from numpy.typing import NDArray
 
 from navloom_hoang2013.figures import BLACK, BLUE, COLUMN, ORANGE, SKY, VERMILION, draw_world

@@ -5,6 +5,9 @@ from navloom import Registry, hookimpl
 from navloom_maps.barn import barn_world
 from navloom_maps.movingai import movingai_world
 from navloom_maps.rosmap import rosmap_world
+from navloom_maps.yaml_text import yaml_of
+
+__all__ = ["SCHEMES", "barn_world", "movingai_world", "navloom_register", "rosmap_world", "yaml_of"]
 
 SCHEMES = {"barn": barn_world, "movingai": movingai_world, "rosmap": rosmap_world}
 

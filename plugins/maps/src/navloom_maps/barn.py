@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 from navloom.geometry.world import Cylinder, Place, World
-from navloom.inputs.npz import Arrays
-from navloom.worlds.errors import WorldError, did_you_mean, file_of, readable
+from navloom.inputs import Arrays
+from navloom.worlds import WorldError, did_you_mean, file_of, readable
 from numpy.typing import NDArray
 
 __all__ = ["barn_numbers", "barn_world"]

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.grid import MAX_CELLS
-from navloom.inputs.bounds import IMAGE_MB
-from navloom.worlds.errors import WorldError, read_bytes
+from navloom.inputs import IMAGE_MB
+from navloom.worlds import WorldError, read_bytes
 from numpy.typing import NDArray
 
 __all__ = ["Shades", "read_image"]

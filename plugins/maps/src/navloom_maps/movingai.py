@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 from navloom.geometry.grid import FREE, MAX_CELLS, OCCUPIED, GridMap
 from navloom.geometry.world import Place, Raster, World
-from navloom.inputs.bounds import IMAGE_MB, bytes_of, too_large
-from navloom.worlds.errors import WorldError, file_of, options_of, read_bytes
-from navloom.worlds.rasters import length_of, raster_bounds, wall_height
+from navloom.inputs import IMAGE_MB, bytes_of, too_large
+from navloom.worlds import WorldError, file_of, length_of, options_of, raster_bounds, read_bytes, wall_height
 from numpy.typing import NDArray
 
 __all__ = ["movingai_world", "read_movingai", "scenario_place"]

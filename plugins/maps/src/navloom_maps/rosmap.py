@@ -17,11 +17,9 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
-from navloom.geometry.world import Interval, Place, Raster, World
-from navloom.inputs.bounds import YAML_MB
-from navloom.inputs.texts import shortened
-from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of, read_bytes
-from navloom.worlds.rasters import raster_bounds, wall_height
+from navloom.geometry.world import Place, Raster, World
+from navloom.inputs import YAML_MB, shortened
+from navloom.worlds import WorldError, did_you_mean, file_of, options_of, raster_bounds, read_bytes, wall_height
 from numpy.typing import NDArray
 
 from navloom_maps.images import Shades, read_image
@@ -54,7 +52,7 @@ def rosmap_world(argument: str, base: Path) -> World:
     return World(f"rosmap:{argument}", raster=raster, bounds=raster_bounds(raster))
 
 
-def load_raster(path: Path, unknown: str = "occupied", z: Interval = (0.0, 2.4)) -> Raster:
+def load_raster(path: Path, unknown: str = "occupied", z: tuple[float, float] = (0.0, 2.4)) -> Raster:
     """A map as the true world.
 
     A cell is an obstacle from 100 on, in a raw map from `occupied_thresh` on. Unknown cells are obstacles too, unless

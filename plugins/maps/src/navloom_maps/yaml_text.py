@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import yaml
-from navloom.inputs.bounds import DEEPEST, Refusal
-from navloom.inputs.texts import first_words, shortened
+from navloom.inputs import DEEPEST, Refusal, first_words, shortened
 
 __all__ = ["yaml_of"]
 

@@ -9,11 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from navloom_recording.header import RecordingError
-from navloom_recording.imported import mount_option
-from navloom_recording.reader import Recording
-from navloom_viewer.facts import sweep_rule
-from navloom_viewer.sweep_classes import KEPT, sweep_classes
+from navloom_recording import Recording, RecordingError, mount_option
+from navloom_viewer import KEPT, classify_sweep, sweep_rule
 from numpy.typing import NDArray
 
 from navloom_ros.bag_import import Imported, import_bag
@@ -66,7 +63,7 @@ def _kept_of(recording: Recording) -> Callable[[Any], NDArray[np.bool_]] | None:
     if config.mapper.plugin != "ipabd":
         return None
     rule = sweep_rule(SimpleNamespace(**(config.mapper.model_extra or {})), config.robot.height)
-    return lambda sweep: sweep_classes(sweep, rule) == KEPT
+    return lambda sweep: classify_sweep(sweep, rule) == KEPT
 
 
 def import_from(

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 from navloom import MessageError, Odometry, Pose2D, Twist2D
-from navloom_recording.header import RecordingError
-from navloom_recording.imported import (
+from navloom_recording import (
     OWN_PORTS,
     RANGE_SCAN,
     SWEEP,
     ImportedLog,
+    RecordingError,
     imported_config,
     placed_in_map,
     writing,

@@ -15,9 +15,9 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any
 
-from navloom.inputs.bounds import BAG_MB, YAML_MB, bytes_of, open_file, read_file, too_large
-from navloom_maps.yaml_text import yaml_of
-from navloom_recording.header import RecordingError
+from navloom.inputs import BAG_MB, YAML_MB, bytes_of, open_file, read_file, too_large
+from navloom_maps import yaml_of
+from navloom_recording import RecordingError
 
 __all__ = ["check_definitions", "deserialized", "messages", "opened"]
 

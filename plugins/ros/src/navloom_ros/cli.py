@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from navloom.cli.command import App
-from navloom.cli.options import AsJson, MapOptions, RobotOptions
+from navloom.cli import App, AsJson, MapOptions, RobotOptions
 
 from navloom_ros.errors import BadDefinition, BadName, RosError, UnknownType
 from navloom_ros.graph import Graph, Listed

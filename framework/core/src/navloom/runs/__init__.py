@@ -1,1 +1,25 @@
 """What a run is: episode, recorder, trail, measures, and the files that it leaves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from navloom.parts import lazy_names
+
+if TYPE_CHECKING:
+    from navloom.runs.episode import Episode as Episode
+    from navloom.runs.episode import run_episode as run_episode
+    from navloom.runs.metrics import METRICS as METRICS
+    from navloom.runs.metrics import Metric as Metric
+    from navloom.runs.results import OutFolder as OutFolder
+    from navloom.runs.trail import Trail as Trail
+else:
+    __all__, __getattr__ = lazy_names(
+        "navloom.runs",
+        {
+            "navloom.runs.episode": "Episode run_episode",
+            "navloom.runs.metrics": "METRICS Metric",
+            "navloom.runs.results": "OutFolder",
+            "navloom.runs.trail": "Trail",
+        },
+    )

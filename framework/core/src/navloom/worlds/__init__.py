@@ -8,7 +8,7 @@ from pathlib import Path
 from navloom.geometry.world import World
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.registry import Registry
-from navloom.worlds.errors import WorldError
+from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of, read_bytes, readable
 from navloom.worlds.paper import (
     paper_gates,
     paper_gates_blocked_b,
@@ -16,10 +16,14 @@ from navloom.worlds.paper import (
     paper_gates_obstacle,
     paper_gates_open_a,
 )
+from navloom.worlds.rasters import length_of, raster_bounds, wall_height
 from navloom.worlds.small import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
 from navloom.worlds.tomlfile import toml_world
 
-__all__ = ["SCHEMES", "WORLDS", "WorldError", "navloom_register"]
+__all__ = [
+    "SCHEMES", "WORLDS", "WorldError", "did_you_mean", "file_of", "length_of", "navloom_register", "options_of",
+    "raster_bounds", "read_bytes", "readable", "wall_height",
+]  # fmt: skip
 
 WORLDS: dict[str, Callable[[], World]] = {
     make.__name__: make

@@ -1,0 +1,35 @@
+"""Tables, figures and HTML pages; what a report of another distribution needs to look like those of `compare`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from navloom.parts import lazy_names
+
+if TYPE_CHECKING:
+    from navloom.palette import GREY as GREY
+    from navloom.palette import OKABE_ITO as OKABE_ITO
+
+    from navloom_study.report.html import Section as Section
+    from navloom_study.report.html import code as code
+    from navloom_study.report.html import figure as figure
+    from navloom_study.report.html import heading as heading
+    from navloom_study.report.html import listing as listing
+    from navloom_study.report.html import page as page
+    from navloom_study.report.html import paragraph as paragraph
+    from navloom_study.report.html import table as table
+    from navloom_study.report.plotting import MM as MM
+    from navloom_study.report.plotting import need_matplotlib as need_matplotlib
+    from navloom_study.report.plotting import new_figure as new_figure
+    from navloom_study.report.plotting import png_of as png_of
+    from navloom_study.report.plotting import styled as styled
+    from navloom_study.report.plotting import svg_of as svg_of
+else:
+    __all__, __getattr__ = lazy_names(
+        "navloom_study.report",
+        {
+            "navloom.palette": "GREY OKABE_ITO",
+            "navloom_study.report.html": "Section code figure heading listing page paragraph table",
+            "navloom_study.report.plotting": "MM need_matplotlib new_figure png_of styled svg_of",
+        },
+    )

@@ -176,7 +176,7 @@ def test_mypy_reads_the_types_of_a_public_package(package: str) -> None:
     assert top.__file__ and Path(top.__file__).with_name("py.typed").exists()
 
 
-ADAPTERS = {"__init__.py", "adapter.py", "cli.py", "maps.py", "params.py"}
+ADAPTERS = {"__init__.py", "adapter.py", "cli.py", "errors.py", "maps.py", "params.py"}
 """Files in which a plugin meets the framework."""
 OF_FILES = {"navloom_recording", "navloom.inputs"}
 """Packages by which a module shows that it reads or writes the files of others."""

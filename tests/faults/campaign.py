@@ -55,7 +55,6 @@ class Book:
         self.entries: list[dict[str, Any]] = json.loads(path.read_text("utf-8")) if path.exists() else []
 
     def add(self, outcome: Outcome) -> None:
-        """Add an outcome, and save."""
         self.entries.append(outcome.to_json())
         self.path.write_text(json.dumps(self.entries, indent=1), "utf-8")
         told = {key: round(value, 3) for key, value in outcome.to_json().items() if isinstance(value, float)}

@@ -95,7 +95,6 @@ class Certificates:
         time.sleep(WATCHED)
 
     def renew_all(self) -> None:
-        """Renew every certificate."""
         before = self._changes()
         renew(self.folder, (), (), DAYS, datetime.now(UTC))
         self._await_router(before)

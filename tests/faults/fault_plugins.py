@@ -226,7 +226,6 @@ class FaultyMap(KnownMap):
     name = "faulty_map"
 
     def update(self, given: MapperInput) -> MapUpdate | None:
-        """The map, once."""
         fail(self.context.instance)
         return super().update(given)
 

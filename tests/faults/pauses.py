@@ -66,7 +66,6 @@ class Pauses:
         return max(met, default=0) * 1e-9
 
     def end(self) -> None:
-        """End the watchers."""
         for watcher in self._watchers:
             watcher.kill()
             watcher.wait()

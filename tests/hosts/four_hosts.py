@@ -53,7 +53,6 @@ class Robot:
 
     @property
     def endpoint(self) -> str:
-        """Endpoint of its router."""
         return f"{'tls' if self.secure else 'tcp'}/{self.lab['hub'].address}:{self.port}"
 
     @property

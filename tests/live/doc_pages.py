@@ -107,7 +107,6 @@ class Step:
 
 
 def steps(page: Path) -> list[Step]:
-    """All steps of a page, in order."""
     text = page.read_text("utf-8")
     found: list[Step] = []
     marked = ""

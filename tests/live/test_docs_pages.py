@@ -272,7 +272,6 @@ def a_carmen_log(reader: Reader) -> None:
 
 
 def the_readmes_robot(reader: Reader) -> None:
-    """The robot.toml of the README."""
     for step in steps(TOP / "README.md"):
         if step.kind == "file" and step.name == "robot.toml":
             reader.take(step)

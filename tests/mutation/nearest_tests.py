@@ -42,7 +42,6 @@ class Tree:
 
     @cached_property
     def tests(self) -> list[Path]:
-        """All test files."""
         folders = (
             self.top / "tests",
             *sorted([*self.top.glob("framework/*/tests"), *self.top.glob("plugins/*/tests")]),

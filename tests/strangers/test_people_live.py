@@ -77,7 +77,6 @@ def driving(people: Path, monkeypatch: pytest.MonkeyPatch, *changes: str) -> Ite
 
 
 def kill(robot: Up, role: str) -> None:
-    """Kill the process of a role."""
     os.kill(next(node["pid"] for node in robot.json("list") if node["role"] == role), signal.SIGKILL)
 
 

@@ -91,7 +91,6 @@ class Memory:
         return [shapes[0] for where, shapes, tick, _ in self.logged if where == path and tick is not None]
 
     def frame_of(self, path: str) -> str:
-        """Frame of an entity."""
         frames = [s for where, shapes, tick, _ in self.logged if where == path and tick is None for s in shapes]
         found = [s for s in frames if type(s).__name__ == "CoordinateFrame"]
         return str(component(found[-1], "frame")[0])

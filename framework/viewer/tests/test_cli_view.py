@@ -205,7 +205,6 @@ def test_a_viewer_that_fails_later_is_reported_after_the_result_with_exit_code_1
             super().__init__(web, files, ("--serve-grpc",))
 
         def await_window(self) -> None:
-            """It had one, and fails."""
             self.process.kill()
             self.process.wait()
 

@@ -50,7 +50,6 @@ class Bag:
         return self.store.types[name]
 
     def put(self, topic: str, message: Any, stamp_ns: int) -> None:
-        """Write a message at its stamp."""
         name = message.__msgtype__
         if topic not in self._ways:
             self._ways[topic] = self.writer.add_connection(topic, name, typestore=self.store)
@@ -58,13 +57,11 @@ class Bag:
         self.writer.write(self._ways[topic], stamp_ns, serialize(message, name))
 
     def header(self, frame: str, stamp_ns: int) -> Any:
-        """A ROS header."""
         time = self.type("builtin_interfaces/msg/Time")(stamp_ns // 10**9, stamp_ns % 10**9)
         make = self.type("std_msgs/msg/Header")
         return make(seq=0, stamp=time, frame_id=frame) if self.ros == 1 else make(stamp=time, frame_id=frame)
 
     def transform(self, parent: str, child: str, x: float, yaw: float, stamp_ns: int) -> Any:
-        """A TFMessage of one transform."""
         vector, turn = self.type("geometry_msgs/msg/Vector3"), self.type("geometry_msgs/msg/Quaternion")
         motion = self.type("geometry_msgs/msg/Transform")(
             vector(x, 0.0, 0.3), turn(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))

@@ -25,6 +25,7 @@ __all__ = ["CLOCK", "OTHER_CLOCK", "OTHER_SEEDS", "USUAL", "Bench", "alike"]
 USUAL = "usual"
 CLOCK = (1_700_000_000.0, 0.001)
 """Start of the clock that plugins see, s, and its advance with each reading, s; the same in every play."""
+# In jumps of seconds: a plugin that compares two readings then sees a duration that no run has.
 OTHER_CLOCK = (1_900_000_000.0, 7.3)
 OTHER_SEEDS = 4711
 PLAY_TIME = 2.0
@@ -49,6 +50,7 @@ class Bench:
         self.subject, self.request, self.seed, self.out = subject, request, request.seed, out
         self._scenes = made_scenes(subject, self.seed)
         self._plays: dict[str, list[bytes] | tuple[Fault, int]] = {}
+        # Of a process, not an object: kernels compile once, in the first step of all.
         self.first_step = 0.0
 
     @property
@@ -62,6 +64,7 @@ class Bench:
                 kept.append(replace(scene, inputs=scene.inputs[:STEPS_OF_SLOW]) if is_late else scene)
                 self._plays[scene.name] = self._first_play(kept[-1])
             self._scenes = tuple(kept)
+            # Every check plays the scenes again, so those of a slow plugin are cut.
             self._cut_to(PLAY_TIME / (perf_counter() - begun))
         return self._scenes
 
@@ -84,6 +87,7 @@ class Bench:
     def answers(self, scene: PlayedScene) -> list[bytes]:
         """Hashes of the answers in the first play of a sound scene."""
         base = self.base(scene)
+        # `sound` has sorted out the scenes with a fault.
         assert isinstance(base, list)
         return base
 
@@ -113,6 +117,7 @@ class Bench:
             ("repeats", self.unrepeated), ("global_random", self.led_by_seeds), ("wall_clock", self.led_by_clock),
         ):  # fmt: skip
             if found is not None:
+                # Otherwise every check that compares plays would fail too, and hide the cause.
                 raise NotRun(f"answers to the same inputs differ anyway: see the check `{name}`")
         return scenes
 
@@ -130,6 +135,7 @@ class Bench:
     @cached_property
     def led_by_clock(self) -> Finding | None:
         """The first scene whose answers change with the clock, which then moves in jumps."""
+        # The guard counts for the whole process, earlier plays included.
         GUARD.deeds.clear()
         found = self._difference("when the wall clock shows another time", 1, OTHER_CLOCK)
         reading = next((deed for deed in GUARD.deeds if deed.kind == "clock"), None)
@@ -141,6 +147,7 @@ class Bench:
         found: dict[str, tuple[Deed, PlayedScene]] = {}
         for scene in self.scenes:
             GUARD.deeds.clear()
+            # A fault is the finding of another check; what the plugin did until then still counts.
             with suppress(Fault):
                 self.play(scene)
             for deed in GUARD.deeds:
@@ -204,6 +211,7 @@ class Bench:
                 for given in scene.inputs:
                     before = thread_time()
                     answers += player.play([given])
+                    # Processor time: other processes of the machine do not count against the plugin.
                     self.first_step = self.first_step or thread_time() - before
             except Fault as fault:
                 return fault, len(answers)

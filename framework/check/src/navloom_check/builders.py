@@ -96,6 +96,7 @@ def context(
     return Context(instance, period, spec, stream, pose(start), tuple(sensors), world, map, diagnostics_rate_hz)
 
 
+# `context` has an argument named robot, which hides the function.
 _robot = robot
 
 
@@ -144,6 +145,7 @@ def mapper_input(
     """Scans and sweeps of a robot on a track, by default at the origin. The stamp is by default that of the newest."""
     scans = tuple(one for one in data if isinstance(one, RangeScan))
     sweeps = tuple(one for one in data if isinstance(one, Sweep))
+    # A mapper's step never begins before the data that it is given.
     newest = max((one.stamp_ns for one in data), default=0)
     return MapperInput(
         newest if stamp is None else ns(stamp), sweeps, scans, messages.track() if track is None else track, clear,
@@ -234,6 +236,7 @@ def recovery_input(
 ) -> RecoveryInput:
     """Scans of a stuck robot, and the poses of its track, oldest first."""
     rows = np.array([(one.x, one.y, one.heading) for one in map(pose, trail)], dtype=np.float64).reshape(-1, 3)
+    # As the framework gives it: a plugin that writes into its inputs fails in its unit test already.
     rows.flags.writeable = False
     return RecoveryInput(
         ns(stamp), scans, estimate(at, moving, stamp), attempt, reason, starts, rows, _names(scans), readings, extra

@@ -14,6 +14,7 @@ RUNS_PLUGINS = {"check", "map", "plan", "replay", "run"}
 def main() -> None:
     """Entry point. Shell completion, `--version` and `stop` are served before anything heavy is imported."""
     given = sys.argv[1:]
+    # A shell asks at each press of a key: nothing but names may be loaded.
     if given[:1] == ["__complete"]:
         from navloom.installed import print_candidates
 
@@ -22,6 +23,7 @@ def main() -> None:
         from navloom.installed import print_versions
 
         print_versions("--json" in given)
+    # An operator who stops a robot must not wait for the imports of a command line.
     elif given[:1] != ["stop"] or not _stop(given[1:]):
         _run()
 
@@ -55,6 +57,7 @@ def _run() -> None:
     try:
         run()
     except SystemExit as ended:
+        # A thread of a plugin may keep the process from ending.
         end_in_time(ended.code if isinstance(ended.code, int) else int(ended.code is not None))
         raise
 

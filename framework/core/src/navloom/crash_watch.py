@@ -42,6 +42,7 @@ def watch_over(is_whole: bool) -> None:
     global _file
     if sys.platform == "linux":
         try:
+            # A pipe would fill up and block a process that is crashing.
             dump = os.memfd_create("dump", os.MFD_CLOEXEC)
             reading, writing = os.pipe()
             if os.fork() == 0:
@@ -57,13 +58,16 @@ def watch_over(is_whole: bool) -> None:
 def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
     """Run in the watchdog process: read what Python prints until the command's process has ended."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        # Ctrl-C goes to the whole group; this process must outlive the one that it reports on.
         signal.signal(number, signal.SIG_IGN)
     os.close(0)
     os.close(1)
     seen = 0
     while True:
+        # The pipe's other end closes when the command's process ends, whatever ended it.
         is_over = bool(select.select([reading], [], [], LOOK)[0])
         text = os.pread(dump, MOST, seen).decode("utf-8", "replace")
+        # A dump is written line by line; half a line is read again with the rest.
         if text and (is_over or text.endswith("\n")):
             seen += len(text.encode())
             os.write(_STANDARD_ERROR, _message(text, pid, is_whole).encode("utf-8", "replace"))

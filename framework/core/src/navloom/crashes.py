@@ -55,6 +55,7 @@ def crashed_at(log: str) -> str:
     while first and is_of_dump(lines[first - 1]):
         first -= 1
     threads = list(_threads(lines[first:]))
+    # The running thread first: others only wait.
     threads.sort(key=lambda thread: not thread[0])
     return next(filter(None, (_place(frames) for _, frames in threads)), "")
 

@@ -55,6 +55,7 @@ def added_commands() -> list[CommandPoint]:
     found: dict[str, list[CommandPoint]] = {}
     for folder in sys.path:
         try:
+            # Sorted, because the order of a folder differs between file systems.
             names = sorted(os.listdir(folder or "."))
         except OSError:  # no folder, or a zip file, which holds no installed distributions
             continue
@@ -70,6 +71,7 @@ def added_commands() -> list[CommandPoint]:
 def _commands_of(info: str) -> Iterator[CommandPoint]:
     """The commands of one distribution, given the folder of its metadata; those that its README describes first."""
     text = _text_of(os.path.join(info, "entry_points.txt"))
+    # Most distributions add no command, and their METADATA is long.
     if "command." not in text:
         return
     head, _, page = (_text_of(os.path.join(info, "METADATA")) or _text_of(os.path.join(info, "PKG-INFO"))).partition(
@@ -83,6 +85,8 @@ def _commands_of(info: str) -> Iterator[CommandPoint]:
             section = line.strip("[] ")
         elif section == GROUP and key.startswith("command."):
             modules[key.removeprefix("command.")] = target
+    # From the README in the metadata: `--help` imports no command, strangers' commands are described as navloom's own,
+    # and the README keeps the list that its readers look for.
     described = {}
     for line in page.splitlines():
         if line.startswith("- `navloom "):

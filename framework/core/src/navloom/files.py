@@ -30,11 +30,13 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         OSError: The file cannot be written. The error names the path; no partial file is left.
     """
+    # In the same folder, since a rename across file systems is a copy; with the process ID, as two may write at once.
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with draft.open("wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
+            # Without it, a power cut after the rename leaves an empty file under the old name.
             os.fsync(file.fileno())
         draft.replace(path)
     except BaseException as error:

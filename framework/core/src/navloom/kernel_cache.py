@@ -99,6 +99,7 @@ def _write_checked(path: Path, body: bytes) -> None:
     draft = path.with_name(f"{path.name}.tmp.{uuid.uuid4().hex[:16]}")
     try:
         draft.write_bytes(body + hashlib.sha256(body).digest())
+        # Other processes load the same file at any time.
         draft.replace(path)
     except BaseException:
         draft.unlink(missing_ok=True)

@@ -64,6 +64,7 @@ class StandardError(logging.StreamHandler):  # type: ignore[type-arg]
         logging.Handler.__init__(self)
 
     @property
+    # Looked up each time: a progress display replaces `sys.stderr` for a while.
     def stream(self) -> object:
         """The current standard error."""
         return sys.stderr
@@ -75,4 +76,5 @@ def set_up_logging(level: Level, as_json: bool) -> None:
     handler.setFormatter(JsonFormatter() if as_json else TextFormatter())
     ROOT.handlers = [handler]
     ROOT.setLevel(level.upper())
+    # A handler of the root logger would print each line twice.
     ROOT.propagate = False

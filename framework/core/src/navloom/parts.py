@@ -45,6 +45,7 @@ def part(module: str) -> Any:
         return import_module(module)
     except ModuleNotFoundError as error:
         package = module.partition(".")[0]
+        # The part is there, and something that it imports is missing.
         if error.name != package:
             raise
         raise MissingPartError(

@@ -55,7 +55,6 @@ def test_a_group_is_one_parameter_of_a_function_and_its_options_are_sections_of_
 
     @own.command()
     def look(robot: RobotOptions, deep: bool = False) -> None:
-        """Look."""
         given.append((robot, deep))
 
     done = CliRunner().invoke(own, ["--robot", "lab/r2", "--insecure"])

@@ -20,7 +20,6 @@ def command(vx: float) -> Command:
 
 
 def put(slot: Slot, number: int, tick: int, cause_ns: int = 0) -> Message:
-    """Publish message `number` in a tick."""
     message = command(0.01 * number)
     slot.put(message, number, (tick, 50 * tick, cause_ns, 0), tick)
     return message

@@ -14,6 +14,7 @@ from typing import Any
 
 import msgpack
 import pytest
+from described import described
 from navloom.logs import Level, set_up_logging
 from navloom.messages import SCHEMAS, Envelope, Message, Odometry
 from navloom.messages.codec import CodecError, UnknownSchema, decode, encode, schema_label
@@ -21,6 +22,7 @@ from navloom.messages.generic import GenericMessage, decode_generic
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.opening import OPENER, Opener
 from navloom_live.cli.echo import _messages, _text
+from navloom_live.live.description import Description
 from navloom_live.live.mailbox import Packet
 from navloom_live.operating.joining import join
 from navloom_live.operating.looking import envelope_fields, message_fields
@@ -258,9 +260,10 @@ class Looker:
 
     def __init__(self, sent: Sequence[tuple[bytes, str]]) -> None:
         self.bus, self.sent = self, sent
+        self.unreadable: dict[tuple[str, str], str] = {}
 
-    def describe(self) -> list[dict[str, Any]]:
-        return [{"role": "people", "instance": "main", "published": {"tracks": 1}, "places": {}, "hosts": {}}]
+    def describe(self) -> list[Description]:
+        return [described("people", "main", published={"tracks": 1})]
 
     def alive(self, key: str) -> list[str]:
         return []

@@ -155,7 +155,6 @@ class Net:
         self.said: list[str] = []
 
     def start(self) -> None:
-        """Start the router."""
         self.stack.enter_context(Bus(Link("router", (self.end,))))
 
     def claims(self, *sources: tuple[str, str]) -> Claims:

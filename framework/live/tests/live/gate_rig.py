@@ -65,7 +65,6 @@ class Gate:
             self.presence.change(KEYS.alive(*source, life), False)
 
     def tick(self, tick: int) -> None:
-        """The platform ticks."""
         stamp = round(tick * PERIOD * 1e9)
         self.give(PLATFORM, "odometry", Odometry(stamp, ORIGIN, STILL), tick)
         self.look()
@@ -76,7 +75,6 @@ class Gate:
         self.give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
 
     def look(self) -> None:
-        """It looks at what came in."""
         self.runner.take_in()
         self.runner.act()
 

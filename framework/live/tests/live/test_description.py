@@ -11,8 +11,6 @@ from typing import Any
 import pytest
 from described import KEYS, counts, described
 from navloom.inputs.typed_json import from_json
-from navloom.recording.live_recorder import ask_header
-from navloom.transport.zenoh_bus import Answer
 from navloom_live.live.description import (
     IF_KNOWN,
     Description,
@@ -22,6 +20,8 @@ from navloom_live.live.description import (
     read_description,
 )
 from navloom_live.operating.client import Client, ClientError
+from navloom_live.operating.live_recorder import ask_header
+from navloom_live.transport.zenoh_bus import Answer
 
 PLATFORM = {"ticks": 100, "late_ticks": 3, "stops": 1, "driven_ticks": 50, "own_ticks": 49}
 FULL = described(

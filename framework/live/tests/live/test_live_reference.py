@@ -37,7 +37,6 @@ class Follower:
         self._give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
 
     def at(self, x: float, y: float, heading: float, tick: int) -> Reference:
-        """The reference of a pose."""
         stamp, pose = round(tick * PERIOD * 1e9), Pose2D(x, y, heading)
         config = SYSTEM.config
         self._give(("platform", config.platform.instance), "odometry", Odometry(stamp, pose, STILL), tick)

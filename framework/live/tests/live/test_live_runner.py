@@ -74,7 +74,6 @@ def hosted(role: str, node: Any) -> Hosted:
 
 
 def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:
-    """Receive a message of a tick."""
     key = KEYS.port(source, NAMES[source], port)
     inlets = [feed.inlet for feed in at.cell.feeds] + list(at.cell.reports.values())
     heard = [inlet for inlet in inlets if inlet.key == key]

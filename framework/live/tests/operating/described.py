@@ -146,5 +146,4 @@ def wire(message: Message, stream: str, sequence: int = 1, stamp_ns: int = 0, ca
 
 
 def client(bus: BusInWords) -> Client:
-    """A client of this robot."""
     return Client(bus, KEYS)  # type: ignore[arg-type]

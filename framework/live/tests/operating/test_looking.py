@@ -170,7 +170,6 @@ def test_the_progress_of_a_goal_has_the_remaining_way_and_what_delays_it(feedbac
 
 
 def status_rows(last: dict[str, Message]) -> dict[str, str]:
-    """Rows of `navloom status`."""
     asked = client(BusInWords(everyone(), last=last))
     return dict(rows("lab/r1", listing(asked), last_words(asked), changed_parameters(asked)))
 

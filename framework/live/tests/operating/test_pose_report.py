@@ -15,7 +15,6 @@ from navloom_live.operating.pose_report import pose_fields
 
 
 def status_rows(at: PoseEstimate) -> dict[str, str]:
-    """Rows of `navloom status`."""
     asked = client(BusInWords(everyone()))
     return dict(rows("lab/r1", listing(asked), last_words(asked), {}, (), at))
 

@@ -95,6 +95,7 @@ class _Checker:
         found = self.found.setdefault(node.source, NodeCheck(" ".join(node.source), notes=node.notes))
         counted = Counter(port for port, _ in stepped.outputs)
         numbers = self.outcomes.numbers(stepped, {port: counted[port] for port in node.fed.spec.outputs})
+        # The numbers above are counted for each record, also for one without a step.
         if not step.report.trigger:
             return
         found.steps += 1
@@ -120,6 +121,7 @@ class _Checker:
             is_recorded = place < len(entries)
             entry = entries[place] if is_recorded else None
             if is_recorded and entry is None:
+                # A message that the recorder lost says nothing about the plugin.
                 found.unrecorded += 1
                 continue
             found.messages += 1
@@ -137,6 +139,7 @@ def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str
     if recorded is None or replayed is None or entry is None:
         said = "nothing" if recorded is None else type(recorded.message).__name__
         return "", said, "nothing" if replayed is None else type(replayed).__name__
+    # Bytes first: finding the differing field is for people, and much slower.
     if is_same(recorded, entry.raw.data, entry.raw.label, replayed):
         return None
     before, now = (in_version(message, entry.raw.label) for message in (recorded.message, replayed))

@@ -74,6 +74,7 @@ def _of_arrays(recorded: Any, replayed: Any, place: str) -> tuple[str, str, str]
     if recorded.shape != replayed.shape:
         return place, f"shape {recorded.shape}", f"shape {replayed.shape}"
     differing = np.argwhere(
+        # 0.0 and -0.0 are equal and have other bytes.
         (recorded != replayed) | (np.signbit(recorded) != np.signbit(replayed))
         if recorded.dtype.kind == "f"
         else recorded != replayed

@@ -51,6 +51,7 @@ class Excerpt:
         return self.is_debugged and tick == self.until
 
 
+# No `Exception`, or the stepper would take it for a fault of the plugin.
 class DebuggerLeft(BaseException):
     """The user quit the debugger, which ends the replay."""
 
@@ -80,6 +81,7 @@ def excerpt_of(recording: Recording, only: str | None, until: int | None, is_deb
         return Excerpt(source, until, is_debugged)
     last = [(source, fault) for source, tick, fault in steps if tick == until]
     failed = [source for source, fault in last if fault]
+    # One that failed in that tick is what a user wants to look into.
     if len(failed) != 1:
         names = ", ".join(".".join(source) for source, _ in last[:MOST_NAMED]) or "none"
         raise ConfigError(f"--pdb: choose a node by --only; those that stepped in tick {until}: {names}")
@@ -159,6 +161,7 @@ def stop_inside(node: Node, act: Act) -> Act:
     method = getattr(plugin, verb)
 
     def debugged(tick: Tick) -> None:
+        # On the object: its class may serve other instances, and `del` brings the method back.
         vars(plugin)[verb] = lambda *given: debugger.call(method, *given)
         try:
             act(tick)

@@ -42,6 +42,7 @@ class Chosen:
 
     def __init__(self, config: Config) -> None:
         first = {role: config.role_table(role).instance for role in config.roles}
+        # Epoch 0 is the config's own selection, which is announced before any recorder listens.
         self._by_epoch: dict[int, dict[str, str]] = {0: first}
         self._from: list[tuple[int, dict[str, str]]] = [(0, first)]
 
@@ -49,6 +50,7 @@ class Chosen:
         """Add a selection."""
         chosen = self._by_epoch[0] | selection.chosen
         self._by_epoch[selection.epoch] = chosen
+        # A gate that restarted announces its selection again.
         if self._from[-1][0] < selection.from_tick:
             self._from.append((selection.from_tick, chosen))
 
@@ -96,6 +98,7 @@ class Feeder:
         submitted = GoalTold.of(step.report.told).submitted
         read = {one.input: one.sequences for one in step.report.read}
         for given in spec.inputs:
+            # The record is of the recorded plugin: another one may read further streams.
             find = self._named if given.name in read else self._by_tick
             entries = find(given, step, read.get(given.name, (since,)), submitted, fed)
             fed.given[given.name] = _as_read(given, entries)
@@ -104,10 +107,10 @@ class Feeder:
     def _named(
         self, given: Input, step: Step, numbers: Sequence[int], submitted: Sequence[OperatorRequest], fed: Fed
     ) -> list[tuple[Message, Envelope | None]]:
-        """Messages by their sequence numbers."""
         found: list[tuple[Message, Envelope | None]] = []
         by_service = iter(submitted)
         lacking = []
+        # Tracks are recorded as runs of numbers, since one step may read thousands.
         for number in _spread(numbers) if given.reading == "track" else numbers:
             if number == 0:  # came through a service, which has no sequence numbers
                 found += [(request, None) for request in islice(by_service, 1)]

@@ -98,6 +98,7 @@ def header_of(loaded: Loaded, kind: Kind, distributions: Mapping[str, str]) -> R
         kind,
         config.run.period,
         config.run.seed,
+        # Barrier runs are simulated too, but a recorder receives them over the network.
         "run" if kind == "lockstep" else "wall",
         loaded.to_json(),
         config.model_dump(mode="json"),

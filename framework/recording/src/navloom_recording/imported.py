@@ -61,6 +61,7 @@ class ImportedLog:
             stamp_ns: Stamp on the log's clock, ns, >= 0.
             received_ns: Time at which the log received it, ns; None if it is not known.
         """
+        # Ticks count from the first message, stamps stay those of the log.
         self._origin_ns = stamp_ns if self._origin_ns is None else self._origin_ns
         self.first_ns = min(self.first_ns or stamp_ns, stamp_ns)
         self.last_ns = max(self.last_ns, stamp_ns)
@@ -92,6 +93,7 @@ def writing(out: Path, loaded: Loaded, origin: str) -> Iterator[ImportedLog]:
         with writer:
             yield ImportedLog(writer)
             writer.close({"messages": writer.messages})
+    # Also for Ctrl-C: half an import looks like a whole one.
     except BaseException as error:
         writer.discard()
         if isinstance(error, WriteError):

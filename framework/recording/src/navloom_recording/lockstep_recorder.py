@@ -73,6 +73,7 @@ class LockstepRecorder:
         self._report()
         self._pending = record
         self._now_ns = max(self._now_ns, record.stamp_ns)
+        # Wall clock: what a kill loses is counted in time, and lockstep runs faster than its own clock.
         if time.monotonic() - self._closed_at > CLOSE_EVERY and not self.failure:
             self._closed_at = time.monotonic()
             try:
@@ -99,6 +100,7 @@ class LockstepRecorder:
     def _write(self, message: Message, at: Envelope) -> None:
         if self.failure:
             return
+        # Receive times must not fall, and a node with latency publishes older stamps.
         self._now_ns = max(self._now_ns, at.stamp_ns)
         data = encode(message, at)
         try:

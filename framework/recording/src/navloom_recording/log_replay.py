@@ -185,6 +185,7 @@ class _Runner:
     def __init__(self, recording: Recording, loaded: Loaded, roles: Sequence[str], say: Callable[[str], None]) -> None:
         self.recording, self.config = recording, loaded.config
         self.system = assemble(loaded, discovery())
+        # Mappers and avoiders need poses, so that the localizer always steps.
         used = {"localizer", *roles}
         wanted = {(role, self.config.role_table(role).instance) for role in used}
         make_plugins(self.system, say, wanted)
@@ -210,6 +211,7 @@ class _Runner:
 
     def run(self) -> LogReplay:
         """Step through the whole log."""
+        # All poses first: an avoider's trajectory is what the driver did next.
         way = self._driven()
         period_ns = round(self.config.run.period * 1e9)
         first_ns = last_ns = 0
@@ -235,6 +237,7 @@ class _Runner:
         held: list[Recorded] = []
         number = -1
         for one in self.recording.messages(["platform/*/*"]):
+            # Messages of a log may arrive late; a tick never goes back.
             tick = max(number, one.envelope.tick)
             if tick != number and held:
                 yield number, held
@@ -289,6 +292,7 @@ class _Runner:
             if isinstance(one.message, Odometry):
                 pose = self.estimates[self.taken]
                 self.taken += 1
+                # A track must rise, and some logs repeat stamps.
                 if pose is not None and (not self.track or pose.stamp_ns > self.track[-1].stamp_ns):
                     self.track.append(pose)
             elif isinstance(one.message, (RangeScan, Sweep)):
@@ -347,6 +351,7 @@ class _Runner:
         along = self.driven_line.along
         progress = float(along[min(place, len(along) - 1)])
         left = self.driven_line.length - progress
+        # Without a way left an avoider stops, which would count as a difference.
         if left < ENDED:
             return None
         reach = min(self.reference.look_ahead, left)

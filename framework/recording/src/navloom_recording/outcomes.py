@@ -42,6 +42,7 @@ class Outcomes:
         found = {}
         for port, count in counts.items():
             last = marks.get(port, 0)
+            # Their marks are of messages that were sent later than the step that made them.
             if source in self._delayed:
                 first = self._published[*source, port]
                 last = self._published[*source, port] = first + (count if step.report.trigger else 0)

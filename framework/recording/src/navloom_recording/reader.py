@@ -151,6 +151,7 @@ class Recording:
         patterns = None if keys is None else list(keys)
         chosen: dict[int, _Channel | None] = {}
         for block in self._blocks:
+            # An unfinished file declares channels only in the chunks before: none may be skipped.
             if self.is_complete and (
                 (since_ns is not None and block.last_ns < since_ns)
                 or (until_ns is not None and block.first_ns >= until_ns)
@@ -245,6 +246,7 @@ class Recording:
         while at + _HEAD.size <= len(view):
             opcode, length = _HEAD.unpack_from(view, at)
             start = at + _HEAD.size
+            # A recorder that was killed leaves half a record, or zeros, at the end.
             if not 1 <= opcode <= _DATA_END or length > len(view) - start:
                 break
             self._note(opcode, start, length)
@@ -261,6 +263,7 @@ class Recording:
             from mcap.data_stream import ReadDataStream
             from mcap.records import Metadata
 
+            # Before it is read: a damaged or hostile file claims any size.
             self._count_text(length)
             found = Metadata.read(ReadDataStream(io.BytesIO(content)))
             self._metadata.append((found.name, found.metadata))
@@ -279,6 +282,7 @@ class Recording:
         from mcap.records import Channel, Schema
 
         if opcode == _SCHEMA:
+            # Every chunk repeats them.
             if struct.unpack_from("<H", content)[0] in self._schemas:
                 return
             self._count_text(len(content))
@@ -320,6 +324,7 @@ class Recording:
             raise RecordingError(
                 f"{self.path}: the chunk at byte {block.start} is damaged: expected {size} bytes in it"
             )
+        # 0 means that the writer made none.
         if crc and zlib.crc32(data) != crc:
             raise RecordingError(f"{self.path}: the chunk at byte {block.start} is damaged: its checksum does not fit")
         return memoryview(data)
@@ -368,8 +373,10 @@ def _mapped(path: Path) -> memoryview:
     """A file's content as a memory map."""
     try:
         with open_file(path, RecordingError) as file:
+            # An empty file cannot be mapped.
             if file.seek(0, io.SEEK_END) == 0:
                 return memoryview(b"")
+            # Arrays of messages refer to the map, so that nothing is copied.
             return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None

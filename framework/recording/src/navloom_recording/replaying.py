@@ -149,6 +149,7 @@ class Replayer:
             step = self._learn(entry)
             if step is not None and self.excerpt.has((step.role, step.instance), step.at.tick):
                 waiting.append(step)
+            # In batches of half the time ahead, so that the list is not searched for each message.
             if waiting and raw.received_ns - waiting[0].received_ns > AHEAD_NS:
                 ready = [one for one in waiting if raw.received_ns - one.received_ns > AHEAD_NS // 2]
                 waiting = waiting[len(ready) :]
@@ -198,6 +199,7 @@ class Replayer:
             return None
         if source not in self.nodes:
             if source not in self._wanted and source not in self.system.wiring:
+                # A node whose plugin is not installed here: `check` tells about it.
                 self.silent.add(source)
                 return None
             self.nodes[source] = self._begin(source)
@@ -215,6 +217,7 @@ class Replayer:
 
     def _step(self, node: ReplayNode, step: Step) -> Stepped | None:
         before = node.previous
+        # A falling number: its process was restarted, and with it the state of the plugin.
         if before is not None and before.instance == step.instance and step.at.sequence <= before.at.sequence:
             self._start_again(node, step)
             before = None
@@ -286,6 +289,7 @@ class Replayer:
         if role in self.stand_ins or node.source not in self.system.parts:
             return
         for version in range(node.versions + 1, step.report.params_version + 1):
+            # Live they are published; in other runs they are requests of the operator.
             kept, asked = self._parameters.get(node.source, {}), self._changes.get(node.source, [])
             values = kept.get(version) if self.is_live else asked[version - 1] if version <= len(asked) else None
             node.versions = version

@@ -63,6 +63,7 @@ def schema_text(cls: type[Message]) -> str:
     In the header an array is a number, its index in `arrays`; its schema gives element type and shape under `array`.
     """
     nested: list[type[Message]] = [cls]
+    # The list grows while it is read, until no class brings another one.
     for one in nested:
         nested += [inner for kind in one.kinds.values() for inner in _nested(kind) if inner not in nested]
     schema = {

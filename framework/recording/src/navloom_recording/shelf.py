@@ -31,6 +31,7 @@ class Entry:
         if self._opened is None:
             try:
                 self._opened = self.raw.open()
+            # Counted by the reader; here it is only missing.
             except CodecError:
                 return None
         return self._opened
@@ -55,6 +56,7 @@ class Shelf:
 
     def get(self, key: str, sequence: int, place: int) -> Entry | None:
         """The message of a sequence number that is nearest to a place in the file; None if it is not kept."""
+        # MCAP keeps 32 bits of a sequence number.
         found = self._by_number[key].get(sequence & 0xFFFFFFFF)
         return min(found, key=lambda entry: abs(entry.place - place)) if found else None
 

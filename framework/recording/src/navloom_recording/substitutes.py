@@ -95,6 +95,7 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         old = nodes.get(role) or tree.get(role, {})
         same = (old.get("plugin"), old.get("preset")) == (plugin, preset)
         table = {**{key: value for key, value in old.items() if same or key in RESERVED}, "plugin": name}
+        # Sensors and name were chosen for the old plugin.
         if not same:
             table.pop("sensors", None)
             table.pop("name", None)
@@ -107,6 +108,7 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         tree["node"] = [{**table, "name": role} if one is nodes[role] else one for one in nodes.values()]
     else:
         tree[role] = table
+    # Recorded parameters of the old plugin do not fit the new one.
     tree["event"] = []
     try:
         return replace(loaded, config=Config.model_validate(tree))

@@ -63,6 +63,7 @@ def _image(path: Path | None) -> Path | None:
         return None
     text = part("navloom_maps.yaml_text").yaml_of(read_file(path, YAML_MB, RecordingError), str(path), RecordingError)
     name = text.get("image") if isinstance(text, dict) else None
+    # Only beside the .yaml: a recording must not pack, or overwrite, files elsewhere.
     return path.parent / name if isinstance(name, str) and Path(name).name == name else None
 
 

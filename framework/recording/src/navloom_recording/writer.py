@@ -168,6 +168,7 @@ class _Sound:
 
     def __init__(self, path: Path) -> None:
         try:
+            # Never over an existing file: recordings cannot be repeated.
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except FileExistsError:
             raise RecordingError(f"{path}: there is such a file already; name another, or remove it") from None
@@ -178,6 +179,7 @@ class _Sound:
     def write(self, data: bytes) -> int:
         """Write all of the data, without a buffer."""
         view = memoryview(data)
+        # `os.write` may write a part, as when the disk is almost full.
         while view:
             written = os.write(self._descriptor, view)
             self._at += written

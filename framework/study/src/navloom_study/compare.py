@@ -74,6 +74,7 @@ def plan_study(
     check = _check_live if is_live else check_task
     systems = {method.name: _checked(method, cases[0], discovery, here, single, check) for method in methods}
     say("checking worlds")
+    # One method is enough: methods were checked in the first world, and do not change a world.
     for case in cases[1:]:
         _checked(methods[0], case, discovery, here, single, check)
     if beside is not None:
@@ -183,6 +184,7 @@ def run_study(
     started = perf_counter()
     tasks = study.tasks()
     with StudyFolder(out, study.request()) as folder:
+        # Ended episodes are kept: an interrupted study continues.
         todo = [task for task in tasks if task.key not in folder.rows]
         before = len(tasks) - len(todo)
         clock = _Clock(before, len(tasks), progress)

@@ -53,6 +53,7 @@ class StudyFolder:
     """
 
     def __init__(self, folder: Path | None, request: dict[str, Any]) -> None:
+        # Through JSON, so that it compares equal to the stored one: tuples become lists.
         self.folder, self.request = folder, json.loads(json.dumps(request))
         self.rows: dict[EpisodeKey, Row] = {}
         self.missing: dict[str, str] = {}
@@ -90,6 +91,7 @@ class StudyFolder:
                     f"--out {self.folder}: {place}: {error.strerror}; {len(self.rows)} episodes are kept: make room, "
                     "and the same command goes on from there"
                 ) from None
+        # Tracks of thousands of episodes would fill the memory.
         self.rows[row.key] = replace(row, track=b"")
 
     def _write(self, journal: io.FileIO, row: Row) -> None:
@@ -102,6 +104,7 @@ class StudyFolder:
             while rest:
                 rest = rest[journal.write(rest) :]
         except OSError:
+            # A full disk must leave whole lines only.
             journal.truncate(end)
             raise
 
@@ -127,6 +130,7 @@ class StudyFolder:
             raise ConfigError(f"--out {folder}: holds {foreign[0]} and no study; name an empty or a new folder")
         self._journal = io.FileIO(journal, "a+b")
         try:
+            # Two studies would mix their lines.
             fcntl.flock(self._journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ConfigError(f"--out {folder}: another navloom compare writes there; name another") from None
@@ -159,6 +163,7 @@ class StudyFolder:
                 row = Row.from_json(json_of(line, str(journal), ValueError)) if line.endswith(b"\n") else None
             except ValueError:
                 row = None
+            # What follows a damaged line may be damaged, too: these episodes run again.
             if row is None or not self._fits(row):
                 break
             self.rows[row.key] = row

@@ -112,6 +112,7 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
             for change in _exchange(base, v.place, value, discovery)
         ]
         taken = {(v.place, value) for v, value in chosen}
+        # An alternative that is the method itself cannot run beside itself.
         kept = [table for table in spare if (table.role, table.instance) not in taken]
         shelf = [f"alternative={toml_value([_dump(table) for table in kept])}"] if base.config.alternative else []
         settings = [f"{v.place}={value}" for v, value in chosen if v.place not in exchanged]
@@ -233,6 +234,7 @@ def _full(system: System) -> dict[str, Any]:
             is_role = role in ROLE_TABLES
             given, name = (tree, table.instance) if is_role else (tree["node"], role)
             given[role] = {**given[role], **part.params.model_dump(mode="json"), "name": name}
+    # Where processes run makes no method.
     del tree["live"]
     return dict(_of_methods(leaves(tree)))
 

@@ -66,6 +66,7 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
         if (role, name) in taken or name in shadows or name == base.loaded.config.role_table(role).instance:
             name = f"shadow_{number}"
         table = method.loaded.config.role_table(role).model_dump(mode="json", exclude_unset=True)
+        # A shadow never keeps the robot from driving.
         table.pop("required", None)
         tables.append({**table, "role": role, "name": name, "shadow": True})
         shadows[name] = method.name
@@ -74,6 +75,8 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
         raise ConfigError(
             f"--open-loop: nothing can run beside {baseline}: {why}; vary one role, as in avoider=vff,vfh"
         )
+    # The methods become alternatives of one ordinary config, so that the trace can be compared with that of a run
+    # without them.
     config = Config.model_validate({**tree, "alternative": tables})
     return OpenLoop(baseline, shadows, left_out, replace(base.loaded, config=config))
 

@@ -119,6 +119,8 @@ class Workers:
         self.workers: list[EpisodeWorker] = []
         self.lost = 0
         self._stillborn = 0
+        # Not fork: numba's and other libraries' threads do not survive it, and a worker must start as a clean process
+        # does.
         self._context = multiprocessing.get_context("spawn")
 
     def run(self, idle: Callable[[], None] = lambda: None) -> None:
@@ -134,6 +136,7 @@ class Workers:
                     return
                 handles: list[Any] = [handle for w in self.workers for handle in (w.connection, w.process.sentinel)]
                 ready = set(wait(handles, timeout=0.5))
+                # A copy: hearing of a worker's end removes it.
                 for worker in list(self.workers):
                     if worker.connection in ready or worker.process.sentinel in ready:
                         self._hear(worker)
@@ -146,6 +149,7 @@ class Workers:
     def end(self) -> None:
         """Kill running workers; their episodes run again when the study continues."""
         for worker in self.workers:
+            # All are killed before any is joined, so they end at the same time.
             worker.process.kill()
         for worker in self.workers:
             worker.process.join()
@@ -156,6 +160,8 @@ class Workers:
         """Start processes for waiting episodes, and end those without work."""
         for worker in [w for w in self.workers if w.is_ready and w.task is None]:
             self._employ(worker)
+        # Those that start will each take an episode; counting them keeps the pool from starting idle processes at the
+        # end.
         starting = sum(not worker.is_ready for worker in self.workers)
         for _ in range(min(self.jobs - len(self.workers), len(self.agenda) - starting)):
             self.workers.append(self._start())
@@ -167,6 +173,7 @@ class Workers:
         process = self._context.Process(target=serve, args=given, daemon=True, name="navloom episodes")
         with _one_thread():
             process.start()
+        # The worker has its own copy; with ours open, its death would not end the pipe.
         theirs.close()
         return EpisodeWorker(process, ours, dump)
 
@@ -185,6 +192,7 @@ class Workers:
         kind, value, resident = _word_of(worker.connection)
         worker.seen = monotonic()
         if kind == "ready":
+            # One good start shows that the set-up is right, so later deaths are not counted on top of earlier ones.
             worker.is_ready, self._stillborn = True, 0
         elif kind == "row":
             worker.task = None
@@ -192,6 +200,7 @@ class Workers:
             if worker.has_grown(resident):
                 self._retire(worker)
         elif kind == "dead":
+            # Hearing nothing more tells no reason; the exit code does.
             self._reap(worker, "")
 
     def _patience(self, worker: EpisodeWorker) -> float:
@@ -207,6 +216,7 @@ class Workers:
         worker.process.join()
         worker.connection.close()
         self.workers.remove(worker)
+        # Python's dump at a fatal signal, in a file, since a killed process cannot send it.
         place = crashed_at(worker.dump.read()) if worker.dump is not None else ""
         how = _ending(worker.process.exitcode) + (f" at {place}" if place else "")
         if worker.task is not None:
@@ -224,6 +234,7 @@ class Workers:
         with suppress(OSError):
             worker.connection.send(None)
         self.workers.remove(worker)
+        # A plugin's exit handler or thread may hang.
         worker.process.join(5.0)
         if worker.process.exitcode is None:
             worker.process.kill()
@@ -241,6 +252,7 @@ def _word_of(connection: Connection) -> tuple[str, Any, int]:
 
 
 def _ending(code: int | None) -> str:
+    # multiprocessing tells a signal as its negative number.
     if code is not None and code < 0:
         return f"was killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code}"
@@ -250,6 +262,7 @@ def _ending(code: int | None) -> str:
 def _one_thread() -> Iterator[None]:
     """Limit processes started within to one thread each, since one episode runs on each core already."""
     before = {name: os.environ.get(name) for name in THREADS}
+    # Through the environment, since the libraries read it once, when the child imports them.
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
         yield
@@ -265,6 +278,7 @@ def serve(connection: Connection, dump: str) -> None:
     """Main function of a worker: take tasks and return rows until there are none left or the parent is gone."""
     # Ctrl-C reaches the whole process group, but only the parent handles it. Output of plugins must not break --json.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # At the level of the descriptor: C libraries print past `sys.stdout`.
     os.dup2(2, 1)
     with suppress(OSError):
         dump_when_broken(os.open(dump, os.O_WRONLY | os.O_APPEND))
@@ -272,6 +286,7 @@ def serve(connection: Connection, dump: str) -> None:
 
     def beat() -> None:
         nonlocal said
+        # `beat` is called each tick, far more often than the parent needs a sign.
         if monotonic() - said > BEAT:
             said = monotonic()
             connection.send(("alive", None, 0))
@@ -347,4 +362,5 @@ def run_on_executor(tasks: Iterable[EpisodeTask], on_row: Callable[[Row], None],
             on_row(row)
     finally:
         for future in futures:
+            # Of what has not begun: a study that fails or is interrupted must not leave the cluster working.
             future.cancel()

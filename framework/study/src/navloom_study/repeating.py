@@ -61,6 +61,7 @@ def run_twice(
         traces = [Path(folder) / name for name in ("first.bin", "second.bin")]
         episodes = []
         for number, path in enumerate(traces):
+            # A plugin that draws from the global generators would otherwise repeat itself and pass.
             random.seed(number)
             np.random.seed(number)  # noqa: NPY002  (plugins should not use the global state: it differs in each run)
             with path.open("wb") as file:
@@ -71,6 +72,7 @@ def run_twice(
                         trace=file,
                         say=lambda text: progress(),
                         progress=lambda done, total: progress(),
+                        # Inspecting every step is slow; one of the two runs is enough.
                         looks_at=every_tick if number else some_ticks,
                     )
                 )
@@ -80,13 +82,16 @@ def run_twice(
 
 
 def _first_divergence(episode: Episode, first: Path, second: Path) -> Divergence | None:
+    # The usual case, without decoding anything.
     if episode.log.trace_sha256 and first.read_bytes() == second.read_bytes():
         return None
     order = {spec.role: number for number, spec in enumerate(episode.system.specs)}
     ours, theirs = _ticks(first), _ticks(second)
+    # Not strict: one run may end earlier, which is itself a difference.
     for (tick, was), (other, now) in zip(ours, theirs, strict=False):
         if tick != other:
             return Divergence(min(tick, other), "gate", "main", "", "command", ": one of them ended")
+        # In the graph's order, so the cause is named and not a stream that merely follows from it.
         keys = sorted({*was, *now}, key=lambda key: (order.get(key[0], len(order)), key))
         for key in keys:
             told = _difference(was.get(key), now.get(key))
@@ -113,6 +118,7 @@ def _difference(was: list[TraceEntry] | None, now: list[TraceEntry] | None) -> s
     if was is None or now is None or len(was) != len(now):
         return f": {len(was or ())} messages, then {len(now or ())}"
     for one, other in zip(was, now, strict=True):
+        # Bytes, as traces hold them: a comparison of floats takes -0.0 for 0.0 and NaN as different from NaN.
         if encode(one.message, one.envelope) != encode(other.message, other.envelope):
             found = first_difference(one.message, other.message)
             return ": other bytes" if found is None else f".{found[0]}: {found[1]}, then {found[2]}"

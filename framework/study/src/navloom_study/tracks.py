@@ -26,6 +26,8 @@ __all__ = ["FOLDER", "StoredWay", "encoded", "file_of", "read_track"]
 
 Floats = NDArray[np.float64]
 
+# One file each and not the journal or one archive: written in any order and by any later run, and a report reads only
+# those that it draws.
 FOLDER = "trails"
 SAMPLES = 256
 """Most points of one track: a drive of two minutes has one every half second."""

@@ -53,6 +53,7 @@ def pose(message: PoseEstimate, seen: Seen) -> Drawn:
     yield f"/tf/{name}", transform(at.x, at.y, at.heading, f"{name}/base")
     yield f"/metrics/speed/{name}", rr.Scalars(twist.vx)
     yield f"/metrics/turn_rate/{name}", rr.Scalars(math.degrees(twist.wz))
+    # Only changes are logged: an estimate comes with every tick.
     doubt = "" if message.state == "tracking" else message.state
     text = f"{name}: the localizer is {message.state}: {message.reason}"
     yield f"/log/{name}/localizer", Change(doubt, rr.TextLog(text, level="WARN") if doubt else None)
@@ -141,6 +142,7 @@ def _direction(vx: float, wz: float, seen: Seen) -> Any:
     """
     import rerun as rr
 
+    # Clamped: beyond half a turn the arrow would point to the wrong side.
     turned = max(-math.pi, min(math.pi, 0.5 * wz * AHEAD))
     length = float(np.hypot(*seen.robot.footprint.T).max()) + REACH + AHEAD * abs(vx)
     length = math.copysign(length, vx) if vx or wz else 0.0

@@ -61,6 +61,7 @@ def sweep(message: Sweep, seen: Seen) -> Drawn:
             continue
         chosen = points[classes == number]
         if name != "kept" and len(chosen) > UNIMPORTANT:
+            # Rounded up, so that it is never more.
             chosen = chosen[:: -(-len(chosen) // UNIMPORTANT)]
         shape = rr.Points3D(chosen.astype(np.float32), radii=OF_CLOUD[name], colors=[CLOUD[name]])
         yield seen.in_map(f"sweep/{name}"), shape

@@ -95,6 +95,7 @@ class Drawing:
         self._robots = {name: _Robot() for name in self._variants}
         self._last: dict[tuple[str, str, str, str], int] = {}
         self._keys: dict[str, str] = {}
+        # A frame is static, so it is sent once per path, before the first shape.
         self._framed: set[str] = set()
         self._hidden: set[str] = set()
         self._series: dict[str, list[tuple[int, int, float]]] = {}
@@ -132,6 +133,7 @@ class Drawing:
         if isinstance(shown.message, PoseEstimate) and shown.active:
             at = shown.message.pose
             robot.pose = at
+            # Poses are interpolated by time, which must rise.
             if not robot.track or time > robot.track[-1][0]:
                 robot.track.append((time, at.x, at.y, at.heading))
         self._drive_on(shown, robot, actor, time)
@@ -258,6 +260,7 @@ class Drawing:
         last = robot.drawn_to
         if last is None:
             robot.drawn_to = (time, at.x, at.y)
+        # 1e-9 s for the rounding of stamps to seconds. A standing robot adds no pieces.
         elif time - last[0] >= DRIVEN_EVERY - 1e-9 and math.hypot(at.x - last[1], at.y - last[2]) > 1e-3:
             robot.drawn_to = (time, at.x, at.y)
             colour = DRIVEN if len(self._variants) == 1 else actor.colour

@@ -23,6 +23,7 @@ class ViewerLost(NavloomError):
 def need_rerun() -> None:
     """Raise ViewerError that names the extra to install if rerun is missing."""
     try:
+        # Imported, not only looked for: an installation that does not load counts as missing.
         import_module("rerun")
     except ImportError:
         raise ViewerError(

@@ -170,6 +170,7 @@ def _variant(name: str, system: System) -> Variant:
         else:
             instances[role], plugins[role] = instance, part.cls.name
     goal = None if system.goal is None else (system.goal.x, system.goal.y)
+    # By name and with defaults: the viewer knows no plugin, and another mapper has none of these parameters.
     mapper = system.parts[("mapper", config.mapper.instance)].params
     robot = system.robot
     return Variant(

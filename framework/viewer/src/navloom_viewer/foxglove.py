@@ -26,6 +26,7 @@ from navloom_viewer.extra import ViewerError
 __all__ = ["FoxgloveServer"]
 
 Floats = NDArray[np.float64]
+# These change seldom, so a program that joins later would show nothing of them for a long time.
 KEPT = frozenset({"/map", "/plan", "/trajectory", "/gate"})
 """Topics whose last message is sent to each program that joins."""
 MOST_POSES = 200
@@ -47,12 +48,14 @@ class FoxgloveServer:
         try:
             import foxglove
             from foxglove import messages
+        # An optional extra: robots and CI that draw nothing do not have to install it.
         except ImportError:
             raise ViewerError(
                 "--foxglove needs the extra `foxglove`: uv sync --group foxglove, or pip install 'navloom[foxglove]'"
             ) from None
         repeat = self._repeat
 
+        # Defined here since its base class exists only where the extra is installed; mypy sees `Any` as the base.
         class Greeter(foxglove.ServerListener):  # type: ignore[misc,name-defined]
             """Receives each new subscription of a program, on a thread of the server."""
 
@@ -60,6 +63,7 @@ class FoxgloveServer:
                 repeat(channel.topic)
 
         self._messages: Any = messages
+        # A context of its own, not the global one, so two servers in one process do not share channels.
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._odom: Pose2D | None = None
@@ -70,10 +74,12 @@ class FoxgloveServer:
             )
         except (OSError, RuntimeError) as error:
             raise ViewerError(f"--foxglove {host}:{port}: cannot be listened at: {error}") from None
+        # The server's port, since port 0 stands for any free one.
         self.address = f"ws://{host}:{self._server.port}"
 
     def put(self, shown: Shown) -> None:
         """Send a message if its instance is active and there is a display for it."""
+        # Foxglove has one topic per port, so a comparison instance would draw over the active one.
         if not shown.active:
             return
         message, at = shown.message, shown.stamp_ns
@@ -90,11 +96,13 @@ class FoxgloveServer:
             self._line("/plan", message.points, at)
         elif isinstance(message, Trajectory):
             self._line("/trajectory", message.samples[:, 1:3], at)
+        # Only what the robot is told; the commands of avoiders and recoveries have the same type.
         elif isinstance(message, Command) and shown.role == "gate":
             twist = message.twist
             self._json("/command", {"vx": twist.vx, "vy": twist.vy, "wz": twist.wz}, at)
         elif isinstance(message, GateStatus):
             said = f"{message.source} {message.instance} drives"
+            # Without a source the gate brakes too, though nobody has stopped the robot.
             if message.stopped or message.source == "none":
                 said = f"{'stopped' if message.stopped else 'brakes'}: {message.reason}"
             level = self._messages.LogLevel.Warning if message.stopped else self._messages.LogLevel.Info
@@ -140,6 +148,7 @@ class FoxgloveServer:
         self._log("/pose", "PoseInFrame", at, frame_id="map", pose=self._pose(pose))
         if self._odom is None:
             return
+        # map → odom is what is published, not map → base_link: a frame has one parent, and base_link's is odom.
         turn = math.remainder(pose.heading - self._odom.heading, math.tau)
         x = pose.x - math.cos(turn) * self._odom.x + math.sin(turn) * self._odom.y
         y = pose.y - math.sin(turn) * self._odom.x - math.cos(turn) * self._odom.y
@@ -147,6 +156,7 @@ class FoxgloveServer:
 
     def _cloud(self, topic: str, scan: RangeScan, at: int) -> None:
         flat = scan_points(scan)
+        # Little-endian whatever the host: the schema fixes the byte order. z stays 0, since scans are planar.
         points = np.zeros((len(flat), 3), dtype="<f4")
         points[:, :2] = flat
         number = self._messages.PackedElementFieldNumericType.Float32
@@ -169,6 +179,7 @@ class FoxgloveServer:
                   data=pixels.tobytes())  # fmt: skip
 
     def _line(self, topic: str, points: Floats, at: int) -> None:
+        # Each pose is an object made in Python, so a long plan costs time.
         thinned = points[:: max(1, math.ceil(len(points) / MOST_POSES))]
         poses = [self._pose(Pose2D(float(x), float(y), 0.0)) for x, y in thinned]
         self._log(topic, "PosesInFrame", at, frame_id="map", poses=poses)

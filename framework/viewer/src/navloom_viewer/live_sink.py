@@ -51,6 +51,7 @@ class LiveSink:
         self._changed = threading.Condition()
         self._generation = 0
         self._connected = self._is_stuck = self._closing = False
+        # Daemons, both threads: they must not keep the process alive while a viewer is frozen.
         self._watcher = threading.Thread(target=self._watch, name="viewer watcher", daemon=True)
         self._watcher.start()
 
@@ -58,6 +59,7 @@ class LiveSink:
         """Set the layout; each new viewer gets it too."""
         with self._changed:
             self._layout = lambda to: to.send_blueprint(blueprint)
+        # A guess: the size of a blueprint is not known before it is encoded, and it is small beside maps.
         self._put(self._layout, 4096)
 
     def log(self, path: str, archetypes: Sequence[Any], tick: int | None, stamp_ns: int) -> None:
@@ -66,6 +68,7 @@ class LiveSink:
         def act(to: Any) -> None:
             send(to, path, archetypes, tick, stamp_ns)
 
+        # Text lines add up in the viewer; they are no state, and repeating the last one would date it wrongly.
         if not path.startswith("/log/"):
             with self._changed:
                 # A new viewer first gets all static shapes and the last ones of the other entities.
@@ -76,6 +79,7 @@ class LiveSink:
         self, path: str, ticks: NDArray[np.int64], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
     ) -> None:
         """Add values to a time series."""
+        # 24 = 8 bytes each for tick, stamp and value.
         self._put(lambda to: send_series(to, path, ticks, stamps_ns, values), 256 + 24 * len(values))
 
     def close(self, patience: float = 5.0) -> None:
@@ -84,17 +88,20 @@ class LiveSink:
         with self._changed:
             self._closing = True
             self._changed.notify_all()
+            # Not connected means nobody will ever fetch the rest, so there is nothing to wait for.
             while self._connected and self._waiting and time.monotonic() < limit:
                 self._changed.wait(0.1)
         self._watcher.join(max(0.1, limit - time.monotonic()))
 
     def _put(self, act: Send, size: int) -> None:
         with self._changed:
+            # `_is_stuck`: a frozen viewer is waited for once, not again for each of the thousands of later drawings.
             if self.patience and self._connected and not self._is_stuck and not self._has_room(size):
                 self._changed.wait_for(lambda: self._has_room(size), self.patience)
                 self._is_stuck = not self._has_room(size)
             self._waiting.append((act, size))
             self._bytes += size
+            # The last item always stays, even one larger than all the room: a huge map must be drawn at some time.
             while len(self._waiting) > 1 and not self._has_room(0, 0):
                 self._bytes -= self._waiting.popleft()[1]
                 self.dropped += 1
@@ -107,6 +114,7 @@ class LiveSink:
         """Hold a separate connection; when it breaks, the viewer has gone and the next one gets a new stream."""
         while not self._is_done():
             try:
+                # The SDK does not tell when a viewer has gone; a plain socket to its port ends with it.
                 canary = socket.create_connection((self.host, self.port), LOOK)
             except OSError:
                 time.sleep(LOOK)
@@ -116,6 +124,8 @@ class LiveSink:
                 while not self._is_done() and not _has_ended(canary):
                     pass
             with self._changed:
+                # The sender of the last viewer may hang in the SDK for ever; it sees the new number if it ever comes
+                # back.
                 self._generation += 1
                 self._connected = False
                 self._changed.notify_all()
@@ -125,6 +135,7 @@ class LiveSink:
             self._generation += 1
             self.connections += 1
             again = self.connections > 1
+            # The first viewer gets everything from the queue itself.
             scene = [self._layout, *self._scene.values()] if again else []
             self._connected = True
         sender = threading.Thread(
@@ -147,10 +158,12 @@ class LiveSink:
                     return
                 if not self._waiting and self._closing:
                     break
+                # Batches, so the lock is not taken per item; small, since a batch is lost if the viewer dies during it.
                 ready = [self._waiting.popleft() for _ in range(min(256, len(self._waiting)))]
                 self._bytes -= sum(size for _, size in ready)
                 self._is_stuck = False
                 self._changed.notify_all()
+            # Outside the lock: `act` blocks while the viewer does not read, and `_put` must not.
             for act, _ in ready:
                 act(to)
             self.sent += len(ready)
@@ -168,6 +181,7 @@ def _has_ended(canary: socket.socket) -> bool:
     readable, _, _ = select.select([canary], [], [], LOOK)
     if not readable:
         return False
+    # A connection that was reset has ended too.
     with contextlib.suppress(OSError):
         return canary.recv(4096) == b""
     return True

@@ -80,6 +80,7 @@ def claimed_port(wanted: int) -> Iterator[int]:
     """
     for port in (wanted, *[0] * TRIES):
         with socket.socket(type=socket.SOCK_DGRAM) as twin, socket.socket() as probe:
+            # The port of a viewer that has just ended is still in TIME_WAIT, but can be used.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 twin.bind((HOST, port))
@@ -87,6 +88,7 @@ def claimed_port(wanted: int) -> Iterator[int]:
                 probe.bind((HOST, port))
             except OSError:
                 continue
+            # The viewer must be able to bind it itself; the twin stays.
             probe.close()
             yield port
             return
@@ -121,6 +123,7 @@ class Program:
         need_rerun()
         self._opens_window = not web and WINDOWLESS.isdisjoint(options)
         binary = Path(str(import_module("rerun_cli").__file__)).parent / ("rerun.exe" if os.name == "nt" else "rerun")
+        # A file, not a pipe: nobody reads while the viewer runs, and a full pipe would stop it.
         self._words: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the program
         with claimed_port(PORT) as self.port, claimed_port(WEB_PORT) as web_port:
             self.web_port = web_port if web else None
@@ -167,6 +170,7 @@ class Program:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(max(0.0, self._window_by - time.monotonic()))
         if self.process.poll():
+            # Only with an exit code: a window that was closed by its user ends with 0.
             raise ViewerError(self._no_window())
 
     def _no_window(self) -> str:

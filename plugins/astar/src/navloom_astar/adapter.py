@@ -40,6 +40,7 @@ class PlannerOnGrid(Planner[AstarParams]):
         start, goal = (request.start.x, request.start.y), (request.goal.x, request.goal.y)
         answer = self._planner.plan(start, goal, given.map.segments, raster)
         if isinstance(answer, Found):
+            # A view: a bool is a byte of 0 or 1.
             cells = 100 * (~answer.traversable).view(np.int8)
             cells.flags.writeable = False
             traversable = OccupancyGrid(cells, answer.grid.resolution, Pose2D(*answer.grid.origin))

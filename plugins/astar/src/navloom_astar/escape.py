@@ -40,6 +40,7 @@ def way_out(occupied: Bools, traversable: Bools, start: Cell, goal: Cell, within
         if not traversable[cell]:
             continue
         nearest = cell if nearest is None else nearest
+        # Made when it is first needed, since it labels most of the map.
         is_connected = _connection(traversable, goal) if is_connected is None else is_connected
         if is_connected(cell):
             nearest = cell
@@ -79,6 +80,7 @@ def _explore(occupied: Bools, parents: dict[Cell, Cell], start: Cell, within: fl
     distances, heap = {start: 0.0}, [(0.0, start)]
     while heap:
         distance, (row, column) = heapq.heappop(heap)
+        # An old entry: heapq cannot change one that is in the heap, so a shorter way adds another.
         if distance > distances[row, column]:
             continue
         yield row, column
@@ -88,6 +90,7 @@ def _explore(occupied: Bools, parents: dict[Cell, Cell], start: Cell, within: fl
                 continue
             if occupied[other] or occupied[row, other[1]] or occupied[other[0], column]:
                 continue
+            # Sums of the same steps in another order differ by rounding, which must not decide a tie.
             if further < distances.get(other, math.inf) - 1e-9:
                 distances[other], parents[other] = further, (row, column)
                 heapq.heappush(heap, (further, other))

@@ -123,6 +123,7 @@ def enlarged(grid: PlanningGrid, include: tuple[Spot, ...], margin: float) -> Pl
     reach = margin / grid.resolution
     left, low = np.maximum(0.0, np.ceil(reach - places.min(axis=0)))
     right, high = np.maximum(0.0, np.ceil(places.max(axis=0) + reach - (columns, rows)))
+    # Negated, and before int(), so that infinity and NaN are refused too.
     if not (rows + low + high) * (columns + left + right) <= MAX_CELLS:
         return None
     if not (left or right or low or high):
@@ -167,6 +168,7 @@ def grid_of_segments(
     low = np.floor((ends.min(axis=0) - margin - anchor) / cell + 0.5 + _EDGE)
     high = np.floor((ends.max(axis=0) + margin - anchor) / cell + 0.5 - _EDGE)
     columns, rows = np.maximum(high - low, 0.0) + 1.0
+    # Negated, and before int(), so that infinity and NaN are refused too.
     if not columns * rows <= MAX_CELLS:
         return None
     corner = np.array(anchor) + (low - 0.5) * cell

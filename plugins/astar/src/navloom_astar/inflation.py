@@ -64,6 +64,7 @@ def grow(occupied: Bools, reach: Reach) -> Bools:
     """
     if len(reach) == 1 and reach[0] == 0:
         return occupied.copy()
+    # Of one layout, since numba compiles again for another.
     return _grow(np.ascontiguousarray(occupied), reach)
 
 

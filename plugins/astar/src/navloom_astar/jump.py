@@ -88,6 +88,7 @@ def _search(
         sofar, cell = heapq.heappop(heap)[1:]
         if cell == goal:
             return True
+        # An old entry: heapq cannot change one that is in the heap, so a shorter way adds another.
         if sofar > cost[cell]:
             continue
         case: Index = 4 * _START

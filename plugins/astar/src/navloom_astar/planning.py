@@ -187,6 +187,7 @@ class GridPlanner:
         traversable = ~inflation.grow(occupied, reach)
         answer = self._attempt(grid, occupied, traversable, reach, ends, (start, goal))
         chosen = self._inflation(on_segments)
+        # Only if nothing wider leads to the goal.
         if isinstance(answer, Failure) and chosen == "metres" and use.squeeze is not None and use.squeeze < use.radius:
             reach = inflation.disc_reach(use.squeeze / grid.resolution)
             wide, traversable = traversable, ~inflation.grow(occupied, reach)

@@ -74,6 +74,7 @@ def beams_of(scan: RangeScan, sensor: int) -> Beams:
     return Beams(scan.origins, scan.bearings, scan.half_angles, scan.ranges, limits, sensors)
 
 
+# Built once for each sensor: they are the same in every tick.
 @lru_cache(maxsize=32)
 def _fixed(count: int, low: float, high: float, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Constant data of a sensor: (count, 2) limits of its beams, m, and (count,) its number for each beam."""
@@ -87,6 +88,7 @@ def split_scans(scans: Sequence[RangeScan]) -> tuple[list[Beams], Beams | None]:
     for number, scan in enumerate(scans):
         if scan.ranges.size:
             (lasers if is_laser(scan) else sonars).append(beams_of(scan, number))
+    # The usual case, without copies.
     if len(sonars) < 2:
         return lasers, sonars[0] if sonars else None
     parts = zip(*[(b.origins, b.bearings, b.half_angles, b.ranges, b.limits, b.sensors) for b in sonars], strict=True)

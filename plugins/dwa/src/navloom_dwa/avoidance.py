@@ -96,6 +96,7 @@ class DynamicWindow:
         self.turn_acceleration = min(math.radians(p.turn_acceleration_deg), robot.max_angular_acceleration)
         self.motors = Motors.of(robot, period)
         self.rim_speed = p.wheel_speed if p.wheel_speed > 0.0 else math.inf
+        # The largest: points with a smaller one are sorted out by their own.
         self.margin = max(p.laser_margin, p.sonar_margin)
         self.corners = enlarged_corners(self.edges, self.margin)
         self.reaction = period + self.motors.delay if p.reacts else 0.0
@@ -194,6 +195,7 @@ class DynamicWindow:
         """Count the time without progress, while the robot executes these commands and no other source's."""
         elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
         self.progress.stalled += elapsed
+        # A robot that stands at its target is not blocked.
         is_there = math.dist(given.pose[:2], given.target) < self.params.progress_step
         is_blocked = is_stopped(*self._sent) and not is_there
         self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
@@ -209,7 +211,9 @@ class DynamicWindow:
         )  # fmt: skip
         is_clear = bool(np.isinf(self.contacts).all())
         if is_clear:
+            # With nothing in the way, the time without progress is the path's, not the avoider's.
             self.progress.stalled = 0.0
+        # Only at rest: a robot at speed brakes first.
         if self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]:
             return self._give_up(given, f"no progress in {p.patience:g} s")
         if self.progress.blocked > p.blocked_patience and is_stopped(v, w):

@@ -65,17 +65,20 @@ def polygon_contact(
         across = sign * math.sqrt(1.0 - height * height)
         ux, uy = height * nx + across * ny, height * ny - across * nx  # where the circle enters this half plane
         along = qx * ux + qy * uy
+        # Later than the best so far.
         if along < least_cosine * rho:
             continue
         inside = True
         for j in range(edges.shape[0]):
             if j != i:
                 beyond = rho * (edges[j, 0] * ux + edges[j, 1] * uy) + edges[j, 1] * centre - edges[j, 2] - margin
+                # A contact exactly at a corner belongs to both sides; rounding must not lose it on both.
                 if beyond > 1.0e-9:
                     inside = False
                     break
         if inside:
             angle = (-sign * math.atan2(qx * uy - qy * ux, along)) % TURN
+            # Just before a full turn is a contact now.
             best = min(best, 0.0 if angle > TURN - 1.0e-9 else angle)
     return best / abs(w)
 
@@ -175,6 +178,7 @@ def first_contacts(
         near, far = annulus(corners, edges, margin, centre)
         best, least_cosine = longest, cosine_until(longest * abs(w))
         for i in range(points.shape[0]):
+            # Points are sorted by their gaps: none that follows can be met earlier.
             if gaps[i] - slack - margin >= best * fastest:
                 break
             x, y = points[i, 0], points[i, 1]
@@ -183,6 +187,7 @@ def first_contacts(
             else:
                 if not is_line:
                     square = x * x + (y - centre) * (y - centre)
+                    # A point whose circle misses the footprint's ring is sorted out without a root.
                     if square < near or square > far:
                         continue
                 time = polygon_contact(x, y, edges, points[i, 2], v, w, least_cosine)

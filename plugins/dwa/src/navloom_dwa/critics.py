@@ -134,6 +134,7 @@ def arc_profile(
     c, s = math.cos(heading), math.sin(heading)
     total, passed, way, value, last = 0.0, -1.0, 0.0, 0.0, -1.0
     for i in range(sums.size):
+        # After the contact the robot stands: the critics keep their last values.
         time = min(i * step, contact)
         if time == last:
             total += value
@@ -146,6 +147,7 @@ def arc_profile(
         ahead_x, ahead_y = x + length * math.cos(heading + turned), y + length * math.sin(heading + turned)
         way = v * time
         to_go = goal_distance(cost_to_go, origin, cell, x, y)
+        # A target that is only a point of the path is driven through, not approached.
         if passed < 0.0 and to_go < capture and remaining > 0.0:
             passed = way
         if passed >= 0.0:
@@ -209,6 +211,7 @@ def score_critics(
         The others: As for arc_profile().
     """
     count = costs.shape[1]
+    # A window of zero speed would make the step zero.
     fastest = 1.0e-6
     for j in range(arcs.shape[0]):
         fastest = max(fastest, arcs[j, 3])

@@ -38,6 +38,7 @@ def obstacle_distance(
         distance: (rows, cols), filled in: 3 units per cell.
     """
     rows, cols = distance.shape
+    # More than any chamfer distance in the field, and small enough that sums do not overflow.
     distance[:, :] = 30000
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(obstacles.shape[0]):
@@ -228,6 +229,7 @@ def fill_field(
 def field_value(field: Counts, origin: NDArray[np.int64], cell: float, x: float, y: float) -> float:
     """Value of a field at a place, m, pose frame, bilinear between cell centres; outside, the value at the border."""
     rows, cols = field.shape
+    # A little less than the last cell, so that the next one exists.
     u = min(cols - 1.001, max(0.0, x / cell - origin[0] - 0.5))
     t = min(rows - 1.001, max(0.0, y / cell - origin[1] - 0.5))
     k, r = int(u), int(t)

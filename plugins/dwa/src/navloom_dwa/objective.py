@@ -66,6 +66,7 @@ def smooth(values: Floats, smoothed: Floats) -> None:
                     if values[dj, di] > -np.inf:
                         total += values[dj, di]
                         count += 1
+            # Inadmissible velocities take no part, or they would make their neighbours worse.
             smoothed[j, i] = total / count if values[j, i] > -np.inf else -np.inf
 
 

@@ -136,5 +136,6 @@ def _moved(pose: tuple[float, float, float], v: float, w: float) -> tuple[float,
     return (
         x + chord * math.cos(heading + half),
         y + chord * math.sin(heading + half),
+        # A pose takes headings in [-π, π); math.remainder() gives π too.
         -math.pi if turned >= math.pi else turned,
     )

@@ -102,6 +102,7 @@ def _pixels_on(cloud: Cloud, box: Box, noise: float = 0.05) -> int:
     """Number of pixels within `noise`, m, of a box."""
     points = cloud.points.reshape(-1, 3)
     low, high = np.array([box.x, box.y, box.z]).T
+    # NaN where a ray has returned nothing.
     with np.errstate(invalid="ignore"):
         return int(((points >= low - noise) & (points <= high + noise)).all(axis=1).sum())
 

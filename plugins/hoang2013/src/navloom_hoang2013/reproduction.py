@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from navloom.errors import NavloomError
+from navloom import NavloomError
 from navloom.plugins import Discovery
 
 from navloom_hoang2013.cloud import cloud_of

@@ -124,7 +124,6 @@ class _Onlooker:
     densities: list[tuple[float, float, float, float, float]] = field(default_factory=list)
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Record the message."""
         time = at.stamp_ns * 1e-9
         self.newest[type(message)] = message
         self.first.setdefault(type(message), message)

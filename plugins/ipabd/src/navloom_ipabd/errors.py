@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navloom.errors import NavloomError
+from navloom import NavloomError
 
 __all__ = ["DataError", "SettingError", "SweepError", "TrackError"]
 

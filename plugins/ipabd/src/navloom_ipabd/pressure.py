@@ -76,6 +76,7 @@ def bins_of(sweep: SweepImage, motion: FrameMotion | None = None, bin_width: flo
     if is_still and sweep.geometry == "paper" and bin_width is None and sweep.is_evenly_spaced:
         return Bins(first, sweep.bearing_step, sweep.bearings.size, are_columns=True)
     step = sweep.bearing_step if bin_width is None else bin_width
+    # Less 1e-9: rounding must not add a bin to a circle of whole steps.
     return Bins(first, step, max(1, math.ceil(TAU / step - 1e-9)))
 
 
@@ -230,6 +231,7 @@ def _press_bins(
             level = math.sqrt(x * x + y * y)
             angle = math.atan2(y, x) - circle[0] + 0.5 * circle[1]
             angle -= TAU * math.floor(angle / TAU)
+            # Rounding may give the full circle, which would be bin `size`.
             i = min(int(angle / circle[1]), size - 1)
             seen[i] = max(seen[i], level)
             under += z < below

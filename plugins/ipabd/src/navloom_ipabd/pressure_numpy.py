@@ -82,6 +82,7 @@ def press_numpy(
         level = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
     index = bin_index(points, is_return, bins)
     seen = np.zeros(bins.size)
+    # With `at`, since a plain assignment counts only one of several points of a bin.
     np.maximum.at(seen, index[is_return], level[is_return])
     nearest, chosen = _minimum(index, level, points, rules == Rule.NOT_MINIMUM, bins.size)
     return settle(bins, nearest, chosen, seen, np.bincount(rules.ravel(), minlength=7), filters,
@@ -90,6 +91,7 @@ def press_numpy(
 
 def bin_index(points: Floats, is_return: NDArray[np.bool_], bins: Bins) -> NDArray[np.int64]:
     """Azimuth bin of every point; without a return it has no meaning. `points`: (frames, beams, 3), reference frame."""
+    # Any direction will do where there is none; NaN cannot become an index.
     x, y = np.where(is_return, points[..., 0], 1.0), np.where(is_return, points[..., 1], 0.0)
     angle = np.arctan2(y, x) - bins.first + 0.5 * bins.step
     angle -= TAU * np.floor(angle / TAU)

@@ -169,6 +169,7 @@ def move_cells(cells: Cells, old: Lattice, new: Lattice) -> Cells:
 
 def merge_cells(old: Cells, new: Cells) -> Cells:
     """Occupied where either map is, else free where either is: observations persist until the map is cleared."""
+    # 100, 0 and -1: occupied goes before free, and both before unknown.
     return np.maximum(old, new)
 
 
@@ -225,6 +226,7 @@ def _stamp_seen(cells: Cells, x: float, y: float, heading: float, first: float, 
             angle = math.atan2(dy, dx) - heading - first + 0.5 * step
             angle -= TAU * math.floor(angle / TAU)
             i = int(angle / step)
+            # The sensor's own cell has no bearing from it, and its centre may lie behind.
             is_own = abs(dx) <= 0.5 and abs(dy) <= 0.5
             if is_own or (i < seen.size and dx * dx + dy * dy < seen[i] * seen[i]):
                 cells[row, column] = 0

@@ -90,7 +90,6 @@ class _Arrays:
             self._arrays = Arrays(path, WorldError)
 
     def has(self, name: str) -> bool:
-        """Whether there is an array of that name."""
         return name in self._arrays.names
 
     def read(self, name: str, shape: tuple[int, ...]) -> Floats:

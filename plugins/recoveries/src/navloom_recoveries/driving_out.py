@@ -109,6 +109,8 @@ class DrivingOut:
         before, ahead = self._at, float(self._way[self._at, 4])
         ends = np.flatnonzero(self._way[self._at :, 4] != ahead)
         last = self._at + int(ends[0]) if len(ends) else len(self._way)
+        # Only ahead, and only up to the next change of direction: where a way crosses itself, the nearest pose may be
+        # another leg's.
         near = self._way[self._at : min(last, self._at + AHEAD)]
         self._at += int(np.argmin(np.hypot(near[:, 0] - x, near[:, 1] - y)))
         if self._at == len(self._way) - 1:
@@ -118,6 +120,7 @@ class DrivingOut:
             self._at = last
         if self._at > before:
             self._moved_at = time
+        # The gate sees more than the search: what holds the robot may be of its margin to noise.
         elif time - self._moved_at > self._patience:
             self._straight, self._from, self._moved_at = ahead, pose, time
             return 0.0, 0.0
@@ -128,6 +131,7 @@ class DrivingOut:
         if driven < STRAIGHT and time - self._moved_at < self._patience + STRAIGHT / self._speed:
             return self._straight * self._speed, 0.0
         if driven < 0.5 * STEP:
+            # It did not move straight on either: this direction is blocked.
             self._goes[0 if self._straight > 0.0 else 1] = False
             if not any(self._goes):  # the noise of a scan may have held it
                 self._goes = [True, True]
@@ -163,6 +167,7 @@ class DrivingOut:
             self._tries = TRIES if moved else self._tries - 1
             self._place = pose[:2] if moved else self._place
             both = (self._goes[0], self._goes[1])
+            # Forwards only first: the gate lets no robot back into space that it has not seen.
             self._choices = product(self._rooms, ((self._goes[0], False), both), SHARES)
         choice = next(self._choices, None)
         if choice is None:

@@ -38,6 +38,7 @@ def margin_of(points: Floats, edges: Floats, wished: float, noise: float) -> flo
 
     The least of many noisy distances varies from scan to scan; it may be too short by up to `noise`, m.
     """
+    # Or a robot that is already too close could make no move at all.
     return max(_LEAST - noise, min(wished, gap(points, edges) - _CLOSER - 0.5 * noise))
 
 

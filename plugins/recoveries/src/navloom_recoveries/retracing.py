@@ -100,6 +100,7 @@ class Retracing:
         self._side = 0
         self._leaving = None
         self._margin = None
+        # Echoes of an earlier attempt may be of what has left since.
         self._echoes.clear()
 
     def step(
@@ -131,6 +132,7 @@ class Retracing:
             command = self._leave(seen) if may else None
             if command is not None:
                 return *command, False
+            # Having moved away from the obstacle is as good as having gone back.
             self.phase = "back" if self._left > self._asked - _STUCK else "turn"
             self._moved_at, may = time, not late
         if self.phase == "back":
@@ -161,6 +163,7 @@ class Retracing:
             return None
         if self._leaving is None or not self._may(seen, *self._leaving):
             horizon = self._horizon(self.rules.speed)
+            # Forwards first: of equal gains, `max` keeps the first.
             ways = [(v, w) for v in (self.rules.speed, -self.rules.speed) for w in (0.0, 0.5, -0.5)]
             wider = [(gap_after(seen, self._edges, *way, horizon) - now, way) for way in ways if self._may(seen, *way)]
             gain, self._leaving = max(wider, default=(0.0, (0.0, 0.0)))
@@ -176,6 +179,7 @@ class Retracing:
         if self._turn_left <= 0.0:
             return 0.0
         if self._side == 0:
+            # Near echoes count more than far ones, and all of them more than the nearest alone, which is noisy.
             left = float((1.0 / (1.0 + np.hypot(*seen[seen[:, 1] > 0.0].T))).sum())
             right = float((1.0 / (1.0 + np.hypot(*seen[seen[:, 1] < 0.0].T))).sum())
             self._side = 1 if left <= right else -1

@@ -148,6 +148,7 @@ class ActionServer:
     def move(self, goal: Goal, state: int) -> None:
         """Change the state of a goal that has not ended."""
         with self._lock:
+            # A request to cancel may come before the executing thread says that it begins.
             if not goal.has_ended and not (state == EXECUTING and goal.is_canceling):
                 goal.state = state
                 self._publish_status()
@@ -167,6 +168,7 @@ class ActionServer:
             waiting = goal.end_with(state, result)
             self._forget_old()
             self._publish_status()
+        # Outside the lock: an answer goes over the network.
         for call in waiting:
             call.answer(status=state, result=result)
 
@@ -179,6 +181,7 @@ class ActionServer:
             goal = Goal(self, identity, call.request.goal)
             if accepted:
                 self._goals[identity] = goal
+            # Before the goal starts: clients take feedback of an unknown goal for somebody else's.
             call.answer(accepted=accepted, stamp=time_of(goal.accepted_ns))
             if not accepted:
                 return
@@ -226,6 +229,7 @@ class ActionServer:
 
     def _forget_old(self) -> None:
         ended = [identity for identity, goal in self._goals.items() if goal.has_ended]
+        # Clients may ask for a result long after the end, but not for ever.
         for identity in ended[:-MOST_RESULTS]:
             del self._goals[identity]
 
@@ -274,6 +278,7 @@ class ActionClient:
         """
         identity = uuid.uuid4().bytes
         sent = SentGoal(self, identity, on_feedback)
+        # Before the request: feedback may overtake the answer.
         self._sent[identity] = sent
         try:
             response = self._send.call({"goal_id": _identified(identity), "goal": goal}, timeout)

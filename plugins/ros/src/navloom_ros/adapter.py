@@ -42,11 +42,13 @@ def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
             is_first = True
             for key, envelope, message, received_ns in recording.messages():
                 if is_first and recording.header.clock == "wall":
+                    # ROS tools expect stamps since 1970, and a run clock begins at 0.
                     translator.offset_ns = received_ns - envelope.stamp_ns
                 is_first = False
                 role, instance, port = key.split("/")[2:5]
                 for made in translator.translate(role, instance, port, message, envelope.stamp_ns):
                     out.add(made.topic, made.message, envelope.stamp_ns + translator.offset_ns)
+            # An empty file would look like a successful export.
             if not out.messages:
                 raise RosError(f"{source}: it has no message with a counterpart in ROS")
         return {"messages": out.messages, "left_out": translator.left_out, "note": recording.note}

@@ -49,6 +49,7 @@ def laser_scan(message: Any, mount: Mount) -> RangeScan:
     return RangeScan(
         ns_of(message.header.stamp),
         np.tile(mount.translation[:2], (int(is_kept.sum()), 1)),
+        # By directions and not by angles: the sensor may hang upside down.
         wrap(np.arctan2(directions[is_kept, 1], directions[is_kept, 0])),
         np.zeros(int(is_kept.sum())),
         offsets[is_kept],
@@ -98,6 +99,7 @@ def point_cloud(message: Any, mount: Mount) -> Sweep:
     rows, columns = int(message.height), int(message.width)
     points = points @ mount.rotation.T
     distance = np.sqrt((points**2).sum(axis=1))
+    # Some drivers write (0, 0, 0) for no return.
     is_return = np.isfinite(distance) & (distance > 1e-6)
     if not is_return.any():
         raise ConversionError("it has no points")
@@ -145,6 +147,7 @@ def _binned(distance: Floats, elevation: Floats, azimuth: Floats) -> tuple[Float
     column = np.floor(azimuth / AZIMUTH).astype(np.int64)
     first_row, first_column = row.min(), column.min()
     ranges = np.full((int(row.max() - first_row) + 1, int(column.max() - first_column) + 1), np.inf)
+    # `ufunc.at`, since several points may fall into one cell.
     np.minimum.at(ranges, (row - first_row, column - first_column), distance)
     pitches = (first_row + np.arange(ranges.shape[0]) + 0.5) * ELEVATION
     bearings = (first_column + np.arange(ranges.shape[1]) + 0.5) * AZIMUTH
@@ -163,6 +166,7 @@ def _points(message: Any) -> Floats:
     kinds = [np.dtype(order + _NUMBERS[fields[name].datatype]) for name in "xyz"]
     offsets = [int(fields[name].offset) for name in "xyz"]
     height, width, size = int(message.height), int(message.width), int(message.point_step)
+    # Some drivers leave it 0 if there is one row.
     step = int(message.row_step) or width * size
     if not height * width:
         raise ConversionError("it has no points")
@@ -174,6 +178,7 @@ def _points(message: Any) -> Floats:
             f"its {len(data)} bytes do not hold {height} rows of {width} points, {size} bytes each, every {step} bytes"
         )
     kind = np.dtype({"names": list("xyz"), "formats": kinds, "offsets": offsets, "itemsize": size})
+    # Row by row, as rows may be padded.
     cloud = np.concatenate([np.frombuffer(data, kind, width, row * step) for row in range(height)])
     return np.column_stack([cloud[name].astype(np.float64) for name in "xyz"])
 

@@ -150,6 +150,7 @@ class _Work:
         ]
         for connection, _, raw in messages(self.reader, wanted):
             for _, found in self._converted(self.topics[connection.topic], deserialized(self.reader, raw, connection)):
+                # The first message is converted twice: here, and again when the bag is written.
                 self._before = None
                 pose: Pose2D = found.pose
                 return pose
@@ -162,6 +163,7 @@ class _Work:
         filled = {name: count for name, count in counts.items() if count}
         if wanted is not None and wanted not in filled:
             raise RecordingError(f"topic {wanted!r} has no message; odometry is in {', '.join(filled) or 'no topic'}")
+        # By name among equals, so that the choice does not depend on the order in the bag.
         self.odometry = wanted or max(filled, key=lambda name: (filled[name], name), default=None)
 
     def _refuse_doubles(self) -> None:
@@ -191,6 +193,7 @@ class _Work:
             if connection.msgtype in _TRANSFORMS:
                 message = deserialized(self.reader, raw, connection)
                 self.frames.add(message, connection.topic.endswith("tf_static"))
+            # Frames of sensors do not change, and decoding all scans twice would take as long as the import.
             elif connection.topic not in self.frame_of:
                 message = deserialized(self.reader, raw, connection)
                 self.frame_of[connection.topic] = message.header.frame_id
@@ -277,6 +280,7 @@ class _Work:
         turn, at, stamp_ns = one.transform.rotation, one.transform.translation, ns_of(one.header.stamp)
         pose = Pose2D(float(at.x), float(at.y), yaw_of(quaternion_matrix(turn.x, turn.y, turn.z, turn.w)))
         twist = Twist2D(0.0, 0.0, 0.0)
+        # Transforms are often repeated with the same stamp.
         if self._before is not None and stamp_ns > self._before[0]:
             before, span = self._before[1], (stamp_ns - self._before[0]) * 1e-9
             dx, dy = pose.x - before.x, pose.y - before.y

@@ -48,6 +48,7 @@ def opened(bag: Path) -> Iterator[Any]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="navloom-bag-")))
         path = _checked(path, folder)
+        # After unpacking, whose size is bounded by itself.
         stack.enter_context(_bounded_memory(bag))
         try:
             reader = AnyReader([path], default_typestore=get_typestore(Stores(STANDARD)))
@@ -130,6 +131,7 @@ def _bounded_memory(bag: Path) -> Iterator[None]:
     with suppress(OSError):  # /proc exists only on Linux; elsewhere there is no limit
         used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
         least = min((one for one in before if one != resource.RLIM_INFINITY), default=used + limit)
+        # On top of what is used now: address space cannot be given back below that.
         resource.setrlimit(resource.RLIMIT_AS, (min(used + limit, least), before[1]))
     try:
         yield
@@ -154,6 +156,7 @@ def _checked(path: Path, folder: Path) -> Path:
         tree = yaml_of(read_file(described, YAML_MB, RecordingError), str(described), RecordingError)
     try:
         about = tree[INFORMATION]
+        # Only names: a hostile description must not lead to files elsewhere.
         files = [path / PurePath(name).name for name in about["relative_file_paths"]]
         is_packed = str(about.get("compression_mode", "")).lower() == "file"
         is_sqlite = about["storage_identifier"] == "sqlite3"
@@ -184,6 +187,7 @@ def _unpacked(files: Sequence[Path], folder: Path) -> list[Path]:
         with _readable(path), open_file(path, RecordingError) as packed, target.open("wb") as file:
             source = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
             try:
+                # In pieces, so that a bomb is noticed before it fills memory or disk.
                 while piece := source.read(PIECE):
                     left -= len(piece)
                     if left < 0:
@@ -199,6 +203,7 @@ def _refuse_queries(path: Path) -> None:
     """Refuse a database with views or computed columns: reading one row of them may never end."""
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+            # Expressions of the schema may call functions of SQLite.
             database.execute("PRAGMA trusted_schema = OFF")
             for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master LIMIT 1000"):
                 is_plain = kind == "index" or (kind == "table" and str(text).upper().startswith("CREATE TABLE"))

@@ -155,6 +155,7 @@ def serve(
     from navloom_ros.serving.adapter import TAKEN, Serving
     from navloom_ros.serving.adapter import serve as serve_robot
 
+    # A service manager ends it like Ctrl-C, in order.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _refusals():
         wanted, taken = _listed(publish, "--publish", tuple(STREAMS)), _listed(take, "--take", TAKEN)
@@ -226,6 +227,7 @@ def _types_for(publisher: Entity, distribution: str | None, folders: list[Path])
     Raises:
         UnknownType: None has it.
     """
+    # Only humble has no hashes.
     likely = [name for name in DISTRIBUTIONS if (name == "humble") == (publisher.type_hash == NOT_HASHED)]
     for name in [distribution] if distribution else likely:
         types = Types(name, folders)
@@ -241,6 +243,7 @@ def _types_for(publisher: Entity, distribution: str | None, folders: list[Path])
 def _joined(router: str, domain: int) -> Iterator[Node]:
     """A node that has discovered the other nodes of the network."""
     with Node(f"navloom_{os.getpid()}", router=router, domain=domain) as node:
+        # Graphs arrive piece by piece; a list at once would lack most nodes.
         node.settle()
         yield node
 
@@ -255,6 +258,7 @@ def _refusals() -> Iterator[None]:
         wrong = isinstance(error, (BadDefinition, BadName, UnknownType))
         raise typer.Exit(WRONG if wrong else FAILED) from None
     except BrokenPipeError:  # as when the output is piped to head
+        # Or Python complains once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         return

@@ -32,10 +32,12 @@ class McapFile:
     def __init__(self, path: Path, types: Types) -> None:
         self.path, self.messages = path, dict[str, int]()
         self._types = types
+        # In the same folder, since os.replace() is atomic only within a file system.
         self._part = path.with_name(f".{path.name}.{os.getpid()}.part")
         if path.exists():
             raise RosError(f"{path}: there is such a file already; name another, or remove it")
         try:
+            # x refuses a file that is there already.
             self._file = self._part.open("xb")
         except OSError as error:
             raise RosError(f"{path}: cannot be written: {error.strerror}") from None
@@ -80,6 +82,7 @@ class McapFile:
         try:
             if topic not in self._channels:
                 self._channels[topic] = self._declare(topic, name)
+            # The format has 32 bits for the sequence number.
             self._writer.add_message(self._channels[topic], stamp_ns, data, stamp_ns, count & 0xFFFFFFFF)
         except OSError as error:
             raise RosError(f"{self.path}: {error.strerror}; nothing was kept") from None

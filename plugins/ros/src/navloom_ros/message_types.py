@@ -62,6 +62,7 @@ class Types:
         self.largest = largest
         store, own = DISTRIBUTIONS[distribution]
         self._store = get_typestore(store)
+        # Each hash needs the descriptions of all nested types; they are asked for with every endpoint.
         self._hashes: dict[str, str] = {}
         self._make_bytes_unsigned(self._store.fielddefs)
         shipped = Path(str(files("navloom_ros"))) / "interfaces"
@@ -104,6 +105,7 @@ class Types:
 
     def hash_of(self, name: str) -> str:
         """Type hash of a message, service or action, as in keys on the wire; Humble has none."""
+        # It precedes type hashes, and rmw_zenoh writes a fixed word in their place.
         if self.distribution == "humble":
             return NOT_HASHED
         self._require(name)
@@ -143,6 +145,7 @@ class Types:
             raise UnfitMessage(reason)
         try:
             return bytes(self._store.serialize_cdr(message, name, little_endian=True))
+        # The generated code does not check its fields, so a wrong value ends in any of these.
         except (SerdeError, struct.error, UnicodeEncodeError, AttributeError, TypeError, ValueError) as error:
             raise UnfitMessage(f"{name}: {error}") from None
 
@@ -161,6 +164,7 @@ class Types:
             MalformedMessage: The bytes are not a message of this type, or exceed `largest`.
         """
         self._require(name)
+        # Before anything is parsed: the bytes come from the network.
         if len(data) > self.largest:
             raise MalformedMessage(f"{name}: {len(data)} bytes; at most {self.largest} are decoded")
         if data[:2] not in _ENCAPSULATIONS:
@@ -168,10 +172,12 @@ class Types:
         definition = self._store.get_msgdef(name)
         read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
         body = data[4:]
+        # Counting costs a Python call per nested message, so small messages do without.
         store: Any = self._store if len(body) <= SMALL else _Counting(self._store)
         try:
             message, end = read(body, 0, definition.cls, store)
         except (SerdeError, struct.error, ValueError, IndexError) as error:
+            # Cut, since some of these errors quote the data.
             raise MalformedMessage(f"{name}: {str(error)[:200]}") from None
         if len(body) - end > PADDING and len(body) - end > PADDING + spare_bytes(self._store, message):
             raise MalformedMessage(f"{name}: {len(body) - end} bytes after its end")
@@ -189,6 +195,7 @@ class Types:
             if unsigned != fields:
                 self._store.fielddefs[name] = (constants, unsigned)
                 self._store.get_msgdef(name)  # generates the code and caches it
+                # Back to the original: type hashes and schemas are made from these definitions.
                 self._store.fielddefs[name] = (constants, fields)
 
     def _require(self, name: str) -> None:

@@ -43,6 +43,7 @@ def full_name(name: str, namespace: str = "/", node: str = "", remap: Mapping[st
         BadName: ROS does not allow it.
     """
     expanded = _expanded(name, namespace, node)
+    # ROS compares the expanded names: `scan` and `/r1/scan` are the same in /r1.
     rules = {_expanded(old, namespace, node): new for old, new in (remap or {}).items()}
     return _expanded(rules[expanded], namespace, node) if expanded in rules else expanded
 

@@ -72,6 +72,7 @@ class Node:
         try:
             self.keep(self.wire.watch(f"{PREFIX}/{domain}/**", self._on_token))
             self._declare(Entity("NN", domain, self.wire.session, "0", "0", self.namespace, self.name))
+        # Also at Ctrl-C: an open session would keep its threads and its tokens.
         except BaseException:
             self.close()
             raise
@@ -86,6 +87,7 @@ class Node:
 
     def close(self) -> None:
         """Withdraw everything that the node has declared, and leave the network."""
+        # The node's own token, declared first, outlives those of its endpoints.
         for end in reversed(self._ends):
             end()
         self._ends.clear()
@@ -131,6 +133,7 @@ class Node:
         """Wait until the graph has not changed for `quiet` s, at most `longest` s, to discover existing nodes."""
         end = time.monotonic() + longest
         with self._changed:
+            # There is no message that says that discovery is complete; quiet is the only sign of it.
             while time.monotonic() < end and self._changed.wait(quiet):
                 pass
 
@@ -155,5 +158,6 @@ class Node:
 
     def _on_token(self, token: str, is_there: bool) -> None:
         with self._changed:
+            # Under the lock: Zenoh calls this on its own threads, while others read the graph.
             (self.graph.add if is_there else self.graph.remove)(token)
             self._changed.notify_all()

@@ -42,12 +42,14 @@ def definitions_in(folder: Path) -> Iterator[tuple[str, str]]:
     """
     if not folder.is_dir():
         raise BadDefinition(f"{folder}: no such folder; expected one that has package/msg/Name.msg in it")
+    # Sorted: a file system lists in any order, and an error should name the same file each time.
     files = [path for kind in KINDS for path in sorted(folder.rglob(f"{kind}/*.{kind}"))]
     if len(files) > MOST_FILES:
         raise BadDefinition(f"{folder}: {len(files)} definitions; at most {MOST_FILES} are read: give a smaller folder")
     for path in files:
         name = f"{path.parent.parent.name}/{path.parent.name}/{path.stem}"
         try:
+            # Before it is read: the folder may hold anything.
             if path.stat().st_size > LONGEST_TEXT:
                 raise BadDefinition(f"{path}: longer than {LONGEST_TEXT} bytes")
             yield name, path.read_text("utf-8")
@@ -118,6 +120,7 @@ def _refuse_circles(path: list[str], refers: Mapping[str, list[tuple[str, str]]]
     """Follow the references of the last type of a path, depth first; each type is visited once."""
     for field, other in refers[path[-1]]:
         if other in path:
+            # Such a message would have no end.
             raise BadDefinition(f"{path[-1]}: field {field!r} is of {other!r}, which contains this type itself")
         if len(path) == DEEPEST:
             raise BadDefinition(f"{path[0]}: types nested more than {DEEPEST} levels deep")
@@ -153,6 +156,7 @@ def _parsed(name: str, text: str, package: str) -> Definitions:
     return {
         name: (
             list(constants),
+            # IDL has no empty struct, so ROS adds this member, and it is on the wire.
             list(fields) or [("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))],
         )
     }

@@ -16,5 +16,6 @@ def ns_of(time: Any) -> int:
 
 def time_of(nanoseconds: int) -> dict[str, int]:
     """Values of the ROS time or duration of so many ns."""
+    # Rounded down, also before 0: nanosec is unsigned.
     seconds, rest = divmod(nanoseconds, SECOND)
     return {"sec": seconds, "nanosec": rest}

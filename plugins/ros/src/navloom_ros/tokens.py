@@ -89,6 +89,7 @@ class Entity:
             raise BadToken(
                 f"token {token[:200]!r}: expected {PREFIX}/domain/session/node/entity/kind/enclave/namespace/…"
             )
+        # int() would also take signs, underscores and the digits of other scripts.
         if not (parts[1].isascii() and parts[1].isdecimal()):
             raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is not a number")
         enclave, namespace, node = (_unmangled(part) for part in parts[6:9])
@@ -134,6 +135,7 @@ class Attachment:
 
 
 def _mangled(part: str) -> str:
+    # A slash separates the parts of a Zenoh key, and none of them may be empty.
     return part.replace("/", "%") or "%"
 
 

@@ -89,9 +89,11 @@ class Subscription:
         self.reason = ""
         self._types = types
         qos = entity.qos or DEFAULT
+        # A full queue loses its oldest message, as KEEP_LAST demands.
         self._queue: deque[tuple[bytes, bytes, int, int]] = deque(maxlen=qos.kept)
         self._news = threading.Condition()
         self._closed = False
+        # Before the subscription: ends run in reverse, so nothing arrives any more when `take` is woken.
         keep(self.close)
         keep(wire.subscribe(key, qos, self._on_sample, self._on_refusal))
         if types.distribution in WITH_BUFFERS and not qos.transient_local:
@@ -110,6 +112,7 @@ class Subscription:
                     return None
                 data, attachment, received_ns, arrived_ns = self._queue.popleft()
             try:
+                # Decoded here, not in `_on_sample`, which holds up a thread of Zenoh.
                 beside = Attachment.parsed(attachment)
                 message = self._types.decode(self.entity.type_name, data)
             except (BadToken, MalformedMessage) as error:

@@ -91,6 +91,7 @@ class Translator:
         if kind == "Selection":
             self._active.update(entry.split(" ", 1) for entry in message.instances)
         maker = _MAKERS.get((role, port)) or _BY_KIND.get(kind)
+        # Until the first Selection, every instance counts as active.
         if maker is None or instance != self._active.get(role, instance):
             name = f"{role}/{port}"
             self.left_out[name] = self.left_out.get(name, 0) + 1
@@ -129,6 +130,7 @@ class Translator:
     def _pose(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
         base = self._base = _pose_of(message.pose)
         covariance = np.zeros((6, 6))
+        # The order in ROS is x, y, z, roll, pitch, yaw.
         covariance[np.ix_((0, 1, 5), (0, 1, 5))] = message.covariance
         yield self._made(
             "/pose",

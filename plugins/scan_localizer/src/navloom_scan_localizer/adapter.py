@@ -76,6 +76,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
+        # By identity, since a retained map arrives again when its publisher restarts.
         if given.known is not None and given.known is not self._known:
             self._take_map(given.known)
         odometry, tracker = given.odometry, self._tracker
@@ -146,6 +147,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         joined = joined[: beams.keep_near(joined, self.params.max_range)]
         if len(joined):
+            # The first scan has nothing to be matched with.
             if self._scans:
                 tracker.correct(joined)
             self._learn(joined)
@@ -162,9 +164,11 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         p, pose = self.params, self._tracker.pose
         step = relative(self._key, pose)
         way = math.hypot(step[0], step[1])
+        # Adding each scan of a standing robot would average its noise into the surface, and weigh one view too much.
         if self._scans >= p.first_scans and way < p.key_way and abs(step[2]) < math.radians(p.key_turn_deg):
             return
         turn = math.radians(p.drift_deg) ** 2 * way
+        # An error of the heading moves the robot about the start, in proportion to its distance.
         across = np.array([self.context.start.y - pose[1], pose[0] - self.context.start.x, 1.0])
         self._drift += np.diag([p.drift**2 * way, p.drift**2 * way, 0.0]) + 0.25 * turn * np.outer(across, across)
         self._surface.follow(float(pose[0]), float(pose[1]))
@@ -194,7 +198,6 @@ def _predict(
 
 
 def _scans(given: LocalizerInput) -> list[RangeScan]:
-    """Scans with ranges."""
     return [scan for scan in given.scans if isinstance(scan, RangeScan)]
 
 
@@ -212,6 +215,7 @@ def _silent(given: LocalizerInput, p: _BeamLimits) -> list[NDArray[np.float64]]:
 def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits, ranges: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 4) end points, m, and directions of a scan's beams, in the base frame at the time of the odometry."""
     twist, late = odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
+    # The velocity is taken as constant in between, which holds for a moment only.
     if abs(late) > p.max_age:
         return np.empty((0, 4))
     limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])

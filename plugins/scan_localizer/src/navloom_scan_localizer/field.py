@@ -62,6 +62,7 @@ def _distances(cells: Bools, spacing: float, reach: float) -> Floats:
         return np.full(covered.shape, reach)
     for down in range(3):
         for across in range(3):
+            # Each cell covers the nine nodes of its closed square.
             covered[down : down + 2 * rows : 2, across : across + 2 * columns : 2] |= cells
     distances: Floats = np.minimum(distance_transform_edt(~covered, sampling=spacing), reach)
     return distances
@@ -82,6 +83,7 @@ def sample(values, frame, x, y):  # type: ignore[no-untyped-def]
     u, v = c * x + s * y, c * y - s * x
     if not (0.0 <= u < values.shape[1] - 1.0 and 0.0 <= v < values.shape[0] - 1.0):
         return 0.0, 0.0, 0.0, False
+    # Unsigned, so that numba leaves out the wrap of negative indices.
     column, row = np.uint64(u), np.uint64(v)
     a, b = u - np.float64(column), v - np.float64(row)
     right, above = column + np.uint64(1), row + np.uint64(1)

@@ -175,11 +175,13 @@ class Judge:
         step, way = relative(self._view_from, now), math.dist(self._last[:2], now[:2])
         self._way, self._last = math.hypot(step[0], step[1]), now
         stride = max(1, len(beams) // _BEAMS)
+        # Other beams in each scan, so that over some scans all are compared.
         self._part = (self._part + 1) % stride
         part = (self._part, stride)
         self._compare(beams, echoes, step, part)
         if not self._is_cut:
             self._view, self._view_from = (beams, echoes) if self.state == "tracking" else None, now
+        # By time and not by scan: sensors differ in rate.
         self._counts *= math.exp(-passed / _MEMORY)
         self._seen = look_along(tracker.field, beams, echoes, tracker.pose, self._gate, part, self._counts)
         self._has_seen = self._has_seen or self._seen.support >= s.least_seen

@@ -70,6 +70,7 @@ def solve(matrix, right, solution):  # type: ignore[no-untyped-def]
     l00 = math.sqrt(matrix[0, 0])
     l10, l20 = matrix[1, 0] / l00, matrix[2, 0] / l00
     d1 = matrix[1, 1] - l10 * l10
+    # Written so that NaN ends it too.
     if not d1 > 0.0:
         return False
     l11 = math.sqrt(d1)
@@ -146,8 +147,10 @@ def fit_pose(values, frame, beams, predicted, information, options, iterations, 
         for i in range(3):
             pose[i] += step[i]
         is_small = max(abs(step[0]), abs(step[1]), abs(step[2])) < _SMALL_STEP
+        # A small step counts only at the last scale.
         if is_small and scale <= options[2]:
             break
+        # From wide to narrow: at first far walls must attract, at the end outliers must not.
         scale = max(options[2], 0.5 * scale)
     return inliers
 

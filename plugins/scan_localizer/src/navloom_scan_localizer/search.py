@@ -87,6 +87,7 @@ def candidates(
             break
         found.append([pose[0] + (i - steps) * step, pose[1] + (j - steps) * step, pose[2] + (k - turns) * angle])
         near_k, near_j = slice(max(0, k - _TURNED + 1), k + _TURNED), slice(max(0, j - _APART + 1), j + _APART)
+        # Neighbours of the best would be all further candidates otherwise.
         scores[near_k, near_j, max(0, i - _APART + 1) : i + _APART] = 0.0
     return np.array(found).reshape(-1, 3)
 

@@ -52,6 +52,7 @@ def _is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-unt
                 facing = -(gx * dx + gy * dy)
                 if distance < 0.0 or facing > 0.0:
                     return back * max(facing, _GRAZING) - before > gate
+        # At least half a node: in a wall's neighbourhood the distance is 0.
         back -= max(distance - 0.5 * spacing, 0.5 * spacing)
     return False
 

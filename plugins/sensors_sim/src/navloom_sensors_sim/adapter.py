@@ -94,6 +94,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         begin_ns = self._time_ns if self._tick else given.time_ns  # the first tick takes no time
         self._time_ns = given.time_ns
         robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
+        # Before the robot moves: obstacles and robot must be of the same time.
         scene.update(given.time_ns / 1e9, self._swept)
         if time > 0.0:
             command = (given.command.vx, given.command.wz)
@@ -108,11 +109,13 @@ class SensorsSim(Platform[SensorsSimParams]):
             fields = sensor.read(moment)
             if fields is not None:
                 scans[name] = message(*fields)
+        # Some worlds change once the map is made, so that plans meet what no map shows.
         self._swept = self._swept or any(isinstance(scan, Sweep) for scan in scans.values())
         self._tick += 1
         return self._output(scans)
 
     def _output(self, scans: dict[str, Any]) -> PlatformOutput:
+        # One call of `tolist` instead of seventeen look-ups.
         x, y, heading, _, _, vx, wz, odo_x, odo_y, odo_heading, odo_vx, odo_wz, _, _, gap, nearest, touching = (
             self._robot.state.tolist()
         )

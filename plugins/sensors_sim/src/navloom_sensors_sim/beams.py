@@ -88,6 +88,7 @@ def cone_rays(
     wide = np.linspace(-half_angle, half_angle, columns)
     high = np.linspace(-half_angle, half_angle, rows) if rows > 1 else np.zeros(1)
     azimuth, elevation = (grid.ravel() for grid in np.meshgrid(wide, high))
+    # Rounding must not drop rays on the rim.
     inside = np.hypot(azimuth, elevation) <= half_angle * (1.0 + 1e-9)
     azimuth, elevation = azimuth[inside], elevation[inside]
     turn = (bearings[:, None] + azimuth).ravel()
@@ -100,6 +101,7 @@ def cone_rays(
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _reading(true, error, low, high):  # type: ignore[no-untyped-def]
     """Reported range, m: +inf beyond `high`, otherwise with the error and clipped to low..high."""
+    # Written so that NaN is no echo.
     if not true <= high:
         return np.inf
     return min(max(true + error, low), high)
@@ -124,6 +126,7 @@ def read_laser(base, origins, directions, obstacles, options, normals, ranges): 
     to_map(base[0], base[1], base[2], directions, False, ways)
     cast_fan(starts, ways, base[2] + options[3], options[4], obstacles, options[1], ranges, hits)
     for i in range(count):
+        # Every beam has its draw, hit or not: random numbers must not depend on the scene.
         ranges[i] = _reading(ranges[i], options[2] * normals[i], options[0], options[1])
 
 

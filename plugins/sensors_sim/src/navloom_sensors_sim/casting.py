@@ -179,6 +179,7 @@ def _slab(low, high, inverse):  # type: ignore[no-untyped-def]
 def _keep_nearer(work, i, enter, leave, index):  # type: ignore[no-untyped-def]
     """Records an obstacle as the hit of ray i if the ray enters it nearer than all others so far."""
     enter = enter if enter > 0.0 else 0.0
+    # `&` and not `and`: without a branch the loop vectorises.
     better = (enter <= leave) & (enter < work[_BEST + i])
     work[_BEST + i] = enter if better else work[_BEST + i]
     work[_HIT + i] = index if better else work[_HIT + i]
@@ -187,6 +188,7 @@ def _keep_nearer(work, i, enter, leave, index):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cut_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
     """Intersects rays `first` to `end` - 1 of the block with one box."""
+    # Most boxes of worlds have no yaw, and need half of the arithmetic.
     if boxes[k, 7] == 0.0 and boxes[k, 6] == 1.0:
         _cut_straight_box(work, first, end, boxes, k)
     else:
@@ -291,6 +293,7 @@ def _walk(x, y, dx, dy, ix, iy, t, end, gaps):  # type: ignore[no-untyped-def]
         if gap == 0.0:
             return t
         if gap > _LEAP:
+            # Gaps are between centres: half a diagonal at both ends, and a little for rounding.
             t += (gap - 1.5) / speed
             if not t < end:
                 return np.inf
@@ -299,6 +302,7 @@ def _walk(x, y, dx, dy, ix, iy, t, end, gaps):  # type: ignore[no-untyped-def]
         next_x = (col + ahead_x - x) * ix if dx != 0.0 else np.inf
         next_y = (row + ahead_y - y) * iy if dy != 0.0 else np.inf
         if next_x < next_y:
+            # After a leap, rounding may put the next border behind.
             t = max(t, next_x)
             col += step_x
         else:

@@ -63,6 +63,7 @@ def clearance_at(x, y, heading, footprint, height, obstacles):  # type: ignore[n
     quad = np.empty((4, 2))
     for k in range(boxes.shape[0]):
         if boxes[k, 8] != 0.0 and boxes[k, 4] < height and boxes[k, 5] > 0.0:
+            # A lower bound sorts out most boxes without their corners.
             if _to_box(mid_x, mid_y, boxes, k) - reach >= best:
                 continue
             _box_corners(boxes, k, quad)
@@ -79,6 +80,7 @@ def clearance_at(x, y, heading, footprint, height, obstacles):  # type: ignore[n
         gap = _raster_gap(mid_x, mid_y, reach, corners, min(best, RASTER_CAP), obstacles.gaps, frame)
         if gap < best:
             best = gap
+            # At the cap, only a bound is known, and no obstacle.
             nearest = boxes.shape[0] + cylinders.shape[0] if gap < RASTER_CAP else NOTHING
     return (0.0 if best <= TOUCHING else best), nearest
 

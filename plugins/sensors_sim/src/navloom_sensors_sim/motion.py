@@ -139,6 +139,7 @@ def _wheel_goals(drive, command):  # type: ignore[no-untyped-def]
 def _count_wheels(state, spun, odometry, radius, noise, period):  # type: ignore[no-untyped-def]
     """Integrates the encoder counts. Slip is a random walk: its spread grows with the square root of the distance."""
     way_right, way_left = radius * np.abs(spun[:, 0]).sum(), radius * np.abs(spun[:, 1]).sum()
+    # The variance grows with the way, so that the result does not depend on the length of a tick.
     slip_right = 1.0 + odometry[3] * noise[0] / math.sqrt(way_right) if way_right > 0.0 else 1.0
     slip_left = 1.0 + odometry[3] * noise[1] / math.sqrt(way_left) if way_left > 0.0 else 1.0
     x, y, heading = state[_ODO_X], state[_ODO_Y], state[_ODO_HEADING]
@@ -157,5 +158,6 @@ def _count_wheels(state, spun, odometry, radius, noise, period):  # type: ignore
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _counts(angle, count):  # type: ignore[no-untyped-def]
     """Splits a wheel angle into the remainder and the angle of its whole counts."""
+    # The remainder is kept for the next tick, as an encoder does.
     whole = math.floor(angle / count) * count if count > 0.0 else angle
     return angle - whole, whole

@@ -31,6 +31,7 @@ class Orders:
 
     def legs(self, begin_ns: int, end_ns: int, command: tuple[float, float]) -> list[Leg]:
         """Legs (speed, turn rate, duration in s) of a tick; its own command counts only if `give` is not used."""
+        # Live, `drive` gives the same command at its own time; taken twice, it would count twice.
         if self._dead_time_ns and not self._come_between_ticks:
             self._wait(begin_ns, *command)
         due = [order for order in self._waiting if order[0] < end_ns]

@@ -53,6 +53,7 @@ class _Tracker(Controller[P]):
         shape = (robot.wheel_radius, robot.half_track)
         wheel = math.inf if params.max_wheel_speed is None else params.max_wheel_speed
         self._limits = DriveLimits(robot.max_linear, robot.max_angular, wheel, *shape, params.may_reverse)
+        # Hysteresis needs a memory: at one threshold the robot would switch between turning and driving.
         self._turning = 0
 
     def reset(self) -> None:
@@ -70,6 +71,7 @@ class _Tracker(Controller[P]):
             bearing, (v, w), gain = self._follow(given, error)
             wanted = (v, stopping_turn(w, reference.turn_rate, gain, limits[1]))
             self._turning = turn_direction(bearing, self._turning, self._above, self._until)
+            # The turn in place replaces the law, which would drive away from the path at such an angle.
             if self._turning:
                 wanted = (0.0, self._turning * turn_that_stops(bearing, *limits))
         v, w = within_limits(*wanted, self._limits)
@@ -109,6 +111,7 @@ class FierroLewis(_Tracker[FierroLewisParams]):
         rates = kanayama.error_rates(error, twist.vx, twist.wz, moved, curvature * moved)
         if own.approach_deg < 90.0:
             near = within_reach(error, kanayama.reach(own.k2, own.k3, math.radians(own.approach_deg)))
+            # A component at its bound is constant, so its rate is 0.
             held = [now == wanted for now, wanted in zip(near[:2], error[:2], strict=True)]
             error, rates = near, TrackingError(rates.e1 * held[0], rates.e2 * held[1], rates.e3)
         v, w = fierro_lewis.kinematic_command(error, v_ref, w_ref, *gains)

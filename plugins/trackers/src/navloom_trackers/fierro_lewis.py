@@ -81,6 +81,7 @@ def projected_speed(v: float, e3: float, curvature: float, cross_track: float) -
         curvature: κ of the path at the foot point, 1/m, positive to the left.
         cross_track: n, distance of the robot to the left of the path, m; n is limited to 0.8 / κ where κ n > 0.8.
     """
+    # At the centre of the path's curve the foot point is not defined, and the speed grows without bound.
     return v * math.cos(e3) / max(1.0 - curvature * cross_track, 0.2)
 
 

@@ -14,6 +14,7 @@ from navloom_vff.params import PRINTED, ROBUST, VffParams
 
 __all__ = ["Vff"]
 
+# A force field has no free slots, but the message has a place for them.
 NO_SLOTS = np.zeros((0, 2))
 NO_SLOTS.flags.writeable = False
 
@@ -28,6 +29,7 @@ class Vff(Avoider[VffParams]):
     def __init__(self, params: VffParams, context: Context) -> None:
         super().__init__(params, context)
         self._method = ForceField(params, Robot.of(context.robot), context.period)
+        # 0: no averaging of echoes, which the paper does not have.
         self._joiner = Joiner(0.0)
 
     def reset(self) -> None:

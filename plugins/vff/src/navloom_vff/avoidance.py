@@ -109,6 +109,7 @@ class ForceField(Method):
         x, y = repulsive_force(cells, self.radius, self.constant, p.least_distance, horizon, heading, self.histogram)
         cosine = travel_cosine((x, y), 0.0)
         factor = damping_factor(cosine, p.damping, p.may_pull)
+        # The force is summed in the base frame, where the cells are; a wall is followed in the pose frame.
         c, s = math.cos(heading), math.sin(heading)
         return View(pose, twist, target, distance, bearing, cells, (c * x - s * y, s * x + c * y), cosine, factor)
 
@@ -142,6 +143,7 @@ class ForceField(Method):
         self._turn = low_pass(self._turn, wanted, self.period, p.time_constant)
         strength = math.hypot(*view.push)
         speed = forward_speed(strength, view.cosine, self.max_speed, p.slows_leaving, p.slow_force)
+        # The robot's own limit may lie below the method's least speed.
         speed = max(min(p.min_speed, self.max_speed), speed)
         if p.slows_for_turns:
             speed = slowed_for_turn(speed, direction, heading)
@@ -179,6 +181,7 @@ class ForceField(Method):
 
     def _give_up(self, view: View, why: str) -> Decision:
         self.trap.place, self.trap.target = view.pose, view.target
+        # The low-pass would otherwise go on turning when the trap is left.
         self._turn = 0.0
         return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)
 

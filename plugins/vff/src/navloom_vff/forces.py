@@ -57,6 +57,7 @@ def repulsive_force(
     x = y = 0.0
     for i in range(cells.shape[0]):
         distance = math.hypot(cells[i, 0], cells[i, 1])
+        # A cell exactly at the centre has no direction to push in.
         if distance > horizon or distance == 0.0:
             continue
         force = cell_force(cells[i, 2], max(distance - radius, least), constant)

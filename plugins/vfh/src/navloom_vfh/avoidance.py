@@ -91,6 +91,7 @@ class HistogramAvoidance(Method):
         self.max_speed = min(params.max_speed, robot.max_linear)
         n, size = params.sectors, params.window
         self.density = np.zeros(n)
+        # At most every second sector begins a slot, and a slot gives at most three directions.
         self.slots = np.zeros((n // 2 + 1, 2), np.int64)
         self._directions = np.zeros(3 * (n // 2 + 1))
         self._cells, self._votes = np.zeros((size * size, 3)), np.zeros((size, size), np.uint8)
@@ -148,6 +149,7 @@ class HistogramAvoidance(Method):
         """Turn to the direction and drive as fast as the density ahead and the turn allow."""
         p = self.common
         turn = turn_rate(direction, view.pose[2], p.turn_gain, self.max_turn)
+        # The greatest speed of a slow robot may be below the method's least.
         least = min(p.min_speed, self.max_speed)
         speed = forward_speed(choice.ahead, p.slow_density * self.gain, turn, self.max_turn, self.max_speed, least)
         return self._send(view, choice, least if choice.must_slow else speed, turn, direction, choice.why)

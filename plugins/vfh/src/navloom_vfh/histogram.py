@@ -83,8 +83,10 @@ def polar_histogram(
         )
         bearing = heading + math.atan2(y, x)
         gamma = enlargement_angle(distance, radius) if radius > 0.0 else 0.0
+        # The middle of sector k is at (k + 0.5) alpha.
         first = math.ceil((bearing - gamma) / alpha - 0.5)
         last = math.floor((bearing + gamma) / alpha - 0.5)
+        # No middle is within gamma, but a cell blocks at least the sector that it is in.
         if last < first:
             first = last = math.floor(bearing / alpha)
         for k in range(first, last + 1):

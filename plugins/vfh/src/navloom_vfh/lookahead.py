@@ -31,6 +31,7 @@ def projected_place(place: Place, direction: float, step: float, circle: float) 
     turn = (direction - theta + math.pi) % (2.0 * math.pi) - math.pi
     arc = circle * abs(turn)
     if arc > step:
+        # The step ends before the turn does.
         turn *= step / arc
     if circle > 0.0:
         side = circle if turn > 0.0 else -circle

@@ -35,6 +35,7 @@ MOST_TURNS = 2.0 * math.tau
 """Most turning on the way to a target in the open, rad; turns to both sides add up."""
 TRAPPED = 40
 """Consecutive trapped ticks after which a drive is over, since a recovery would start."""
+# Methods with a memory, as histograms, need several scans before their command settles.
 LOOKS = 30
 """Ticks for which a stopped robot is shown a scene before its commands are compared."""
 MOST_STILL = 0.02
@@ -54,6 +55,7 @@ def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[fl
 def drive_avoider(make: Maker, scene: Scene, seconds: float) -> FinishedDrive:
     """Drive to the target until it is reached, the robot is in contact, trapped or stopped, or the time is up."""
     if not make.sees(RangeScan) and (scene.posts or scene.walls):
+        # Not a failure: the claim may hold with the sensors that it does read.
         raise Unfit("it takes no RangeScan: it sees nothing of the scenes")
     avoider = make(scene)
     trapped = 0
@@ -78,6 +80,7 @@ def _ended(done: FinishedDrive) -> str:
 
 def open_scene(seed: int) -> Scene:
     """An open floor with a target 3 m away, in another direction for each seed."""
+    # Both sides and behind: a method that is good at one side only must not pass by luck of the seed.
     bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 8]
     place = place_in_map(seed)
     return Scene(Place(0.0, 0.0), (3.0 * math.cos(bearing), 3.0 * math.sin(bearing))).moved(place)
@@ -147,6 +150,7 @@ def look_scene(seed: int) -> Scene:
     stream = np.random.default_rng([seed, 3])
     posts = _posts(stream, count=int(stream.integers(1, 5)))
     wall = Wall(*stream.uniform(-1.0, 4.0, 2).tolist(), *stream.uniform(1.5, 4.0, 2).tolist())
+    # A wall too close leaves only commands to stop, and comparing those shows nothing.
     walls = (wall,) if seed % 2 and _wall_away(wall) > 0.9 else ()
     bearing = float(stream.uniform(-1.0, 1.0))
     return Scene(Place(0.0, 0.0), (4.0 * math.cos(bearing), 4.0 * math.sin(bearing)), posts, walls)
@@ -172,6 +176,7 @@ def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Post, ...]:
 def place_in_map(seed: int) -> Place:
     """Place of a scene in the map: the origin for seed 0, a random one for others."""
     stream = np.random.default_rng([seed, 4])
+    # At the origin alone, a method that confuses the map and base frames would pass.
     x, y, heading = stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()
     return Place(0.0, 0.0) if seed == 0 else Place(x, y, heading)
 
@@ -197,6 +202,7 @@ def no_contact(make: Maker, scene: Scene) -> Measured:
 
 def stops_when_closed(make: Maker, scene: Scene) -> Measured:
     done = drive_avoider(make, scene, 6.0)
+    # The first half is for looking around and braking.
     late = np.abs(done.twists[len(done.twists) // 2 :, 0])
     speed = float(late.max(initial=0.0))
     if done.gap <= 0.0:

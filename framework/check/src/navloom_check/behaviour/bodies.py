@@ -50,6 +50,7 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
         said = f"started its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
     for v, w in ((0.0, 0.0), *legs):
         before = out.odometry.pose
+        # A platform must move by the time that passed, not by the number of its calls.
         ticks = 1 if v >= 0.0 and w == 0.0 else 2  # on other legs it advances every second tick
         for _ in range(round(LEG / PERIOD / ticks)):
             tick += ticks

@@ -28,6 +28,7 @@ OFF = 0.08
 """Greatest distance of the robot from its trajectory once it has settled, m."""
 SETTLED = 0.6
 """Share of the drive after which the robot must have settled."""
+# The framework replans while it drives; a new number for the same way must not disturb a controller.
 REPLANNED = 0.3
 """Share of the trajectory at which it is replaced by an equal one with a new path number."""
 END = 0.2
@@ -100,6 +101,7 @@ def follow(make: Maker, scene: Scene, turn: float) -> tuple[FinishedDrive, list[
     samples = samples_of(scene)
     referee = Referee(samples, math.remainder(float(samples[-1, 3]) + turn, math.tau), make.extra)
     controller, beside = make(scene), list[float]()
+    # Twice the time at the lower speed limit, and some for the turn.
     seconds = 2.0 * float(samples[-1, 0]) / 0.2 + 20.0
 
     def step(stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> tuple[float, float] | str:
@@ -134,6 +136,7 @@ def settles(make: Maker, scene: Scene) -> Measured:
         return Measured(False, f"was {off:.3f} rad from its goal heading after turning in place", float(late), lines)
     swings = float(np.abs(done.twists[-SWINGS:, 1]).mean())
     said = f"swung at {swings:.2f} rad/s about its goal heading at the end"
+    # One that holds its heading, but never quite stands still, is good enough.
     return Measured(done.ended == "turned" or swings < SWINGING, said, float(late), lines)
 
 

@@ -81,6 +81,7 @@ def check(
 
         def progress(one: str, done: int, total: int) -> None:
             update(description=one, completed=done, total=total)
+            # A terminal shows the progress line itself; a log needs whole lines, and few of them.
             if not sys.stderr.isatty():
                 say(f"checking {name}: {done} of {total} checks done, now {one}")
 
@@ -178,6 +179,7 @@ def _refuse_missing(name: str) -> None:
     scheme, colon, _ = plugin.partition(":")
     if kind == "scheme" and colon:
         raise PluginError(f"{name}: expected scheme.{scheme}, or world.{plugin} for the world that it reads")
+    # `world.door:2.0` is made by a scheme, and that is the plugin to check.
     if kind == "world" and colon:
         kind, plugin = "scheme", scheme
     if kind not in CHECKED or not plugin:

@@ -92,6 +92,7 @@ def goes_on(bench: Bench) -> Iterator[Finding]:
 def _drive(scenes: list[PlayedScene]) -> list[tuple[PlayedScene, int, float]]:
     """One round of a long drive with one robot: the scene of each step, its number there, and its shift in time, s."""
     robot = scenes[0].context.robot
+    # One player has one robot, whose limits its commands are judged by.
     gentle = [one for one in scenes if one.is_gentle and one.context.robot.max_linear == robot.max_linear]
     found: list[tuple[PlayedScene, int, float]] = []
     for scene in gentle[-FEW:] or scenes[:1]:
@@ -107,8 +108,10 @@ def _at(scene: PlayedScene, step: int) -> str:
 def _slowing(spent: NDArray[np.float64], lap: int, scene: PlayedScene) -> Iterator[Finding]:
     """A finding if the times of the steps, `spent`, s, keep growing; `lap` is the number of steps in a round."""
     laps = len(spent) // lap
+    # Four quarters are compared below.
     if laps < 4:
         return
+    # Median, and below the least: other programs make single steps slower, never faster.
     rounds = np.median(spent[: laps * lap].reshape(laps, lap), axis=1)
     first, second, third, last = (float(part.min()) for part in np.array_split(rounds, 4))
     is_growing = second < third < last and last - third > 0.5 * (second - first)
@@ -188,6 +191,7 @@ def clears(bench: Bench) -> Iterator[Finding]:
         raise NotRun("it draws no map of readings")
     before, after = _at_box(bench, is_there=True)
     never_before, never_after = _at_box(bench, is_there=False)
+    # Compared with a room that never had the box, since a mapper may draw something there anyway.
     drawn, kept = before - never_before, after - never_after
     if drawn < FEWEST_CELLS:
         raise NotRun(f"it does not draw a box that it sees {WITH} times")
@@ -209,6 +213,7 @@ def _at_box(bench: Bench, *, is_there: bool) -> tuple[int, int]:
     room, scene = scenes.room(), bench.sound()[0]
     full = replace(room, obstacles=(*room.obstacles, BOX))
     sees = [any(issubclass(message, kind) for kind in bench.subject.thing.accepts) for message in (RangeScan, Sweep)]
+    # 4 more: the track must reach the last step, which is 1.5 s after its reading.
     stamps = [k * SECOND for k in range(WITH + WITHOUT + 4)]
     track = messages.track([(0.0, 0.0, 0.0)] * len(stamps), stamps)
     occupied = [0, 0]

@@ -61,6 +61,7 @@ def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]
     try:
         with GUARD.within("the call"):
             return act(), None
+    # A plugin that calls sys.exit() must not end the check.
     except (Exception, SystemExit) as error:
         return None, Finding(f"raises {type(error).__name__}: {error}", "an answer", own_line(bench, error))
 
@@ -122,6 +123,7 @@ def metric_values(bench: Bench) -> Iterator[Finding]:
         yield Finding(f"has bounds = {metric.bounds!r}", "(lowest, highest), each a number or None")
         return
     for name, trail in _trails().items():
+        # As a default, which is bound now: the loop's variable changes.
         found, problem = _problem(bench, lambda trail=trail: measure(trail, [metric])[metric.name])  # type: ignore[misc]
         if problem is not None:
             yield replace(problem, expected="a number, or None where it is not defined", given=f"episode: {name}")
@@ -146,6 +148,7 @@ def metric_repeats(bench: Bench) -> Iterator[Finding]:
             with alike(seeds, (1_700_000_000.0 + later, 0.001)):
                 given.append(_problem(bench, lambda one=one: metric.compute(one))[0])  # type: ignore[misc]
         for other, why in ((given[1], "with other seeds and another clock"), (given[2], "on a slower computer")):
+            # NaN both times is the same answer.
             if other != given[0] and not (other != other and given[0] != given[0]):
                 yield Finding(f"gives {given[0]!r}, and {other!r} {why}", "the same number", given=f"episode: {name}")
                 return

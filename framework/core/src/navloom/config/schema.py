@@ -116,6 +116,7 @@ class Config(OptionalTables):
             *self._wrong_places(),
             *self._wrong_events(),
         ]
+        # All at once, so that a file is put right in one go.
         if problems:
             raise ValueError("\n".join(problems))
         return self
@@ -196,6 +197,7 @@ class Config(OptionalTables):
     def role_table(self, role: str) -> RoleTable:
         """The table of the active instance of a role or node."""
         table = next((table for table in self.node if table.name == role), None) or getattr(self, role)
+        # For mypy, to which getattr() gives Any.
         assert isinstance(table, RoleTable)
         return table
 
@@ -209,6 +211,7 @@ class Config(OptionalTables):
 
     def without(self, nodes: Collection[str]) -> Config:
         """This config without some node plugins and everything that names them."""
+        # Without the unset keys: an event refuses keys that its `do` has no use for, even at their defaults.
         tree = self.model_dump(mode="json", exclude_unset=True)
         tree["node"] = [table for table in tree.get("node", []) if table["name"] not in nodes]
         for tables in ("alternative", "event"):

@@ -75,12 +75,14 @@ class OpenTable(StrictModel):
     @property
     def params(self) -> dict[str, Any]:
         """The keys that belong to the plugin."""
+        # A copy: the table is frozen, its dict is not.
         return dict(self.__pydantic_extra__ or {})
 
 
 class RunTable(Table):
     """One run."""
 
+    # TOML's integers have 64 bits, with a sign.
     seed: int = Field(default=0, ge=0, lt=2**63, description="seed of every random stream")
     period: float = Field(default=0.05, ge=0.001, le=1.0, description="length of a control tick, s")
     stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="longest run, s of robot time")
@@ -96,6 +98,7 @@ class FootprintTable(Table):
     @model_validator(mode="after")
     def _is_one_or_the_other(self) -> FootprintTable:
         rectangle = self.length is not None and self.width is not None
+        # The second part refuses half a rectangle beside a polygon.
         if rectangle == (self.polygon is not None) or (self.length is None) != (self.width is None):
             raise ValueError("expected either length and width, or polygon")
         return self
@@ -104,6 +107,7 @@ class FootprintTable(Table):
 class RobotTable(Table):
     """Description of the robot for every plugin; the gate enforces the limits."""
 
+    # Both names become parts of keys, where / * $ ? # have meanings.
     realm: str = Field(default="lab", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
     name: str = Field(default="r1", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
     footprint: FootprintTable = FootprintTable(length=0.8, width=0.8)
@@ -114,6 +118,7 @@ class RobotTable(Table):
     max_angular_deg: Positive = Field(default=25.0, description="deg/s")
     max_acceleration: Positive = Field(default=0.5, description="m/s²")
     max_deceleration: Positive = Field(default=1.0, description="m/s²")
+    # None, not infinity: the tables refuse infinity, since JSON has none.
     max_angular_acceleration_deg: Positive | None = Field(default=None, description="deg/s²; default: no limit")
     motor_lag: float = Field(default=0.0, ge=0.0, le=2.0, description="time constant of the wheels' speed, s")
     dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command until it acts on the wheels, s")

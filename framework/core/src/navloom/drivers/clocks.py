@@ -45,14 +45,17 @@ class ClockOffset:
         device_ns += self._wraps_ns
         self._last = device_ns, received_ns
         difference = received_ns - device_ns
+        # A queue whose differences rise: its first one is the minimum of the window, without a search.
         while self._least and self._least[-1][1] >= difference:
             self._least.pop()
         self._least.append((received_ns, difference))
         while self._least[0][0] < received_ns - self._window_ns:
             self._least.popleft()
         at_ns, least = self._least[0]
+        # An old minimum may be off by the drift since then.
         drifted = round(DRIFT * (received_ns - at_ns))
         stamp_ns = min(received_ns, device_ns + min(difference, least + drifted))
+        # A better minimum shifts the clock back, but stamps of a stream must not fall.
         self._newest_ns = max(self._newest_ns, stamp_ns)
         return self._newest_ns
 

@@ -62,6 +62,7 @@ class Link:
         self._fault = "not opened yet"
         self._lock = threading.Lock()
         self._ends = threading.Event()
+        # A daemon: a read that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
@@ -92,6 +93,7 @@ class Link:
         """End the thread and close the port, within a second."""
         self._ends.set()
         if self.is_started:
+            # With a limit: a driver in the kernel may hang for good.
             self._thread.join(JOIN)
         self._leave("closed")
 
@@ -106,6 +108,7 @@ class Link:
                 began = time.monotonic()
                 why = self._serve(port)
                 self._leave(why)
+                # A port that opens and fails at once must not be tried in a tight loop.
                 pause = FIRST if time.monotonic() - began > self._silence else pause
             self._ends.wait(pause)
             pause = min(2.0 * pause, MOST)
@@ -120,6 +123,7 @@ class Link:
             while not self._ends.is_set():
                 now = time.monotonic()
                 if now >= due:
+                    # Beats that were missed are not caught up.
                     due = max(due + self._beat_period, now)
                     self._beat()
                 data = port.read(min(SLICE, max(0.0, due - time.monotonic())))

@@ -32,6 +32,7 @@ __all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node
 
 def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: TraceWriter | None = None) -> Lockstep:
     """The executor of a system whose plugins are made."""
+    # The gate's node asks the executor which instances are warm, and the executor is made from the nodes: bound late.
     executor: Lockstep | None = None
 
     def is_warm(role: str, name: str) -> bool:
@@ -55,6 +56,7 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
     may_wait = system.may_wait
     if may_wait:
         gate = executor.gate
+        # Only where a node can wait at all, since the gate asks in every tick.
         gate.find_waiting = lambda: executor.waiting(may_wait)
     return executor
 
@@ -64,6 +66,7 @@ def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
 
     A `~` input is a plain read if all its publishers step later in a tick and none of them has latency.
     """
+    # Reversed, so that the first of a role, which is the active one, stays.
     in_charge = {one.role: one for one in reversed(steppers) if one.active}
     place = {role: number for number, role in enumerate(dict.fromkeys(one.role for one in steppers))}
     with_latency = {one.role for one in steppers if one.delay}
@@ -116,6 +119,7 @@ def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:
         active=active,
         enabled=active or getattr(part.table, "shadow", True),
         stride=stride_of(part.table, period),
+        # Rounded first: 0.15 s of ticks of 0.05 s is 3.0000000000000004 ticks in floating point.
         delay=math.ceil(round(part.table.latency / period, 6)),
     )
 
@@ -148,6 +152,7 @@ def goal_rules(system: System) -> GoalRules:
             rules.replan_when_blocked,
             rules.replan_period,
             rules.replan_gain,
+            # An obstacle nearer than this to the trajectory leaves no possible heading.
             inscribed_radius(system.robot.footprint),
         ),
     )
@@ -166,6 +171,7 @@ def gate_limits(system: System) -> GateLimits:
 def gate_monitor(system: System) -> CollisionMonitor | None:
     """The gate's collision monitor; None if the config disables it or the robot has no range sensors."""
     inputs = next(spec.inputs for spec in system.specs if spec.role == "gate")
+    # Without a sensor, all space is unseen, and a monitor would stop the robot for good.
     if not any(given.name.startswith("scan.") for given in inputs):
         return None
     return CollisionMonitor(MonitorLimits(system.robot, system.config.run.period, system.config.gate.range_sigma))

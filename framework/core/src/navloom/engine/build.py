@@ -88,6 +88,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
         for part in parts.values():
             with problems.gather():
                 part.streams = find_streams(part, [*catalogue.ports(), *ports.values()])
+    # Each stage needs what the previous ones found: all problems of one stage are told together, then it ends.
     problems.refuse(loaded.error)
     assert robot is not None and platform_part is not None
     with problems.gather():
@@ -110,7 +111,6 @@ def _system(
     catalogue: Catalogue,
     ports: Mapping[str, Port[Any]],
 ) -> System:
-    """The system of checked parts."""
     config = loaded.config
     platform = parts[("platform", config.platform.instance)].cls
     assert issubclass(platform, Platform)
@@ -120,6 +120,7 @@ def _system(
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
     system = System(loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks)
+    # Checked here, because the goal would otherwise be missed each time, which nobody would trace to these four values.
     least = least_tolerance(system.braking)
     if tolerance < least:
         raise ConfigError(
@@ -169,9 +170,11 @@ def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> Occ
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
     """A world as a map: its own raster if it has nothing else, otherwise rasterised at `resolution`, m."""
+    # Its kernels take long to load, and most configs have no world to rasterise.
     from navloom.geometry.grid import world_to_grid
 
     raster = world.raster
+    # A raster that is rasterised again would shift every wall by up to half a cell.
     if raster is not None and not world.obstacles:
         cells = np.where(raster.occupied, 100, 0).astype(np.int8)
         return OccupancyGrid(cells, raster.resolution, Pose2D(raster.origin.x, raster.origin.y, raster.origin.heading))
@@ -199,6 +202,7 @@ def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[
 def _stride(table: RoleTable, period: float, place: str) -> None:
     if table.rate_hz is not None:
         ratio = 1.0 / (table.rate_hz * period)
+        # Steps fall on ticks: another rate would have to alternate between two intervals.
         if round(ratio) < 1 or not math.isclose(ratio, round(ratio), rel_tol=1e-6):
             tick_rate = 1.0 / period
             near = tick_rate / max(1, round(ratio))
@@ -225,6 +229,7 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
     elif world is not None and world.start is not None:
         start = Pose2D(world.start.x, world.start.y, world.start.heading)
     else:
+        # A real robot without a map begins at the origin of the map that it makes.
         start = Pose2D(0.0, 0.0, 0.0)
     goal = navigation.goal
     if goal is None and world is not None and world.goal is not None:

@@ -63,6 +63,7 @@ class Catalogue(PortTable):
         required: Collection[str] = (),
         roles: Collection[str] = ROLES.keys(),
     ) -> None:
+        # Per config and not per process: `compare` runs several configs in one.
         self.strangers = dict(strangers)
         self.absent = frozenset(ROLES).difference(roles)
         own = {node.role: node for node in NODES if node.role not in self.absent}
@@ -83,6 +84,8 @@ class Catalogue(PortTable):
 
     def warming_ports(self, role: str) -> tuple[str, ...]:
         """Ports on which a message shows that an instance can take over; empty if an instance always can."""
+        # A planner publishes only when it is asked: waiting for its first answer would delay a swap until the next
+        # goal.
         return () if self.nodes[role].answers_when_asked else self.answer_ports(role)
 
     def is_patient(self, role: str) -> bool:
@@ -106,6 +109,7 @@ def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Ca
         try:
             found[table.name] = node_plugin(discovery, table.plugin)
         except PluginError as error:
+            # Tools look at robots whose distributions they lack: a missing node must not hide the rest.
             missing[table.name] = str(error)
     required = [table.name for table in config.node if table.required and table.name in found]
     return Catalogue(found, required, config.roles), missing

@@ -69,6 +69,7 @@ def _limits(system: System) -> Iterator[str]:
     config = system.config
     period, gate = config.run.period, config.gate
     for name, limit in (("stop_deadline", gate.stop_deadline), ("sensor_timeout", gate.sensor_timeout)):
+        # Between two ticks every stamp is a period old.
         if limit <= period:
             yield (
                 f"gate.{name}: is {limit:g} s; expected more than run.period = {period:g} s, or a live robot stops in "
@@ -95,7 +96,10 @@ def _delays(system: System) -> Iterator[str]:
     drivers = ("controller",) if config.navigation.handover == "never" else ("controller", "avoider")
     for driver in drivers:
         ages = {role: _age(system, role) for role in ("localizer", driver)}
+        # Delays add up along the chain, but only the longest hold counts: a fresh pose waits for the next slow step
+        # once.
         age = sum(late for late, _ in ages.values()) + max(rest for _, rest in ages.values())
+        # Periods are sums of floating point numbers: a limit of exactly two ticks must allow two ticks.
         if age > limit + 1e-9:
             role = max(ages, key=lambda role: sum(ages[role]))
             key = "latency" if ages[role][0] > 0.0 else "rate_hz"
@@ -144,6 +148,7 @@ def place_problem(system: System, x: float, y: float, heading: float | None) -> 
             f"({x:g}, {y:g}) is outside the world {world.name}, "
             f"which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m"
         )
+    # Without a heading the planner may choose any: only what is covered at every heading must be free.
     shape = outline if heading is not None else _disc(inscribed_radius(outline))
     gap, name = clearance(shape, Place(x, y, heading or 0.0), world, height=system.robot.height)
     return "" if gap > 0.0 else f"the robot does not fit at ({x:g}, {y:g}): occupied by {name}"

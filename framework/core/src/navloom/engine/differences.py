@@ -56,6 +56,7 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
     Raises:
         TypeError: The two messages are of different types.
     """
+    # Before the check of types: a path and a failure are both answers of a planner.
     if isinstance(ours, (Path, PlanFailure)) and isinstance(theirs, (Path, PlanFailure)):
         return _of_answers(ours, theirs)
     if type(ours) is not type(theirs):
@@ -108,6 +109,7 @@ def _is_same(ours: Any, theirs: Any) -> bool:
         return all(_is_same(getattr(ours, name), getattr(theirs, name)) for name in names)
     if isinstance(ours, tuple) and isinstance(theirs, tuple):
         return len(ours) == len(theirs) and all(map(_is_same, ours, theirs))
+    # Also for scalars; `==` of two arrays would be an array.
     return bool(np.array_equal(ours, theirs))
 
 
@@ -135,6 +137,7 @@ def _kinds(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 
 def _seen_from(ours: OccupancyGrid, theirs: OccupancyGrid) -> NDArray[np.int8]:
     """Their value at the centre of each of our cells; -1 outside their grid."""
+    # The usual case, without the rounding of a transformation.
     if ours.cells.shape == theirs.cells.shape and (ours.resolution, ours.origin) == (theirs.resolution, theirs.origin):
         return theirs.cells
     rows, cols = np.indices(ours.cells.shape)

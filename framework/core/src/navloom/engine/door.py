@@ -65,8 +65,10 @@ class AnswerError(NavloomError, ValueError):
 
 def verb_place(plugin: Role) -> str:
     """File and line of the verb of a plugin's class, as `planner.py:31`; empty if it has no Python source."""
+    # A decorated verb would otherwise name the line of its decorator's wrapper.
     verb: Any = inspect.unwrap(getattr(type(plugin), verb_of(plugin.role)))
     code = getattr(verb, "__code__", None)
+    # Only the file's name: the text is recorded, and a path would differ between machines.
     return f"{PurePath(code.co_filename).name}:{code.co_firstlineno}" if code is not None else ""
 
 
@@ -127,11 +129,13 @@ class PlatformDoor(_Door):
         if not isinstance(answer, PlatformOutput):
             self.refuse_type(answer, "PlatformOutput")
         self._check_types(answer)
+        # The run clock restarted with another platform: stamps may begin again.
         if given.time_ns < self._now_ns:
             self._newest = dict.fromkeys(self._sensors, 0)
             self._odometry_ns = 0
         self._now_ns = given.time_ns
         if given.sweep_request is not None:
+            # Requests are repeated under the same number when an answer is late.
             self._asked = max(self._asked, given.sweep_request.request_id)
         stamp_ns = answer.odometry.stamp_ns
         if not self._odometry_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
@@ -148,6 +152,7 @@ class PlatformDoor(_Door):
             self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) for no contact")
         if answer.truth is not None and not isinstance(answer.truth, Truth):
             self.refuse(f"gave truth={brief(answer.truth)}", "Truth or None")
+        # The cheap test first: it is made for every platform in every tick.
         if answer.scans.__class__ is not dict and not isinstance(answer.scans, Mapping):
             self.refuse(f"gave scans={brief(answer.scans)}", "messages by sensor name, as {'laser': scan}")
 
@@ -162,6 +167,7 @@ class PlatformDoor(_Door):
         if not isinstance(scan, wanted):
             given = type(scan).__name__ if isinstance(scan, Message) else brief(scan)
             self.refuse(f"gave {given} for the sensor {name!r}", wanted.__name__)
+        # Only messages of the framework have fields that can be checked here.
         if not isinstance(scan, (RangeScan, Sweep)):
             return
         stamp_ns, before_ns = scan.stamp_ns, self._newest[name]
@@ -183,11 +189,13 @@ class LocalizerDoor(_Door):
         if not isinstance(answer, PoseEstimate):
             self.refuse_type(answer, "PoseEstimate")
         stamp_ns = given.odometry.stamp_ns
+        # Poses are matched with scans by their stamps: a pose of another time would place them wrong without a sign.
         if answer.stamp_ns != stamp_ns:
             self.refuse(
                 f"gave a pose stamped {_seconds(answer.stamp_ns)}", f"the odometry's stamp, {_seconds(stamp_ns)}"
             )
         variances = answer.covariance.diagonal().tolist()
+        # Not the whole matrix: its eigenvalues would cost more than the step of a simple localizer.
         if min(variances) < 0.0:
             self.refuse(f"gave variances {variances}", "values of at least 0 on the diagonal of the covariance")
         return answer
@@ -210,6 +218,7 @@ class MapperDoor(_Door):
         if not isinstance(answer, MapUpdate):
             self.refuse_type(answer, "MapUpdate or None")
         self.check_ahead("a map", answer.stamp_ns, given.stamp_ns)
+        # A mapper that was cleared restarts from older data.
         if answer.stamp_ns < self._newest - BACK_NS:
             self.refuse(
                 f"gave a map stamped {_seconds(answer.stamp_ns)}",
@@ -242,7 +251,9 @@ class PlannerDoor(_Door):
         if answer.request_id != request.request_id:
             self.refuse(f"answered request {answer.request_id}", f"request {request.request_id}, which was asked")
         if isinstance(answer, Path):
+            # A planner may plan on a coarser grid than the map's.
             grid = given.map.grid if answer.traversable is None else answer.traversable
+            # A path on cell centres may begin and end up to half a diagonal away from the places asked for.
             slack = max(self.tolerance, math.sqrt(2.0) * grid.resolution)
             points = answer.points
             for name, (x, y), asked in (("starts", points[0], request.start), ("ends", points[-1], request.goal)):
@@ -271,6 +282,7 @@ class TwistDoor(_Door, Generic[A]):
         super().__init__(plugin)
         self.notes: list[str] = []
         self._kind: type[A] = kind
+        # Infinite limits are never exceeded, so that a plugin without a context passes.
         self._speed = self._turn = math.inf
         context = getattr(plugin, "context", None)  # a plugin's own __init__ may not store it
         if context is not None:
@@ -282,6 +294,7 @@ class TwistDoor(_Door, Generic[A]):
         if not isinstance(answer, self._kind):
             self.refuse_type(answer, self._kind.__name__)
         twist, turn, speed = answer.twist, self._far_turn, self._far_speed
+        # The first one says it all: a wrong unit repeats in every tick.
         if not (-turn < twist.wz < turn and -speed < twist.vx < speed) and not self.notes:
             self._note(twist)
         return answer

@@ -20,7 +20,9 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
         goals += 1
         via = tuple(Point2D(point.x, point.y) for point in config.navigation.via)
         requests[0] = [OperatorRequest("goal", goal_at(goals, goal.x, goal.y, goal.heading_deg, via))]
+    # Sorted by time, stable: goals are numbered in the order in which they happen, not that of the file.
     for event in sorted(config.event, key=lambda event: event.at):
+        # Rounded first: a time that is a whole number of ticks must not fall into the next one.
         tick = math.ceil(round(event.at / config.run.period, 6))
         if event.do == "goal":
             goals += 1
@@ -42,5 +44,6 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
 
 def goal_at(number: int, x: float, y: float, heading_deg: float | None, via: tuple[Point2D, ...] = ()) -> Goal:
     """A goal from the values of a config: m, degrees, map frame."""
+    # A heading of 270 is -90 in messages; `remainder` of degrees is exact, of radians it is not.
     heading = None if heading_deg is None else math.radians(math.remainder(heading_deg, 360.0))
     return Goal(number, x, y, heading, via)

@@ -26,10 +26,12 @@ def extended(system: System, loaded: Loaded, source: Source) -> System:
     Raises:
         ConfigError, PluginError: The instance does not fit, or another node would have to read something new.
     """
+    # The whole config again: an added instance may make another one's parameters wrong (an ambiguous stream).
     found = assemble(loaded)
     check_live(found)
     role, name = source
     for other, spec in found.wiring.items():
+        # The new instance runs in a process of its own, which reads what it likes.
         if other == source:
             continue
         if more := sorted(_reads(spec) - _reads(system.wiring[other])):
@@ -54,6 +56,7 @@ def admit_part(system: System, loaded: Loaded, source: Source) -> None:
     role, _ = source
     active = next(one for one in system.parts if one[0] == role)
     table = loaded.config.alternative[-1]
+    # `Role` stands for its class, which this process must not import.
     part = Part(f"alternative.{len(loaded.config.alternative) - 1}", role, table, Role, None)
     # Other threads iterate over these: replace them, and change nothing in place.
     system.wiring = {**system.wiring, source: system.wiring[active]}

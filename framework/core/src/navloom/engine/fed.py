@@ -21,6 +21,7 @@ class _FedWire(Wire):
 
     def __init__(self, given: Input) -> None:
         super().__init__(given, Slot("", ""))
+        # Empty before the first step, as a slot is.
         self.hand(None)
 
     def hand(self, given: Any) -> None:
@@ -50,6 +51,7 @@ class FedNode:
     def __init__(self, spec: NodeSpec, node: Node) -> None:
         self.spec, self.node = spec, node
         self._wires = {given.name: _FedWire(given) for given in spec.inputs}
+        # No slots: what it publishes is returned, and nothing may read it.
         self._stepper = Stepper(spec, node, "main", {})
         self._stepper.connect(list(self._wires.values()))
 
@@ -70,6 +72,7 @@ class FedNode:
         """
         for name, wire in self._wires.items():
             wire.hand(given.get(name))
+        # The stepper of the recorded run did not step either.
         if any(wire.value is None for wire in self._wires.values() if wire.input.is_needed):
             return []
         return [(out.name, message) for out, message in self._stepper.run(tick, act or self.node.step)]

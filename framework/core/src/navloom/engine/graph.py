@@ -34,6 +34,7 @@ def edges(specs: Sequence[NodeSpec]) -> list[tuple[str, str, Input]]:
                 hint = f"did you mean {near[0]!r}?" if near else f"it publishes {', '.join(ports[given.role])}"
                 raise GraphError(f"{spec.role} reads {given}, but {given.role} publishes no {given.port!r}; {hint}")
             carried = ports[given.role][given.port].carries
+            # mypy checks this where both ends are code; ports that a config names are known only now.
             if given.source.carries is not carried:
                 raise GraphError(
                     f"{spec.role} reads {given} as {given.source.carries.__name__}, but it carries {carried.__name__}"
@@ -53,6 +54,7 @@ def order(specs: Sequence[NodeSpec]) -> list[NodeSpec]:
     placed: list[NodeSpec] = []
     done: set[str] = set()
     while left:
+        # The first that is ready in listed order, so that the order of steps is the same in each process.
         ready = next((s for s in left if all(src in done for src, dst, _ in wires if dst == s.role)), None)
         if ready is None:
             raise GraphError(_cycle(wires, {spec.role for spec in left}))
@@ -65,6 +67,7 @@ def order(specs: Sequence[NodeSpec]) -> list[NodeSpec]:
 def _cycle(wires: Sequence[tuple[str, str, Input]], among: set[str]) -> str:
     """One cycle among the nodes that could not be placed: walk against the edges until a node repeats."""
     back = {dst: (src, given) for src, dst, given in wires if dst in among and src in among}
+    # `min`, because sets have another order in each process and the message must not.
     node = min(among & set(back))
     seen: list[str] = []
     while node not in seen:

@@ -20,6 +20,7 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
     Sources are default, file, --set, --shadow, world, and `preset NAME` for a value that comes from a preset.
     """
     loaded = system.loaded
+    # As JSON, since `--json` and recordings hold these values.
     tree: dict[str, Any] = loaded.config.model_dump(mode="json")
     presets: dict[str, str] = {}
     for part in system.parts.values():
@@ -28,6 +29,7 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
         if not isinstance(part.table, NodeTable):  # its name is the node's, not the instance's
             table["name"] = part.table.instance
         if preset := part.table.preset or own_preset(part.cls.presets):
+            # The preset's name is told even if it was not given: own presets apply by default.
             table["preset"] = preset
             listed = part.cls.presets[preset].settings
             presets |= {f"{part.place}.{key}": f"preset {preset}" for key in listed}
@@ -45,6 +47,7 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
         tree["map"] = MapTable().model_dump(mode="json")
     worlds = _of_world(system, tree["navigation"])
     return [
+        # What a world fills in is in no file, but it would count as a default.
         (place, value, worlds.get(place) or loaded.sources.get(place) or presets.get(place, "default"))
         for place, value in leaves(tree)
     ]

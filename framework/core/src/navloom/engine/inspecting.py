@@ -63,9 +63,11 @@ class StepInspector:
         """Run `stepper.step` and inspect it."""
         plugin = getattr(stepper.node, "plugin", stepper.node)
         home = home_of(type(plugin))
+        # The framework's own nodes are checked by ruff and by tests.
         if not isinstance(plugin, Role) or home == OWN:
             return stepper.step(tick, since)
         source, seen = (stepper.role, stepper.name), _Calls(home)
+        # The state is compared as well, since compiled code draws without a call that a profiler sees.
         before = _random_state()
         outputs = seen.watch(lambda: stepper.step(tick, since))
         if seen.clock:
@@ -96,6 +98,7 @@ class _Calls:
 
     def watch(self, act: Callable[[], Outputs]) -> Outputs:
         """Call `act` with this profiler, unless another one is active."""
+        # A debugger or coverage tool is at work: it would lose its hook.
         if sys.getprofile() is not None:
             return act()
         sys.setprofile(self._see)
@@ -111,6 +114,7 @@ class _Calls:
                 self.clock = self.clock or self._line(frame, called.__name__)
             elif called is os.urandom or owner is SHARED:
                 self.random = self.random or self._line(frame, called.__name__)
+        # Some functions of `random` are written in Python, others in C.
         elif event == "call" and frame.f_locals.get("self") is SHARED:
             self.random = self.random or self._line(frame.f_back, frame.f_code.co_name)
 

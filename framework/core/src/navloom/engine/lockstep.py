@@ -172,6 +172,7 @@ class Lockstep:
 
         `progress` receives the newest tick.
         """
+        # Wall time for the log only; nodes get the run clock.
         started, told = perf_counter_ns(), 0
         odometry = self._active["platform"].slots["odometry"]
         try:
@@ -189,6 +190,7 @@ class Lockstep:
                 if self._ending.is_over(number, self._goal.machine.is_idle, self.gate.gate.is_moving, measured):
                     break
         finally:
+            # Also after an exception or Ctrl-C: the trace up to there shows what led to it.
             self.trace.flush()
         self.log.wall_ns = perf_counter_ns() - started
         self.log.ticks = len(self.log.tick_ns)
@@ -197,11 +199,13 @@ class Lockstep:
 
     def _step(self, number: int) -> None:
         time_ns = round(number * self.period * 1e9)
+        # Before anything steps: a tick belongs to one selection as a whole.
         if self._selection is not None and number >= self._selection.from_tick:
             self._select(self._selection)
         for request in self.requests.get(number, ()):
             self._take(request)
         tick = Tick(number, time_ns * 1e-9, time_ns, self._epoch)
+        # Held back outputs come first, as live they would arrive before anything of this tick is computed.
         for stepper in self._delayed:
             for outputs, made, cause_ns in stepper.due(number):
                 self._publish(stepper, outputs, number, (made.number, made.time_ns, cause_ns, made.epoch))
@@ -213,6 +217,7 @@ class Lockstep:
             if not trigger:
                 continue
             since = number - stride
+            # Before the step, which empties the queues.
             read = stepper.read_marks(number, since) if self._step_observers else ()
             outputs = stepper.step(tick, since) if inspector is None else inspector.step(stepper, tick, since)
             for keep in keeps:
@@ -244,6 +249,7 @@ class Lockstep:
         text = f"{stepper.role} {stepper.name} failed: {fault}"
         self.log.faults.append(text)
         self.log.failed.append((stepper.role, stepper.name, stepper.stepped))
+        # A plugin that raised once may be in any state.
         stepper.enabled = False
         self._make_plan()
         if stepper.active and stepper.role not in self._goal.optional:
@@ -271,6 +277,7 @@ class Lockstep:
                 if isinstance(stepper.node, LocalizerNode):
                     stepper.node.place(request, stepper.active)
         elif request.do == "swap":
+            # It steps as a shadow from now on, and takes over once it has published a result.
             self._by_name[(request.role, request.instance)].enabled = True
             self._make_plan()
 
@@ -313,6 +320,7 @@ class Lockstep:
 
     def _on_selection(self, message: Message, at: Envelope) -> None:
         assert isinstance(message, Selection)
+        # Epoch 0 is the selection of the config, by which the graph is wired already.
         self._selection = message if message.epoch else None
 
     def _on_status(self, message: Message, at: Envelope) -> None:

@@ -31,6 +31,7 @@ __all__ = ["blamed_on_part", "configure", "make_plugins", "role_nodes", "try_plu
 Progress = Callable[[str], None]
 YOUNG_OBJECTS = 10_000
 """New objects between two collections of the youngest generation; Python's default, 700, is a dozen ticks."""
+# 2 kB each. At a fixed rate and not on demand, because a trace must not depend on what is recorded or viewed.
 DIAGNOSTICS_RATE_HZ = 2.0
 """Default rate of an avoider's diagnostics, Hz."""
 
@@ -44,10 +45,12 @@ def make_plugins(
         ConfigError: A plugin refuses its world, sensors or map.
     """
     progress("preparing the framework")
+    # Compiled before the first tick: a kernel takes seconds, and a robot that drives must not wait for it.
     for warm_up in (blocking.warm_up, handover.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
     for spec in system.specs:
         for port in spec.ports:
+            # Generated on first use, which would fall into a tick.
             writer_of(port.carries)
             if only is not None:  # not all run in this process: messages come as bytes
                 typed_reader(port.carries)
@@ -55,6 +58,7 @@ def make_plugins(
     for (role, instance), part in system.parts.items():
         if only is not None and (role, instance) not in only:
             continue
+        # Alternatives often share a class.
         if part.cls not in warmed:
             progress(f"preparing {role} {part.cls.name}")
             with blamed_on_part(part, "warm_up"):
@@ -70,6 +74,7 @@ def _spare_what_is_loaded() -> None:
 
     New objects are also collected less often than by default: messages hold no cycles, so there is little to find.
     """
+    # A collection over all objects of the libraries pauses a process for longer than a tick.
     gc.freeze()
     gc.set_threshold(YOUNG_OBJECTS)
 
@@ -84,6 +89,7 @@ def try_plugins(system: System) -> None:
     """
     problems = Gathered()
     for part in system.parts.values():
+        # A driver opens the robot's ports in its constructor.
         if part.role != "platform" or getattr(part.cls, "is_simulated", False):
             with problems.gather():
                 _made(system, part)
@@ -98,8 +104,10 @@ def _made(system: System, part: Part) -> Role:
         period=config.run.period,
         robot=system.robot,
         stream=stream_source(config.run.seed, role, instance),
+        # Only the simulator knows where the robot really stands; everybody else gets what the robot believes.
         start=system.true_start if role == "platform" else system.start,
         sensors=system.sensors if role == "platform" else (),
+        # The ground truth is for the simulator only; others would not find it on a real robot.
         world=system.world if role == "platform" else None,
         map=system.map if role in ROLES and ROLES[role].facts.sees_map else None,
         diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
@@ -131,6 +139,7 @@ def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
         raise ConfigError(*problems_of(error, part.cls.Params, part.place)) from None
     except ValueError as error:
         raise ConfigError(f"{part.place} ({part.cls.name}): {error}") from None
+    # A plugin that calls `sys.exit` must not end the process of other nodes.
     except (Exception, SystemExit) as error:
         text = fault_text(error, part.cls)
         raise PluginError(f"{part.place}.plugin: {part.cls.name} fails in {verb}: {text}") from None
@@ -155,11 +164,14 @@ def configure(system: System, role: str, instance: str, assignments: tuple[str, 
     """
     params = changed_params(system, role, instance, assignments)
     plugin = system.plugin(role, instance)
+    # `configure` may fail half way; a plugin must keep its old parameters as a whole.
     before = dict(vars(plugin))
     try:
         with blamed_on_part(system.parts[(role, instance)], "configure"):
             plugin.configure(params)
+    # Also for Ctrl-C: whatever ends `configure`, the plugin keeps its old parameters.
     except BaseException:
+        # In place: the plugin itself, and nodes that refer to it, must stay the same object.
         vars(plugin).clear()
         vars(plugin).update(before)
         raise

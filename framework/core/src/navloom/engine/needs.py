@@ -16,6 +16,7 @@ __all__ = ["needed_sensors"]
 def needed_sensors(system: System) -> Iterator[str]:
     """One problem, with fixes, for each plugin that needs a sensor and has none that it accepts."""
     for part in system.parts.values():
+        # An avoider that never drives may stay blind.
         is_idle = part.role == "avoider" and system.config.navigation.handover == "never"
         if part.cls.needs_sensor and part.cls.accepts and not part.sensors and not is_idle:
             yield _without_sensor(system, part)
@@ -50,6 +51,7 @@ def _others(system: System, part: Part) -> list[str]:
     for name in discovery.names(part.role if part.role in ROLES else NODE):
         try:
             cls: type[Role] = discovery.plugin(part.role, name)
+        # A broken plugin is no fix; `navloom plugins` tells about it.
         except PluginError:
             continue
         if not (cls.needs_sensor and cls.accepts) or any(issubclass(message, cls.accepts) for message in given):

@@ -69,6 +69,7 @@ def catalogue_of_parts(config: Config, parts: Mapping[tuple[str, str], Part], pr
     strangers: dict[str, type[NodePlugin]] = {}
     for table in config.node:
         part = parts.get((table.name, table.instance))
+        # Missing parts are already among the problems.
         if part is not None and issubclass(part.cls, NodePlugin):
             strangers[table.name] = part.cls
     for part in parts.values():
@@ -123,6 +124,7 @@ def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]
         if name not in wanted:
             hint = nearest(name, list(wanted)) if wanted else "; it declares none"
             raise ConfigError(f"{part.place}.inputs.{name}: {part.cls.name} has no such input{hint}")
+    # A platform steps first in a tick: there is nothing that it could wait for.
     if wanted and part.role == "platform":
         raise ConfigError(f"{part.place}.plugin: {part.cls.name} declares extra inputs, which a platform cannot have")
     return {name: _port_of(part, name, carries, chosen.get(name), ports) for name, carries in wanted.items()}
@@ -146,6 +148,7 @@ def _port_of(
         raise ConfigError(
             f"{part.place}.plugin: {part.cls.name} reads {carries.__name__}: no plugin may read the ground truth"
         )
+    # Not its own role: an alternative that reads its active instance would follow it.
     found = {str(port): port for port in ports if issubclass(port.carries, carries) and port.role != part.role}
     place, words = f"{part.place}.inputs.{name}", f"{part.cls.name} reads {carries.__name__}"
     listed = ", ".join(found)
@@ -197,6 +200,7 @@ def connect(
     """
     given: dict[str, list[Port[Any]]] = {"gate": [sensors[name] for name in seen]}
     for part in parts.values():
+        # A list without repeats, in the order of the config: sets would give another order in each process.
         kept = given.setdefault(part.role, [])
         kept += [sensors[name] for name in part.sensors if sensors[name] not in kept]
     given["platform"] = list(sensors.values())
@@ -205,6 +209,7 @@ def connect(
         instances: list[NodeSpec] = []
         for part in parts.values():
             if part.role == role:
+                # Each instance by its own sensors: alternatives may read different ones.
                 own = given if role == "platform" else {**given, role: [sensors[name] for name in part.sensors]}
                 cls = part.cls if issubclass(part.cls, NodePlugin) else node
                 spec = cls.spec(Wired(role, own, part.streams, extras_of(part.cls), catalogue.absent))
@@ -214,6 +219,7 @@ def connect(
             instances = [node.spec(Wired(role, given, absent=catalogue.absent))]
             wiring[role, "main"] = instances[0]
         first = instances[0]
+        # The order must hold for whichever instance becomes active.
         inputs = tuple(dict.fromkeys(one for spec in instances for one in spec.inputs))
         specs.append(NodeSpec(role, inputs, first.ports, first.cause, first.ticks))
     try:

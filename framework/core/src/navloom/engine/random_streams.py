@@ -19,8 +19,11 @@ def stream_source(seed: int, role: str, instance: str) -> Callable[[str], np.ran
 
     def stream(name: str) -> np.random.Generator:
         if name not in made:
+            # A separator that no name contains: "a", "bc" and "ab", "c" are different streams.
             label = "\0".join((role, instance, name)).encode()
+            # A hash of our own, because Python's differs between processes; the byte order is fixed.
             words = np.frombuffer(hashlib.sha256(label).digest(), dtype="<u4")
+            # The generator is named: numpy may change what `default_rng` returns.
             made[name] = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *words.tolist()])))
         return made[name]
 

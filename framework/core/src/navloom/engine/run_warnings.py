@@ -101,6 +101,7 @@ class RunWarnings:
     ) -> None:
         """Add a warning, unless there already is one of this kind about the same thing."""
         made = RunWarning(kind, *source, self._plugins.get(source, ""), text, figures or {}, about)
+        # One operation of a dict, so that threads need no lock.
         self._found.setdefault((kind, source, about), made)
 
     def listed(self) -> list[RunWarning]:
@@ -119,6 +120,7 @@ def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Seq
             continue
         limit = stride_of(part.table, system.config.run.period) * system.config.run.period
         spent = np.array(steps) * 1e-9
+        # Not the slowest step: a collection or another process may delay any one.
         p99, late = float(np.percentile(spent, 99)), int((spent > limit).sum())
         if p99 > limit:
             found.add(
@@ -163,6 +165,7 @@ def volumes_of(trace: TraceWriter, steppers: Sequence[Stepper]) -> Iterator[Volu
     for stepper in steppers:
         for port, slot in stepper.slots.items():
             if slot.message is not None and (stepper.role, stepper.name, port) not in traced:
+                # A shadow is not in the trace, and recording all its messages just to count them would cost too much.
                 size = _size(slot.message)
                 yield Volume((stepper.role, stepper.name), port, size, size * slot.sequence)
 
@@ -170,6 +173,7 @@ def volumes_of(trace: TraceWriter, steppers: Sequence[Stepper]) -> Iterator[Volu
 def large_messages(found: RunWarnings, volumes: Iterable[Volume], seconds: float) -> None:
     """Warn of streams with more data than the network of a live robot can carry, in a run of `seconds`."""
     for one in volumes:
+        # A run of a few ticks would turn the first map into an enormous rate.
         rate = one.total / max(seconds, 1.0)
         if one.largest <= LARGEST_MESSAGE and rate <= MOST_PER_SECOND:
             continue
@@ -221,6 +225,7 @@ def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
         allowed = max(SILENT, 3.0 * period * (tick - heard.began + 1) / max(1, count))
         if cls.scans_on_request(sensor):
             allowed = system.config.navigation.map_timeout
+            # A sweep comes only when asked for: silence counts from the request on.
             since = heard.ticks if count or heard.asked < 0 else heard.asked
         silence = (heard.ticks - 1 - since) * period
         if silence <= allowed:

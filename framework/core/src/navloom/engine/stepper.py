@@ -85,6 +85,7 @@ class Stepper:
         """Whether a needed input has no message yet, in this tick or at all; sets `lacks`."""
         if not self._needed:
             return False
+        # A stream that once had a message is not looked at again.
         self._needed = [wire for wire in self._needed if not wire.sequences(number, -1)]
         self.lacks = tuple([str(wire.input.source) for wire in self._needed])
         return bool(self._needed)
@@ -123,12 +124,15 @@ class Stepper:
         try:
             act(tick)
             self.fault = ""
+        # A plugin that calls `sys.exit` must not end the process of other nodes.
         except (Exception, SystemExit) as error:
+            # All or nothing: half of the outputs of a failed step would be in the trace.
             node.made.clear()
             self.fault = fault_text(error, node)
         self.busy_since_ns = None
         self.spent_ns = monotonic_ns() - before
         made = node.made
+        # The list is handed out, not copied, so that the node needs a new one.
         if made:
             node.made = []
         return made
@@ -136,10 +140,12 @@ class Stepper:
     def cause_of(self, time_ns: int) -> int:
         """Platform stamp that outputs of this tick derive from."""
         wire = self.cause
+        # Before its first input, a node derives from now: its output is as old as the tick.
         return time_ns if wire is None or wire.slot.when is None else wire.slot.when[2]
 
     def hold_back(self, outputs: Outputs, tick: Tick, cause_ns: int) -> None:
         """Hold the outputs of a step until its delay is over."""
+        # By tick, because a node with a stride may hold several.
         self._due.setdefault(tick.number + self.delay, []).append((outputs, tick, cause_ns))
 
     def due(self, number: int) -> list[tuple[Outputs, Tick, int]]:

@@ -44,13 +44,19 @@ __all__ = ["FRAMEWORK_PORTS", "OWN_PORTS", "PLAIN", "STATE", "STEP", "WORD", "Av
 STEP = "step"
 """Port of every node's step reports."""
 
+# Dropped rather than late: a command that waited in a queue is stale.
 URGENT = Quality("drop", "real_time", "drop")
 STATE = Quality("drop", "interactive_high", "drop")
+# Never dropped: these messages are sent once and change what a node does.
 WORD = Quality("block", "interactive_high", "block")
 PLAN = Quality("block", "data_high", "block")
+# Only one may wait: the next map replaces it anyway, and a full link must not block the mapper.
+# A map is sent whole: parts of one would need rules for late joiners and lost messages, and save 2 % of a core.
 MAP = Quality("block_first", "data_low", "block_first")
 PLAIN = Quality("drop", "data", "drop")
+# The truth of a simulator is for viewers: no robot waits for it.
 UNHURRIED = Quality("drop", "background", "drop")
+# In one queue, a small scan behind the parts of a sweep would find no room within the time that it may wait.
 SENSORS: dict[type[Message], Quality] = {
     RangeScan: Quality("drop", "data_high", "block_first"),  # not behind the parts of a sweep of 100 kB
     Sweep: Quality("drop", "data", "block_first"),
@@ -144,6 +150,8 @@ class GatePorts(Ports, role="gate"):
     selection = Port(Selection, WORD, retained=True)
 
 
+# Streams are declared here and not in the nodes that publish them: nodes read each other in a circle, and a class
+# cannot refer to one that is defined after it.
 class PortTable:
     """Declared ports by role and name; not the ports of sensors, which a config names."""
 

@@ -61,6 +61,7 @@ class System:
         """Run time at which a run ends, s: the shorter one of the config's and the world's limit."""
         authored = self.world.time_limit if self.world is not None else None
         stop_after = self.config.run.stop_after
+        # Results of a world are comparable only within the time that its author gave.
         return stop_after if authored is None else min(stop_after, authored)
 
     @property

@@ -84,6 +84,7 @@ class TraceWriter:
             return
         self._ticks.append((tick, self.entries))
         self.entries = []
+        # Larger batches fall out of the cache and keep the garbage collector busy.
         if len(self._ticks) >= BATCH:
             self.flush()
 
@@ -93,8 +94,10 @@ class TraceWriter:
         last: tuple[int, ...] = ()
         time, lines = b"", self._lines
         for tick, entries in self._ticks:
+            # Live, nodes publish in any order within a tick; sorted, a barrier run has the hash of lockstep.
             entries.sort(key=_label)
             for label, message, when, key in entries:
+                # All messages of one step share these bytes.
                 if when != last:
                     last, time = when, pack_time(when)
                 line = lines.get(label)
@@ -114,6 +117,7 @@ class TraceWriter:
         self._hash.update(block)
         if self._file is not None:
             self._file.write(block)
+            # A run that is killed leaves all complete batches.
             self._file.flush()
 
     def volumes(self) -> Iterator[tuple[str, int, int]]:

@@ -56,6 +56,7 @@ class Slot:
         """Envelope of the newest message; made on first use."""
         made = self._envelope
         if made is None and self.when is not None:
+            # On demand: most messages are read without their envelope, and in lockstep that saves one object each.
             made = self._envelope = _as_tuple(Envelope, (self.key, self.sequence, *self.when))
         return made
 
@@ -65,11 +66,13 @@ class Slot:
 
     def put(self, message: Message, sequence: int, when: When, tick: int, envelope: Envelope | None = None) -> None:
         """Hold a message as the newest one, published in a tick."""
+        # A second message within a tick replaces the first; the one before the tick stays for `~` readers.
         if self.tick < tick:
             self.older = (self.message, self.sequence, self.tick)
         self.message, self.sequence, self.when, self.tick, self._envelope = message, sequence, when, tick, envelope
         for queue in self.queues:
             queue.append((tick, message, sequence))
+        # The envelope is made only if somebody looks.
         if self.watchers:
             at = self.envelope
             assert at is not None
@@ -117,6 +120,7 @@ class Wire:
     def has_news(self, since: int, tick: int) -> bool:
         """Whether a message that may be read in this tick was published after tick `since`."""
         slot = self.slot
+        # The publisher may already have stepped in this tick: a `~` reader must not see that.
         at = slot.older[2] if self.delayed and slot.tick == tick else slot.tick
         return at > since
 
@@ -142,6 +146,7 @@ class _PlainWire(Wire):
 
     def bind(self, attributes: dict[str, Any], name: str) -> None:
         self._bound = attributes, name
+        # The slot itself is the attribute: reading an input costs one look-up and no call.
         attributes[name] = self.slot
 
     def lead_to(self, slot: Slot) -> None:
@@ -185,6 +190,7 @@ class QueueWire(Wire):
         if not queue:
             self.values = ()
             return
+        # The usual case, without building a list.
         if not self.delayed and len(queue) == 1:
             at, message, _ = queue.pop()
             self.values = (message,) if at > since or self.input.triggers else ()
@@ -193,6 +199,7 @@ class QueueWire(Wire):
         if not self.delayed:
             queue.clear()
             return
+        # Messages of this tick stay for the next step.
         while queue and queue[0][0] < tick:
             queue.popleft()
 
@@ -202,6 +209,7 @@ class QueueWire(Wire):
     def _fresh(self, tick: int, since: int) -> list[Entry]:
         if self.delayed:
             return [entry for entry in self.queue if entry[0] < tick]
+        # What triggers a step is never too old for it; other inputs skip what the node slept through.
         return [entry for entry in self.queue if entry[0] > since or self.input.triggers]
 
 

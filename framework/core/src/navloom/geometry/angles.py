@@ -23,12 +23,14 @@ def wrap(angle: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
         return _wrap_array(angle)
     if -math.pi <= angle < math.pi:
         return angle
+    # Its range has both ends, -π and π.
     turned = math.remainder(angle, math.tau)
     return -math.pi if turned >= math.pi else turned
 
 
 def _wrap_array(angle: ArrayLike) -> NDArray[np.float64]:
     given = np.asarray(angle, dtype=np.float64)
+    # np.remainder rounds down, not to nearest. In the range the multiple is 0, which leaves every bit.
     turned = given - math.tau * np.round(given / math.tau)
     # Rounding leaves results within an ulp of ±π; both belong to -π.
     return np.where((turned >= math.pi) | (turned < -math.pi), -math.pi, turned)

@@ -17,6 +17,7 @@ Cells = NDArray[np.int64]
 def cells_at(grid: OccupancyGrid, points: ArrayLike) -> Cells:
     """(n, 2) row and column of the cells that hold points, (n, 2) m, map frame. They may be beyond the grid."""
     in_grid = transform(inverse(_pose(grid)), np.asarray(points, dtype=np.float64))
+    # Reversed: x counts columns, y rows. Without floor(), astype() would round -0.5 to cell 0 of the grid.
     cells: Cells = np.floor(in_grid[:, ::-1] / grid.resolution).astype(np.int64)
     return cells
 

@@ -100,6 +100,7 @@ def _separated(polygons: Floats, others: Floats) -> NDArray[np.bool_]:
     edges = np.roll(polygons, -1, axis=1) - polygons
     offsets = others[:, None] - polygons[:, :, None]
     outside = edges[:, :, None, 1] * offsets[..., 0] - edges[:, :, None, 0] * offsets[..., 1]
+    # Strictly: touching counts as contact.
     apart: NDArray[np.bool_] = np.any(np.all(outside > 0.0, axis=2), axis=1)
     return apart
 
@@ -118,6 +119,7 @@ def _point_segment(points: Floats, starts: Floats, ends: Floats) -> Floats:
     """Distances of points (..., 2) from segments (..., 2), broadcast together."""
     along = ends - starts
     squared = (along * along).sum(axis=-1)
+    # Two equal corners make a segment of no length.
     share = ((points - starts) * along).sum(axis=-1) / np.where(squared > 0.0, squared, 1.0)
     gap = points - starts - np.clip(share, 0.0, 1.0)[..., None] * along
     distances: Floats = np.hypot(gap[..., 0], gap[..., 1])

@@ -19,4 +19,5 @@ R = TypeVar("R")
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Decorator: compile a function with numba at its first call."""
+    # nogil: a long kernel would stop the other threads of a live process, which receive messages and beat.
     return cast(Callable[P, R], numba.njit(cache=True, nogil=True)(function))

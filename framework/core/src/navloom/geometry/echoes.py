@@ -99,5 +99,6 @@ def poses_along(times: Floats, known: Floats, poses: Floats) -> Floats:
         known: (k,) times of the poses, increasing; at least one.
         poses: (k, 3) x, y, m, and heading, rad.
     """
+    # Wrapped, a heading between 179° and -179° would come out as 0°.
     columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
     return np.column_stack([np.interp(times, known, column) for column in columns])

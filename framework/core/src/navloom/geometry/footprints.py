@@ -33,6 +33,7 @@ def rectangle(length: float, width: float) -> Floats:
         FootprintError: A side is not a positive number, or too large.
     """
     for name, value in (("length", length), ("width", width)):
+        # Negated, so that NaN is refused too.
         if not 0.0 < value <= _LARGEST:
             raise FootprintError(f"footprint {name} = {value}: expected a length > 0 in metres, at most {_LARGEST:g}")
     x, y = 0.5 * length, 0.5 * width

@@ -49,6 +49,7 @@ class GridMap:
             raise ValueError(f"cells of {self.cells.min()} to {self.cells.max()}: expected -1, or 0 to 100")
         if not (math.isfinite(self.resolution) and self.resolution > 0.0):
             raise ValueError(f"resolution = {self.resolution}: expected a length > 0 in metres")
+        # The caller may go on writing into its array.
         cells = self.cells.copy() if self.cells.flags.writeable else self.cells
         cells.flags.writeable = False
         object.__setattr__(self, "cells", cells)
@@ -80,6 +81,7 @@ def world_to_grid(
         raise ValueError(f"resolution = {resolution}: expected a length > 0 in metres")
     if not (math.isfinite(x0 + y0 + x1 + y1) and x0 < x1 and y0 < y1):
         raise ValueError(f"bounds {(x0, y0, x1, y1)}: expected lowest x, lowest y, highest x, highest y in metres")
+    # Less 1e-6: rounding must not add a row to bounds that are whole cells.
     wide, high = (x1 - x0) / resolution - 1e-6, (y1 - y0) / resolution - 1e-6
     if wide * high > MAX_CELLS:
         raise ValueError(f"{wide * high:.3g} cells of {resolution} m: expected at most {MAX_CELLS}; make cells larger")
@@ -135,6 +137,7 @@ def _draw_raster(occupied: Bools, raster: Raster, corner: Place, resolution: flo
     """Mark the cells that a raster's occupied cells overlap; `corner`: lower left of the grid, map frame."""
     origin = np.array([raster.origin.x, raster.origin.y, raster.origin.heading])
     origin_to_grid = compose(inverse(np.array([corner.x, corner.y, 0.0])), origin)
+    # The usual case, without a loop over the cells.
     if origin_to_grid[2] == 0.0:
         rows = _covered(occupied.shape[0], raster.occupied.shape[0], origin_to_grid[1], raster.resolution, resolution)
         cols = _covered(occupied.shape[1], raster.occupied.shape[1], origin_to_grid[0], raster.resolution, resolution)

@@ -12,6 +12,7 @@ STEP = 0.02
 """Spacing of the points at which a polyline is compared, m."""
 MOST = 4000
 """Most points at which a polyline is compared; on longer ones the spacing is larger."""
+# In blocks, since all points times all sides may not fit into memory.
 AT_ONCE = 256
 
 
@@ -59,12 +60,14 @@ def corners(points: Floats, tolerance: float) -> Floats:
 
     Ramer 1972, Douglas and Peucker 1973; the first and last point are kept.
     """
+    # Not recursive: a long path may nest deeper than Python does.
     kept, spans = {0, len(points) - 1}, [(0, len(points) - 1)]
     while spans:
         first, last = spans.pop()
         if last - first < 2:
             continue
         along, between = points[last] - points[first], points[first + 1 : last] - points[first]
+        # A closed line has a chord of no length.
         share = np.clip(between @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
         away = np.hypot(*(between - share[:, None] * along).T)
         if away.max() > tolerance:
@@ -79,6 +82,7 @@ def _farthest(points: Floats, line: Floats) -> float:
     sampled = _sampled(points)
     starts, ends = (line[:-1], line[1:]) if len(line) > 1 else (line, line)
     sides = ends - starts
+    # For a side of no length, where the dividend is 0 too.
     squares = np.maximum((sides**2).sum(axis=1), 1e-300)
     farthest = 0.0
     for first in range(0, len(sampled), AT_ONCE):

@@ -39,6 +39,7 @@ def _value(text: str, where: str, refusal: Refusal) -> Any:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
+        # A bare word is a text, so that nobody has to quote within a shell's quotes.
         return text.strip()
     except ValueError:
         raise refusal(f"{where}: a whole number of more than 4300 digits, expected fewer") from None
@@ -57,6 +58,7 @@ def assignments(values: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _toml(value: Any) -> str:
+    # Before numbers: `repr(True)` is no TOML.
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -82,6 +82,7 @@ def open_file(path: Path, refusal: Refusal) -> BinaryIO:
     Raises:
         OSError: The file is missing, a folder, or not readable.
     """
+    # Opened first and looked at by its descriptor: the file behind the path may be replaced in between.
     number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     mode = os.fstat(number).st_mode
     if not stat.S_ISREG(mode):
@@ -107,6 +108,7 @@ def read_file(path: Path, megabytes: float, refusal: Refusal) -> bytes:
     limit = bytes_of(megabytes, refusal)
     with open_file(path, refusal) as file:
         size = os.fstat(file.fileno()).st_size
+        # One byte more than allowed shows a file that has grown.
         content = file.read(limit + 1) if size <= limit else b""
     if size > limit or len(content) > limit:
         raise refusal(too_large(f"{path}: {max(size, len(content)) / 1e6:.6g} MB", limit))

@@ -41,6 +41,7 @@ class Arrays:
         self.path, self._refusal = path, refusal
         self._content = read_file(path, ARRAYS_MB, refusal)
         self._left = self._limit = bytes_of(ARRAYS_MB, refusal)
+        # Counted in the bytes, before `zipfile` makes an object of each.
         if self._content.count(_ENTRY) > MOST_MEMBERS:
             raise refusal(f"{path}: more than {MOST_MEMBERS} arrays, expected at most {MOST_MEMBERS}")
         try:
@@ -67,6 +68,7 @@ class Arrays:
             # `zipfile` bounds the unpacked size only for these two methods; numpy writes no other.
             raise _Refused(f" is packed by method {member.compress_type}, expected numpy's own, 0 or 8")
         with self._archive.open(member) as file:
+            # Later versions are for long names of fields, which plain numbers do not have.
             if npy.read_magic(file) != (1, 0):
                 raise _Refused(" has no header of version 1.0, expected plain numbers")
             with warnings.catch_warnings():  # about headers written by Python 2, which can be read
@@ -75,6 +77,7 @@ class Arrays:
             if dtype.kind not in "biuf" or dtype.itemsize > 16 or any(size < 0 for size in shape):
                 raise _Refused(f" of {_words(dtype)} {_words(shape)}, expected numbers")
             count = math.prod(shape)
+            # Callers convert to float64, which makes a bit mask 8 times as large.
             self._left -= count * max(dtype.itemsize, 8)
             if self._left < 0:
                 raise _Refused(too_large(f" of {dtype} {_words(shape)}: with it {self._claimed()} MB", self._limit))

@@ -42,6 +42,7 @@ def toml_of(text: str, where: str, refusal: Refusal) -> dict[str, Any]:
         tree = tomllib.loads(text)
     except ValueError as error:
         raise refusal(f"{where}: not TOML: {first_words(error)}") from None
+    # Dotted keys within brackets add up, and only the result shows it.
     refuse_deep_tree(tree, where, refusal)
     return tree
 

@@ -35,6 +35,7 @@ def _float_checker(cls: str, kind: Kind) -> Check:
     held = _HELD_TO.get(kind.rule)
 
     def check(name: str, value: Any, sizes: dict[str, int]) -> float:
+        # A bool is a number in Python, but not in a message.
         if not isinstance(value, Real) or isinstance(value, bool):
             raise MessageError(f"{cls}.{name}: got {brief(value)}, expected a number")
         try:
@@ -53,6 +54,7 @@ def _int_checker(cls: str, kind: Kind) -> Check:
         if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
             raise MessageError(f"{cls}.{name}: got {brief(value)}, expected int")
         number = int(value)
+        # MessagePack and other languages have no longer integers.
         if not -(2**63) <= number < 2**63:
             raise MessageError(f"{cls}.{name}: got {brief(number)}, expected a signed 64-bit number")
         if kind.rule == "stamp" and number < 0:
@@ -68,6 +70,7 @@ def _heading(place: str, angle: float) -> float:
         return angle
     if abs(angle) <= math.pi + _ROUNDING:
         return angle - math.copysign(math.tau, angle)
+    # More than two turns: nobody means radians.
     hint = f"degrees? math.radians({angle:g}) is {math.radians(angle):.4g}" if abs(angle) > 2.0 * math.tau else ""
     raise MessageError(
         f"{place}: got {angle}, expected rad in [-π, π]; {hint or 'wrap it: math.remainder(heading, math.tau)'}"
@@ -75,6 +78,7 @@ def _heading(place: str, angle: float) -> float:
 
 
 def _positive(place: str, number: float) -> float:
+    # Written so that NaN is refused too.
     if not number > 0.0:
         raise MessageError(f"{place}: got {number}, expected a number above 0")
     return number
@@ -109,6 +113,7 @@ def _str_checker(cls: str, kind: Kind) -> Check:
         if kind.choices and text not in kind.choices:
             raise MessageError(f"{cls}.{name}: got {brief(text)}, expected one of {', '.join(kind.choices)}")
         try:
+            # The bound is in bytes, as on the wire.
             size = len(text.encode())
         except UnicodeEncodeError:
             raise MessageError(f"{cls}.{name}: got {brief(text)}, expected text without lone surrogates") from None
@@ -116,6 +121,7 @@ def _str_checker(cls: str, kind: Kind) -> Check:
             return text
         if not kind.is_cut:
             raise MessageError(f"{cls}.{name}: got a text of {size} bytes, expected at most {kind.most}")
+        # Cut in bytes, where the last character may be cut in half.
         return text.encode()[: kind.most - len(_CUT.encode())].decode(errors="ignore") + _CUT
 
     return check
@@ -175,6 +181,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
             raise MessageError(f"{cls}.{name}: got shape {value.shape}, expected at least one element")
         held: NDArray[Any] = value
         if not _is_frozen(held):
+            # Whoever passes a writable array may change it later, and messages are immutable.
             held = held.copy()
             held.flags.writeable = False
         if refuse is not None and held.size:
@@ -199,6 +206,7 @@ def _is_frozen(value: NDArray[Any]) -> bool:
     flags = value.flags
     if flags.writeable or not flags.c_contiguous:
         return False
+    # A read-only view of a writable array changes with it.
     base: object = value.base
     while type(base) is np.ndarray:
         if base.flags.writeable:

@@ -67,6 +67,7 @@ def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int,
         raise CodecError(f"{schema_label(cls)}: holds {len(arrays)} arrays, expected at most {MAX_ARRAYS}")
     lead = _ENVELOPE + pack(envelope)
     length = len(lead) + len(rest)
+    # The limit is looked up only for long headers: few are.
     if length > SHORT and length > header_limit(cls):
         raise CodecError(f"{schema_label(cls)}: the header takes {length} bytes, expected at most {header_limit(cls)}")
     if not size:
@@ -126,6 +127,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     end = 4 + _LENGTH.unpack_from(data)[0]
     if end > len(data):
         raise CodecError(f"{label}: the header claims {end - 4} bytes, {len(data) - 4} are there")
+    # Refused before it is unpacked: a header of a few bytes may claim a list of a billion items.
     if end - 4 > most:
         raise CodecError(f"{label}: the header takes {end - 4} bytes, expected at most {most}")
     start, memory = end + -end % ALIGNMENT, memory_of(data)
@@ -268,6 +270,7 @@ def _make_reader(cls: type[Message]) -> Read:
         if not isinstance(values, dict):
             raise CodecError(f"got {type(values).__name__}, expected a map of fields")
         try:
+            # Messages of this version have all fields; only others need the slower way below.
             given = [values[name] for name in names]
         except KeyError:
             missing = next((name for name in names if name not in values and name not in defaults), None)

@@ -66,6 +66,7 @@ def decode_generic(data: bytes | memoryview, label: str, why: str = "") -> tuple
         view = memoryview(data).cast("B").toreadonly()
         end = 4 + int.from_bytes(view[:4], "little")
         try:
+            # Nothing is known of the class, so that the bounds are those of all classes.
             header = msgpack.unpackb(
                 view[4:end], max_array_len=MAX_ITEMS, max_map_len=MOST_NAMES, max_bin_len=0, max_ext_len=0
             )

@@ -49,6 +49,7 @@ class _Header:
 
     def fields(self, where: str, known: Mapping[str, Read]) -> Any:
         """A map with these names; any other value is returned as it is, for a later check to refuse."""
+        # The first byte is looked at before anything is built.
         if self._next() not in _MAPS:
             return self.scalar()
         count = self._unpacker.read_map_header()

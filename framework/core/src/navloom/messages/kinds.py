@@ -183,6 +183,7 @@ def holds_array(kind: Kind) -> bool:
 
 
 _REPR = reprlib.Repr()
+# A value from the network may be deep and long, and an error is one line.
 _REPR.maxlevel = 2
 _REPR.maxstring = _REPR.maxother = 80
 

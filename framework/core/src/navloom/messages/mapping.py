@@ -99,6 +99,8 @@ class Path(Message):
     request_id: int
     points: Annotated[Floats, Array("float64", ("n", 2), may_be_empty=False)]
     length: NotNegative
+    # With the path: the framework prunes and rounds the paths of all planners alike, but only the planner knows which
+    # cells it counted as free.
     traversable: OccupancyGrid | None
 
 

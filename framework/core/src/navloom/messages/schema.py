@@ -79,6 +79,7 @@ def message(version: Any = 1, now: type[Message] | None = None) -> Any:
         hints = get_type_hints(cls, include_extras=True)
         kinds = {name: kind_of(hints[name]) for name in cls.__annotations__}
         by_identity = any(holds_array(kind) for kind in kinds.values())
+        # Arrays have no single truth value: `==` of such messages would raise.
         made = dataclass(frozen=True, slots=True, init=False, eq=not by_identity)(cls)
         made.schema_name = f"{_package_of(cls.__module__)}.{cls.__name__}" if now is None else now.schema_name
         made.schema_version = version
@@ -149,6 +150,8 @@ def _reader(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
     return lambda self: tuple([getattr(self, name) for name in names])
 
 
+# Compared with the bound instead of infinity, a range costs nothing; so messages of the framework need no second
+# constructor without checks.
 _FITS = {
     "float": "{0}.__class__ is float and -_inf < {0} < _inf",
     "int": "{0}.__class__ is int and -0x8000000000000000 <= {0} <= 0x7fffffffffffffff",
@@ -198,6 +201,7 @@ def _constructor(cls: type[Message], kinds: dict[str, Kind]) -> Callable[..., No
             f"    _set_{name}(self, {name})",
         ]
     source = "\n".join([f"def __init__(self, {', '.join(given)}):", *lines, "    return"])
+    # The file name in brackets shows in tracebacks.
     exec(compile(source, f"<message {cls.__name__}>", "exec"), names)
     made: Callable[..., None] = names["__init__"]
     made.__qualname__ = f"{cls.__qualname__}.__init__"

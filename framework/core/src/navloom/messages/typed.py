@@ -99,6 +99,7 @@ class _Reader:
         lines: list[str] = []
         fields = self.struct(self.cls, "fields", "message", lines)
         parts = [("envelope", Envelope), ("fields", fields), ("arrays", Raw if self.arrays else tuple[()])]
+        # `gc=False`: these structs live for microseconds and hold no cycles.
         self.names["decode"] = Decoder(defstruct("Header", parts, forbid_unknown_fields=True, gc=False)).decode
         places = _PLACES if self.arrays else ""
         read: Typed = self.function("read", _READ.format(places=places, message="\n    ".join(lines)))
@@ -163,6 +164,7 @@ class _Reader:
         sizes: dict[str, dict[str, int]] = {}
         for (made, name, check), array in zip(self.arrays, views(entries, memory, start), strict=True):
             check(name, array, sizes.setdefault(made, {}))
+        # Or a publisher with changing shapes would fill the memory.
         if len(self.tables) >= _MOST_TABLES:
             self.tables.clear()
         places = self.tables[table] = [(tuple(shape), offset) for _, shape, offset in entries]
@@ -173,6 +175,7 @@ def _scalar(kind: Kind) -> Any:
     if kind.choices:
         return Literal[kind.choices]
     if kind.form == "str":
+        # msgspec counts characters and the bound is in bytes: what may be too long goes to the general reader.
         return Annotated[str, Meta(max_length=kind.most // _UTF8)]
     if kind.form == "bool":
         return bool

@@ -119,6 +119,7 @@ class ActiveGoal:
         wanted = self.goal.heading
         return 0.0 if wanted is None else abs(math.remainder(wanted - pose.heading, math.tau))
 
+    # In words, because it ends up in the reason of a result, which an operator reads.
     def off_by(self, pose: Pose2D) -> str:
         """How far the robot is from the goal, in words."""
         turned = f" and {math.degrees(self.heading_error(pose)):.1f}°" if self.goal.heading is not None else ""
@@ -126,6 +127,7 @@ class ActiveGoal:
 
     def change_path(self, time: float) -> None:
         """Another path is taken without a stop."""
+        # `moved_at` stays: a path that changes each second must not hide a robot that makes no progress.
         self.best, self.followed_at = math.inf, time
 
     def next_place(self) -> Pose2D:
@@ -145,6 +147,7 @@ class ActiveGoal:
         This happens if an avoider drove until shortly before the end. This trajectory cannot bring the robot nearer.
         """
         reference = seen.reference
+        # A latched stop holds the robot wherever it is, so it misses nothing while one lasts.
         if _is_held(seen) or reference is None or reference.path_id != path_id or reference.remaining > END:
             self.ended_at = None
         elif self.ended_at is None:
@@ -164,7 +167,9 @@ class ActiveGoal:
             self.moved_at = seen.time
         elif reference.path_id == path_id and reference.remaining < self.best - PROGRESS:
             if math.isfinite(self.best):  # the first reference of a path is no progress
+                # Without a reference there is nothing to make progress on; `is_unfollowed` times that instead.
                 self.moved_at = seen.time
+            # Below the last best only: a robot that swings back and forth makes no progress, however far it drives.
             self.best = reference.remaining
         return seen.time - self.moved_at > stuck_after
 
@@ -174,6 +179,7 @@ def feedback_of(active: ActiveGoal | None, state: GoalState, seen: GoalView) -> 
     reference, estimate = seen.reference if state == "driving" else None, seen.estimate
     if reference is not None and active is not None and reference.path_id < active.first_path:
         reference = None  # the new path has no reference yet
+    # While the robot maps or plans there is no length along a path, and the distance as the crow flies would jump.
     left = reference.remaining if reference is not None else 0.0
     return Feedback(
         goal_id=active.goal.goal_id if active else 0,
@@ -205,6 +211,8 @@ def result_of(active: ActiveGoal, end: GoalEnd, place: Point2D | None, seen: Goa
     """The result of a goal that ends; without a place, where the robot is."""
     if place is None:
         pose = seen.estimate.pose if seen.estimate is not None else Pose2D(0.0, 0.0, 0.0)
+        # A failure that concerns a place (goal in an obstacle) names it; otherwise the reader wants to know where the
+        # robot ended.
         place = Point2D(pose.x, pose.y)
     return GoalResult(active.goal.goal_id, end.outcome, end.reason, place, end.code)
 

@@ -45,6 +45,7 @@ def slow_down(samples: Floats, braking: Braking, tolerance: float) -> Floats:
     gentle = min(braking.robot.max_deceleration, 0.5 * v / braking.delay)
     within = np.maximum(SLOWEST, 0.5 * v * (1.0 + left / tolerance))
     before = np.sqrt(v * v + 2.0 * gentle * np.maximum(left - tolerance, 0.0))
+    # Copied, because the trajectory given may already be published.
     slowed = samples.copy()
     slowed[:, 5] = np.minimum(samples[:, 5], np.where(left <= tolerance, within, before))
     slowed.setflags(write=False)

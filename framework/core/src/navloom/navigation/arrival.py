@@ -51,6 +51,7 @@ class Arrival:
         estimate = seen.estimate
         if estimate is not None and self._standstill.stands(estimate.twist, estimate.stamp_ns * 1e-9):
             return True
+        # Some odometry never reports rest (noise, a drifting gyro): the goal must end with it, too.
         return seen.time - since > self.rules.braking.patience
 
     def is_due(self, active: ActiveGoal, drive: Drive, seen: GoalView) -> bool:
@@ -64,9 +65,11 @@ class Arrival:
         if self.since is not None or drive.stop_here or active.distance(pose) <= tolerance:
             return True
         is_engaged, reference = seen.handover is not None and seen.handover.engaged, seen.reference
+        # The controller needs no such check: its reference is already slow enough where the tolerance begins.
         if not is_engaged or reference is None or len(active.legs) > 1 or seen.speed <= 0.0 or self._fits(seen):
             return False
         ahead, left = active.seen_from(pose)
+        # Beside the goal, or with a bend before it, braking now would end the drive away from the goal.
         is_straight = abs(left) <= tolerance and reference.remaining <= ahead + tolerance
         return is_straight and ahead <= self.rules.braking.way(seen.speed)
 
@@ -88,6 +91,8 @@ class Arrival:
             why = f"missed the goal {MISSES + 1} times, the last time by {active.off_by(pose)}"
             return Move(end=GoalEnd("stuck", "missed", why))
         active.misses += 1
+        # Within the tolerance only the heading is missing, and a new path of some millimetres would turn the robot away
+        # first.
         return self._turn(active, self._path_id, seen) if is_near else Move(plans=True)
 
     def _stop_or_turn(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
@@ -95,6 +100,7 @@ class Arrival:
         if self._is_turned(active, seen.estimate) or not (drive.stop_here or self._fits(seen)):
             self.since, self._path_id = seen.time, drive.path_id
             self._standstill.note(True, seen.time)  # the status of the drive that ends here may still be on its way
+            # The decision waits for rest: a robot that is within the tolerance at speed may stop outside it.
             return Move(Drive(0, 0, None, False))
         if not drive.stop_here:
             return self._turn(active, drive.path_id, seen)
@@ -110,5 +116,6 @@ class Arrival:
 
     def _turn(self, active: ActiveGoal, path_id: int, seen: GoalView) -> Move:
         """Turn in place, at the end of a path."""
+        # A turn has no remaining length to decrease; it gets the whole `stuck_after` for itself.
         active.moved_at = seen.time
         return Move(Drive(active.goal.goal_id, path_id, active.goal.heading, True))

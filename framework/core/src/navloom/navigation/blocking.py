@@ -31,6 +31,7 @@ def first_blocked(samples: Floats, progress: float, radius: float, grid: Occupan
         grid: The map.
     """
     if not grid.cells.size:
+        # A mapper may publish an empty grid before its first data.
         return math.inf
     origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
     places = transform(inverse(origin), samples[:, 1:3]) / grid.resolution
@@ -45,6 +46,7 @@ def _first_blocked(lengths, places, progress, radius, cells, occupied_from):  # 
         if lengths[k] < progress:
             continue
         x, y = places[k, 0], places[k, 1]
+        # Rows and columns whose cell centres lie in the disc; the centre of cell (0, 0) is at (0.5, 0.5).
         for row in range(max(0, math.ceil(y - radius - 0.5)), min(rows - 1, math.floor(y + radius - 0.5)) + 1):
             dy = row + 0.5 - y
             half = math.sqrt(max(0.0, radius * radius - dy * dy))
@@ -58,6 +60,7 @@ def _first_blocked(lengths, places, progress, radius, cells, occupied_from):  # 
 def warm_up() -> None:
     """Compile the kernel for the array types of messages."""
     cells, samples = np.zeros((1, 1), np.int8), np.zeros((1, 6))
+    # Arrays of messages are read-only and those of tests are not: numba compiles the kernel once for each.
     for is_writeable in (True, False):
         cells.flags.writeable = samples.flags.writeable = is_writeable
         places = samples[:, 1:3] / 1.0

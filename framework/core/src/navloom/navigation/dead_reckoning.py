@@ -14,6 +14,7 @@ from navloom.roles import Claim, Context, Localizer, LocalizerInput, Params
 __all__ = ["OdometryLocalizer"]
 
 UNKNOWN = np.zeros((3, 3))
+# Shared by all estimates, which are immutable messages.
 UNKNOWN.flags.writeable = False
 
 
@@ -44,6 +45,8 @@ class OdometryLocalizer(Localizer[Params]):
         return PoseEstimate(given.odometry.stamp_ns, pose, given.odometry.twist, UNKNOWN)
 
 
+# In the core, although only an entry point refers to it: it is the localizer that a robot has without any further
+# distribution.
 @hookimpl
 def navloom_register(registry: Registry) -> None:
     """Add the localizer."""

@@ -36,6 +36,7 @@ class EchoMemory:
 
     def __init__(self, keep: float, spread: float, capacity: int = 16384) -> None:
         self.keep, self.spread = keep, spread
+        # A ring instead of a list, because a kernel reads it in each tick and it must not allocate.
         self._points = np.full((capacity, 3), -math.inf)
         self._cursor = np.zeros(2, dtype=np.int64)
 
@@ -78,13 +79,16 @@ def _add(
     capacity = points.shape[0]
     for beam in range(ranges.shape[0]):
         distance = ranges[beam]
+        # Written so that NaN counts as no echo.
         if not distance < range_max:
             continue
+        # Readings of sonars are not averaged with those of neighbours, whose cones look elsewhere.
         if half_angles[beam] < _THIN:
             distance = _smoothed(ranges, beam)
         offset = half_angles[beam] * spread
         first = x + cos * origins[beam, 0] - sin * origins[beam, 1]
         second = y + sin * origins[beam, 0] + cos * origins[beam, 1]
+        # The axis and both ends suffice: a strip wide enough for a robot catches an arc by one of the three.
         for side in range(-1, 2):
             if side != 0 and offset == 0.0:
                 continue
@@ -102,6 +106,7 @@ def _smoothed(ranges: Floats, beam: int) -> float:
     """A laser's reading with less noise, m: the mean of it and of its neighbours that agree with it."""
     total, count = 0.0, 0
     for k in range(max(0, beam - _BESIDE), min(ranges.shape[0], beam + _BESIDE + 1)):
+        # Only neighbours that agree: across an edge, the mean would be an obstacle in free space.
         if abs(ranges[k] - ranges[beam]) <= _AGREEMENT:
             total += ranges[k]
             count += 1
@@ -124,6 +129,7 @@ def _nearest(
     row = cursor[0]
     for _ in range(cursor[1]):
         row = row - 1 if row > 0 else points.shape[0] - 1
+        # The ring is in order of time, so that all that follow are older.
         if points[row, 2] < since:
             break
         px, py = points[row, 0], points[row, 1]
@@ -147,6 +153,7 @@ def _is_within(x: float, y: float, way: Floats, half_width: float) -> bool:
         rx, ry = x - way[k, 0], y - way[k, 1]
         square = ux * ux + uy * uy
         share = (rx * ux + ry * uy) / square if square > 0.0 else 0.0
+        # What is behind the robot at its first point is not in its way, but what is behind a later corner may be.
         if k == 0 and share < 0.0:
             continue
         share = min(max(share, 0.0), 1.0)
@@ -163,6 +170,7 @@ def warm_up() -> None:
     memory = EchoMemory(1.0, 0.5, capacity=4)
     memory.add(RangeScan(0, two, one, one, one, one, 0.1, 4.0), Pose2D(0.0, 0.0, 0.0), 0.0)
     way = np.zeros((2, 2))
+    # Once for a writable and once for a read-only way: these are two types to numba.
     for _ in range(2):
         memory.nearest(Pose2D(0.0, 0.0, 0.0), way, 0.5, 0.0)
         way.flags.writeable = False

@@ -120,6 +120,7 @@ def _wanted_room(corners, i, fast):  # type: ignore[no-untyped-def]
     turn = abs(turn_at(corners, i))
     if turn <= _STRAIGHT:
         return 0.0
+    # The reach of a fillet grows without bound towards a turn of π; what exceeds this needs all the room there is.
     turn = min(turn, 3.0)
     return _wanted_radius(turn, 1.0, fast) * fillet_shape(turn, 1.0)[0]
 
@@ -138,6 +139,7 @@ def _is_fillet_free(corners, i, turn, share, radius, cells, frame):  # type: ign
     """Whether all chords of a fillet, from both its ends to its middle, touch only free cells."""
     reach = radius * fillet_shape(abs(turn), share)[0]
     half = 0.5 * abs(turn) * (1.0 + share)
+    # At most 64: a chord of a wide fillet may be longer, since such a fillet bends little within one.
     chords = int(min(64.0, max(4.0, math.ceil(half * radius / _STEP))))
     for side in (-1, 1):
         length = _length(corners, i - 1 if side < 0 else i)
@@ -161,6 +163,7 @@ def _fit(corners, i, cells, frame, slow, fast, beside):  # type: ignore[no-untyp
     turn = turn_at(corners, i)
     best, best_share = 0.0, 1.0
     if abs(turn) <= _STRAIGHT or math.pi - abs(turn) <= _STRAIGHT:
+        # Where the path reverses, no radius helps: the robot must turn in place.
         return (np.inf if abs(turn) <= _STRAIGHT else 0.0), 1.0
     room = _room(corners, i, fast)
     for share in _SHARES:
@@ -175,6 +178,7 @@ def _fit(corners, i, cells, frame, slow, fast, beside):  # type: ignore[no-untyp
         if best >= slow:
             break
     if best == 0.0:
+        # No free fillet: the tightest share cuts least of a corner that the planner allowed.
         best_share = _SHARES[-1]
         reach, aside = fillet_shape(abs(turn), best_share)
         best = min(room / reach, _BLOCKED / aside)
@@ -210,6 +214,7 @@ def _move_out(corners, i, cells, frame, slow, fast):  # type: ignore[no-untyped-
     ux = (x - corners[i - 1, 0]) / before - (corners[i + 1, 0] - x) / after
     uy = (y - corners[i - 1, 1]) / before - (corners[i + 1, 1] - y) / after
     size = math.sqrt(ux * ux + uy * uy)
+    # If the fillet is large enough where it is, the corner stays, because moving lengthens the path.
     best, _ = _fit(corners, i, cells, frame, slow, fast, np.inf)
     if best >= slow or size <= _STRAIGHT:
         return
@@ -219,8 +224,10 @@ def _move_out(corners, i, cells, frame, slow, fast):  # type: ignore[no-untyped-
         shift = _FARTHEST * (k / _SHIFTS) ** 2
         corners[i, 0], corners[i, 1] = x + shift * ux / size, y + shift * uy / size
         if not _are_arms_free(corners, i, cells, frame):
+            # Free space outside a corner is taken to be connected: beyond the first blocked shift lies another passage.
             break
         radius, _ = _fit(corners, i, cells, frame, slow, fast, np.inf)
+        # Each shift makes the path longer; a gain below 2 % does not pay for it.
         if radius > 1.02 * best:
             best, best_x, best_y = radius, corners[i, 0], corners[i, 1]
         if best >= slow:
@@ -241,7 +248,9 @@ def _are_arms_free(corners, i, cells, frame):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy")
 def move_corners(corners, cells, frame, slow, fast, sweeps):  # type: ignore[no-untyped-def]
     """A polyline whose corners leave more room for fillets; its ends stay. Arguments as in `fit_fillets`."""
+    # The caller's corners are the planner's answer, which is also shown and recorded.
     moved = corners.copy()
+    # A moved corner changes the room of its neighbours, so that the order of corners matters less with more sweeps.
     for _ in range(sweeps):
         for i in range(1, moved.shape[0] - 1):
             if abs(turn_at(moved, i)) > _STRAIGHT:

@@ -96,10 +96,12 @@ class CommandGate:
 
     def request(self, do: str) -> None:
         """Take a request. `stop` and contacts latch until `resume`, `enter_unseen` until the next request."""
+        # Any other request ends it: entering unseen space must be asked for again each time.
         self.enters_unseen = do == "enter_unseen"
         if do not in ("stop", "resume"):
             return
         self._operator_stop = do == "stop"
+        # Only a resume forgives a contact; a second `stop` must not.
         if do == "resume":
             self._contact = False
 
@@ -132,6 +134,7 @@ class CommandGate:
             and reason is not None
             and reason.stop.is_ramp
             and not self._hindrance(sensed)
+            # A ramp follows the last command of the driver; if that node is gone, nothing vouches for its command.
             and not self._absent(self._driver, sensed)
         )
 
@@ -159,6 +162,7 @@ class CommandGate:
     ) -> tuple[str, Offer | None, StopReason | None]:
         """The source that drives, its command, and why it is refused; None if it is not. See `decide`."""
         source, offer = "none", None
+        # The order is the priority.
         for role in ("operator", "recovery", "avoider" if engaged else "controller"):
             found = offers.get(role)
             if found is not None:
@@ -191,11 +195,14 @@ class CommandGate:
         self._driver, self._ramp = source, None
         speed, monitor = self.speed, self.monitor
         limited = self._limit(offer.twist)
+        # Remembered for the status: a robot that turns needs a recovery other than one that meets an obstacle.
         self._turns = limited.vx == 0.0 and limited.wz != 0.0
         if monitor is None:
             return limited, offer.cause_ns, self._free(source, offer.instance, pending)
+        # Only the operator can judge space that no sensor sees; a goal that runs meanwhile gains no rights.
         monitor.ignores_unseen = self.enters_unseen and source == "operator"
         verdict = monitor.judge(limited, speed, sensed.platform_ns * 1e-9)
+        # What was passed, not what was asked for: the next limits start from what the wheels got.
         self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
         return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
@@ -204,6 +211,7 @@ class CommandGate:
         if self.monitor is None or not self.is_moving:
             return None
         verdict = self.monitor.judge(Twist2D(self.speed, 0.0, self.turn), self.speed, time)
+        # A scan cannot raise the speed between two ticks: that needs a command.
         if not verdict.kind:
             return None
         self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
@@ -237,6 +245,7 @@ class CommandGate:
         if not verdict.kind and verdict.share == 1.0 and not is_overridden:
             return self._free(source, instance, pending)
         place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
+        # A status is published only when it changes, and raw shares change in every tick.
         share, limit = round(verdict.share, 1), verdict.kind or ("overridden" if is_overridden else "")
         where = None if place is None else (round(place.x, 1), round(place.y, 1))
         gap = None if distance is None else round(distance, 2)

@@ -54,6 +54,7 @@ class GoalRules:
     replan: ReplanRules = field(default_factory=ReplanRules)
 
 
+# Not frozen, as a message would be: one view is made per tick and filled by the goal's node.
 @dataclass(slots=True)
 class GoalView:
     """What the goal sees in a tick: the newest message of each kind, or None."""

@@ -76,6 +76,7 @@ class GoalMachine:
 
     def submit(self, goal: Goal, seen: GoalView) -> None:
         """Accept a goal. An active goal is cancelled, but its trajectory is driven until the new plan arrives."""
+        # The robot does not stop for a new goal: the old trajectory stays authorised until the new plan is there.
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
         if self._active is not None:
             self._finish(GoalEnd("cancelled", "preempted", f"pre-empted by goal {goal.goal_id}"), seen)
@@ -255,6 +256,8 @@ class GoalMachine:
                 self._ask_again(active, self.rules.plan_timeout, seen)
         elif isinstance(answer, Path):
             if not seen.is_through_seen and watch.takes(answer, seen.reference):
+                # A path through what is seen must not replace one that is driven, or each map would restart the watch
+                # for progress.
                 self._set_drive(replace(self._drive, path_id=answer.request_id))
                 active.change_path(seen.time)
             active.plan_id = self._drive.path_id

@@ -21,6 +21,7 @@ __all__ = ["HandOverRule", "own_turn", "own_way", "warm_up"]
 Floats = NDArray[np.float64]
 
 NOWHERE = np.empty((0, 2))
+# With 2 s, the avoider would engage in doors that the robot fits through.
 HORIZON = 1.0
 """How far ahead the robot's own way is checked, s."""
 OWN_STEP = 0.1
@@ -63,12 +64,14 @@ def own_turn(twist: Twist2D, footprint: Floats) -> Floats:
         robot stops or drives forward.
     """
     v, w = twist.vx, twist.wz
+    # The centre of the turn lies v / w beside the base: under the robot if that is less than its half width.
     if not len(footprint) or v > abs(w) * np.abs(footprint[:, 1]).max() or (v == 0.0 and w == 0.0):
         return NO_TURN
     time = min(HORIZON, MOST_TURN / abs(w)) if w != 0.0 else HORIZON
     radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
     steps = math.ceil(time * (abs(v) + radius * abs(w)) / TURN_STEP) + 1
     headings = np.linspace(0.0, w * time, steps)
+    # Chord of an arc of length s that turns by a: s sin(a / 2) / (a / 2), which is finite for a straight way too.
     chords = np.linspace(0.0, v * time, steps) * np.sinc(headings / math.tau)
     return np.column_stack([chords * np.cos(0.5 * headings), chords * np.sin(0.5 * headings), headings])
 
@@ -77,6 +80,7 @@ def own_turn(twist: Twist2D, footprint: Floats) -> Floats:
 def _arc(x, y, heading, v, w, reach):  # type: ignore[no-untyped-def]
     length = min(reach, v * HORIZON)
     if abs(w) * length > MOST_TURN * v:
+        # Beyond a quarter turn the arc leads back beside the robot, which no command keeps up for that long.
         length = MOST_TURN * v / abs(w)
     last = max(2, math.ceil(length / OWN_STEP) + 1) - 1
     way = np.empty((last + 1, 2))
@@ -91,6 +95,7 @@ def _arc(x, y, heading, v, w, reach):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _sinc(turns):  # type: ignore[no-untyped-def]
     """sin(π t) / (π t), as numpy.sinc."""
+    # The same guard as in numpy, so that ways are equal to those of `np.sinc` bit for bit.
     angle = math.pi * (turns if turns != 0.0 else 1e-20)
     return math.sin(angle) / angle
 
@@ -166,16 +171,22 @@ class HandOverRule:
         for scan in scans:
             self._memory.add(scan, base, time)
         nearest = self._memory.nearest(base, way, width, time)
+        # A robot beside its trajectory drives towards obstacles that the strip along the trajectory misses. A planner
+        # leaves 5 cm in a doorway, so this strip is no wider than the robot.
         if len(own) > 1:
             nearest = min(nearest, self._memory.nearest(base, own, width - self.margin, time))
+        # No strip covers what the corners of a robot sweep that turns on the spot or drives back.
         if len(turn) > 1:
             nearest = min(nearest, self._nearest_in_turn(time, base, turn, grid))
         if self.mode == "when_blocked":
+            # To engage, the strip along the trajectory decides: the straight line would cut through walls at each
+            # corner. To release, the straight one counts as well, since the robot may have left its trajectory by then.
             straight = np.array([(base.x, base.y), way[-1]]) if self.engaged else way
             if math.isfinite(nearest) or (
                 self.engaged and math.isfinite(self._memory.nearest(base, straight, width, time))
             ):
                 self.engaged, self._blocked_at = True, time
+            # With a delay: echoes come and go at the edge of the strip, and each change of driver costs speed.
             elif self.engaged and time - self._blocked_at >= self.release:
                 self.engaged = False
         return HandOver(self.engaged, nearest)
@@ -185,6 +196,7 @@ class HandOverRule:
         radius = float(np.hypot(self.footprint[:, 0], self.footprint[:, 1]).max())
         reach = radius + float(np.hypot(turn[:, 0], turn[:, 1]).max())
         echoes = self._memory.near(base, reach, time)
+        # A robot that drives back has its sensors in front: only the map shows what is behind it.
         mapped = NOWHERE if grid is None else surfaces_without_echo(grid, base, reach, echoes)
         for points in (echoes, mapped):
             hit = first_touch(turn, len(turn), self.footprint, points, np.zeros(len(points)))

@@ -45,6 +45,7 @@ Touch = tuple[Kind, Point2D, float]
 
 UNSEEN_MEMORY = 5.0
 """Travelled distance for which space that was seen or occupied by the robot counts as known, m."""
+# Faster than any robot that this monitor is for, so that only a restart exceeds them.
 JUMP, FASTEST = 0.3, 5.0
 """Odometry that jumps farther than JUMP, m, plus FASTEST, m/s, times the elapsed time: the platform restarted."""
 TURN, FASTEST_TURN = 0.5, 10.0
@@ -149,17 +150,20 @@ class CollisionMonitor:
         pose, time = odometry.pose, odometry.stamp_ns * 1e-9
         if self._stamps and self._begins_again(pose, time):
             self.forget()
+        # The same odometry comes again in ticks without a newer one.
         if self._stamps and time <= self._stamps[-1]:
             return
         heading, way = pose.heading, 0.0
         if self._poses:
             x, y, last = self._poses[-1]
+            # Unwrapped, because headings are interpolated between two stamps.
             heading = last + math.remainder(heading - last, math.tau)
             way = self._ways[-1] + math.hypot(pose.x - x, pose.y - y)
         self._stamps.append(time)
         self._poses.append((pose.x, pose.y, heading))
         self._ways.append(way)
         self._twist[:] = odometry.twist.vx, odometry.twist.wz
+        # Half at once, since deleting from the front of a list costs its whole length.
         if len(self._stamps) > 512:
             del self._stamps[:256], self._poses[:256], self._ways[:256]
         if self._is_free:  # else a robot stopped for unseen space would mark it as known bit by bit while it slides
@@ -187,6 +191,7 @@ class CollisionMonitor:
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
         if not self._stamps or time > self._stamps[-1]:
+            # Extrapolated odometry would move the echoes by what the wheels do meanwhile.
             self._waiting.append((name, scan))
             return False
         poses = self._poses_at(time + scan.time_offsets)
@@ -218,6 +223,7 @@ class CollisionMonitor:
         stamps, poses = np.array(self._stamps[start:]), np.array(self._poses[start:])
         inside = np.clip(times, stamps[0], newest)
         found = np.stack([np.interp(inside, stamps, poses[:, k]) for k in range(3)], axis=1)
+        # Beams at the end of a scan may be later than the newest odometry.
         late = np.maximum(times - newest, 0.0)
         found[:, 0] += late * self._twist[0] * np.cos(found[:, 2])
         found[:, 1] += late * self._twist[0] * np.sin(found[:, 2])
@@ -253,6 +259,7 @@ class CollisionMonitor:
             return Verdict(twist)
         lowest = 0.0
         if twist.vx != 0.0 and twist.vx * speed > 0.0:
+            # A share below what the brakes reach within a period could not be driven: the roll-out would be too kind.
             lowest = abs(self._slower(speed)) / abs(twist.vx)
         low, high = min(lowest, 1.0), 1.0
         if self._touch(low * twist.vx, low * twist.wz, in_flight, age, points) is not None:
@@ -265,6 +272,7 @@ class CollisionMonitor:
             else:
                 high, touched = middle, hit
         speed = low * abs(twist.vx)
+        # A robot that creeps by a few percent of its command reaches nothing, and the goal would see no stop.
         if (low < LEAST_SHARE and speed < CREEPING) or speed + self._radius * low * abs(twist.wz) < STILL:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
         return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
@@ -272,6 +280,7 @@ class CollisionMonitor:
     def _brake(self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch) -> Verdict:
         """Brake along the current curvature; if that touches something too, command zero at once."""
         if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
+            # The curvature of the last command that passed: the check then found braking along it free.
             _, v, w = self._given[-1]
             slower = self._slower(speed)
             turn = w * slower / v
@@ -323,6 +332,7 @@ class CollisionMonitor:
         if estimate is None or grid is None or estimate.state != "tracking":
             return NO_SURFACES
         time, base = estimate.stamp_ns * 1e-9, estimate.pose
+        # A pose from before a restart of the platform is of another odometry frame.
         if not self._stamps[0] <= time or time < self._stamps[-1] - OLD_POSE:
             return NO_SURFACES
         if time < self._stamps[-1]:
@@ -330,6 +340,7 @@ class CollisionMonitor:
             base = Pose2D(*compose((base.x, base.y, base.heading), moved).tolist())
         found = surfaces_without_echo(grid, base, reach, echoes)
         is_shown = self._covers(found)
+        # Coarse cells about a thin post would otherwise stop a robot beside an object whose echoes it sees.
         is_shown[is_shown] = shown_aside(found[is_shown], echoes, grid.resolution)
         return found[~is_shown]
 

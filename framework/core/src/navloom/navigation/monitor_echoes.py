@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 
 DEPTH = 12
 """Most readings per direction; older ones are left out."""
+# Without these echoes, a robot that turns on the spot touches a post that it has seen.
 HELD = 1.5
 """Largest distance at which a laser's echo is kept while no beam points at it, m."""
 ARC_STEP = 0.05
@@ -83,14 +84,17 @@ class SensorEchoes:
         middle = scan.origins.mean(axis=0) if len(scan.origins) else np.zeros(2)
         x, y, heading = base = poses[-1]
         cos, sin = math.cos(heading), math.sin(heading)
+        # Directions are counted from the laser, not from the base: from there, beams are evenly apart.
         x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
         bins = directions(scan.bearings)
         found = np.empty((bins, 2))
         count = nearest_surfaces(self._every(), x, y, bins, 3.0 * self.sigma, found)
+        # Two beams are one bin apart, so that the gap grows with the distance.
         reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
         held = out_of_view(self.obstacles, (x, y, heading), scan.bearings, bins)
         if self.seen_at is not None:
             moved = np.abs(base - self.seen_at)
+            # A slip turns the heading of the odometry, which displaces what is far away the most.
             turned = DRIFT * (math.hypot(*moved[:2]) + 0.5 * moved[2])
             held[:, 2] = np.minimum(held[:, 2] + turned * np.hypot(held[:, 0] - x, held[:, 1] - y), MOST_DRIFT)
         self.obstacles = np.concatenate([np.column_stack([found[:count], reach]), held])
@@ -101,13 +105,16 @@ class SensorEchoes:
         before = self.ranges
         if before is None or len(before) != len(scan.ranges):
             before, moved = np.full(len(scan.ranges), math.nan), 0.0
+        # Kernels cannot grow an array: this is the most that the arcs can need.
         arcs = 2.0 * scan.half_angles * np.where(scan.ranges < scan.range_max, scan.ranges, 0.0)
         found = np.empty((int(np.ceil(arcs / ARC_STEP).sum()) + 2 * len(arcs), 2))
         count = arc_points(
             poses[-1], scan.origins, scan.bearings, scan.half_angles, scan.ranges, before, moved,
             np.array([scan.range_max, 3.0 * self.sigma]), found,
         )  # fmt: skip
+        # A copy, because the array may be a view of the buffer of a message that would be kept alive.
         self.ranges = scan.ranges.copy()
+        # A copy, so that the unused rest of the buffer is freed.
         self._remember(time, found[:count].copy())
         every = self._every()
         self.obstacles = np.column_stack([every, np.zeros(len(every))])
@@ -122,6 +129,7 @@ class SensorEchoes:
 
     def _remember(self, time: float, points: Floats) -> None:
         self.scans.appendleft((time, points))
+        # Two at least, however slow the sensor is: a reading counts only if another one confirms it.
         while len(self.scans) > 2 and self.scans[-1][0] < time - KEEP:
             self.scans.pop()
 
@@ -142,6 +150,7 @@ def to_odometry(poses, origins, bearings, ranges, range_max, points):  # type: i
     """
     for i in range(ranges.shape[0]):
         if not ranges[i] < range_max:
+            # NaN instead of a shorter array: rows stay those of the beams.
             points[i, 0], points[i, 1] = math.nan, math.nan
             continue
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
@@ -178,6 +187,7 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
         if math.isnan(dx):
             continue
         row = int((math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * bins) % bins
+        # Newest first, so that older readings are the ones left out.
         if counts[row] < DEPTH:
             distances[row, counts[row]], held[row, counts[row]] = math.hypot(dx, dy), i
             counts[row] += 1
@@ -188,6 +198,7 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
         beyond = -1.0
         while True:
             nearest = math.inf
+            # The robot moved since: the same surface may fall into the direction beside.
             for side in range(-1, 2):
                 other = (row + side) % bins
                 for k in range(counts[other]):
@@ -207,10 +218,12 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
                             sum_d += distances[other, k]
                             members += 1
                 most = sum_d / members + 2.0 / 3.0 * agreement
+            # A single noisy reading (σ = 3 cm) would close every gap of 5 cm a side.
             if members > 1:
                 found[total, 0], found[total, 1] = sum_x / members, sum_y / members
                 total += 1
                 break
+            # A single reading may be noise or rain; the next farther ones of this direction get their turn.
             beyond = nearest
     return total
 
@@ -249,6 +262,7 @@ def directions(bearings: Floats) -> int:
     if len(bearings) < 2:
         return 360
     step = float(np.median(np.abs(np.diff(bearings))))
+    # Bounded, because a kernel's time grows with the bins, and a few beams must not become coarse sectors.
     return min(1440, max(180, round(2.0 * math.pi / max(step, 1e-3))))
 
 
@@ -283,6 +297,7 @@ def arc_points(base, origins, bearings, half_angles, ranges, before, moved, limi
     for i in range(count):
         if not ranges[i] < range_max:
             continue
+        # Cross-talk of sonars gives single readings; a surface is there in the next scan too.
         agrees = abs(ranges[i] - before[i]) <= agreement + moved
         for j in (i - 1, i + 1):
             if 0 <= j < count and ranges[j] < range_max and abs(ranges[j] - ranges[i]) <= agreement:
@@ -311,6 +326,7 @@ def _is_read_through(own, px, py, origins, bearings, half_angles, ranges, agreem
         if j == own:
             continue
         dx, dy = px - origins[j, 0], py - origins[j, 1]
+        # Only beams of this ring are asked: a laser looks over obstacles that a lower sonar hears.
         if _angle_between(math.atan2(dy, dx), bearings[j]) > half_angles[j]:
             continue
         if math.hypot(dx, dy) < ranges[j] - agreement:

@@ -75,6 +75,7 @@ def _surfaces(cells, frame, reach, echoes):  # type: ignore[no-untyped-def]
     x, y = -(cos * frame[0] + sin * frame[1]) / cell, (sin * frame[0] - cos * frame[1]) / cell
     first_row, last_row = max(0, math.floor(y - reach / cell)), min(rows - 1, math.floor(y + reach / cell))
     first_column, last_column = max(0, math.floor(x - reach / cell)), min(columns - 1, math.floor(x + reach / cell))
+    # Rounding must not add a point to cells of exactly a whole number of steps.
     parts = math.ceil(cell / STEP - 1e-9)
     found, count = np.empty((64, 2)), 0
     for row in range(first_row, last_row + 1):
@@ -83,6 +84,7 @@ def _surfaces(cells, frame, reach, echoes):  # type: ignore[no-untyped-def]
                 continue
             for side in range(4):  # right, upper, left, lower edge, each with the cell on its left
                 out_x, out_y = (1, 0, -1, 0)[side], (0, 1, 0, -1)[side]
+                # The inside of a wall is never touched first.
                 if _is_occupied(cells, row + out_y, column + out_x):
                     continue
                 normal_x, normal_y = cos * out_x - sin * out_y, sin * out_x + cos * out_y
@@ -93,17 +95,20 @@ def _surfaces(cells, frame, reach, echoes):  # type: ignore[no-untyped-def]
                     px, py = frame[0] + cos * u - sin * v, frame[1] + sin * u + cos * v
                     if px * px + py * py > reach * reach or _is_shown(px, py, normal_x, normal_y, echoes):
                         continue
+                    # Grown by hand, since a list of tuples is slow in a kernel.
                     if count == found.shape[0]:
                         more = np.empty((2 * count, 2))
                         more[:count] = found
                         found = more
                     found[count, 0], found[count, 1] = px, py
                     count += 1
+    # A copy, so that the buffer of twice the size is freed.
     return found[:count].copy()
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_occupied(cells, row, column):  # type: ignore[no-untyped-def]
+    # Negative indices would read the other side of the map.
     is_inside = 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]
     return is_inside and cells[row, column] >= OCCUPIED_FROM
 

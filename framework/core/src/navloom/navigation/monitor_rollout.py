@@ -53,6 +53,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
             Number of filled rows of `poses`.
     """
     period, deceleration, turn_deceleration, lag, dead_time = motor[0], motor[1], motor[2], motor[3], motor[4]
+    # The exact step of a first-order lag, so that the result does not depend on STEP.
     blend = 1.0 - math.exp(-STEP / lag) if lag > 0.0 else 1.0
     x, y, heading, v, w = 0.0, 0.0, 0.0, twist[0], twist[1]
     poses[0, 0], poses[0, 1], poses[0, 2] = 0.0, 0.0, 0.0
@@ -60,6 +61,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
     starts = age + dead_time
     time = 0.0
     while time < LONGEST:
+        # Times are sums of STEP: rounding must not shift a command by a whole step.
         if time < starts - 1e-9:
             while flying + 1 < in_flight.shape[0] and in_flight[flying + 1, 0] + dead_time <= time + 1e-9:
                 flying += 1
@@ -71,13 +73,17 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
                 break
         v += blend * (goal_v - v)
         w += blend * (goal_w - w)
+        # The heading in the middle of the step: the end of each arc is exact to second order.
         middle = heading + 0.5 * w * STEP
         x, y, heading = x + v * STEP * math.cos(middle), y + v * STEP * math.sin(middle), heading + w * STEP
         way += (abs(v) + radius * abs(w)) * STEP
         time += STEP
+        # By distance, not by time: a fast robot needs more poses, and a stopped one none. One row is left for the last
+        # pose.
         if way >= FINE and count < MOST_POSES - 1:
             poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
             count, way = count + 1, 0.0
+    # The place of standstill counts, even if it is nearer than FINE to the pose before.
     poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
     return count + 1
 
@@ -105,6 +111,7 @@ def distance_to_outline(px, py, outline):  # type: ignore[no-untyped-def]
         following = k + 1 if k + 1 < outline.shape[0] else 0
         ex, ey = outline[following, 0] - outline[k, 0], outline[following, 1] - outline[k, 1]
         distance = (ey * (px - outline[k, 0]) - ex * (py - outline[k, 1])) / math.hypot(ex, ey)
+        # Exact along edges and too small at corners, which errs on the safe side and saves the case.
         best = max(best, distance)
     return best
 
@@ -122,6 +129,7 @@ def margins(points, v, w, least):  # type: ignore[no-untyped-def]
     """
     wide = np.empty(points.shape[0])
     for i in range(points.shape[0]):
+        # The speed of the footprint beside that point: the tip of a long body is fast while its base stands.
         speed = math.hypot(v - w * points[i, 1], w * points[i, 0])
         wide[i] = max(math.hypot(least, points[i, 2]), least + min(MOST_DOUBT, DOUBT * speed))
     return wide
@@ -150,6 +158,8 @@ def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: igno
             distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
             if place == 0:
                 starts[i] = distance
+            # Compared with the same point, not with the nearest of all: a robot beside a wall must be able to turn away
+            # from another wall.
             elif distance < margin[i] and distance < starts[i] - nearer:
                 return i
     return -1

@@ -58,9 +58,12 @@ class SeenSpace:
         """
         if not self._has_begun:
             self._has_begun = True
+            # Otherwise a robot that cannot see behind itself could never turn on the spot.
             angles = np.arange(0.0, 2.0 * math.pi, CELL / (2.0 * self._radius))
             for radius in np.arange(0.0, self._radius + CELL, 0.5 * CELL):
                 ring = np.stack([pose[0] + radius * np.cos(angles), pose[1] + radius * np.sin(angles)], axis=1)
+                # What stands there, seen by no sensor and on no map, is touched: a box behind a laser of 270° at the
+                # start.
                 _assume(self._stood, self._assumed, ring, way)
         _stand(self._stood, self._assumed, self.rim, pose, way)
 
@@ -73,6 +76,7 @@ class SeenSpace:
             limits: (2,) range_min and range_max, m.
             at: (2,) time, s, and way, m.
         """
+        # Separate arrays instead of objects, because numba compiles kernels for arrays.
         known = (self._free, self._stood, self._looked, self._assumed)
         _look(*known, poses, *beams, limits, np.array([*at, at[1] - self.memory]))
 
@@ -105,6 +109,7 @@ def _rim(footprint: Floats) -> tuple[Floats, Floats]:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell(value):  # type: ignore[no-untyped-def]
+    # `floor` and not `int`, which would put both sides of 0 into one cell.
     return math.floor(value / CELL) % SIZE
 
 
@@ -140,6 +145,8 @@ def _look(free, stood, looked, assumed, poses, origins, bearings, half_angles, r
         axis = poses[i, 2] + bearings[i]
         far = min(ranges[i], limits[1], REACH)
         echo = ranges[i] < limits[1] and ranges[i] <= REACH
+        # A sonar measures nothing below its minimum, so that the echo may come from anywhere within it; as free space,
+        # it would let a square robot turn its corner into a wall.
         is_near = half_angles[i] > 0.0 and ranges[i] <= limits[0]
         rays = math.ceil(2.0 * half_angles[i] * far / CELL) + 1
         for ray in range(rays):
@@ -150,14 +157,17 @@ def _look(free, stood, looked, assumed, poses, origins, bearings, half_angles, r
                 row, column = _cell(y + k * step_y), _cell(x + k * step_x)
                 if not is_near:
                     free[row, column], looked[row, column] = at[1], at[0]
+                # What another beam read through on its way stays free.
                 elif free[row, column] < at[2]:
                     free[row, column], looked[row, column] = NEVER, TAKEN
+                    # Where the robot really stood it stays known; only the room to turn was an assumption.
                     if assumed[row, column]:
                         stood[row, column], assumed[row, column] = NEVER, False
             if echo:
                 row = _cell(y + far * math.sin(angle))
                 column = _cell(x + far * math.cos(angle))
                 looked[row, column] = at[0]
+                # The end of a sonar's cone is an arc of which one point reflects: the rest may well be free.
                 if half_angles[i] == 0.0:
                     free[row, column] = NEVER
 
@@ -165,6 +175,7 @@ def _look(free, stood, looked, assumed, poses, origins, bearings, half_angles, r
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_unknown(free, stood, looked, x, y, since_way, since_time):  # type: ignore[no-untyped-def]
     row, column = _cell(y), _cell(x)
+    # What a sensor looks at now is judged by its echoes, not by this grid.
     if looked[row, column] >= since_time or max(free[row, column], stood[row, column]) >= since_way:
         return False
     if free[row, column] == NEVER and looked[row, column] > NEVER:
@@ -198,6 +209,7 @@ def _first_unseen(  # type: ignore[no-untyped-def]
                 dx, dy = px - starts[i, 0], py - starts[i, 1]
                 away_x = cos_base * outward[i, 0] - sin_base * outward[i, 1]
                 away_y = sin_base * outward[i, 0] + cos_base * outward[i, 1]
+                # A robot whose edge is already in unknown space may still leave it.
                 if not began[i] or dx * away_x + dy * away_y > FURTHER:
                     return place
     return -1

@@ -80,6 +80,7 @@ def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2
     Read-only. Near the end of the trajectory there are fewer points, but always at least one.
     """
     points: Floats = _way_ahead(samples, progress, length, step)
+    # It becomes part of a message as it is.
     points.setflags(write=False)
     return points
 
@@ -87,6 +88,7 @@ def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2
 @njit(cache=True, nogil=True, error_model="numpy")
 def _way_ahead(samples, progress, length, step):  # type: ignore[no-untyped-def]
     end = min(progress + length, samples[-1, 0])
+    # Rounding must not add a point to a length of exactly some steps.
     count = max(1, math.ceil((end - progress) / step - 1e-9) + 1) if end > progress else 1
     points = np.empty((count, 2))
     for k in range(count):
@@ -126,6 +128,7 @@ def _nearest(samples, x, y, heading, first, last):  # type: ignore[no-untyped-de
         square_after = np.inf
         if k < last:
             square_after = (samples[k + 1, 1] - x) ** 2 + (samples[k + 1, 2] - y) ** 2
+        # Only local minima: at the edge of the window, the distance may still fall beyond it.
         if square <= square_before and square < square_after:
             cost = square + _HEADING_WEIGHT**2 * (1.0 - math.cos(samples[k, 3] - heading))
             if cost < best:
@@ -147,6 +150,7 @@ def _foot(samples, k, x, y):  # type: ignore[no-untyped-def]
     if front >= 0.0:
         if k == samples.shape[0] - 1:
             return float(k)
+        # Two samples that are abeam of the same point would divide by zero.
         return k + min(1.0, front / max(front - _abeam(samples, k + 1, x, y), 1e-12))
     if k == 0:
         return 0.0
@@ -157,6 +161,7 @@ def _foot(samples, k, x, y):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy")
 def _project(samples, x, y, heading, progress, look_ahead, back, ahead):  # type: ignore[no-untyped-def]
     step, end = _step(samples), samples.shape[0] - 1
+    # A window about the last place: where a trajectory crosses itself, the robot stays on its branch.
     lowest = min(max((progress - back) / step, 0.0), float(end))
     highest = min(max((progress + ahead) / step, lowest), float(end))
     k = _nearest(samples, x, y, heading, math.floor(lowest), math.ceil(highest))
@@ -165,6 +170,7 @@ def _project(samples, x, y, heading, progress, look_ahead, back, ahead):  # type
     share, after = place - k, min(k + 1, end)
     x_ref = samples[k, 1] + share * (samples[after, 1] - samples[k, 1])
     y_ref = samples[k, 2] + share * (samples[after, 2] - samples[k, 2])
+    # The difference is wrapped before it is interpolated: between 179° and -179° lies 180°, not 0°.
     heading_ref = _wrap(samples[k, 3] + share * _wrap(samples[after, 3] - samples[k, 3]))
     bend = samples[k, 4] + share * (samples[after, 4] - samples[k, 4])
     speed = samples[k, 5] + share * (samples[after, 5] - samples[k, 5])

@@ -48,6 +48,7 @@ class Replanning:
         """Check the trajectory against the map if either is new."""
         if not self.rules.when_blocked or given is None or trajectory is None or reference is None:
             return
+        # Identity suffices, because messages are immutable.
         if (given is self._seen[0] and trajectory is self._seen[1]) or reference.path_id != trajectory.path_id:
             return
         self._seen = (given, trajectory)
@@ -58,6 +59,7 @@ class Replanning:
         blocked_anew = self.is_blocked and self._answered is not self._seen[0]  # one request for each map
         if blocked_anew:
             self._answered = self._seen[0]
+        # Times are sums of ticks: rounding must not delay a period by a tick.
         elif not 0.0 < self.rules.period <= time - self._asked + 1e-9:
             return False
         self._asked = time
@@ -65,6 +67,8 @@ class Replanning:
 
     def takes(self, path: Path, reference: Reference | None) -> bool:
         """Whether a path is better than the rest of the trajectory."""
+        # However long it is, another path is better than one through an obstacle.
         if self.is_blocked or reference is None:
             return True
+        # A robot that is turned away follows a trajectory badly if it restarts every second.
         return path.length < (1.0 - self.rules.gain) * reference.remaining

@@ -38,14 +38,17 @@ def is_segment_free(cells, resolution, x_low, y_low, x0, y0, x1, y1):  # type: i
     rows, cols = cells.shape
     xa, ya, xb, yb = (x0 - x_low) / resolution, (y0 - y_low) / resolution, 0.0, 0.0
     xb, yb = (x1 - x_low) / resolution, (y1 - y_low) / resolution
+    # Rows are visited upwards, so that both directions of a segment give the same answer.
     if ya > yb:
         xa, ya, xb, yb = xb, yb, xa, ya
     lowest, highest = math.floor(ya - _TOUCH), math.floor(yb + _TOUCH)
+    # Checked once for the whole segment, so that the loop needs no bounds.
     if lowest < 0 or highest >= rows or min(xa, xb) - _TOUCH < 0.0 or max(xa, xb) + _TOUCH >= cols:
         return False
     rise = yb - ya
     for row in range(lowest, highest + 1):
         enter, leave = 0.0, 1.0
+        # A segment within one row has no crossing to divide by.
         if rise > _TOUCH:
             enter = max(0.0, (row - _TOUCH - ya) / rise)
             leave = min(1.0, (row + 1.0 + _TOUCH - ya) / rise)
@@ -110,6 +113,7 @@ def without_repeats(points: Floats) -> Floats:
     steps = np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1]))
     kept: Floats = path[np.concatenate([[True], steps > _REPEAT])].copy()
     if len(kept) > 1:
+        # The goal is exact, even if it lies within the tolerance of the point before.
         kept[-1] = path[-1]
     return kept
 
@@ -122,8 +126,10 @@ def _candidates(path: Floats) -> NDArray[np.int64]:
     steps = np.diff(path, axis=0)
     steps /= np.hypot(steps[:, 0], steps[:, 1])[:, None]
     turns = np.abs(steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]) > 1e-9
+    # Where a path reverses, the cross product is 0 as on a straight line.
     turns |= (steps[:-1] * steps[1:]).sum(axis=1) < 0.0
     chosen = np.concatenate([[True], turns, [True]])
+    # Straight parts need points too, as ends of segments that cut across; time grows with their square.
     chosen[:: max(1, count // 250)] = True
     return np.flatnonzero(chosen)
 
@@ -137,11 +143,14 @@ def _cheapest_chain(points, cells, resolution, x_low, y_low, corner_cost):  # ty
         x, y = points[j, 0], points[j, 1]
         best, before = np.inf, j - 1
         for step in range(j):
+            # The point before comes first, since its segment is allowed whatever the grid says.
             i = j - 1 if step == 0 else step - 1
             dx, dy = x - points[i, 0], y - points[i, 1]
             total = cost[i] + math.sqrt(dx * dx + dy * dy) + corner_cost
             if step > 0 and (
+                # The costly look at the grid comes last.
                 total > best + 1e-9
+                # Equal costs differ by rounding: without a rule for ties, chains would differ between machines.
                 or (total > best - 1e-9 and before < i)
                 or not is_segment_free(cells, resolution, x_low, y_low, x, y, points[i, 0], points[i, 1])
             ):
@@ -159,6 +168,7 @@ def _far_points(points, tolerance):  # type: ignore[no-untyped-def]
     """Mask of the kept points: recursively, the point farthest from each chord if it is beyond the tolerance."""
     kept = np.zeros(points.shape[0], np.bool_)
     kept[0] = kept[-1] = True
+    # A stack instead of recursion, which numba compiles slowly and which is as deep as the path is long.
     chords = [(0, points.shape[0] - 1)]
     while chords:
         first, last = chords.pop()

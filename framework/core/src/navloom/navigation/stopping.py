@@ -81,7 +81,9 @@ class Standstill:
 
     def stands(self, measured: Twist2D, time: float) -> bool:
         """Whether the robot stands at a run time, s, with a measured velocity: no command can still be on its way."""
+        # Not exactly zero: motors with a lag approach zero without reaching it.
         is_slow = abs(measured.vx) <= AT_REST and abs(measured.wz) <= AT_REST
+        # Times are sums of ticks; rounding must not cost a tick.
         return is_slow and time - self._moved_at > self._held - 1e-9
 
 
@@ -108,6 +110,7 @@ class Ending:
         """
         time = number * self._braking.period
         self._standstill.note(is_commanded, time)
+        # A run goes on until the last event of its config has happened, also if no goal is active.
         if not is_idle or number <= self._last_request:
             self._idle_since = math.inf
             return False

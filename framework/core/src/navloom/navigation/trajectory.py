@@ -116,6 +116,7 @@ def make_trajectory(
     else:
         cells, frame = np.ascontiguousarray(traversable, np.bool_), np.array([resolution, *origin])
         corners, beside = sight.prune(path, cells, resolution, origin), math.inf
+        # A little more than needed: with exactly `slow`, rounding puts the corner among the slow places.
         corners = fillets.move_corners(corners, cells, frame, 1.01 * slow, fast, 2)
     if len(corners) == 1:
         return _standing(corners, limits, heading)
@@ -138,6 +139,7 @@ def keep_corners(points: Floats, limits: SpeedLimits, spacing: float = 0.02, hea
             ValueError: As in `make_trajectory`.
     """
     path = _checked(points)
+    # Repeated points have no direction.
     corners = path[np.append(True, np.hypot(*np.diff(path, axis=0).T) > 0.0)]
     if len(corners) == 1:
         return _standing(corners, limits, heading)
@@ -163,6 +165,7 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     Returns:
         (n,) speed, m/s, > 0; the last one is at most the lowest speed of the limits.
     """
+    # Straight parts would divide by zero; nothing limits the speed at that curvature.
     bend = np.maximum(np.abs(curvature), 1e-9)
     speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
     speed = np.minimum(speed, limits.robot.max_angular / bend)
@@ -170,6 +173,7 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     turning = 0.5 * limits.robot.max_angular_acceleration
     speed = np.minimum(speed, np.maximum(_CRAWL, np.sqrt(turning / _bend_change(step, curvature))))
     speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
+    # Not zero: tracking laws need a moving reference, and the goal stops the robot.
     speed[-1] = min(speed[-1], limits.slowest)
     gain, loss = (2.0 * step * np.minimum(rate, 0.5 * turning / bend) for rate in rates)
     _limit_acceleration(speed, gain, loss)
@@ -214,6 +218,7 @@ def _standing(corners: Floats, limits: SpeedLimits, heading: float) -> SmoothPat
 
 def _read_only(samples: Floats, corners: Floats, radii: Floats, slow_places: Floats) -> SmoothPath:
     for array in (samples, corners, radii, slow_places):
+        # They go into messages without a copy.
         array.flags.writeable = False
     return SmoothPath(samples, corners, radii, slow_places)
 
@@ -230,6 +235,7 @@ def _bend(samples: Floats) -> Floats:
     turns = (np.diff(samples[:, 3]) + math.pi) % (2.0 * math.pi) - math.pi
     between = np.abs(turns) / samples[1, 0]
     bend = np.abs(samples[:, 4])
+    # On a smooth part, both agree up to the step: only where samples skip a fillet is the turn between them larger.
     between[between <= 1.1 * np.maximum(bend[:-1], bend[1:])] = 0.0
     bend[:-1] = np.maximum(bend[:-1], between)
     bend[1:] = np.maximum(bend[1:], between)
@@ -257,9 +263,11 @@ def _sample(corners, radii, shares, spacing):  # type: ignore[no-untyped-def]
     stations = fillets.stations(corners, radii, shares)
     total = stations[-1, 1]
     count = math.ceil(total / spacing - 1e-9) + 1
+    # Two at least: a step between samples is needed to interpolate.
     samples = np.zeros((max(2, count), 6))
     step, i = total / (samples.shape[0] - 1), 1
     for k in range(samples.shape[0]):
+        # The last one exactly at the end, whatever the sum of steps rounds to.
         s = total if k == samples.shape[0] - 1 else k * step
         while i < corners.shape[0] - 1 and s >= stations[i, 1]:
             i += 1
@@ -271,6 +279,7 @@ def _sample(corners, radii, shares, spacing):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy")
 def _place(corners, radii, shares, stations, i, s, sample):  # type: ignore[no-untyped-def]
     """Fill x, y, heading and curvature at arc length s, before or on the fillet of corner i."""
+    # A fillet is symmetric: its second half is the first, from the other end and mirrored.
     back = s > 0.5 * (stations[i, 0] + stations[i, 1]) and stations[i, 2] > 0.0
     other = i + 1 if back else i - 1
     ux, uy = corners[i, 0] - corners[other, 0], corners[i, 1] - corners[other, 1]

@@ -30,12 +30,16 @@ class WaitAndReplan(Recovery[WaitParams]):
         self._until_ns = 0
 
     def recover(self, given: RecoveryInput) -> RecoveryStep:
+        # One object serves all attempts of a run.
         if given.starts:
             self._until_ns = given.stamp_ns + round(self.params.wait * 1e9)
         is_over = given.stamp_ns >= self._until_ns
+        # The map is cleared at the end only: what left meanwhile must not be marked again.
         return RecoveryStep(Twist2D(0.0, 0.0, 0.0), "done" if is_over else "running", is_over and self.params.clear_map)
 
 
+# In the core, although only an entry point refers to it: it is the recovery that a robot has without any further
+# distribution.
 @hookimpl
 def navloom_register(registry: Registry) -> None:
     """Add the recovery."""

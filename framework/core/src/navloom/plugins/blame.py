@@ -34,6 +34,7 @@ def raised_in(error: BaseException, source: object) -> str:
 
 
 def _keep(text: str, error: BaseException) -> None:
+    # Moved to the end: the newest of equal errors is the one in question.
     _KEPT.pop(text, None)
     _KEPT[text] = whole_traceback(error)
     if len(_KEPT) > MOST:
@@ -42,6 +43,7 @@ def _keep(text: str, error: BaseException) -> None:
 
 def traceback_of(message: str) -> str:
     """The traceback that belongs to a message with an error's line; empty if none was kept."""
+    # Messages are wrapped for terminals.
     flat = " ".join(message.split())
     return next((kept for text, kept in reversed(_KEPT.items()) if " ".join(text.split()) in flat), "")
 
@@ -57,6 +59,7 @@ def whole_traceback(error: BaseException) -> str:
     one: BaseException | None = error
     while one is not None and id(one) not in seen:
         seen.add(id(one))
+        # A clearer error hides its cause from users, but whoever asks for the traceback wants it.
         one.__suppress_context__ = one.__cause__ is not None
         one = one.__cause__ or one.__context__
     return "".join(traceback.format_exception(error))

@@ -81,6 +81,7 @@ class Discovery:
                 )
         for name in dict.fromkeys(map(_key, self._points)):
             twins = [point for point in self._points if _key(point) == name]
+            # A stranger cannot replace a command of navloom's own: only the stranger is told.
             strangers = [point for point in twins if owner_of(point) not in OF_FRAMEWORK]
             if name.startswith("command.") and len(strangers) < len(twins):
                 found += [
@@ -186,6 +187,7 @@ class Discovery:
             PluginError: No command of that name, named twice, or broken.
         """
         given = self._given("command", name, self.load("command", name).commands)
+        # A reference is imported only when its command is used.
         if not isinstance(given, str):
             return given
         module, _, attribute = given.partition(":")
@@ -258,6 +260,7 @@ def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: A
     """The world that a plugin makes. A ValueError refuses the reference; any other exception is the plugin's fault."""
     try:
         world = make(*given)
+    # The scheme's words about a file: the user can mend that, not the plugin.
     except ValueError:
         raise
     except (Exception, SystemExit) as error:

@@ -60,12 +60,14 @@ class Loader:
         registry = Registry()
         try:
             self._manager.register(_Hooked(point, self._implemented(point.load())), name)
+            # A misspelt hook would never be called, and nobody would notice.
             self._manager.check_pending()
             self.call(name, "navloom_register", registry=registry)
         except BaseException as error:
             self._manager.unregister(name=name)
             if isinstance(error, PluginError):
                 raise PluginError(f"plugin {point.name!r} from {point.value}: {error}") from error
+            # Ctrl-C is no fault of the plugin.
             if not isinstance(error, (Exception, SystemExit)):
                 raise
             cause = " ".join(raised_in(error, module_of(point)).split())
@@ -80,6 +82,7 @@ class Loader:
     def call(self, name: str, hook: str, **given: Any) -> Sequence[Any]:
         """Call a hook of one registered entry point; its exceptions propagate."""
         others = [held for other, held in self._manager.list_name_plugin() if held is not None and other != name]
+        # One entry point at a time: pluggy stops at the first exception, which would cost the others their call.
         answers: Sequence[Any] = self._manager.subset_hook_caller(hook, others)(**given)
         return answers
 

@@ -51,15 +51,18 @@ class Onlookers:
             except PluginError as error:
                 self._say(f"{error}; the run goes on without it")
                 continue
+            # Copies, so that one observer cannot change what another one sees.
             self._running[name] = replace(run, config=deepcopy(run.config))
             self._call(name, "navloom_run_started")
             for given in self._call(name, "navloom_observe"):
+                # It may have been dropped by this very call.
                 if name in self._running:
                     looking.append(Onlooker(given, lambda error, name=name: self._drop(name, "on_message", error)))  # type: ignore[misc]
         return looking
 
     def finish(self, summary: Mapping[str, Any] | None, episode: Any = None, out: Any = None) -> None:
         """Notify the observers of the run's end, with the hook's arguments; further calls do nothing."""
+        # A copy of the names: one that fails is dropped meanwhile.
         for name in list(self._running):
             self._call(name, "navloom_run_finished", summary=deepcopy(summary), episode=episode, out=out)
         self._running.clear()

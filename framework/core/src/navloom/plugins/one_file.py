@@ -124,6 +124,7 @@ def _digest_of(path: Path) -> str:
 
 def _points_of(path: Path, digest: str) -> list[FilePoint]:
     if path not in _LOADED:
+        # Processes of one run must have the same plugin, also those that start later.
         if _digest_of(path) != digest:
             raise PluginError(f"--plugin {path}: the file changed after the command started; start the command again")
         module = _imported(path)
@@ -148,11 +149,13 @@ def _imported(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    # Before it runs, as importlib does: dataclasses look their module up.
     sys.modules[name] = module
     try:
         with _bounded():
             spec.loader.exec_module(module)
     except BaseException as error:
+        # Half a module must not be found by the next import.
         del sys.modules[name]
         if not isinstance(error, (Exception, SystemExit, ImportTimeout)):
             raise

@@ -70,6 +70,7 @@ class Opener:
         """Why a label has no class here; empty if it has one, which is then loaded; None if no distribution owns it."""
         if label not in self._why:
             parts = _LABEL.fullmatch(label)
+            # The framework's own classes are loaded already: another version is no matter of installing.
             if parts is None or parts[1] == "navloom":
                 return None
             if len(self._why) >= MOST_LABELS:

@@ -44,6 +44,7 @@ class _Bounded:
 
     def write(self, text: str) -> int:
         """Write the text, unless the plugin that prints it has printed too much."""
+        # The stack is the only thing that tells who prints.
         owned = self._owners.of(sys._getframe(1)) if self.is_open else None
         if owned is None:
             self._inner.write(text)
@@ -82,6 +83,7 @@ def bounded_output(owners: Owners, say: Callable[[Owned], None], window: float =
         yield
     finally:
         for name, stream in made.items():
+            # Whoever kept the stream may write to it after the run.
             stream.is_open = False
             if getattr(sys, name) is stream:  # other threads may have runs of their own
                 setattr(sys, name, stream._inner)

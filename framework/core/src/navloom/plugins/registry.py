@@ -66,6 +66,7 @@ class Registry:
             raise PluginError(f"{plugin.role}.{plugin.name} does not implement {missing}")
         if wrong := _wrong_part(plugin):
             raise PluginError(f"{plugin.role}.{plugin.name}: {wrong}")
+        # The same class twice is no harm: a module may serve several entry points.
         if key in self.roles and self.roles[key] is not plugin:
             raise PluginError(f"{plugin.role}.{plugin.name} is registered twice: rename one of them")
         self.roles[key] = plugin
@@ -159,6 +160,7 @@ def _wrong_part(plugin: type[Role]) -> str:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
             return f"its preset {name!r}: expected a name of lower case letters, digits and _"
         try:
+            # Now, and not when a config first uses it.
             plugin.Params.model_validate(preset.values())
         except ValueError as error:
             return f"its preset {name!r} does not fit its Params: {' '.join(str(error).split())}"
@@ -172,6 +174,7 @@ def _wrong_part(plugin: type[Role]) -> str:
     if not isinstance(inspect.getattr_static(plugin, "warm_up"), classmethod):
         return "its warm_up is called on the class: put @classmethod before it"
     try:
+        # A class with another constructor would fail in the middle of a start.
         inspect.signature(plugin).bind("params", "context")
     except TypeError as error:
         return f"its __init__ is given params and context ({error}): `def __init__(self, params, context)`"

@@ -37,6 +37,8 @@ class MapperInput:
     sweeps: tuple[Sweep, ...]
     scans: tuple[RangeScan, ...]
     track: PoseTrack
+    # Not an empty map: one of the next sweep alone would lack what is behind the robot, and what only a map can show,
+    # such as a girder above the sonars.
     clear: bool = False
     sensors: tuple[str, ...] = ()
     sweep_sensors: tuple[str, ...] = ()

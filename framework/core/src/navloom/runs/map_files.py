@@ -33,6 +33,7 @@ def rosmap_files(grid: GridMap, name: str, mode: Literal["trinary", "raw"] = "tr
         levels = np.where(cells == UNKNOWN, _GREY, known)
     header = f"P5\n{cells.shape[1]} {cells.shape[0]}\n255\n".encode("ascii")
     origin = ", ".join(map(_number, (grid.origin.x, grid.origin.y, grid.origin.heading)))
+    # Written by hand, so that the core needs no YAML library; navloom-maps reads it with one.
     text = (
         f"image: {name}.pgm\nmode: {mode}\nresolution: {_number(grid.resolution)}\norigin: [{origin}]\nnegate: 0\n"
         f"occupied_thresh: {_OCCUPIED_THRESH}\nfree_thresh: {_FREE_THRESH}\n"

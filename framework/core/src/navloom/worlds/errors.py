@@ -38,6 +38,7 @@ def file_of(text: str, base: Path) -> Path:
     Raises:
         WorldError: The text is empty or not a file name.
     """
+    # For a null character the file system functions raise a ValueError, not the OSError that is caught later.
     if not text.strip() or "\0" in text:
         raise WorldError(f"file name {text!r}: expected the name of a file")
     return base / text
@@ -57,6 +58,7 @@ def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, 
     options = dict(defaults)
     if question:
         try:
+            # Not strict, it drops a part without `=` silently.
             pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True)
         except ValueError:
             raise WorldError(f"{argument!r}: expected options as ?key=value&key=value after the file name") from None

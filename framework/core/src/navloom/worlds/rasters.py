@@ -23,6 +23,7 @@ def length_of(reference: str, key: str, text: str) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
+    # Negated, so that NaN is refused too.
     if not 1e-3 <= value <= 1e3:
         raise WorldError(f"{reference}: {key}={text}: expected a length from 0.001 to 1000 in metres")
     return value

@@ -87,6 +87,7 @@ def door_world(argument: str, base: Path) -> World:
         width = float(argument)
     except ValueError:
         width = math.nan
+    # Negated, so that NaN is refused too.
     if not _DOORS[0] <= width <= _DOORS[1]:
         raise WorldError(f"door:{argument}: expected a width from {_DOORS[0]:g} to {_DOORS[1]:g} m, as in door:2.0")
     left, right = 1.0 - 0.5 * width, 1.0 + 0.5 * width
@@ -123,6 +124,7 @@ def clutter_world(argument: str, base: Path) -> World:
     Raises:
         WorldError: The seed is not such a number.
     """
+    # isdigit() also accepts superscripts, which int() refuses; 18 digits fit into 63 bits.
     if not (argument.isascii() and argument.isdigit() and len(argument) <= 18):
         raise WorldError(f"clutter:{argument}: expected a seed, a whole number from 0, as in clutter:3")
     stream = np.random.default_rng(int(argument))
@@ -136,5 +138,6 @@ def clutter_world(argument: str, base: Path) -> World:
     else:
         raise WorldError(f"clutter:{argument}: no room for {_POSTS} posts; take another seed")
     posts = tuple(Cylinder(f"post {k}", x, y, _POST_RADIUS) for k, (x, y) in enumerate(centres, start=1))
+    # 1.5 m outside the field, so that no post stands on them.
     start, goal = Place(0.0, -0.5, _UP), Place(0.0, 14.5)
     return World(f"clutter:{argument}", posts, start=start, goal=goal, bounds=(-7.0, -2.0, 7.0, 16.0))

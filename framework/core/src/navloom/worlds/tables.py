@@ -104,6 +104,8 @@ class FileTable:
 
 
 def _is_number(value: Any) -> bool:
+    # To Python a bool is an int.
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
+    # isfinite() raises for an int that no float can hold, which TOML can write.
     return math.isfinite(value) and abs(value) <= _FARTHEST if isinstance(value, float) else abs(value) <= _FARTHEST

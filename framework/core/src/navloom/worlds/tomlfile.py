@@ -136,6 +136,7 @@ def _timing(table: FileTable) -> dict[str, Any]:
         raise table.error('appears_at and appears = "after_sweep" exclude each other: leave one out')
     waypoints = _waypoints(table) if "waypoints" in table else ()
     loops = table.flag("loops")
+    # The last time is the loop's period: run time is taken modulo it.
     if loops and not (waypoints and waypoints[-1][0] > 0.0):
         raise table.error("loops = true, expected waypoints that end after 0 s beside it")
     return {
@@ -170,6 +171,7 @@ def _place(table: FileTable, key: str) -> Place | None:
 def _raster(table: FileTable) -> Raster:
     raster = FileTable(table.path, "[raster]", table.value("raster"), ("map", "unknown", "z"))
     image = file_of(raster.text("map"), table.path.parent)
+    # By name: the core imports no plugin, and worlds without a raster need none.
     loaded: Raster = part("navloom_maps.rosmap").load_raster(
         image, raster.choice("unknown", ("occupied", "free")), raster.interval("z", _TALL)
     )

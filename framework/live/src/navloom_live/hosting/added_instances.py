@@ -50,6 +50,7 @@ class AddedInstances:
         process, source = asked.process, (asked.alternative.role, asked.alternative.name)
         with self._lock:
             system = self._system
+            # A request may be repeated by a supervisor that got no answer: the second time there is nothing to do.
             if source not in system.parts:
                 admit_part(system, with_alternative(system.loaded, vars(asked.alternative), process), source)
                 self._board.bus.bring_here("/".join(source), f"process/{process}")
@@ -57,7 +58,9 @@ class AddedInstances:
                 changes = [
                     (self._live[own], widen(system, one, source, self._board)) for own, one in self._hosted.items()
                 ]
+                # Before any node reads the new inlets; connected ones stay as they are.
                 self._board.connect()
                 for runner, more in changes:
+                    # On the node's own thread, between two steps: a step must not see its inputs change.
                     runner.change(partial(runner.admit, more))
             return Extended(system.loaded.sha256())

@@ -102,7 +102,9 @@ class Additions:
         except NavloomError as error:
             raise AdditionError(_plain(str(error), self.system, source)) from None
         shares = {**self.shares, process: (source,)}
+        # The running processes open no further links: the new one connects to all of them.
         link = self.network.added(self.folder, shares, process)
+        # A recorder must not miss the first messages of the new process, or its steps cannot be replayed.
         is_recorded = bool(self.bus.alive(self.keys.process(ATTENDANT, LINKED), 0.5))
         share = Share(process, (source,), link, False, self.started_ns, is_recorded, joins=True)
         for child in self.supervisor.children.values():  # a process that restarts from now on knows the instance
@@ -135,6 +137,7 @@ class Additions:
                 if not answer.refusal:
                     return from_json(EXTEND.answered, answer.data)
                 refusal = answer.refusal
+            # A process that restarts answers again within a second or two.
             time.sleep(0.2)
         return refusal
 

@@ -37,6 +37,7 @@ STAND = 0.5
 def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
     """Nodes by role, role.instance or name of a process. Raises ConfigError for a name that is none of them."""
     config = system.config
+    # Operators are clients; no process runs one.
     everybody = [source for source in all_sources(system) if source[0] != "operator"]
     processes = spread(config, everybody, None)
     found: list[Source] = []
@@ -61,6 +62,7 @@ def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
     keys = KeySpace(network.realm, network.robot)
     with suppress(BusError), joined(link, 0.0) as bus:  # without a router yet, no other node can be seen
         began = time.monotonic()
+        # For a while: tokens of a node that has just died stay until its lease is over.
         while there := [source for source in sources if bus.alive(keys.alive(*source, "*"))]:
             if time.monotonic() - began > LEFT:
                 raise DirectoryError(
@@ -124,6 +126,7 @@ def share_by_hand(
         link = network.links(folder, spread(system.config, all_sources(system), host))[name]
         ends = link.connect
     elif network.router:
+        # Cut, as a path of a socket has about a hundred characters at most.
         name = "-".join(dict.fromkeys(role for role, _ in sources))[:24] + f"-{os.getpid()}"
         link = network.alone()
         ends = link.connect
@@ -164,6 +167,7 @@ def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
         return
 
     def stand() -> None:
+        # The lock is free as soon as its holder ends, whatever ended it.
         while not folder.lock():
             if ended.wait(STAND):
                 return

@@ -101,6 +101,8 @@ class Claims:
     def __init__(self, keys: KeySpace, sources: Iterable[Source], say: Callable[[str], None]) -> None:
         self.lost = ""
         self._keys, self._sources, self._say = keys, [*sources], say
+        # The wall clock, for people to read; it decides only between two that start together, and then any order will
+        # do.
         self._own = Claimant(time.time(), platform.node(), os.getpid(), secrets.token_hex(4))
         self._sockets: list[socket.socket] = []
         self._connection: Connection | None = None
@@ -138,6 +140,7 @@ class Claims:
     def take_here(self) -> None:
         """Claim the nodes on this host. Raises DirectoryError, with who has claimed one."""
         for source in self._sources if sys.platform == "linux" else ():
+            # Datagrams need no `listen`: the bound name is the claim.
             one = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
             try:
                 one.bind(_address(self._keys, source))
@@ -200,6 +203,7 @@ class Claims:
 
     def _decide(self, connection: Connection) -> str:
         """Declare the tokens, and look for those of others until it is clear who has the nodes; why not, or empty."""
+        # The token first, then the look: of two that start together, at least one sees the other.
         self._announce(connection, STARTING)
         limit = time.monotonic() + LEFT
         self._closing.wait(SETTLE)
@@ -207,6 +211,7 @@ class Claims:
             if time.monotonic() > limit or self._closing.wait(LOOK):
                 return self._refusal(*found)
         self._announce(connection, RUNNING)
+        # Two halves of a network that was cut may both have found nobody.
         connection.watch(self._keys.port("*", "*", f"{CLAIM}/{RUNNING}/*"), self._note)
         return ""
 
@@ -219,6 +224,7 @@ class Claims:
         for answer in connection.alive(self._keys.port("*", "*", f"{CLAIM}/*/*"), 1.0):
             source, state, text = self._read(answer.key)
             claimant = claimant_of(text)
+            # A node that runs may be driving: it stays, however late its start was.
             is_prior = state == RUNNING or text < self._own.text
             if source in self._sources and claimant is not None and text != self._own.text and is_prior:
                 yield source, claimant
@@ -250,6 +256,7 @@ def _address(keys: KeySpace, source: Source) -> str:
     scope = f"in:{Path(given).resolve()}" if given else USUAL
     text = f"navloom/{os.getuid()}/{scope}/{keys.prefix}/{'/'.join(source)}"
     if len(text.encode()) > 100:  # a socket's name has at most 107 bytes
+        # Names this long are rare, and commands that only look should start fast.
         from hashlib import sha256
 
         text = f"navloom/{os.getuid()}/{sha256(text.encode()).hexdigest()[:40]}"
@@ -286,6 +293,7 @@ def _folder_of(pid: int) -> Path | None:
 def _abstract() -> dict[str, str]:
     """Abstract sockets of this host: name, as @…, and how a link in /proc names each."""
     try:
+        # Names of sockets may hold blanks.
         lines = [line.split(maxsplit=7) for line in Path("/proc/net/unix").read_text("utf-8").splitlines()]
     except OSError:
         return {}
@@ -315,7 +323,9 @@ def _open_files(pid: int) -> set[str]:
 def process_start(pid: int) -> float | None:
     """When a process of this host started, s since 1970; None if that is not known."""
     try:
+        # From the last parenthesis on: the name of a program may hold blanks and parentheses.
         ticks = int(Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[19])
     except (OSError, ValueError, IndexError):
         return None
+    # `/proc` counts from boot, and CLOCK_BOOTTIME includes the time in suspend as those ticks do.
     return time.time() - (time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK"))

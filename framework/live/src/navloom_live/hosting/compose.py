@@ -59,6 +59,7 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
     secured = ["--insecure"] * network.insecure
     tool = ["--connect", router, "--robot", robot, *(["--keys", KEYS] if network.keys else []), *secured]
     config = f"{CONFIGS}/{given.name}" if given.config is not None else given.name
+    # As JSON lines, because containers' logs are collected by machines.
     up = ["up", config, "--log-json", *secured]
     if not network.router:
         up += ["--set", f"live.router={router}"]
@@ -77,6 +78,7 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
     }
     if network.router and (network.starts_router or host is not None):
         del services["router"]  # `up` starts it, or another host has it
+    # Compiled kernels outlive the container, which would otherwise compile for minutes at each start.
     mounts = [f"cache:{CACHE}"]
     if given.config is not None:
         mounts.append(f"{given.config.absolute().parent}:{CONFIGS}:ro")
@@ -102,11 +104,14 @@ def _service(
     service: dict[str, Any] = {
         "image": given.image,
         "command": list(words),
+        # Between containers' own networks, the router would have to listen on an interface that others reach.
         "network_mode": "host",
         "restart": "unless-stopped",
+        # A process that reaps orphans must be there: `navloom` is not always the subreaper.
         "init": True,
         "stop_grace_period": GRACE,
         "read_only": True,
+        # The root is read-only, and the runtime folder with the sockets is in /tmp.
         "tmpfs": ["/tmp"],
         "cap_drop": ["ALL"],
         "security_opt": ["no-new-privileges:true"],
@@ -117,6 +122,7 @@ def _service(
         service["healthcheck"] = {"test": ["CMD", "navloom", "status"], "interval": "10s", "start_period": "180s"}
         if given.devices:
             service["devices"] = [f"{one}:{one}" for one in given.devices]
+            # Serial ports of Debian's images belong to this group.
             service["group_add"] = ["dialout"]
     needed = {"robot": ["router"], "viewer": ["robot"], "metrics": ["robot"]}.get(name, [])
     if depends := [one for one in needed if one in services]:

@@ -78,13 +78,16 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
     """End processes until none is found: by SIGTERM for `patience`, s, then by SIGKILL. Returns those that it ended."""
     ended: dict[int, Descendant] = {}
     began, told = time.monotonic(), set[tuple[int, int]]()
+    # Searched again each time, since a process that is ending may still start others.
     while left := find():
         spent = time.monotonic() - began
         if spent > patience + KILLED:
             break
         for one in left:
             ended[one.pid] = one
+            # A stopped process handles SIGTERM only after it is continued.
             for number in (signal.SIGTERM, signal.SIGCONT) if spent < patience else (signal.SIGKILL,):
+                # Each signal once: a handler that runs must not be interrupted by the same signal again.
                 if (one.pid, number) not in told:
                     told.add((one.pid, number))
                     with contextlib.suppress(OSError):
@@ -113,10 +116,12 @@ def reap_orphans(groups: Container[int], own: Container[int]) -> None:
         return
     session = os.getsid(0)
     for pid in map(int, children):
+        # Reaped here, their exit codes would be lost to those who wait for them.
         if pid in own:
             continue
         with contextlib.suppress(OSError, ValueError):
             state, _, group, its_session = status_of(pid)[1:5]
+            # Other children belong to code that waits for them itself, as `subprocess`.
             if state == "Z" and (int(group) in groups or int(its_session) != session):
                 os.waitpid(pid, os.WNOHANG)
 
@@ -134,6 +139,7 @@ def _read(pid: int) -> Descendant | None:
     if not started_by:  # a fork has the environment and command line of its parent, but its own name
         started_by, line = name, "a fork"
     now = _start(int(number))
+    # Another start time: the process ID belongs to a later process.
     is_left = not now or now != start
     return Descendant(
         pid, int(group), int(session), int(number), is_left, Path(folder), started_by, line or name

@@ -104,8 +104,11 @@ def refuse_foreign(folder: Path) -> None:
     Raises:
         DirectoryError: It, or a folder above it, belongs to another user or is writable for others.
     """
+    # Who may replace a folder above can replace this one as a whole.
     for path in (folder, *folder.absolute().parents):
         try:
+            # The folder itself must be no link, which another user could turn elsewhere; above it, links of root are
+            # usual.
             status = path.lstat() if path == folder else path.stat()
         except OSError:
             continue  # nothing is there to be read
@@ -149,6 +152,7 @@ class RobotFolder:
                 raise DirectoryError(f"runtime folder {folder}: {error.strerror}; set NAVLOOM_RUNTIME_DIR") from None
         refuse_foreign(self.path)
         refuse_foreign(self.path.parent)
+        # `mkdir` applies the umask and leaves an existing folder as it is.
         self.path.chmod(0o700)
 
     def lock(self) -> bool:
@@ -156,6 +160,7 @@ class RobotFolder:
         claim = os.open(self.path / self._claim, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         for left in reversed(range(CLAIMS)):
             with contextlib.suppress(OSError):
+                # A lock, not a file with a process ID: the kernel releases it however its holder ends.
                 fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 self._lock = claim
                 return True
@@ -167,6 +172,7 @@ class RobotFolder:
     def is_there(self) -> bool:
         """Whether the folder in which this process claimed the robot still exists."""
         try:
+            # The lock is on a file that may be deleted: a new one of the same name is another claim.
             return self._lock is not None and os.path.samestat(os.fstat(self._lock), (self.path / self._claim).stat())
         except OSError:
             return False
@@ -179,6 +185,7 @@ class RobotFolder:
             OSError: It cannot be written.
         """
         self.make()
+        # The old lock is held until the new one is there: meanwhile no other process may claim the robot.
         before, self._lock = self._lock, None
         if not self.lock():
             self._lock = before
@@ -282,6 +289,7 @@ class RobotFolder:
         """Remove sockets without a listener, and unfinished files."""
         sockets = [*self.path.glob("*.sock"), *self.path.glob("*.door")]
         locks = {*self.path.glob("*.lock"), *(path.with_name(f"{path.name}.lock") for path in sockets)}
+        # A listener that lives holds its lock; sockets of those that were killed stay as files.
         held = {path for path in locks if _is_locked(path)}
         _remove(locks - held)
         _remove(path for path in sockets if path.with_name(f"{path.name}.lock") not in held)
@@ -297,10 +305,12 @@ def _remove(paths: Iterable[Path]) -> None:
 def _is_locked(path: Path) -> bool:
     """Whether another process holds an exclusive lock on a file; a listener holds one on the file beside its socket."""
     try:
+        # Never created: a look must leave no file behind.
         look = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return False
     try:
+        # Shared, so that several tools can look at once; it fails only against an exclusive holder.
         fcntl.flock(look, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError:
         return True

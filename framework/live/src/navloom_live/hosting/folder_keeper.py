@@ -70,15 +70,19 @@ class FolderKeeper:
             status = path.lstat()
         except FileNotFoundError:
             if held is not None:
+                # A deleted socket can still be reached through an open file of it.
                 path.symlink_to(f"/proc/{os.getpid()}/fd/{held}")
             return
         if held is None and stat.S_ISSOCK(status.st_mode) and sys.platform == "linux":
+            # `O_PATH` holds the file without being a connection. Zenoh cannot listen a second time in a session, so
+            # that the alternative was to restart the process.
             self._sockets[name] = os.open(path, os.O_PATH | os.O_CLOEXEC)
 
     def _path(self, name: str) -> Path:
         return self._folder.path / f"{name}.sock"
 
     def _tell(self, text: str) -> None:
+        # Looked at twice a second: each text once.
         if text != self._told:
             self._told = text
             self._say(text)

@@ -57,6 +57,7 @@ def _ours(paths: frozenset[str]) -> Iterator[int]:
 def _names(number: int) -> set[str]:
     """Paths at both ends of a socket."""
     found = set()
+    # A duplicate, because the socket object closes its number.
     with socket.socket(fileno=os.dup(number)) as end:
         for name in (end.getsockname, end.getpeername):
             with suppress(OSError):

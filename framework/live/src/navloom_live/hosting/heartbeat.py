@@ -35,6 +35,7 @@ class Heart:
     def __init__(self, path: str) -> None:
         file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         try:
+            # Memory and no pipe: a beat costs no system call, and a reader that is late loses nothing.
             self._time = memoryview(mmap.mmap(file, PAGE)).cast("q")
         finally:
             os.close(file)
@@ -54,6 +55,7 @@ class HeartMonitor:
     def __init__(self) -> None:
         self.path = ""
         if sys.platform == "linux":
+            # In memory, so that a full disk stops no robot.
             self._file = os.memfd_create("heart", os.MFD_CLOEXEC)
             os.ftruncate(self._file, PAGE)
             self._time = memoryview(mmap.mmap(self._file, PAGE)).cast("q")
@@ -87,12 +89,15 @@ class HeartMonitor:
         now = time.monotonic()
         if not self.path or now - self._looked < LOOK:
             return self._silent
+        # The supervisor itself may have been stopped: that time says nothing about the process.
         spent, self._looked = min(now - self._looked, 2 * LOOK), now
         beat, before = self._time[0], self._switches
+        # No beat yet: the process still loads its plugins.
         if beat != self._last or not beat:
             self._last, self._silent, self._switches = beat, 0.0, UNREAD
             return 0.0
         self._switches = _switches(pid)
+        # A main thread that never wakes was stopped, or sleeps in a system call without the GIL.
         if before != UNREAD and self._switches - before >= FIGHTING:
             self._silent += spent
         return self._silent
@@ -108,6 +113,7 @@ class StopDetector:
     def look(self) -> int:
         """When the process continued after its last stop, ns, monotonic clock; 0 for never."""
         now, switches = time.monotonic_ns(), _own_switches()
+        # Late without having tried for the GIL: nobody ran.
         if now - self._before > STOPPED * 1e9 and switches - self._switches < FIGHTING:
             self._went_on_ns = now
         self._before, self._switches = now, switches

@@ -54,6 +54,8 @@ class Network:
         if self.router:
             for link in (self.router_link(), self.alone()):
                 if link is not None:
+                    # Made and thrown away: it reads the certificates, so that a wrong file is told before any process
+                    # starts.
                     settings(link)
 
     def links(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> dict[str, Link]:

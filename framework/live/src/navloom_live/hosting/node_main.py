@@ -37,12 +37,14 @@ def main() -> int:
     The watch in this process cannot see a node that holds the GIL: if the node computes, a system timer ends the
     process, and if it sleeps, the supervisor does.
     """
+    # First of all: a full disk must not end a node through its output.
     tolerate_write_errors()
     dump_when_broken()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
     sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for another thread that computes
     roles = {role for role, _ in spec["share"]["sources"]}
+    # Mapper and planner share cores with the control nodes, which must not wait for a plan.
     if goes_first(roles):
         go_first()
     system, share = assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"])
@@ -59,6 +61,7 @@ def main() -> int:
         print(f"{name}: ready", flush=True)
 
     def alive() -> None:
+        # Each call postpones the system's timer.
         rearm()
         if is_ready and heart is not None:  # before that its main thread waits for the network
             heart.beat()
@@ -67,6 +70,7 @@ def main() -> int:
         process.run(lambda text: print(f"{name}: {text}", flush=True), ready, alive)
     except Exception as error:
         print(f"{name}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        # Wrong configs and missing devices fail in the same way each time: the supervisor tells them from crashes.
         return 2 if isinstance(error, (ValueError, OSError)) else 1
     if process.hung:
         print(f"{name}: {process.hung}", file=sys.stderr, flush=True)

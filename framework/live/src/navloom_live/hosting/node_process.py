@@ -137,10 +137,12 @@ class NodeProcess:
         try:
             joined = Bus(self.share.link, math.inf, say, goes_on)
         except BusError:
+            # An ending process gives up waiting for the network, which is no failure.
             if self.ending.is_set():
                 return
             raise
         with joined as bus:
+            # After joining, when the sockets exist, and before any plugin steps, which may start a program.
             keep_from_children(self.share.link, self._forked)
             threads = self._start(bus, ready, alive)
             self._watch(threads, alive)
@@ -148,6 +150,7 @@ class NodeProcess:
             for runner in self.runners.values():
                 runner.cell.mailbox.ring()
             for thread in threads:
+                # With a limit: a plugin may be in a long step, and the supervisor waits no longer either.
                 thread.join(1.0)
 
     def _forked(self) -> None:
@@ -171,6 +174,7 @@ class NodeProcess:
             live: dict[Source, LiveRunner] = {}
             extend: Callable[[Extend], Extended] | None = None
         else:
+            # The supervisor's copy first: with all nodes in one process, nobody else could answer.
             memory.learn(self.known)
             self._recollect(bus, keys, memory)
             presence = Presence(keys, set(nodes), self._came)
@@ -187,6 +191,7 @@ class NodeProcess:
             runs = {"memory": monitor.run}
             extend = AddedInstances(self.system, hosted, live, board, monitor).extend
         services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board, self.warnings)
+        # Connected once all inlets are made: no message may arrive at half a node.
         board.connect()
         services.offer(extend)
         if self.share.barrier:
@@ -201,6 +206,7 @@ class NodeProcess:
         for thread in threads:
             thread.start()
         for source in nodes:
+            # Last: who sees the token expects that this node can receive.
             bus.announce(keys.alive(*source, self.life))
         ready()
         return threads
@@ -236,6 +242,7 @@ class NodeProcess:
             is_enough = len(answers) >= max(1, peers) and (memory.clock_ns >= 0 or not needs_clock)
             if is_enough or time.monotonic() > limit:
                 return
+            # Answers come from processes that may just be joining, too.
             time.sleep(0.02)
 
     def _nodes(self) -> dict[Source, Node]:
@@ -274,6 +281,7 @@ class NodeProcess:
     def _may_begin(self) -> bool:
         """Whether the recorder listens, or is late; a platform that restarts after ATTENDED does not wait."""
         late = time.monotonic_ns() - self.share.start_ns > ATTENDED * 1e9
+        # A mapper with memory could not be replayed if the recorder missed its first scans.
         return not self.share.attended or late or self._heard.is_set()
 
     def configure(self, source: Source, values: tuple[str, ...]) -> None:
@@ -284,6 +292,7 @@ class NodeProcess:
         """Continue where an earlier process of this share was, as far as the memory tells."""
         for source, runner in live.items():
             if memory.selected:
+                # A process that restarts during a drive must not bring back the instances of the config.
                 runner.recall(memory.selected, max(0, memory.epoch))
             version, values = memory.parameters.get(" ".join(source), (0, ()))
             if values:
@@ -292,6 +301,7 @@ class NodeProcess:
                 runner.cell.outlets["parameters"].publish(Parameters(version, values), 0, 0, 0, 0)
             node = runner.cell.node
             if isinstance(node, GateNode) and memory.epoch >= 0:
+                # An operator's stop must hold, even if the gate is killed.
                 node.restore(memory.epoch, memory.selected, memory.stop[1])
             if isinstance(node, GoalNode) and memory.goal[0] >= 0:
                 node.machine.begin(memory.goal[0] + 1, memory.goal[1])
@@ -327,8 +337,10 @@ class NodeProcess:
                 stepper = runner.cell.stepper
                 since_ns = stepper.busy_since_ns
                 allowed = longest_step(source[0], limit, self.system.catalogue)
+                # A shadow that hangs disturbs nobody, and ticks of the barrier have no deadline.
                 if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
                     continue
+                # A host in suspend, or a debugger, stops the whole process: that is no hanging node.
                 if time.monotonic_ns() - max(since_ns, went_on_ns) > allowed * 1e9:
                     self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s{_at(source, stepper.node)}"
                     return
@@ -341,6 +353,7 @@ class NodeProcess:
 def _at(source: Source, node: Node) -> str:
     """The line of its plugin that a node is executing, as the end of a message; empty for none."""
     idents = [thread.ident for thread in threading.enumerate() if thread.name == " ".join(source)]
+    # The private function is the only way to another thread's stack.
     frame = sys._current_frames().get(idents[0] or 0) if idents else None
     place = place_in(frame, home_of(type(getattr(node, "plugin", node))))
     return f": it is at {place}" if place else ""

@@ -100,6 +100,7 @@ class Nursery:
 
     def start(self) -> None:
         """Start the nursery; it is ready a little later."""
+        # Orphans below this process become its children: so are the double forks of the nursery.
         if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0):
             return
         ours, theirs = socket.socketpair()
@@ -110,6 +111,7 @@ class Nursery:
                 stdout=log,
                 stderr=log,
                 pass_fds=[theirs.fileno()],
+                # Ctrl-C must reach the supervisor alone, which ends the processes in order.
                 process_group=0,
                 env={**os.environ, **ONE_THREAD, **self._environment},
             )
@@ -134,6 +136,7 @@ class Nursery:
             return None
         order = {"name": name, "module": module, "spec": str(spec), "log": str(log)}
         try:
+            # A nursery that hangs must not hold up the supervisor, which restarts processes.
             self._line.settimeout(FORK)
             self._line.sendall(json.dumps(order).encode() + b"\n")
             return ForkedProcess(int(self._line.recv(32)))
@@ -170,13 +173,16 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = socket.socket(fileno=int(sys.argv[1]))
     _import_all()
+    # Frozen objects are left alone by later collections, so that forks keep sharing their pages.
     gc.collect()
     gc.freeze()
     with contextlib.suppress(OSError):
         line.sendall(b"+")
+        # Ends when the supervisor's end of the line closes, that is, also when it is killed.
         for order in line.makefile("rb"):
             forked.append(_fork_child(json.loads(order), line, supervisor))
             line.sendall(b"%d" % forked[-1])
+    # The supervisor is dead: nobody else would stop the robot's processes.
     _end(forked)
     end_all(lambda: _others(supervisor))
     remove_orphans()
@@ -227,6 +233,7 @@ def _send(forked: Sequence[int], number: int) -> None:
 def _is_there(pid: int) -> bool:
     """Whether a process ID still belongs to a process forked here."""
     try:
+        # The ID may belong to another process by now; forked ones lead their group in this session.
         return os.getpgid(pid) == pid and os.getsid(pid) == os.getsid(0)
     except OSError:
         return False
@@ -243,6 +250,8 @@ def _fork_child(order: dict[str, str], line: socket.socket, supervisor: int) -> 
     reading, writing = os.pipe()
     first = os.fork()
     if first == 0:
+        # By hand and not by `multiprocessing.forkserver`, whose children are no children of the supervisor and outlive
+        # its SIGKILL.
         second = os.fork()
         if second:
             os.setpgid(second, second)  # before any other process knows its ID
@@ -261,6 +270,8 @@ def _fork_child(order: dict[str, str], line: socket.socket, supervisor: int) -> 
 def _run_child(order: dict[str, str], supervisor: int) -> None:
     """In the new process: run what was ordered, and exit."""
     limit = time.monotonic() + FORK
+    # The first fork must be gone before the system hands this one to the subreaper; only then may `die_with_parent`
+    # look at its parent.
     while os.getppid() != supervisor and time.monotonic() < limit:
         time.sleep(0.001)
     os.setpgid(0, 0)
@@ -276,6 +287,7 @@ def _run_child(order: dict[str, str], supervisor: int) -> None:
     finally:
         sys.stdout.flush()
         sys.stderr.flush()
+        # Python's shutdown would run the nursery's own exit handlers.
         os._exit(code)
 
 

@@ -38,6 +38,7 @@ SEIZED = signal.SIGPROF
 def die_with_parent(parent: int) -> None:
     """Have the system send this process SIGTERM when its parent dies, whatever the cause."""
     if sys.platform == "linux":
+        # The kernel tells it: a supervisor that is killed can tell nobody.
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # the parent died before the call
         os._exit(1)
@@ -89,6 +90,7 @@ def tolerate_write_errors() -> None:
     """Make `print` in this process never fail, and never fill the log with one call."""
     for name in ("stdout", "stderr"):
         raw = _LossyFile(1 if name == "stdout" else 2, "wb", closefd=False)
+        # Any text can be written, whatever the locale of the service manager is.
         stream = io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", "backslashreplace", line_buffering=True)
         setattr(sys, name, stream)
 

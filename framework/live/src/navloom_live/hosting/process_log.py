@@ -86,6 +86,7 @@ class ProcessLog:
 
 def _open(path: Path) -> int:
     try:
+        # Appending, so that writers follow after a truncation instead of leaving a hole.
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
     except OSError:
         return os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)

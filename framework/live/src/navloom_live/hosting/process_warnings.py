@@ -92,5 +92,6 @@ class ProcessWarnings:
         for sensor in self._system.sensors:
             outlet = platform.outlets[sensor.name]
             scans[sensor.name] = (outlet.sequence, -1 if outlet.last is None else outlet.last[1].tick)
+        # The process may have restarted, and its sensors are silent only since then.
         began = max(0, ticks - platform.outlets["odometry"].sequence)
         run_warnings.silent_sensors(self._found, self._system, Heard(began, ticks, scans))

@@ -92,6 +92,7 @@ class LiveRobot:
         self.network.check()
         self.warn_of_expiry()
         self.folder.make()
+        # The lock decides, not the description, which a killed supervisor leaves behind.
         if not self.folder.lock():
             running = self.folder.read()
             who = "" if running is None else f" ({_claimant(running.pid)})"
@@ -213,6 +214,7 @@ class LiveRobot:
             if self._claims.lost:
                 raise DirectoryError(self._claims.lost)
             for child in self.supervisor.poll(restarts=not self.barrier):
+                # Code 2 fails in the same way each time; other crashes are restarted.
                 if self.barrier or child.state == "failed" or child.why == "ended with code 2":
                     raise StartError(
                         f"process {child.task.name} {child.why}: {self.supervisor.tail(child) or 'no output'}"
@@ -221,6 +223,7 @@ class LiveRobot:
                 names = ", ".join(f"{role} {name}" for role, name in missing)
                 raise StartError(f"not up after {timeout:g} s: {names}; {self._advice(missing)}")
             with self._changed:
+                # Also without news: a process may have died.
                 self._changed.wait(0.2)
         self._await_reachable(ends)
 
@@ -251,9 +254,11 @@ class LiveRobot:
     def _stop(self) -> None:
         self._ended.set()
         try:
+            # The claims would rejoin the router, which is about to end.
             if self.network.starts_router:
                 self._claims.leave_network()
             self.supervisor.stop()
+            # If it was deleted and made by another robot, its files are that robot's.
             if self.folder.is_there():
                 self.folder.clear()
         finally:

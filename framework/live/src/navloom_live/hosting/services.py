@@ -128,6 +128,7 @@ class Services:
     def _config(self) -> bytes:
         """The whole config, for recordings: only the running process knows what it runs."""
         loaded = self._system.loaded
+        # Kept, as every recorder and tool asks for it; it changes only when an instance is added.
         if self._kept_config[0] is not loaded:
             given = ProcessConfig(
                 loaded=loaded.to_json(), barrier=self._board.lossless, distributions=distributions(loaded.config)
@@ -230,6 +231,7 @@ class Services:
         heading = None if asked.heading is None else math.remainder(asked.heading, math.tau)
         via = tuple(Point2D(*point) for point in asked.via)
         limit = time.monotonic() + APPLY
+        # A client may be faster than the first message of a platform that has just started.
         while not self._clock.is_known and time.monotonic() < limit:
             time.sleep(0.02)
         if not self._clock.is_known:
@@ -237,6 +239,7 @@ class Services:
         problem = place_problem(self._system, x, y, heading)
         if problem:
             raise ServiceError(f"rejected: {problem}")
+        # Two clients may submit at once, and numbers of goals must differ.
         with self._goals:
             number = self._memory.last_goal + 1
             self._memory.last_goal = number
@@ -303,6 +306,7 @@ class Services:
         begun, done, failure = threading.Lock(), threading.Event(), []
 
         def do() -> None:
+            # Whoever gets the lock decides: the node begins the change, or the client has given up.
             if begun.acquire(blocking=False):
                 try:
                     change()

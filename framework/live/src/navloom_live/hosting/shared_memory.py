@@ -24,6 +24,7 @@ def is_orphan(path: Path) -> bool:
     except OSError:
         return False
     try:
+        # Zenoh itself looks into /proc, but a container sees only its own processes there.
         fcntl.flock(segment, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return os.fstat(segment).st_size > 0
     except OSError:

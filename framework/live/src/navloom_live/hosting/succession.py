@@ -68,11 +68,13 @@ class Router:
             self._say(f"new certificates are refused, the old ones stay in use: {error}")
             return
         first = self._bus
+        # The port must be free before the second router opens; open connections stay with the first.
         for end in link.listen:
             _stop_listening(Endpoint.parse(end).port)
         self._bus, self._link = self._open(link), link
         self._say("new connections use the new certificates")
         _await_streams(first, self._bus, link, ending)
+        # Only when the second knows all streams: a client that moves must find the others there.
         first.tell(f"{link.realm}/{link.robot}/{MOVED}")
         limit = time.monotonic() + LEAVE
         while first.clients() and time.monotonic() < limit and not ending.wait(0.05):
@@ -107,6 +109,7 @@ def _stop_listening(port: int) -> None:
     """
     for number in map(int, os.listdir("/proc/self/fd")):
         with contextlib.suppress(OSError):  # it is no socket
+            # A fresh look at every number, because Zenoh does not tell which one is its listener.
             one = socket.socket(fileno=number)
             try:
                 is_listening = one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)

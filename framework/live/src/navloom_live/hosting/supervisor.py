@@ -116,6 +116,7 @@ class Supervisor:
 
     def start(self) -> None:
         """End what is left of an earlier supervisor's processes, then start all processes."""
+        # They may hold sockets, ports and devices that the new processes need.
         left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
         if left:
             self._say(f"ended processes left by an earlier robot of this name: {_listed(left)}")
@@ -182,6 +183,7 @@ class Supervisor:
     def stop(self) -> None:
         """End all processes in order: those that compute, the gate, which stops the robot, the platform, the router."""
         if self._nursery is not None:
+            # First, so that it forks nothing more, and does not end the others by itself.
             self._nursery.close()
         for group in (self._group(lambda roles: bool(roles) and not roles & {"gate", "platform"}),
                       self._group(lambda roles: "gate" in roles and "platform" not in roles),
@@ -246,6 +248,7 @@ class Supervisor:
         if patience is None or process is None:
             return
         silence = child.heart.silence(process.pid)
+        # It was told to end and print its traceback, but a thread that sleeps in C code handles no signal.
         if silence > patience + DUMPING:
             process.kill()
         elif silence > patience and not child.verdict:
@@ -289,6 +292,7 @@ class Supervisor:
         code, pid, name = child.process.poll(), child.process.pid, child.task.name
         assert code is not None
         child.process = None
+        # Before its restart: they may hold the device that it opens.
         self._end_descendants(name, pid)
         remove_orphans()
         child.why = child.verdict or _why(code)
@@ -309,6 +313,7 @@ class Supervisor:
             return
         child.state, child.again_at = "waiting", now + child.wait
         self._say(f"process {name} {child.why}; it restarts in {child.wait:g} s. Its last message: {self.tail(child)}")
+        # A process that crashes at once must not take the cores from those that drive.
         child.wait = min(2 * child.wait, LONGEST_WAIT)
         self._write_down()
 

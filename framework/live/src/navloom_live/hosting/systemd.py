@@ -38,6 +38,7 @@ def notify(state: str) -> None:
     if address.startswith("@"):  # an abstract socket
         address = "\0" + address[1:]
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
+        # A service manager that does not read must not stop a node.
         line.setblocking(False)
         line.sendto(state.encode(), address)
 
@@ -117,6 +118,7 @@ def _before(process: str, shares: Mapping[str, tuple[Source, ...]], has_router: 
 
     def rank(name: str) -> int:
         roles = {role for role, _ in shares[name]}
+        # Units end in the reverse order: the gate can stop the robot while the platform still drives it.
         return 0 if "platform" in roles else 1 if "gate" in roles else 2
 
     first = ("router",) if has_router else ()
@@ -141,6 +143,7 @@ def _text(service: _Service, robot: str, stem: str, command: UnitCommand, live: 
         "Wants=network-online.target",
         f"After={' '.join(after)}",
         f"StartLimitIntervalSec={live.restart_window:g}",
+        # systemd counts the first start, too.
         f"StartLimitBurst={live.restart_limit + 1}",
         "",
         "[Service]",
@@ -150,6 +153,7 @@ def _text(service: _Service, robot: str, stem: str, command: UnitCommand, live: 
         f"User={command.user}",
         f"RuntimeDirectory={RUNTIME}",
         "RuntimeDirectoryMode=0700",
+        # Each unit would otherwise remove the folder that it shares with the others.
         "RuntimeDirectoryPreserve=yes",
         f"Environment=NAVLOOM_RUNTIME_DIR=/run/{RUNTIME}",
         "Restart=always",

@@ -95,6 +95,7 @@ class Barrier:
                 while not stream.opened:
                     stream.opened.extend(inlet.take())
                     if not stream.opened:
+                        # Of an alternative, only what is there: nobody waits for it.
                         if not waits:
                             return
                         self._wait()
@@ -114,11 +115,14 @@ class Barrier:
             assert isinstance(message, StepReport)
             progress.done, progress.enabled = envelope.tick, message.enabled
             progress.duration_ns = message.duration_ns if message.trigger else 0
+            # A report without a trigger is one of a node that did not step.
             progress.waiting = "" if message.trigger else message.told
             progress.marks = {mark.port: mark.sequence for mark in message.published}
+            # The first one counts, as in lockstep, where a failed node does not step again.
             if message.fault and progress.fault is None:
                 progress.fault = (envelope.tick, message.fault)
             for port, stream in self._ports.get(source, ()):
+                # The mark, not the order of arrival, decides to which tick a message belongs.
                 stream.marks.append((envelope.tick, progress.marks[port]))
 
     def _wait(self) -> None:

@@ -69,8 +69,10 @@ class BarrierRunner:
         self._number = number
         self.barrier.await_report(OPERATOR, number)
         if number:
+            # The gate announces a selection one tick ahead: its report tells whether there is one.
             self.barrier.await_report(GATE, number - 1)
         self.barrier.hear_all()
+        # In this order: a selection of the last tick decides from which instances this tick reads.
         self._let_in(self._delayed, number - 1, number - 1)
         self._let_in([self.requests], number, number)
         self._obey(number)
@@ -102,6 +104,7 @@ class BarrierRunner:
             target = (request.role, request.instance)
             if request.do == "swap":
                 self._watched.add(target)
+            # Every node sees every request, and each acts on its own.
             if target == self.cell.source and request.do == "swap":
                 self.cell.stepper.enabled = True
             elif request.do == "place" and isinstance(self.cell.node, LocalizerNode):
@@ -117,6 +120,7 @@ class BarrierRunner:
         fresh = {*message.chosen.items()}
         for feed in self.cell.feeds:
             if feed.source in fresh and not self.cell.in_charge(feed.source):
+                # The new instance was not waited for until now: what it published before is read first.
                 self.barrier.await_report(feed.source, number - 1)
                 self._apply(feed, number - 1)
         self.cell.select(message)
@@ -127,12 +131,14 @@ class BarrierRunner:
         if isinstance(node, GoalNode):
             for source in self.barrier.progress:
                 if self.cell.in_charge(source) and source != self.cell.source and source[0] not in node.optional:
+                    # Nodes that step after the goal can only have reported the tick before.
                     tick = number if self.roles.index(source[0]) < place else number - 1
                     fault = self.barrier.await_report(source, tick).fault
                     if fault is not None and fault[0] <= tick:
                         node.fault = f"{source[0]} {source[1]} failed: {fault[1]}"
         if isinstance(node, GateNode):
             for source in self._watched:
+                # Whether a pending instance is warm must not depend on how fast its process is.
                 self.barrier.await_report(source, number)
 
     def _find_waiting(self) -> str:
@@ -150,12 +156,14 @@ class BarrierRunner:
             cell.publish(*made)
         trigger = stepper.fired(number) if stepper.enabled and number % stepper.stride == 0 else ""
         if not trigger:
+            # Also without a step: all readers wait for this report.
             cell.report(tick)
             return
         since = number - stepper.stride
         read = cell.read_marks(number, since)
         outputs = stepper.step(tick, since)
         if stepper.fault:
+            # As in lockstep: both must give the same trace.
             stepper.enabled = False
         cause_ns = stepper.cause_of(time_ns)
         if outputs and stepper.delay:

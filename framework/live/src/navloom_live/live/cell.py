@@ -100,6 +100,7 @@ class Cell:
         self.chosen |= chosen
         self.stepper.active = self.in_charge(self.source)
         for feed in self.feeds:
+            # Each instance has a slot of its own, so that a swap finds the newest message of the new one.
             if self.in_charge(feed.source) and feed.wire.slot is not feed.slot:
                 feed.wire.lead_to(feed.slot)
 
@@ -132,8 +133,10 @@ class Cell:
     ) -> None:
         """Send a step's outputs and then its report, together. `read` is None if no one reads the report."""
         burst = self._hand_on(outputs, tick, cause_ns)
+        # The first step without a fault is news too: it ends the count of faults in a row.
         is_news = self.fault is not None and (bool(fault) or self._was_faulty)
         if read is None and not is_news:
+            # Counted, so that a recorder that joins sees a gap and not a restart.
             self.outlets[STEP].pass_over()
         else:
             burst.append(self._hand_on_report(tick, trigger, read or (), self.stepper.spent_ns, fault))

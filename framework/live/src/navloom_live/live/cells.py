@@ -101,6 +101,7 @@ def widen(system: System, hosted: Hosted, source: Source, board: Switchboard) ->
     """Further inlets of a running cell, for an instance that the system has gained. `board.connect` connects them."""
     cell = hosted.cell
     mailbox, sources = cell.mailbox, all_sources(system)
+    # By identity: a wire has one feed for each instance.
     wires = {id(feed.wire): feed.wire for feed in cell.feeds if feed.source[0] == source[0]}
     feeds = [_feed(wire, source, board, mailbox) for wire in wires.values()]
     waits_for = awaited(system.catalogue, cell.source, feeds)
@@ -132,12 +133,16 @@ def _reporting(
     waits_for: set[Source],
 ) -> Iterable[Source]:
     """Instances whose step reports a node needs."""
+    # Under the barrier every node waits for all reports.
     if board.lossless:
         return sources
     roles = [role for role, _ in sources]
     if system.catalogue.nodes[source[0]].hears == "rivals":
+        # The goal's reports are its heartbeat; those of roles with several instances show which can take over. Each
+        # report costs its readers a wake-up, so the gate takes no others.
         told = {other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1} | set(system.may_wait)
         return [other for other in sources if other in told]
+    # Who publishes in every step needs no report to show that it stepped.
     silent = {feed.source for feed in feeds if not feed.wire.delayed and not _answers(system, feed)}
     return [other for other in sources if other in waits_for & silent]
 
@@ -152,6 +157,7 @@ def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switc
     feeds: list[Feed] = []
     for other in sources:
         if other[0] == given.role:
+            # One wire for all instances of a role: a swap leads it to another slot.
             wire = feeds[0].wire if feeds else make_wire(given, _slot(given, other, board))
             feeds.append(_feed(wire, other, board, mailbox, None if feeds else wire.slot))
     return feeds

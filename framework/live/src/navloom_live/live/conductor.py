@@ -100,6 +100,7 @@ class Conductor:
         ending = Ending(self.system.braking, max(self.requests, default=0))
         began = time.perf_counter_ns()
         self._moved_at = time.monotonic()
+        # One tick ahead of those that are collected: nodes never wait for this process.
         self._let_begin(0)
         for number in range(ticks):
             before = time.perf_counter_ns()
@@ -137,6 +138,7 @@ class Conductor:
             self._keep(self._own, "request", request, at)
         for source, ports in self._inlets.items():
             role, name = source
+            # Read and thrown away, or its queue would grow for the whole run.
             if self._chosen.get(role, name) != name:
                 for inlet in ports.values():
                     for _ in self._barrier.read(inlet, number, waits=False):
@@ -150,6 +152,7 @@ class Conductor:
                 self.log.failed.append((role, name, number))
             for port, inlet in ports.items():
                 for message, envelope, tick in self._barrier.read(inlet, number):
+                    # A swap brings earlier messages of the new instance along, which lockstep has not in its trace.
                     if tick == number:
                         self._keep(source, port, message, envelope)
         self.trace.end_tick(number)
@@ -181,8 +184,10 @@ class Conductor:
         if reported != self._reported:
             self._reported, self._moved_at = reported, now
         elif now - self._moved_at > STALL:
+            # Reports of nodes that are not waited for at the moment may still be in their queues.
             self._barrier.hear_all()
             sources = [s for s in self._barrier.progress if self._chosen.get(s[0], s[1]) == s[1]]
+            # Those that are farthest behind hold up all others.
             behind = min(self._barrier.progress[source].done for source in sources)
             named = [f"{r} {n}" for r, n in sources if self._barrier.progress[(r, n)].done == behind]
             raise BarrierError(

@@ -65,6 +65,7 @@ class LiveRunner:
 
     def rings(self, feed: Feed) -> bool:
         """Whether messages of this feed wake the node: only those that make it step. All others wait until then."""
+        # A node that woke for each input would only wait for the rest, and for the GIL.
         return feed.wire is self._pace if self.stepper.spec.ticks else feed.wire.input.triggers
 
     def change(self, change: Change) -> None:
@@ -119,6 +120,7 @@ class LiveRunner:
         if (
             isinstance(selection, Selection)
             and selection.epoch > self.cell.epoch
+            # The newest tick that this process knows of, by any stream: the clock's own message may be late.
             and selection.from_tick <= max([self.clock.tick, *(feed.slot.tick for feed in self.cell.feeds)])
         ):
             self.recall(selection.chosen, selection.epoch)
@@ -147,6 +149,7 @@ class LiveRunner:
             held = slot.envelope
             if rivals is not None:
                 rivals.note(envelope.sequence, envelope.stamp_ns)
+            # A message may come twice (by two links) or late (the answer to a query).
             if held is not None and envelope.tick <= slot.tick:
                 is_known = envelope.tick == slot.tick and envelope.sequence == held.sequence
                 # Only the platform can show that the clock restarted: an old message of another node is only old.
@@ -164,6 +167,7 @@ class LiveRunner:
     def begin_anew(self, tick: int) -> None:
         """Handle a restart of the run clock, now at this tick: state of the old clock would lie in the future."""
         stepper, limit = self.stepper, tick + BACKWARDS
+        # Or the node would wait until the new clock has reached the old one.
         if stepper.stepped >= limit:
             stepper.stepped = -1
         self.done = {source: done for source, done in self.done.items() if done < limit}
@@ -189,6 +193,7 @@ class LiveRunner:
             return None
         if stepper.spec.ticks:
             wire = self._pace
+            # Each tick once, however often its message comes.
             if wire is None or wire.slot.tick <= stepper.stepped:
                 return None
             return ("tick", wire.slot.tick) if wire.slot.tick % stepper.stride == 0 else None
@@ -208,6 +213,7 @@ class LiveRunner:
 
     def _awaits_siblings(self, number: int) -> bool:
         """Whether to wait a moment for other inputs of the same tick; later ticks do not extend the wait."""
+        # Otherwise a stream that is always late would keep the node waiting for ever.
         wanted = number if self._waits_since[0] < 0 else min(number, self._waits_since[0])
         late = [
             source for source in self._siblings if self.cell.in_charge(source) and not self._is_done(source, wanted)
@@ -217,7 +223,9 @@ class LiveRunner:
             self._waits_since = (wanted, now)
             for source in late:
                 for inlet in self._words(source):
+                    # Only while it waits: in other ticks these messages need not wake it.
                     inlet.listen()
+            # The first look may be early: the wake-up of the late input comes anyway.
             return True
         patience = max(FIRST, self._patience) if self.stepper.stepped < 0 else self._patience
         if late and now - self._waits_since[1] < patience:
@@ -249,11 +257,13 @@ class LiveRunner:
         stepper = self.stepper
         time_ns = self._time_of(number)
         tick = Tick(number, time_ns * 1e-9, time_ns, self.cell.epoch)
+        # Messages of ticks that were skipped count too, but no more than two ticks of them.
         missed = min(2, max(0, number - stepper.stride - stepper.stepped)) if stepper.stepped >= 0 else 0
         self.step_once(tick, trigger, number - stepper.stride - missed)
 
     def step_once(self, tick: Tick, trigger: str, since: int) -> None:
         """Step and publish the outputs; queues give the messages after tick `since`."""
+        # Most steps have no reader of reports, and marks cost as much as a small step.
         read = self.cell.read_marks(tick.number, since) if self.cell.is_followed else None
         outputs = self.stepper.step(tick, since)
         self.times.note(tick.number, self.stepper.spent_ns)
@@ -277,6 +287,7 @@ class LiveRunner:
         """Run clock of a tick, ns: the stamp of an input message of that tick."""
         for wire in self.stepper.wires:
             envelope = wire.slot.envelope
+            # The stamp of the tick is the platform's: this host's clock would differ from the other hosts'.
             if envelope is not None and envelope.tick == number:
                 return envelope.stamp_ns
         return max(0, self.clock.now_ns())

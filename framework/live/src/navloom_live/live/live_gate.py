@@ -81,11 +81,14 @@ class LiveGate(LiveRunner):
         self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
         self._began_ns = time.monotonic_ns()
         self._catalogue, required = system.catalogue, system.catalogue.required_roles()
+        # All instances, also alternatives: which of them are active is looked up at each check.
         self._needed = [source for source in all_sources(system) if source[0] in required]
         more = _between_poses(system, period)
+        # The goal publishes no command that could go stale: its steps are timed instead.
         near = self.deadline + hold(period) + more
         self._goal_deadline = near if are_on_one_host(system.config, "goal", "gate") else max(near, AFAR)
         self._doubt_ns = round((min(DOUBT * period, self.deadline) + more) * 1e9)
+        # Never, as an integer: these times are compared with others in nanoseconds.
         self._goal_ends_ns = self._doubt_ends_ns = 2**62
         self._looked_ns = 0
         self._may_wait, self._waiting = system.may_wait, dict[Source, str]()
@@ -131,6 +134,7 @@ class LiveGate(LiveRunner):
         """Longest wait for a message, s: until an input that was fresh at the last check may have gone stale."""
         if not self.clock.is_known:
             return CHECK
+        # Limits in the past were seen by the last check; they must not make this loop spin.
         coming = [limit_ns for limit_ns in self._limits_ns() if limit_ns >= self._looked_ns]
         return min(CHECK, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + AFTER))
 
@@ -158,6 +162,7 @@ class LiveGate(LiveRunner):
             self._await_tick()
             return
         self.gate.now_ns = self._looked_ns = clock.now_ns()
+        # By this host's monotonic clock: two hosts need no common time.
         self.gate.is_silent = clock.silence_s() > self.deadline
         self._follow_platform()
         self.gate.late = "" if self._is_goal_in_time() else "goal main"
@@ -176,6 +181,7 @@ class LiveGate(LiveRunner):
     def _look(self, number: int) -> None:
         """Check between two ticks, and stop if something is wrong."""
         tick, stepper = self._tick(number), self.stepper
+        # As of the coming tick: what arrived after the last decision counts.
         stepper.prepare(number + 1, number)
         outputs = stepper.run(tick, self.gate.check)
         if outputs or stepper.fault:
@@ -187,6 +193,7 @@ class LiveGate(LiveRunner):
         slot = self._feeds["operator"].slot
         driving = slot.message if isinstance(slot.message, Command) else None
         sequence = 0 if driving is None else slot.sequence
+        # For the step record: a request by a service is in no stream, and a replay needs it.
         self.gate.obeyed.append(Obeyed(request.do, request.role, request.instance, sequence))
         self.gate.obey(request, driving)
 
@@ -229,6 +236,7 @@ class LiveGate(LiveRunner):
         """
         number = self.stepper.stepped + 1 if self._chain is None else self._chain[0]
         missing = [role for role in CHAIN if self._feeds[role].wire.slot.tick < number] if self._follows() else []
+        # The avoider follows the controller, so that its command comes last.
         last = missing[-1] if missing else "odometry"
         for feed in self.cell.feeds:
             if feed.wire.input.name == last:
@@ -287,6 +295,7 @@ class LiveGate(LiveRunner):
         heard = [
             inlet.heard_ns
             for mate, inlet in self._inlets()
+            # Only active, required instances vouch for their process: a shadow could claim the life of another one.
             if life and mate in self._needed and self.cell.in_charge(mate) and self.presence.last_life(mate) == life
         ]
         left_ns = max(heard, default=0) + self._doubt_ns - time.monotonic_ns()
@@ -300,6 +309,7 @@ class LiveGate(LiveRunner):
         yield from ((feed.source, feed.inlet) for feed in self.cell.feeds)
 
     def _is_warm(self, role: str, name: str) -> bool:
+        # Its reports do not wake the gate, so that they are read here.
         if (role, name) in self.cell.reports:
             self.hear((role, name))
         marks, is_enabled = self._marks.get((role, name), ({}, False))

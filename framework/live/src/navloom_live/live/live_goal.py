@@ -52,6 +52,8 @@ class LiveGoal(LiveRunner):
         # The platform ignores requests of later ticks than its own, and poses of ticks already stepped are skipped.
         is_asked = self._is_asked and stepped <= self.clock.tick
         if (is_asked or silence > self._longest) and self.clock.is_known:
+            # The tick that the platform would have by now: the run clock of the goal must go on, or nothing would time
+            # out.
             self.step("tick", stepped + max(1, int(silence / self.period)))
 
     def step(self, trigger: str, number: int) -> None:
@@ -71,6 +73,7 @@ class LiveGoal(LiveRunner):
         """Take an operator's request, on the goal's own thread."""
         assert self._request.queue is not None
         self.goal.submitted.append(request)
+        # In a tick far ahead, so that no step takes it for an old message; it was in no stream, hence sequence 0.
         self._request.queue.append((2**62, request, 0))
         self._is_asked = True
 

@@ -76,10 +76,12 @@ class LivePlatform(LiveRunner):
         """Run until the process ends; then stop the wheels and close the platform."""
         while not self._may_begin() and not self.ends():
             time.sleep(CHECK)
+        # Rounded up: the first tick is a whole one.
         self._next = max(0, -(-self._now_ns() // self.period_ns))
         try:
             super().run()
         finally:
+            # Whatever ended the process, its wheels must not go on turning.
             self._drive(STILL)
             self.platform.close()
 
@@ -109,6 +111,7 @@ class LivePlatform(LiveRunner):
         now_ns = self._now_ns()
         if now_ns < self._next * self.period_ns:
             return
+        # Late ticks are skipped, not caught up: each output must be as new as its stamp.
         number = now_ns // self.period_ns
         if self._twist != STILL:
             self.driven += number - self._next + 1
@@ -124,6 +127,7 @@ class LivePlatform(LiveRunner):
         wanted = None if self._untold_since is None else self._twist
         if message is not self._taken and isinstance(message, Command) and envelope is not None:
             self._taken = message
+            # Checked by the gate too, but the command may have been on its way since then.
             if 0 <= now_ns - envelope.cause_ns <= self.deadline_ns:
                 self._cause_ns, wanted = envelope.cause_ns, message.twist
         if self._rivals.is_split:  # whose command is right is not known
@@ -142,6 +146,7 @@ class LivePlatform(LiveRunner):
         try:
             self.platform.drive(twist, max(0, self._now_ns()))
             self._untold_since = None
+        # A bus error of a moment must not end the driver, which would stop the robot for seconds.
         except (Exception, SystemExit) as error:
             self._refusal = fault_text(error, self.node)
             self._untold_since = time.monotonic() if self._untold_since is None else self._untold_since
@@ -149,6 +154,7 @@ class LivePlatform(LiveRunner):
     def _advance(self, number: int) -> None:
         time_ns = number * self.period_ns
         tick = Tick(number, time_ns * 1e-9, time_ns, self.cell.epoch)
+        # The step advances by what the wheels really do, which may be a stop of this class.
         self.node.driven = Command(self._twist)
         self.step_once(tick, "tick", number - 1)
 
@@ -161,6 +167,7 @@ class LivePlatform(LiveRunner):
 
     def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
         """Send the odometry last: it triggers other nodes, and the tick's other messages must be on their way then."""
+        # Its own clock is not read from the network.
         self.clock.observe(tick.time_ns, time.monotonic_ns(), tick.number)
         super().tell(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, trigger, read)
 

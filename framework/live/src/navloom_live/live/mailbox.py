@@ -66,6 +66,7 @@ class Packet:
             try:
                 opened = self._decode()
             except CodecError as error:
+                # Kept, so that each reader counts it, and it is decoded once.
                 opened = error
             self._opened = opened
         if isinstance(opened, CodecError):
@@ -74,8 +75,10 @@ class Packet:
 
     def _decode(self) -> tuple[Message, Envelope]:
         message, envelope = self._opens(self.data, self.label)
+        # A broken link of Zenoh has delivered single messages under keys of other streams (its issue 2806).
         if self._key is not None and envelope.key != self._key:
             raise Misrouted(envelope.key, self._key)
+        # A node must not get a message of another class, whatever a foreign process sends.
         if self._kind is not None and not isinstance(message, self._kind):
             raise CodecError(f"{type(message).__name__} arrived on {self._key}, which carries {self._kind.__name__}")
         return message, envelope
@@ -146,6 +149,7 @@ class Mailbox:
         self.lock = threading.Lock()
         self.news = 0
         self._bell = threading.Lock()
+        # Held from the beginning: there is nothing to do yet.
         self._bell.acquire()
 
     def ring(self) -> None:
@@ -236,6 +240,7 @@ class Inlet:
                 return
             elif not item.asked_ns:
                 self.heard_ns = item.arrived_ns
+            # The deque drops the oldest by itself; it is only counted here.
             if len(waiting) == waiting.maxlen:
                 self.counts.dropped += 1
             waiting.append(item)
@@ -244,6 +249,7 @@ class Inlet:
     def listen(self) -> None:
         """Let the next message wake the node, and wake it now if one is waiting."""
         self.rings = True
+        # It may have come before the change: its wake-up would be missing.
         if self._waiting:
             self.mailbox.ring()
 
@@ -277,6 +283,7 @@ class Inlet:
     def take(self) -> Iterator[tuple[Message, Envelope]]:
         """Waiting messages, oldest first; malformed ones are counted and skipped. For the node's thread only."""
         waiting = self._waiting
+        # Not `for`: other threads add messages meanwhile.
         while waiting:
             item = waiting.popleft()
             if isinstance(item, Packet):

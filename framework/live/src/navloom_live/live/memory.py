@@ -34,6 +34,7 @@ class Memory:
 
     def note(self, source: tuple[str, str], message: Message, at: Envelope) -> None:
         """Update the memory from a message."""
+        # The first selection of a restarted gate has the epoch of the config.
         if isinstance(message, Selection) and message.epoch >= self.epoch:
             self.epoch = message.epoch
             self.selected = message.chosen
@@ -66,6 +67,7 @@ class Memory:
             other: dict[str, Any] = json.loads(data)
             if other["epoch"] > self.epoch:
                 self.epoch, self.selected = int(other["epoch"]), dict(other["selected"])
+            # By tick: the newer one counts, whichever process has it.
             self.stop = max(self.stop, (int(other["stop"][0]), str(other["stop"][1])))
             self.goal = max(self.goal, (int(other["goal"][0]), int(other["goal"][1])))
             self.last_goal = max(self.last_goal, int(other["last_goal"]))
@@ -73,5 +75,6 @@ class Memory:
             for place, (version, values) in other["parameters"].items():
                 known = self.parameters.get(place, (-1, ()))
                 self.parameters[place] = max(known, (int(version), tuple(map(str, values))))
+        # A process of another version may keep other entries; the robot goes on without them.
         except (ValueError, KeyError, TypeError, IndexError):
             return

@@ -64,6 +64,7 @@ class MemoryReader:
                     if isinstance(message, Odometry) and self._clock is not None:
                         self._clock.observe(envelope.stamp_ns, inlet.arrived_ns, envelope.tick)
                     else:
+                        # A waiting instance does not step, so that its own runner reads nothing.
                         for entry in getattr(message, "pending", ()):
                             self._wake(entry)
                         self._memory.note(source, message, envelope)

@@ -47,12 +47,15 @@ class Outlet:
         self._kept: tuple[Dated | None, bytes] = (None, b"")
         self._allowance = Allowance(ANSWERED, AT_ONCE)
         if retained:
+            # On the stream's own key, since Zenoh's advanced publisher needs wall-clock timestamps and drops messages
+            # of a host whose clock is ahead.
             bus.serve(key, self._answer, is_large=True)
 
     @property
     def is_heard(self) -> bool:
         """Whether the stream has a reader, here or in another process."""
         publications = [publication for publication, _ in self._ways.values()]
+        # Before the first message it is not known: better one report too many.
         return bool(self.readers) or not publications or any(one.is_heard for one in publications)
 
     def pass_over(self) -> None:
@@ -69,6 +72,7 @@ class Outlet:
         """Queue a message for the readers in this process without waking them, and return it for `send`."""
         self.sequence += 1
         dated = self.last = (message, Envelope(self.key, self.sequence, tick, stamp_ns, cause_ns, epoch))
+        # Queued for all before anybody is woken: a reader may need messages of several ports.
         for inlet in self.readers:
             inlet.leave(dated)
         return dated
@@ -84,6 +88,7 @@ class Outlet:
         message, envelope = dated
         kind = type(message)
         publication, label = self._ways.get(kind) or self._open(kind)
+        # A message without a reader in another process is not encoded.
         if publication.is_heard:
             data = encode(message, envelope)
             self.sent += len(data)
@@ -111,9 +116,11 @@ class Outlet:
         if last is None:
             question.refuse(NOTHING)
             return
+        # Several late joiners ask for the same map.
         if self._kept[0] is not last:
             self._kept = (last, encode(*last))
         data = self._kept[1]
+        # Answers run on the network's threads: without a limit, a tool in a loop could hold up a robot.
         if self._allowance.spend(max(LEAST, len(data))):
             question.answer(self.key, data, schema_label(type(last[0])))
         else:

@@ -25,6 +25,7 @@ def are_on_one_host(config: Config, *nodes: str) -> bool:
     """Whether the config starts these nodes, named as in `live.processes`, on the same host."""
     placed = {node: process for process, held in config.live.processes.items() for node in held}
     wanted = {placed[node] for node in nodes}
+    # Without hosts, all processes are on this one.
     return not config.live.hosts or any(wanted <= set(processes) for processes in config.live.hosts.values())
 
 

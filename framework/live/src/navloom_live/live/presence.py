@@ -54,9 +54,11 @@ class Presence:
         lives = self._lives.setdefault(source, set())
         if alive and life not in lives and len(lives) < LIVES:
             lives.add(life)
+            # Once, however often it restarts meanwhile.
             if source not in self._queued:
                 self._queued.add(source)
                 self._arrivals.put(source)
+            # The first life is no restart.
             before = self._last.get(source, life)
             self._last[source] = life
             self._came(source, before != life)
@@ -85,6 +87,7 @@ class Presence:
             with contextlib.suppress(queue.Empty):
                 source = self._arrivals.get(timeout=LOOK)
                 early = met.get(source, -AGAIN) + AGAIN - time.monotonic()
+                # A process that crashes at each start would otherwise be queried all the time.
                 if early > 0.0:
                     if self._arrivals.empty():
                         time.sleep(min(early, PAUSE))

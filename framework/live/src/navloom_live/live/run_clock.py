@@ -21,6 +21,7 @@ class RunClock:
 
     def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
         """Take the stamp of a platform output that arrived."""
+        # One tuple, replaced as a whole: other threads read it without a lock.
         self._newest = (stamp_ns, arrived_ns, tick)
 
     @property
@@ -41,6 +42,7 @@ class RunClock:
     def now_ns(self) -> int:
         """What the platform's clock shows now, transport delay neglected, ns; -1 before the first platform output."""
         stamp, arrived, tick = self._newest
+        # Another thread may have noted a later arrival than this one's clock reading.
         return -1 if tick < 0 else stamp + max(0, self._monotonic_ns() - arrived)
 
     def silence_s(self) -> float:

@@ -20,6 +20,7 @@ class StepTimes:
     def note(self, tick: int, spent_ns: int) -> None:
         """Record a step."""
         self._kept[self._steps % KEPT] = tick, spent_ns
+        # After the row, so that a reader never counts one that is not written.
         self._steps += 1
 
     def newest(self, most: int = KEPT) -> list[tuple[int, int]]:

@@ -83,6 +83,7 @@ class Switchboard:
 
         After more inlets were made, it connects those.
         """
+        # A copy: an added instance makes further inlets on another thread.
         for key, inlets in [*self._inlets.items()]:
             if key in self._outlets:
                 self._outlets[key].readers = inlets
@@ -101,6 +102,7 @@ class Switchboard:
     def _fetch(self, key: str) -> None:
         """Query one stream's last message; retry a few times if there is no answer or there are too many queries."""
         for pause in (*[PAUSE] * TRIES, 0.0):
+            # Before the query: newer messages of the stream may overtake the answer.
             asked_ns, answers = time.monotonic_ns(), list(self.bus.ask(key))
             for answer in answers:
                 if not answer.refusal:

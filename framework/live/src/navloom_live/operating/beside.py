@@ -37,6 +37,7 @@ def recorder_beside(
     command += ["--insecure"] if insecure else []
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert child.stdout is not None
+    # The first line says that it listens: the robot's first tick must not come before.
     first = child.stdout.readline().removeprefix("navloom: ").strip()
     if not first.startswith("recording "):
         child.wait(CLOSE)
@@ -51,6 +52,7 @@ def recorder_beside(
         try:
             child.wait(CLOSE)
         except subprocess.TimeoutExpired:
+            # A full or hanging disk: the robot has ended already.
             child.kill()
             child.wait()
             say(f"{path}: its recorder did not end; what it wrote can be read")

@@ -143,6 +143,7 @@ class Client:
         """One attempt: the answer, or None if there was none. Raises Refused."""
         for answer in self.bus.ask(key, data, timeout):
             if answer.refusal in ("", TIMED_OUT, TOO_MANY):
+                # Refusals of the network, not of the node: a retry helps.
                 return None if answer.refusal else answer
             raise Refused(answer.refusal)
         return None

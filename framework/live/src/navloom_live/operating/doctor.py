@@ -38,6 +38,7 @@ __all__ = ["Diagnosis", "diagnose", "examine"]
 
 CLOCKS = 0.5
 """Largest difference of two hosts' wall clocks without a finding, s. It matters to logs and recordings, not driving."""
+# Kept by hand: who waits for whom is decided in `engine/nodes`, and a change there must be repeated here.
 FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "platform": (),
     "localizer": ("platform",),
@@ -280,6 +281,7 @@ def _with_waiting(
         place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
         if names and place is not None and (cause in ill or cause in still):
             waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"
+            # One finding for the cause, not one for each node that waits for it.
             told[place] = replace(told[place], what=f"{told[place].what}; {waiting}")
             break
     return told
@@ -301,6 +303,7 @@ def _unsure(feedback: Message | None) -> list[Finding]:
 def _stopped(words: Mapping[str, Message | None], has_cause: bool) -> list[Finding]:
     """Finding for a robot that is kept from driving, unless an earlier finding already explains the stop."""
     status, feedback, result = words["gate/status"], words["goal/feedback"], words["goal/result"]
+    # A stop whose cause is listed above needs no finding; one by an operator does, since only `resume` ends it.
     if not isinstance(status, GateStatus) or not status.stopped or (has_cause and not status.latched):
         return []
     goal = feedback if isinstance(feedback, Feedback) else NO_GOAL

@@ -82,6 +82,7 @@ class Driver:
             raise ClientError(f"robot {keys.prefix}: its platform is silent; `navloom doctor` says why")
         for port, kind in (("status", GateStatus), ("command", Command)):
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
+        # The status is published on changes only: the present one must be asked for.
         self._heed(last(self._client, "gate", "main", "status"))
         self._refuse_if_latched()
         if self._enters_unseen:
@@ -91,6 +92,7 @@ class Driver:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # A robot that is gone needs no release.
         with contextlib.suppress(ClientError):
             self._client.call("gate", "main", RELEASE, Nothing())
 
@@ -105,6 +107,7 @@ class Driver:
             raise ClientError("the platform has gone silent; the robot has stopped by itself")
         self._refuse_if_latched()
         self._sequence += 1
+        # It derives from what the operator saw last: the gate refuses it if that is too old.
         envelope = Envelope(self._key, self._sequence, tick, stamp_ns, stamp_ns, 0)
         self.asked = Twist2D(vx, 0.0, math.radians(wz_deg))
         self._publication.put(encode(Command(self.asked), envelope), schema_label(Command))

@@ -69,6 +69,7 @@ closer together gets no answer."""
 SAID = 250.0
 """Largest rate of messages that pass the router, for each stream of a shadow and for an operator's commands, Hz."""
 
+# No `*` or `$`: in a name they would make a rule for the keys of others.
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _INSTANCE = re.compile(INSTANCE)
 _ALL = (
@@ -183,6 +184,7 @@ def rules(realm: str, robot: str, identities: Iterable[Identity], streams: Seque
     for identity in identities:
         subject = common_name(identity, realm, robot)
         if identity.kind in ("router", "nodes"):
+            # Their certificates are on the robot's own hosts, and any of their keys may be needed.
             made.grant(subject, _everything(prefix))
             continue
         own = []
@@ -191,10 +193,12 @@ def rules(realm: str, robot: str, identities: Iterable[Identity], streams: Seque
         elif identity.kind == "shadow":
             own = [*_shadowing(prefix, identity.instance.replace(".", "/", 1)), *_watching(prefix)]
         made.grant(subject, [*_reading(prefix, streams), *own])
+    # Keys that begin with @ match no wildcard, so that `_everything` does not cover them.
     between = [f"{prefix}/@router/*"]
     made.grant_sockets([*_everything(prefix), _rule("ingress", _ALL, between), _rule("egress", _ALL, between)])
     return {
         "enabled": True,
+        # A key that is forgotten here is refused, and somebody will notice.
         "default_permission": "deny",
         "rules": made.rules,
         "subjects": made.subjects,

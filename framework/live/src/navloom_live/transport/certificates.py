@@ -61,6 +61,7 @@ def alternative_name(host: str) -> x509.GeneralName:
     with contextlib.suppress(ValueError):
         address = ipaddress.ip_address(host)
     if address is not None:
+        # A certificate for 0.0.0.0 fits no address that a client connects to.
         if address.is_unspecified:
             raise KeysError(f"--host {host}: names no host, expected the address that others connect to")
         return x509.IPAddress(address)
@@ -101,6 +102,7 @@ def make_authority(folder: Path, order: CertificateRequest) -> Authority:
     usage = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
     certificate = (
         _builder(name, name, key, order.now, order.now + timedelta(days=AUTHORITY_DAYS))
+        # No further authorities below it: a stolen certificate must not sign others.
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(usage, critical=True)
         .sign(key, hashes.SHA256())
@@ -134,6 +136,7 @@ def make_certificate(folder: Path, authority: Authority, identity: Identity, ord
     """Make a certificate and its private key in a folder. It expires no later than its authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     usage = x509.KeyUsage(True, False, False, False, False, False, False, False, False)
+    # An operator's or viewer's certificate must not pass for the router's.
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
     subject = _x509_name(common_name(identity, order.realm, order.robot))
     issuer_key = authority.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
@@ -184,6 +187,7 @@ def _x509_name(name: str) -> x509.Name:
 
 def _write_pair(folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
     form = serialization.PrivateFormat.PKCS8
+    # Without a passphrase: a robot starts without anybody who types one.
     secret = key.private_bytes(serialization.Encoding.PEM, form, serialization.NoEncryption())
     write_new(folder / f"{name}-key.pem", secret, 0o600)
     write_new(folder / f"{name}.pem", certificate.public_bytes(serialization.Encoding.PEM), 0o644)
@@ -191,7 +195,9 @@ def _write_pair(folder: Path, name: str, certificate: x509.Certificate, key: ec.
 
 def write_new(path: Path, data: bytes, mode: int) -> None:
     """Write a new file, which has its mode from the beginning."""
+    # `chmod` after the fact would leave a private key readable for a moment.
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
         file.write(data)
         file.flush()
+        # Before the file is moved into place: after a power cut, a name must not lead to an empty file.
         os.fsync(file.fileno())

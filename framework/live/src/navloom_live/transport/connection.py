@@ -396,6 +396,5 @@ def _why(link: Link, error: Exception) -> str:
 
 
 def _is_local(endpoint: str) -> bool:
-    """Whether an endpoint is on this host."""
     protocol, _, address = endpoint.partition("/")
     return protocol.startswith("unix") or address.startswith(("127.", "localhost", "[::1]"))

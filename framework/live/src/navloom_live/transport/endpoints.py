@@ -45,6 +45,7 @@ class Endpoint:
                 f"endpoint {text!r}: unknown protocol {protocol!r}, expected tls/HOST:PORT, tcp/HOST:PORT, "
                 "udp/HOST:PORT or unixsock-stream/PATH"
             )
+        # Zenoh would take them, and with them any certificate.
         if "#" in text:
             raise LinkError(f"endpoint {text!r}: settings after # are not taken; certificates come from --keys")
         address, _, priorities = address.partition("?")
@@ -95,5 +96,6 @@ class Endpoint:
                 return ipaddress.IPv4Address(socket.inet_aton(self.host))
             except OSError:
                 return None
+        # ::ffff:127.0.0.1 is this host, too.
         mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
         return mapped or address

@@ -44,4 +44,5 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
         status = path.stat()
     except OSError:
         return None
+    # The inode too: a file that is replaced within the clock's resolution may keep time and size.
     return status.st_ino, status.st_mtime_ns, status.st_size

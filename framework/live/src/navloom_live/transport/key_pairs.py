@@ -82,6 +82,7 @@ def sweep_pairs(folder: Path) -> None:
 
 def _stored(shelf: Path, source: Path, name: str, move: Callable[[Path, Path], object]) -> str:
     """Move or copy a pair into a folder of its own on the shelf; returns its name."""
+    # On the same file system, as a move across two of them is a copy.
     place = Path(tempfile.mkdtemp(dir=shelf, prefix=f"{name}."))
     for file in files_of(name):
         move(source / file, place / file)
@@ -102,4 +103,5 @@ def _link(draft: Path, path: Path, target: str) -> None:
     made = draft / f"link.{path.name}"
     made.unlink(missing_ok=True)
     made.symlink_to(target)
+    # `replace` is atomic, `symlink_to` cannot overwrite.
     made.replace(path)

@@ -67,6 +67,7 @@ def new_authority(folder: Path, order: CertificateRequest) -> tuple[Identity, ..
             make_certificate(draft, authority, identity, order)
         _write_list(draft, _Listed(order.realm, order.robot, made, {}))
         try:
+            # One step, so that a folder with half of the certificates never has its name.
             draft.rename(folder)
         except OSError as error:
             raise KeysError(f"{folder}: {error.strerror}") from None
@@ -95,6 +96,7 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
         files = files_of(identity.name)
         if any((folder / file).exists() for file in files) or identity.name in listed.by_name:
             raise KeysError(f"{folder}: there is a certificate of {identity.name!r} already; choose another name")
+        # Or the revoked certificate of that name would be valid again.
         made = replace(identity, generation=listed.revoked.get(identity.name, 0) + 1)
         make_certificate(draft, read_authority(folder), made, order)
         _write_list(draft, replace(listed, identities=(*listed.identities, made)))
@@ -120,6 +122,7 @@ def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, n
         KeysError: A name is unknown, or there is no authority; nothing was changed.
     """
     with _changing(folder) as (draft, listed):
+        # All are made before any is installed.
         chosen = [_known(folder, listed, name) for name in names] or list(listed.identities)
         if hosts and all(identity.kind not in SERVING for identity in chosen):
             raise KeysError(f"--host {hosts[0]}: only for router and nodes; others accept no connections")
@@ -210,6 +213,7 @@ def _order_again(
     if identity.kind not in SERVING:
         hosts = ()
     elif not hosts:
+        # The new certificate serves the same hosts, which stand nowhere else.
         hosts = hosts_of(folder / f"{identity.name}.pem")
     order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
     _check_order(order)
@@ -305,6 +309,7 @@ def _writing(parent: Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Lock the folder: of two processes that add at once, one would lose the other's identity."""
+    # The folder itself is the lock file: another one would have to be copied to hosts.
     number = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(number, fcntl.LOCK_EX)
@@ -330,6 +335,7 @@ def _install(
     try:
         for name in pairs:
             undone.append(place_pair(draft, folder, name))
+        # The list after the pairs: it must name no certificate that is not there.
         for file in (*([IDENTITIES] if has_list else ()), *removed):
             if (folder / file).exists():
                 shutil.copy2(folder / file, kept / file, follow_symlinks=False)

@@ -148,14 +148,18 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
         _refuse_connecting(link, end)
     access = _access(link, listen) if any(end.is_secure for end in listen) else {}
     listen += [Endpoint.parse(link.door)] if link.door else []
+    # After the checks, which are for endpoints that others may reach.
     connect += [Endpoint.parse(link.predecessor)] if link.predecessor else []
     ends = [*listen, *connect]
     is_client = link.mode == "client"
     found: dict[str, Any] = {
         "mode": link.mode,
         "scouting": {
+            # A router waits for nobody; a peer is linked to all running ones when it opens.
             "delay": 0 if link.mode == "router" else GATHER,
+            # Robots of one network must not find each other by themselves.
             "multicast": {"enabled": False},
+            # A peer would connect to every address that another one tells it.
             "gossip": {"enabled": False},
         },
         "listen": {"endpoints": [end.text for end in listen], "exit_on_failure": True},
@@ -169,7 +173,9 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
                 "period_increase_factor": 2,
             },
         },
+        # Stamps of hosts' clocks are of no use: robots' hosts need no common time.
         "timestamping": {"enabled": False},
+        # It would let any client read, and with write access change, the settings of a session.
         "adminspace": {"enabled": False},
         "transport": _transport(link, ends, now or datetime.now(UTC)),
     }
@@ -178,6 +184,7 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
 
 
 def _refuse_listening(link: Link, end: Endpoint) -> None:
+    # Also with --insecure: that option is for a closed network, and this would be all networks.
     if end.is_wildcard and not end.is_secure:
         raise LinkError(
             f"listening at {end.text}: anyone who reaches this host could drive the robot, so every interface needs "
@@ -248,6 +255,7 @@ def _transport(link: Link, ends: list[Endpoint], now: datetime) -> dict[str, Any
         "link": {
             "protocols": sorted({end.protocol for end in ends}),
             "tx": {"lease": LEASE, "keep_alive": 4, "queue": queue},
+            # A little above the limit, so that a message of exactly LARGEST fits with its header.
             "rx": {"max_message_size": LARGEST + 2**20},
             "tcp": buffer,
             "tls": {**_credentials(link, now), **buffer} if any(end.is_secure for end in ends) else {},
@@ -292,7 +300,9 @@ def _credentials(link: Link, now: datetime) -> dict[str, Any]:
         "connect_certificate": str(certificate),
         "connect_private_key": str(key),
         "enable_mtls": True,
+        # A certificate of another robot's router, made by the same authority, must not do.
         "verify_name_on_connect": True,
+        # An expired certificate must also end links that are open already.
         "close_link_on_expiration": True,
     }
 

@@ -40,6 +40,7 @@ class Once:
             if is_new:
                 try:
                     answer.set_result(handler(given))
+                # Kept like an answer: a retry must fail in the same way, not run the handler again.
                 except BaseException as error:
                     answer.set_exception(error)
             return answer.result()  # waits if the request is still being handled
@@ -52,6 +53,7 @@ class Once:
             found = self._answers.get(name)
             if found is not None:
                 return found, False
+            # The oldest: its client has given up long ago.
             while len(self._answers) >= KEPT:
                 self._answers.popitem(last=False)
             found = self._answers[name] = Future()

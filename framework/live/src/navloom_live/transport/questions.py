@@ -93,6 +93,7 @@ class Desk:
         self._news = threading.Condition()
         self._refusals = Allowance(REFUSALS, REFUSALS)
         for rank in range(READING + 1):
+            # Started at once: a thread that is made on demand comes late for a stop.
             threading.Thread(target=self._work, args=(rank,), name=f"service {rank}", daemon=True).start()
 
     def window(self, service: str, answer: Callable[[Question], None]) -> Callable[[Question], None]:
@@ -102,11 +103,13 @@ class Desk:
         def take(question: Question) -> None:
             if question.size > largest:
                 self._refuse(question, f"a request of {question.size} bytes: {service} takes at most {largest}")
+            # Before it is queued: a flood must not fill the memory of a robot.
             elif len(waiting) >= WAITING or not allowance.spend():
                 self._refuse(question, TOO_MANY)
             else:
                 with self._news:
                     waiting.append((question, answer))
+                    # All, since threads of lower ranks may answer it as well.
                     self._news.notify_all()
 
         return take
@@ -122,6 +125,7 @@ class Desk:
         while True:
             with self._news:
                 self._news.wait_for(lambda: any(own))
+                # The most important one first, even for the thread of the lowest rank.
                 question, answer = next(queue for queue in own if queue).popleft()
             try:
                 answer(question)
@@ -146,6 +150,7 @@ class KeptJson:
         time_now = time.monotonic()
         if self._made < 0.0 or time_now - self._made > FRESH:
             self._kept, self._made = json.dumps(self._make()).encode(), time_now
+        # Joined as text: the cached part is large, and dumping it again would defeat the cache.
         return self._kept[:-1] + b", " + json.dumps(self._now()).encode()[1:]
 
 
@@ -168,6 +173,7 @@ def read_question(data: bytes) -> dict[str, Any]:
     if not data:
         return {}
     depth = 0
+    # Counted before parsing: Python's parser recurses, and a thousand levels would overflow its stack.
     for bracket in data.translate(None, _OTHERS):  # brackets in a string count too; no request has many
         depth += 1 if bracket in b"[{" else -1
         if depth > DEEPEST:

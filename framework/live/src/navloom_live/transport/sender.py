@@ -28,8 +28,10 @@ class Sender:
     def hand(self, send: Callable[[], None], size: int) -> None:
         """Queue a message of `size` bytes; returns at once."""
         with self._news:
+            # Small messages cost memory too; counted as zero bytes, they would have no limit.
             self._waiting.append((max(LEAST, size), send))
             self._size += self._waiting[-1][0]
+            # The oldest: by now it is of least use.
             while self._size > MOST:
                 self._size -= self._waiting.popleft()[0]
             self._news.notify()

@@ -31,6 +31,7 @@ def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
     """A tool's session, linked to the listeners of its link as far as they answer within FOUND. Raises BusError."""
     with Bus(link, patience) as bus:
         limit = time.monotonic() + FOUND
+        # Robots that were killed leave sockets without a listener; waiting for all of them costs FOUND.
         wanted = sum(_may_listen(end) for end in link.connect) if link.mode == "peer" else 1
         while bus.neighbours() < wanted and time.monotonic() < limit:
             time.sleep(0.01)

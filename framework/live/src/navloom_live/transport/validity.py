@@ -33,6 +33,7 @@ def expiry_warnings(folder: Path, now: datetime) -> tuple[str, ...]:
     for day in sorted({end.date() for end in ends.values()}):
         names = sorted(name for name, end in ends.items() if end.date() == day)
         end = min(ends[name] for name in names)
+        # With the authority all others end; naming each would hide that.
         if AUTHORITY in names:
             names = [AUTHORITY]
             what = f"the authority of {folder}, and with it every certificate it made, {_when('expires', end, now)}"

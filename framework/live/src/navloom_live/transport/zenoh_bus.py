@@ -75,9 +75,11 @@ class Bus:
         self._prefix = f"{link.realm}/{link.robot}/"
         self._here = frozenset(() if mesh is None else mesh.here)
         self._sender = Sender() if self._is_whole else None
+        # The mesh first: within the host, nothing may depend on the router.
         self._mesh = None if mesh is None else Connection(mesh.link)
         self._more: tuple[Connection, ...] = ()
         try:
+            # A robot that is whole on this host must start without its router, too.
             waits = waits or not self._is_whole
             self._outer = Connection(link, patience, say, goes_on, waits, self._sender)
         except BaseException:
@@ -142,6 +144,7 @@ class Bus:
     def _declare(self, declare: Callable[[Connection], None]) -> None:
         """Declare something on every connection, and on those to come."""
         with self._growing:
+            # Kept for connections to come, see `reach`.
             self._declared.append(declare)
             for one in self._all:
                 declare(one)
@@ -199,6 +202,7 @@ class Bus:
 
             ways = self._ways(key_expr)
             if one in ways:
+                # With one way there is nothing to tell apart, and each message is spared a look at its key.
                 one.subscribe(key_expr, receive if len(ways) == 1 else take, most)
 
         self._declare(declare)
@@ -241,6 +245,7 @@ class Bus:
         means that, as far as this process knows, no one serves the key.
         """
         asked = [(one, one.ask(key_expr, data, timeout)) for one in self._ways(key_expr)]
+        # Asked on all ways before the first answer is read: their times of waiting overlap.
         for one, replies in asked:
             for answer in replies:
                 if answer.refusal or self._is_from(one, answer.key):
@@ -255,6 +260,7 @@ class Bus:
             return self._near
         if "*" not in place:
             return (self._outer,)
+        # A query with * of a whole robot need not wait for a router that may hang.
         return self._near if self._is_whole else self._all
 
     def _is_from(self, one: Connection, key: str) -> bool:

@@ -118,6 +118,7 @@ class Publisher:
             if (held := this()) is not None:
                 held._is_heard = bool(status.matching)
 
+        # `indirect=False`: on Zenoh's own thread, without a Python thread and a queue for each declaration.
         self._listener = publisher.declare_matching_listener(zenoh.handlers.Callback(note, indirect=False))
 
     @property
@@ -151,6 +152,7 @@ class Replies:
 
     def __init__(self, timeout: float) -> None:
         self._limit = time.monotonic() + timeout + OVERDUE
+        # Unbounded, since Zenoh's thread must not block; the number of answers is that of the processes.
         self._came: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.handler = zenoh.handlers.Callback(self._came.put, self.end, indirect=False)
 
@@ -232,6 +234,7 @@ class Session:
 
     def subscribe(self, key_expr: str, receive: Receive, most: int) -> None:
         """Subscribe to a stream, or to several with `*`; a message larger than `most` bytes is not copied."""
+        # A key as text costs more than the rest of this callback; without wildcards it is known.
         single = "" if "*" in key_expr else key_expr
 
         def take(sample: Any) -> None:
@@ -255,6 +258,7 @@ class Session:
                 change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         handler = zenoh.handlers.Callback(take, indirect=False)
+        # With history: tokens that exist already are reported first.
         self._held.append(self._session.liveliness().declare_subscriber(key_expr, handler, history=True))
 
     def serve(self, key: str, take: Callable[[Question], None]) -> None:
@@ -286,7 +290,9 @@ class Session:
                 replies.handler,
                 payload=data,
                 timeout=timeout,
+                # By default Zenoh asks only the best match.
                 target=zenoh.QueryTarget.ALL,
+                # Zenoh would keep one answer of each key, and two processes may answer the same question.
                 consolidation=zenoh.ConsolidationMode.NONE,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=zenoh.Priority.INTERACTIVE_HIGH,

@@ -36,6 +36,7 @@ class Variadic(SectionedCommand):
         """Repeat the option before each further value."""
         given: list[str] = []
         option, taken = "", 0
+        # Typer knows no options with several values in a row.
         for word in args:
             if word.startswith("-"):
                 option, taken = word if word in MANY else "", 0

@@ -62,6 +62,7 @@ DRIVEN = Key("driven", VERMILION, "line")
 TRUE, ABOVE = Key("true obstacles", SKY, "outline"), Key("above the robot", SKY, "dashed")
 
 
+# Drawn by Pillow and not by matplotlib: PNG maps need Pillow anyway, so that `--out` works without the plotting extra.
 class Canvas:
     """Draws in metres, map frame, y up. It is drawn larger and scaled down for smooth lines.
 

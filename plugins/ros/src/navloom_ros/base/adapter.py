@@ -89,8 +89,10 @@ class Ros2Base(Platform):
         self.drive(given.command, given.time_ns)  # a base times out when no command arrives
         now, robot, given_ns = monotonic_ns(), self._robot, given.time_ns
         if self._zero_ns is None or now - given_ns < self._zero_ns or now - given_ns > self._zero_ns + 10**9:
+            # The run clock may lag behind by a late tick; only a shift by more means another clock.
             self._zero_ns = now - given_ns
         robot.listen(self.params.odometry == "tf")
+        # In this order: the first problem causes those after it.
         if why := self._link.problem() or robot.clock_problem(now) or self._silence(now) or self._contact_problem(now):
             raise RosError(why)
         odometry = Odometry(
@@ -114,6 +116,7 @@ class Ros2Base(Platform):
     def _stamp(self, name: str, measured_ns: int, time_ns: int) -> int:
         """Converts a time on this host's monotonic clock to the run clock, ns; never decreases for the same stream."""
         assert self._zero_ns is not None
+        # After a restart of the run clock, earlier stamps lie ahead.
         newest = min(self._newest[name], time_ns)
         self._newest[name] = max(newest, min(time_ns, measured_ns - self._zero_ns))
         return self._newest[name]
@@ -195,6 +198,7 @@ def _mount(mount: Mount) -> Any:
 
 
 def _settings(params: Ros2BaseParams, period: float) -> Settings:
+    # Less than two ticks, and a late tick would stop the base.
     silence = max(params.guard_silence, 2.0 * period)
     return Settings(network_of(params), params.command_topic, params.stamped, params.base_frame, silence)
 

@@ -32,6 +32,7 @@ class Frames:
         for one in message.transforms:
             child, moved = one.child_frame_id.lstrip("/"), one.transform.translation
             turned = rotation(one.transform.rotation)
+            # Anyone on the network can publish transforms: names must not fill the memory.
             known = child in self._in_parent or len(self._in_parent) < MOST_FRAMES
             if turned is None or not known or not np.isfinite([moved.x, moved.y, moved.z]).all():
                 continue

@@ -75,6 +75,7 @@ class Guard:
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
+        # A frozen guardian must not freeze the platform, which writes to it in each tick.
         os.set_blocking(self._to, False)
         os.set_blocking(self._from, False)
         self.is_ready = False
@@ -121,6 +122,7 @@ def main() -> None:
     network = Network(**{**given_network, "folders": tuple(map(Path, given_network["folders"]))})
     types = network.types()
     kind = "geometry_msgs/msg/TwistStamped" if given["stamped"] else "geometry_msgs/msg/Twist"
+    # The router may come up after the robot's processes.
     while True:
         try:
             node = network.join(types)
@@ -155,8 +157,10 @@ def _guard(stop: Any, silence: float) -> None:
         elif select.select([0], [], [], due)[0]:
             read = os.read(0, 65536)
             text, heard = text + read, time.monotonic()
+            # A read may end within a line.
             *lines, text = text.split(b"\n")
             if lines:
+                # Only the newest heartbeat counts.
                 mode, stamp = lines[-1].decode().split()
                 is_moving, stamp_ns = mode == MOVING, int(stamp)
                 with suppress(OSError):
@@ -165,6 +169,7 @@ def _guard(stop: Any, silence: float) -> None:
                 ended_at = heard
         now = time.monotonic()
         if ended_at is not None or (is_moving and now - heard >= silence):
+            # The robot's clock is extrapolated: a base may refuse commands with an old stamp.
             stop(stamp_ns + round((now - heard) * 1e9) if stamp_ns else 0)
 
 

@@ -97,6 +97,7 @@ class Link:
         """Why the base cannot be driven now; empty if it can. A dead or frozen guardian is replaced."""
         guard, node = self._started(), self._joining.node
         if not guard.is_alive:
+            # Killed: two guardians would both publish.
             guard.close(is_frozen=True)
             self._guard = Guard(self._settings.for_guardian())
             return "the guardian's process has ended or hangs; a new one is starting"
@@ -104,6 +105,7 @@ class Link:
             return self._joining.why
         if not node.wire.joined:
             return f"the link to the router {self._settings.network.router} is down"
+        # Nothing moves without a guardian that could stop it.
         if not guard.is_ready:
             return "the guardian's process is starting"
         return self._base_problem(node)
@@ -135,6 +137,7 @@ class Link:
             vx, vy, wz: In the base frame.
             stamp_ns: Time on the robot's clock; None if that is unknown.
         """
+        # Before the command: if this process dies in between, the guardian knows that the robot moves.
         self._started().beat(bool(vx or vy or wz), stamp_ns)
         if self._publisher is not None:
             settings = self._settings
@@ -163,6 +166,7 @@ class Link:
         assert self._publisher is not None
         ours = self._publisher.entity
         listeners = node.graph.find(ours.name, ("MS",))
+        # A subscriber of another type receives nothing, and says nothing about it.
         if any((one.type_name, one.type_hash) == (ours.type_name, ours.type_hash) for one in listeners):
             return ""
         if not listeners:

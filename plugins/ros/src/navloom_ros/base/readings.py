@@ -261,6 +261,7 @@ class Anchor:
             if has_restarted or by != self._by:
                 self._changed_ns.append(at_ns)
             if has_restarted:
+                # The new odometry continues where the old one ended.
                 self._origin = _then(_then(self._origin, self._raw), _inverse(raw))
         self._raw, self._by, self._at_ns = raw, by, at_ns
         return _then(self._origin, raw)
@@ -282,6 +283,7 @@ class Anchor:
         assert self._raw is not None
         way = math.hypot(raw[0] - self._raw[0], raw[1] - self._raw[1])
         turn = abs(math.remainder(raw[2] - self._raw[2], math.tau))
+        # A new publisher may have begun at any time, so that no motion is granted to it.
         spent = 0.0 if by != self._by else max(0.0, (at_ns - self._at_ns) * 1e-9) * FASTER
         return way > RESTARTED + self.speed * spent or turn > RESTARTED_TURN + self.turn * spent
 

@@ -107,8 +107,10 @@ class Robot:
         """
         for heard in self.reads.take(CLOCK):
             shown_ns = ns_of(heard.message.clock)
+            # A paused simulator may repeat the same time.
             if self._clock is None or shown_ns != self._clock[0]:
                 self._clock = shown_ns, heard.arrived_ns
+        # Static ones first: moving frames hang on them.
         for name in (STATIC, TF):
             for heard in self.reads.take(name):
                 self.frames.add(heard.message)
@@ -118,6 +120,7 @@ class Robot:
             self._try(self._move_by_message, heard)
         for heard in self.reads.take(CONTACT):
             self.is_touching, self.contact_ns = is_set(heard.message, self.contact_field), heard.arrived_ns
+            # A contact between two ticks must not be missed.
             self._has_touched = self._has_touched or self.is_touching
 
     def contact(self) -> bool:
@@ -166,6 +169,7 @@ class Robot:
         self.anchor.check(motion)
         at_ns = self.when_ns(ODOMETRY, heard, stamp_ns)
         self._sent, self.heard_ns, self.unusable = (heard.source_ns, heard.arrived_ns), heard.arrived_ns, ""
+        # Best-effort messages may overtake each other.
         if self.measured_ns is None or at_ns >= self.measured_ns:
             self.pose, self.twist = self.anchor.place(motion.pose, heard.gid, at_ns), motion.twist
             self.measured_ns = at_ns
@@ -292,6 +296,7 @@ class Ranges:
                         self._last[feed.topic] = message, mount, at_ns
                         has_news = True
         fresh = [last for last in self._last.values() if now_ns - last[2] <= self._stale_ns]
+        # With a part of the ring, silent sonars would look like free space.
         if not has_news or len(fresh) < len(self.feeds):
             return None
         ordered = [self._last[feed.topic] for feed in self.feeds]

@@ -51,6 +51,7 @@ class Delays:
         elif arrived_ns - self._since_ns > WINDOW_NS:
             self._before_ns, self._least_ns, self._since_ns = self._least_ns, delay_ns, arrived_ns
         self._least_ns, self._sent_ns = min(self._least_ns, delay_ns), sent_ns
+        # Of two windows: a new one has few messages at first, and its minimum would be too large.
         return delay_ns - min(self._least_ns, self._before_ns)
 
     def _age_ns(self, stamp_ns: int, sent_ns: int) -> int:

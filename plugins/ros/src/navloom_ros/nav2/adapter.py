@@ -47,6 +47,7 @@ class Nav2Handle:
         self.feedback: Feedback | None = None
         self.result: GoalResult | None = None
         self._place = goal
+        # Bounded, since a caller need not read its feedback.
         self._told: queue.Queue[Any] = queue.Queue(WAITING)
         self._sent: SentGoal | None = None
         self._ending: Future[Any] | None = None
@@ -79,6 +80,7 @@ class Nav2Handle:
         while self.result is None:
             left = (end_ns - monotonic_ns()) * 1e-9
             try:
+                # In short waits: the end of the goal comes by another way and does not wake this one.
                 message = self._told.get(timeout=min(LOOK, max(0.001, left)))
             except queue.Empty:
                 pass
@@ -110,6 +112,7 @@ class Nav2Handle:
         except NoAnswer as error:
             self.result = GoalResult(self.goal_id, "error", f"{error}: its outcome is unknown", self._place)
             return
+        # Which of the two fields there is differs between distributions.
         why = getattr(ended.result, "error_msg", "") or f"error code {getattr(ended.result, 'error_code', 'not given')}"
         if ended.status == SUCCEEDED:
             self.result = GoalResult(self.goal_id, "succeeded", "the goal was reached", self._place, "reached")
@@ -120,6 +123,7 @@ class Nav2Handle:
 
     def _read(self, message: Any) -> Feedback:
         place = message.current_pose.pose.position
+        # A pose that is not known must not replace the last one that was.
         if math.isfinite(place.x) and math.isfinite(place.y):
             self._place = Point2D(place.x, place.y)
         left = message.estimated_time_remaining
@@ -214,6 +218,7 @@ class Nav2Navigator:
         client = self._clients.get(kind)
         if client is None:
             client = self._clients[kind] = ActionClient(self._node, name, kind)
+        # Each time, not only for a new client: Nav2 may have gone since.
         if not client.wait(THERE):
             raise NoAnswer(f"no node offers the action {name}: is Nav2 running, and is the distribution right?")
         return client

@@ -32,6 +32,7 @@ class AvoiderNode(RoleNode[Avoider]):
     readings = OtherSensors(RANGES)
     pose = Latest(LocalizerPorts.pose)
     reference = Latest(ReferencePorts.reference)
+    # Of the previous tick: the gate steps after the avoider, whose command it judges.
     gate = Latest(GatePorts.status, delayed=True)
     known = Latest(MapperPorts.known)
     command = Output(AvoiderPorts.command)
@@ -60,6 +61,7 @@ class AvoiderNode(RoleNode[Avoider]):
         estimate, reference, wanted = self.pose.value, self.reference.value, self.desired.value
         assert estimate is not None and reference is not None and wanted is not None
         scans, names = in_order(self.scans)
+        # The length of the trajectory left beyond the target, so that an avoider can slow down before the goal.
         ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
         limit, desired = self.gate.value, wanted.twist
         seen = AvoiderInput(
@@ -70,6 +72,7 @@ class AvoiderNode(RoleNode[Avoider]):
             reference.corridor,
             desired,
             ahead,
+            # What the gate left of the last command: an avoider that is limited all the time is trapped.
             1.0 if limit is None else limit.share,
             names,
             readings_of(self.readings),
@@ -79,8 +82,10 @@ class AvoiderNode(RoleNode[Avoider]):
         own, turn, known = NOWHERE, NO_TURN, self.known.value
         if self.look_ahead > 0.0:
             own, turn = own_way(estimate.pose, desired, self.look_ahead), own_turn(desired, self.rule.footprint)
+        # A map at the wrong place would engage the avoider for walls that are elsewhere.
         grid = known if estimate.state == "tracking" else None
         way, width = reference.way, reference.corridor
+        # After the avoider, also in a shadow: which of them would drive is on record beside its command.
         handover = self.rule.step(tick.time, scans, estimate.pose, way, width, own, turn, grid)
         self.command.put(Command(answer.twist))
         self.status.put(AvoiderStatus(answer.status, answer.diagnostics))

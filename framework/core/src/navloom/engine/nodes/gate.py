@@ -60,12 +60,16 @@ class GateNode(Node):
     request = New(OperatorPorts.request)
     odometry = Offers(PlatformPorts.odometry)
     contact = Latest(PlatformPorts.contact)
+    # The avoider's own sensors: one that the active avoider does not read need not stop the robot.
     required = SensorOffers(Message, of="avoider")
     scans = Sensors(RangeScan)
     pose = Latest(LocalizerPorts.pose)
+    # Not the mapper's own map: made while driving, it comes from the same scans, with the errors of raster and pose on
+    # top.
     known = Latest(MapperPorts.known)
     operator = Offers(OperatorPorts.command)
     drive = Latest(GoalPorts.drive)
+    # Of the previous tick, in which the recovery itself has seen the request: its first command is then there.
     recovering = Latest(GoalPorts.recovery, delayed=True)
     controller = Offers(ControllerPorts.command)
     avoider = Offers(AvoiderPorts.command)
@@ -104,6 +108,7 @@ class GateNode(Node):
             self.obey(request, self.operator.value)
         if self._take_over(tick.number) or not self._has_selected:
             self._has_selected = True
+            # The first selection is that of the config, which every process knows.
             self._from_tick = tick.number + self.lead if self.epoch else 0
             chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
             self.selection.put(Selection(self.epoch, self._from_tick, chosen))
@@ -113,7 +118,9 @@ class GateNode(Node):
             sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch, self.pending
         )
         self.command.put(Command(twist))
+        # The monitor must know what is on its way to the wheels when it judges the next command.
         self._gave(twist, sensed.platform_ns)
+        # Identity first, as the gate returns the same object in most ticks.
         if status is not self._status and status != self._status:
             self._status = status
             self.status.put(status)
@@ -126,6 +133,7 @@ class GateNode(Node):
         that was not published is not remembered.
         """
         sensed, has_contact = self._sensed(), self.gate.has_contact
+        # Always, also if the robot is stopped: scans that were not seen now would be too old in the next tick.
         has_seen = self._see()
         reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
         said = self._status
@@ -137,6 +145,7 @@ class GateNode(Node):
         if reason is None or ramps:
             if said is not None and has_seen:
                 self._look_again(said, sensed.platform_ns)
+        # Only the first time: a stop is repeated by the ticks, not by every look.
         elif said is None or not said.stopped or said.latched != self.gate.is_latched:
             self._note(has_contact)
             self.stop(reason, sensed.platform_ns)
@@ -169,15 +178,18 @@ class GateNode(Node):
         if request.do in ("stop", "resume", "release", "enter_unseen"):
             self.gate.request(request.do)
         if request.do in ("release", "resume"):
+            # The operator's command stays the newest on its port: released, this very one no longer drives.
             self._released = driving
         elif request.do == "swap":
             if self.selected.get(request.role) != request.instance:
                 self._pending[request.role] = request.instance
             else:
+                # A swap back to the active instance cancels the pending one.
                 self._pending.pop(request.role, None)
 
     def _take_over(self, number: int) -> bool:
         """Select the pending instances that are warm, once the previous selection applies; True if there are any."""
+        # The next selection is announced only when this one applies, or hosts would see them in another order.
         if number < self._from_tick:
             return False
         if not self._pending:
@@ -221,9 +233,11 @@ class GateNode(Node):
             return False
         if self.has_new_platform:
             self.has_new_platform, self._has_forgotten = False, True
+            # Stamps need not show it: a platform that restarts quickly may continue its clock.
             monitor.forget()
         monitor.move(odometry)
         monitor.locate(self.pose.value, self.known.value)
+        # A list, not a generator: every scan must be looked at, also after the first new one.
         news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
         return any(news)
 
@@ -235,6 +249,7 @@ class GateNode(Node):
         contact = self.contact.value
         newest = _stamp_ns(self.odometry)
         if self.now_ns is not None:
+            # The extrapolated clock may lag behind a message that has just arrived.
             newest = max(newest, self.now_ns)
         stamps = {name: _stamp_ns(one) for name, one in self.required.items()}
         is_touching = contact is not None and contact.touching
@@ -244,8 +259,10 @@ class GateNode(Node):
     def _offers(self, epoch: int) -> dict[str, Offer | None]:
         drive, recovering, operator = self.drive.value, self.recovering.value, self.operator.value
         offers: dict[str, Offer | None] = {}
+        # By identity: the same velocity may be commanded again after a release.
         if operator is not None and operator is not self._released:
             offers["operator"] = self._offer("operator", self.operator, epoch)
+        # A recovery replaces controller and avoider; an operator stays above it.
         if recovering is not None and recovering.active:
             offers["recovery"] = self._offer("recovery", self.recovery, epoch)
         elif drive is not None and drive.path_id:

@@ -47,6 +47,7 @@ class GoalNode(Node):
     request = New(OperatorPorts.request)
     pose = Latest(LocalizerPorts.pose)
     map = Latest(MapperPorts.map)
+    # Delayed inputs break the circle: goal, planner, reference, gate and back to the goal.
     path = Latest(PlannerPorts.path, delayed=True)
     failure = Latest(PlannerPorts.failure, delayed=True)
     reference = Latest(ReferencePorts.reference, delayed=True)
@@ -75,6 +76,7 @@ class GoalNode(Node):
         self._answer: Path | PlanFailure | None = None
         self._selection: Selection | None = None
         self._selected = ("", "")
+        # The state machine names its ports as text: it is pure and knows no ports.
         self._out: dict[str, Out[Any]] = {out.name: out for out in self.outs()}
 
     def step(self, tick: Tick) -> None:
@@ -82,6 +84,7 @@ class GoalNode(Node):
         for answer in (self.path.value, self.failure.value):
             if answer is None or answer is self._answer:
                 continue
+            # Both ports keep their last message: the newer request decides which of the two is the answer.
             if self._answer is None or answer.request_id > self._answer.request_id:
                 self._answer = answer
         steps, selection = self.recovery.values, self.selection.value
@@ -97,6 +100,7 @@ class GoalNode(Node):
             self._answer,
             self.avoider.value,
             self.handover.value,
+            # `New`, not `Latest`: the last message of an earlier attempt must not count for this one.
             steps[-1] if steps else None,
             self.gate.value,
             self.reference.value,
@@ -119,6 +123,7 @@ class GoalNode(Node):
         else:
             self.machine.go_on(seen)
         if self.restarted:
+            # A set has another order in each process, and a replay must repeat the same one.
             for role in sorted(self.restarted):
                 self.machine.restart_of(role, seen)
             self.restarted.clear()

@@ -26,6 +26,7 @@ class LocalizerNode(RoleNode[Localizer]):
     odometry = Latest(PlatformPorts.odometry, triggers=True)
     scans = Sensors(RANGES)
     readings = OtherSensors(RANGES)
+    # Of the previous tick, since the mapper reads this node's poses.
     map = Latest(MapperPorts.map, delayed=True)
     known = Latest(MapperPorts.known, delayed=True)
     pose = Output(LocalizerPorts.pose)
@@ -44,6 +45,7 @@ class LocalizerNode(RoleNode[Localizer]):
         """
         goal = request.goal
         assert goal is not None and goal.heading is not None
+        # A shadow that accepts no place must not refuse the operator's request.
         with nullcontext() if is_active else suppress(InputError):
             self.plugin.place(Pose2D(goal.x, goal.y, goal.heading))
 
@@ -52,8 +54,10 @@ class LocalizerNode(RoleNode[Localizer]):
         assert odometry is not None
         scans, names = in_order(self.scans)
         known = self.known.value
+        # Made once for each map: the message would otherwise be built in every tick.
         if known is not None and (self._known is None or self._known.grid is not known):
             self._known = MapUpdate(tick.time_ns, known, np.empty((0, 4)), ())
+        # With a known map, never the mapper's: a localizer would match what was marked from its own poses.
         map = self.map.value if known is None else self._known
         seen = LocalizerInput(odometry, scans, map, names, readings_of(self.readings), self.extra(), known)
         self.pose.put(self.door.check(self.plugin.localize(seen), seen))

@@ -50,6 +50,7 @@ class MapperNode(RoleNode[Mapper]):
             sweeps,
             scans,
             track,
+            # However many requests came, there is one map to clear.
             bool(self.clear.values),
             sensors,
             sweep_sensors,
@@ -59,6 +60,7 @@ class MapperNode(RoleNode[Mapper]):
         )
         update = self.door.check(self.plugin.update(seen), seen)
         known = self.plugin.known()
+        # By identity: the plugin returns the same grid until it changes.
         if known is not None and known is not self._known:
             self._known = known
             self.known.put(known)
@@ -70,7 +72,9 @@ def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
     """The newest part of a track, from a little before the oldest data: a mapper does not need the older poses."""
     begin_ns = since_ns - BEFORE_DATA_NS
     kept: list[PoseEstimate] = []
+    # From the newest: the track holds minutes, and a step needs about a second of it.
     for pose in reversed(poses):
+        # Including the one before the beginning, so that poses can be interpolated there.
         kept.append(pose)
         if pose.stamp_ns <= begin_ns:
             break

@@ -71,6 +71,7 @@ class Node(ABC):
         told: What the executor told the node in addition to its inputs of the last step, as text for the step record.
     """
 
+    # Properties of a whole role belong here and not to a port: they hold for each of its streams.
     role: ClassVar[str] = ""
     ticks: ClassVar[bool] = False
     cause: ClassVar[Any] = None
@@ -85,6 +86,7 @@ class Node(ABC):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        # Bases first, so that a subclass can replace a declaration; `cause` is only a second name for one of them.
         declared = {
             name: one for base in reversed(cls.__mro__) for name, one in vars(base).items() if name != "cause"
         }.values()
@@ -96,6 +98,7 @@ class Node(ABC):
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         node = super().__new__(cls)
+        # In `__new__`, because a plugin's `__init__` need not call that of its base.
         node.made = []
         for one in cls.declared_outputs:
             if isinstance(one, Output):
@@ -138,6 +141,7 @@ class Node(ABC):
                 for given in spec.inputs:
                     if one.has(given):
                         wires[given.name].bind(group, given.name.partition(".")[2])
+        # What is left of the outputs are the ports of sensors, whose names only the config knows.
         fixed = {one.port.name for one in self.declared_outputs if isinstance(one, Output)}
         for other in self.declared_outputs:
             if isinstance(other, SensorOutputs):

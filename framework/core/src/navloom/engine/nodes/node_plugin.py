@@ -44,6 +44,7 @@ class Publishes(Output[M]):
         super().__init__(Port(carries, quality, retained=retained))
 
     def __set_name__(self, owner: type, name: str) -> None:
+        # The port gets its role later, when a config names the node.
         super().__set_name__(owner, name)
         self.port.name = self.name
 
@@ -71,6 +72,7 @@ class NodePlugin(Role[P], Node):
 
     def __init_subclass__(cls) -> None:
         if cls.ticks and cls.cause is None:
+            # A node that steps by ticks has no trigger, but the gate must know how old its outputs are.
             cls.paced_by = Latest(PlatformPorts.odometry)  # type: ignore[attr-defined]
             cls.cause = cls.paced_by  # type: ignore[attr-defined]
             cls.cause.__set_name__(cls, "paced_by")
@@ -82,6 +84,7 @@ class NodePlugin(Role[P], Node):
         if cls.cause is None:
             cls.cause = next((one for one in triggers if isinstance(one, Declared)), None)
         if outputs:
+            # By order, so that most nodes need not declare it.
             outputs[0].port.answers = True
         cls.accepts = tuple(
             kind for one in inputs if isinstance(one, SensorGroup) for kind in one.carries or (Message,)
@@ -106,6 +109,7 @@ class _CheckedOut(Out[Message]):
 
     def put(self, message: Message) -> None:
         """Publish a message at the end of this step. Raises TypeError for one of another class."""
+        # mypy does not see the plugins of strangers: a wrong message would fail in another process, at the codec.
         if message.__class__ is not self._carries and not isinstance(message, self._carries):
             raise TypeError(f"{self.name} carries {self._carries.__name__}, got {type(message).__name__}")
         super().put(message)

@@ -42,12 +42,14 @@ class PlannerNode(RoleNode[Planner]):
 
     def step(self, tick: Tick) -> None:
         newest, known = self.map.value, self.known.value
+        # The goal asks only with a map; live, the request may overtake the map.
         if newest is None:
             return
         answer = self._plan(newest)
         if isinstance(answer, Path):
             self.path.put(answer)
             return
+        # On equal cells the answer is known; planning twice takes its time.
         if known is not None and not np.array_equal(known.cells, newest.grid.cells):
             otherwise = self._plan(MapUpdate(newest.stamp_ns, known, np.empty((0, 4)), ()))
             if isinstance(otherwise, Path):
@@ -55,5 +57,6 @@ class PlannerNode(RoleNode[Planner]):
         self.failure.put(answer)
 
     def _plan(self, given: MapUpdate) -> Path | PlanFailure:
+        # Only the newest request: the goal no longer waits for the others.
         seen = PlannerInput(self.plan.values[-1], given, self.extra())
         return self.door.check(self.plugin.plan(seen), seen)

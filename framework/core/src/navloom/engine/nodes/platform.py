@@ -40,6 +40,7 @@ class PlatformNode(Node):
         return cls(plugin, settings.sensors)
 
     def step(self, tick: Tick) -> None:
+        # Live, commands reach the wheels on arrival; the step then repeats the driven one for the simulator.
         command = self.driven or self.command.value
         sweeps = self.sweep.values
         twist = command.twist if command is not None else STILL

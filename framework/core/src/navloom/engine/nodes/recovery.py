@@ -21,6 +21,7 @@ __all__ = ["RecoveryNode"]
 
 TRAIL_STEP = 0.05
 """Distance between two points of the trail of past poses that recoveries receive, m."""
+# 5 m: the gate lets a robot back into space where it was within the last 5 m.
 TRAIL_LENGTH = 100
 AROUND = 5.0
 """How far from the robot recoveries receive the surfaces of the map, m."""
@@ -51,15 +52,20 @@ class RecoveryNode(RoleNode[Recovery]):
 
     def step(self, tick: Tick) -> None:
         request, estimate = self.request.value, self.pose.value
+        # In every tick, not only during a recovery: the trail is what was driven before it.
         self._follow(estimate)
         if request is None or not request.active or estimate is None:
             return
+        # By identity: requests are equal if the same reason comes twice.
         starts = request is not self._attempt
         if starts:
             self._attempt, self._is_over = request, False
+        # The goal needs a tick to see that the attempt is over; the plugin must not run on meanwhile.
         if self._is_over:
             return
+        # A robot that cannot see behind itself backs up along its own trail.
         trail = np.array(self._trail).reshape(-1, 3)
+        # The plugin must not change what the next step gets.
         trail.flags.writeable = False
         scans, names = in_order(self.scans)
         seen = RecoveryInput(
@@ -73,6 +79,7 @@ class RecoveryNode(RoleNode[Recovery]):
             names,
             readings_of(self.readings),
             self.extra(),
+            # A robot without room to turn finds its way along a wall by the map: it sees part of it only.
             self._surfaces(estimate),
         )
         answer = self.door.check(self.plugin.recover(seen))
@@ -85,6 +92,7 @@ class RecoveryNode(RoleNode[Recovery]):
         known = self.known.value
         if known is None or estimate.state != "tracking":
             return NO_SURFACES
+        # All surfaces, whether echoes show them or not: recoveries combine both themselves.
         return surfaces_without_echo(known, estimate.pose, AROUND, NO_SURFACES)
 
     def _follow(self, estimate: PoseEstimate | None) -> None:

@@ -40,11 +40,13 @@ def trajectory_of(path: Path, limits: SpeedLimits, rounds: bool = True) -> Traje
     grid = path.traversable
     if not rounds:
         return Trajectory(path.request_id, keep_corners(path.points, limits).samples)
+    # The planner gave no free space: corners are then cut by a few centimetres at most.
     if grid is None:
         return Trajectory(path.request_id, make_trajectory(path.points, limits).samples)
     grid_to_map = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
     points_in_grid = transform(inverse(grid_to_map), path.points)
     samples = make_trajectory(points_in_grid, limits, grid.cells == 0, grid.resolution).samples
+    # Samples are read-only.
     turned = samples.copy()
     turned[:, 1:3] = transform(grid_to_map, samples[:, 1:3])
     turned[:, 3] = (samples[:, 3] + grid.origin.heading + math.pi) % math.tau - math.pi
@@ -100,10 +102,12 @@ class ReferenceNode(Node):
     def step(self, tick: Tick) -> None:
         path, drive, estimate = self.path.value, self.drive.value, self.pose.value
         if path is not None and path.request_id not in self._paths:
+            # The driven path stays: a goal may never take the new one.
             self._paths = {number: held for number, held in self._paths.items() if number == self._driven}
             self._paths[path.request_id] = path
         if drive is None or drive.path_id not in self._paths or estimate is None:
             return
+        # Only authorised paths become trajectories: the goal may still be turning or stopping on the old one.
         if drive.path_id != self._driven or self._trajectory is None:
             made = trajectory_of(self._paths[drive.path_id], self.limits, self.rounds)
             self._trajectory = Trajectory(made.path_id, self.slows(made.samples))

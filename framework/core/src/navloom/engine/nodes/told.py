@@ -35,6 +35,7 @@ class GoalTold:
     @property
     def text(self) -> str:
         """Text for the step record; empty for nothing."""
+        # Empty instead of a text of defaults: recordings of quiet ticks stay small.
         if self == GoalTold():
             return ""
         submitted = tuple(_Submitted.of(request) for request in self.submitted)
@@ -126,6 +127,7 @@ class GateTold:
         """Text for the step record: only the fields that are set."""
         if self.now_ns is None and not self.warm and not self.waiting:
             return ""
+        # Only what is set: the record is written in every tick, and most of it is empty.
         words = {name: value for name, value in vars(self).items() if value}
         if self.obeyed:
             words["obeyed"] = [vars(one) for one in self.obeyed]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from navloom.config import load_config
 from navloom.runs.episode import Episode, run_episode
+from navloom_hoang2013.statements import printed_statements
 
 Run = Callable[..., Episode]
 QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.noise=false")
@@ -164,3 +168,12 @@ def test_with_calibrated_odometry_wheel_and_track_wrong_by_5_percent_it_truly_ar
         f"platform.odometry_half_track_error={track}",
     ).summary()
     assert summary["truly_reached"] and summary["collisions"] == 0
+
+
+def test_each_test_that_a_statement_of_the_paper_names_is_collected() -> None:
+    tests = sorted({entry["test"] for entry in printed_statements()})
+    files = sorted({test.partition("::")[0] for test in tests})
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", "-n", "0", *files]
+    done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True)
+    collected = {line.partition("[")[0] for line in done.stdout.splitlines()}
+    assert [test for test in tests if test not in collected] == [], done.stdout[-2000:]

@@ -19,7 +19,7 @@ SHORT = ("run.stop_after=3.0",)
 def test_the_parts_of_a_short_run_add_up() -> None:
     share = measured("paper", 0, SHORT)
     parts = share.verbs_us + share.handover_us + share.reference_us + share.engine_us
-    assert share.ticks == 61  # 0 to 3 s, 0.05 s apart
+    assert share.ticks >= 61  # 0 to 3 s, 0.05 s apart, and until the robot is at rest
     assert min(share.verbs_us, share.handover_us, share.reference_us) > 0.0
     assert 0.0 < share.standins_us < share.engine_us < share.run_us
     assert parts == pytest.approx(share.run_us, rel=0.5)

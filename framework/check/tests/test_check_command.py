@@ -28,6 +28,12 @@ def test_a_plugin_that_is_not_installed_is_a_wrong_request(in_process):
     assert code == 2 and "did you mean 'repeats'?" in err
 
 
+def test_a_plugin_named_without_its_role_is_suggested_with_it(in_process):
+    code, _, err = in_process("check", "improved_vfh")
+    assert code == 2 and "did you mean 'avoider.improved_vfh'?" in err
+    assert "known are" in in_process("check", "scheme")[2]
+
+
 def test_a_world_that_a_scheme_reads_is_checked_as_a_world(in_process):
     code, out, err = in_process("check", "world.door:2.0")
     assert code == 0 and "ok      world_usable" in out and out.endswith("3 checks passed, 0 failed\n"), err

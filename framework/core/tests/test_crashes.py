@@ -10,8 +10,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from navloom.crashes import crashed_at, is_of_dump
-from navloom_live.hosting.process_log import last_crash, last_lines
+from navloom.crashes import crashed_at
 
 PLUGIN = """
 import ctypes, re, signal, os, sys
@@ -70,16 +69,7 @@ def ended(folder: Path, how: str) -> tuple[int, Path]:
 )
 def test_the_plugins_line_is_found_in_the_log(tmp_path: Path, how: str, number: int, place: str) -> None:
     code, log = ended(tmp_path, how)
-    assert (code, last_crash(log)) == (-number, place)
-    said = last_lines(log, 3)
-    assert said[0] == "think: ready" and not any(map(is_of_dump, said))
-
-
-def test_the_dump_of_an_earlier_process_is_ignored(tmp_path: Path) -> None:
-    _, log = ended(tmp_path, "segv")
-    with log.open("a") as file:
-        file.write("think: ready\n")
-    assert last_crash(log) == ""
+    assert (code, crashed_at(log.read_text("utf-8"))) == (-number, place)
 
 
 def test_for_a_package_the_innermost_line_is_named(tmp_path: Path) -> None:

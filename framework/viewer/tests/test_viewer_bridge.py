@@ -24,8 +24,7 @@ from navloom_viewer.order import ViewerOrder
 from navloom_viewer.program import Program, address_of
 from navloom_viewer.showing import Where, showing
 from navloom_viewer.translate import BUILT_IN
-
-from .conftest import facts_for, pose_at, rows_of, shown
+from viewer_rig import facts_for, pose_at, rows_of, shown
 
 rr = pytest.importorskip("rerun", reason="the extra `view` is not installed")
 Start = Callable[[], Program]

@@ -36,8 +36,7 @@ from navloom_viewer.facts import actors_of
 from navloom_viewer.panels import Panel, panels_of
 from navloom_viewer.scene import legend
 from navloom_viewer.shapes import cones, prism, ring_bars, slot_arcs, stripes
-
-from .conftest import Memory, component, facts_for, pose_at, shown
+from viewer_rig import Memory, component, facts_for, pose_at, shown
 
 pytest.importorskip("rerun", reason="the extra `view` is not installed")
 SHADOW = (("avoider", "other"),)
@@ -250,6 +249,14 @@ def test_a_gate_stop_is_logged_once_with_its_reason_and_the_remedy() -> None:
     assert texts == ["r1: gate stops the robot: it touched something; `navloom resume` when the way is clear"]
     states = [component(state, "state")[0] for state in memory.at("/driver")]
     assert states == ["controller", "stopped", "controller"]
+
+
+def test_a_gate_stop_is_drawn_without_what_words_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("navloom_viewer.draw_behaviour.has_part", lambda package: False)
+    made, memory = drawing()
+    made.take(shown(GateStatus("none", "", True, True, "contact", ()), "gate", "status", tick=0))
+    (text,) = [component(line, "text")[0] for line in memory.at("/log/r1/gate")]
+    assert text == "r1: gate stops the robot: contact"
 
 
 def test_taking_over_and_handing_back_are_logged_and_not_driving_free() -> None:

@@ -39,8 +39,17 @@ class MissingPartError(NavloomError, ImportError):
     """A part of the framework is needed and not installed; the text says which."""
 
 
-def part(module: str) -> Any:
-    """A module of a part, as `navloom_live.operating.joining`. Raises MissingPartError."""
+def part(module: str, user: str = "this", install: str = "") -> Any:
+    """A module of a part, as `navloom_live.operating.joining`.
+
+    Args:
+        module: Its dotted name.
+        user: What needs it, for the message: an option or a name that a user wrote.
+        install: What to install if it is missing; the part's distribution unless given.
+
+    Raises:
+        MissingPartError: The part is not installed.
+    """
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -49,7 +58,7 @@ def part(module: str) -> Any:
         if error.name != package:
             raise
         raise MissingPartError(
-            f"this needs {PARTS[package]}, which is not installed: pip install {PARTS[package]}"
+            f"{user} needs {PARTS[package]}, which is not installed: pip install {install or PARTS[package]}"
         ) from None
 
 
@@ -74,7 +83,7 @@ def lazy_names(package: str, names: Mapping[str, str]) -> tuple[list[str], Calla
 
     def public_name(name: str) -> Any:
         if name in module_of:
-            return getattr(part(module_of[name]), name)
+            return getattr(part(module_of[name], f"{package}.{name}"), name)
         near = ""
         if not name.startswith("_"):
             from navloom.misspelt import close_to
@@ -107,7 +116,7 @@ class _Aliases:
         public = ".".join(fullname.split(".")[:2])
         if public not in ALIASES:
             return None
-        module = part(ALIASES[public] + fullname.removeprefix(public))
+        module = part(ALIASES[public] + fullname.removeprefix(public), public)
         return ModuleSpec(fullname, _Alias(module), is_package=hasattr(module, "__path__"))  # type: ignore[arg-type]
 
 

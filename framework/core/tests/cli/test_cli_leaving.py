@@ -64,7 +64,7 @@ def test_traceback_is_printed_after_the_message(
     assert 'navloom_torn.py", line 6, in <module>\n    half(0)' in long and long.count("Traceback") == 1
 
 
-@pytest.mark.parametrize("words", [("worlds",), ("config", "check", "paper"), ("params", "get", "--help")])
+@pytest.mark.parametrize("words", [("worlds",), ("config", "check", "paper"), ("config", "show", "--help")])
 def test_every_command_takes_traceback(
     in_process: Run, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

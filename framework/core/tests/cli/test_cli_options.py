@@ -23,7 +23,7 @@ def test_every_command_has_the_options_of_the_log() -> None:
     root = typer.main.get_command(app)
     assert isinstance(root, Commands)
     listed = [entry for entry in commands(root) if not entry.inner]
-    assert len(listed) > 40
+    assert {"navloom run", "navloom config show"} <= {entry.name for entry in listed}
     for entry in listed:
         names = {name for word in entry.options for name in word.names}
         assert {"--log-level", "--log-json"} <= names, entry.name

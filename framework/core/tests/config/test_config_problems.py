@@ -8,6 +8,7 @@ from typing import Literal
 import pytest
 from navloom.config import ConfigError, check_params, load_config
 from navloom.config.lines import line_of
+from navloom.plugins import Discovery
 from navloom.roles import Params
 from pydantic import Field
 
@@ -59,7 +60,8 @@ def test_contradictions_of_instances_and_sensors_are_reported_at_once(tmp_path: 
         f'{path}:5: sensor.1.name: two tables [[sensor]] are named "a"',
         f'{path}:8: avoider.sensors: names "b"; sensors are a, a',
         f"{path}:10: alternative.0.role: is a platform: the platform is never shadowed or swapped",
-        f"{path}:11: alternative.0.plugin: no plugin 'platform.x' is installed; known are ros2_base, sensors_sim",
+        f"{path}:11: alternative.0.plugin: no plugin 'platform.x' is installed; known are "
+        f"{', '.join(Discovery().names('platform'))}",
     ]
 
 

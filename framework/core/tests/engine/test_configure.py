@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +10,6 @@ from navloom.engine.build import assemble
 from navloom.engine.making import configure, make_plugins
 from navloom.engine.system import System
 from navloom.plugins import PluginError
-from navloom_live.hosting.services import ServiceError, Services
 
 
 def paper(*changes: str) -> System:
@@ -62,57 +59,3 @@ def test_events_are_checked_in_order_of_time() -> None:
     assert (
         system.plugin("mapper", "ipabd@printed").params == system.parts[("mapper", "ipabd@printed")].params
     )  # they were only checked
-
-
-class Runner:
-    """A node whose thread handles its requests when the test says so."""
-
-    cell = SimpleNamespace(source=("planner", "astar"))
-
-    def __init__(self) -> None:
-        self.waiting: list[Any] = []
-
-    def change(self, change: Any) -> None:
-        self.waiting.append(change)
-
-
-@pytest.fixture
-def runner(monkeypatch: pytest.MonkeyPatch) -> Runner:
-    monkeypatch.setattr("navloom_live.hosting.services.APPLY", 0.05)
-    return Runner()
-
-
-def apply(runner: Runner, change: Any, **how: bool) -> None:
-    Services._apply(object.__new__(Services), runner, change, **how)  # type: ignore[arg-type]
-
-
-def test_a_request_that_a_node_does_not_handle_in_time_is_refused_and_never_done(runner: Runner) -> None:
-    done: list[str] = []
-    with pytest.raises(ServiceError, match=r"planner astar has been in one step for .*: nothing was changed"):
-        apply(runner, lambda: done.append("set"))
-    runner.waiting.pop()()
-    assert done == []
-
-
-def test_a_stop_is_done_however_late_the_node_handles_it(runner: Runner) -> None:
-    done: list[str] = []
-    with pytest.raises(ServiceError, match="the request is done when this step ends"):
-        apply(runner, lambda: done.append("stop"), waits=True)
-    runner.waiting.pop()()
-    assert done == ["stop"]
-
-
-def test_a_request_that_a_node_has_begun_is_not_refused(runner: Runner) -> None:
-    begun, go_on, done = threading.Event(), threading.Event(), threading.Event()
-
-    def change() -> None:
-        begun.set()
-        go_on.wait(10)
-        done.set()
-
-    runner.change = lambda change: threading.Thread(target=change).start()  # type: ignore[method-assign]
-    with pytest.raises(ServiceError, match="the request is done when this step ends"):
-        apply(runner, change)
-    assert begun.is_set()
-    go_on.set()
-    assert done.wait(10)

@@ -32,7 +32,6 @@ from navloom.engine.run_warnings import RunWarnings, Volume, large_messages, who
 from navloom.plugins import Discovery
 from navloom.plugins.printing import LARGEST_OUTPUT
 from navloom.runs.episode import Episode, run_episode
-from navloom_study.repeating import run_twice
 from toys import Bystander, Robot, toy_config
 from toys import discovery as toys
 
@@ -234,37 +233,3 @@ def test_a_step_that_cannot_be_repeated_is_detected_in_an_ordinary_run(
     (warning,) = drive(tmp_path, "avoider.does=drifts", "run.stop_after=3.0").warnings
     assert (warning.kind, warning.role, warning.plugin) == (kind, "avoider", "does")
     assert place in str(warning)
-
-
-def twice(folder: FilePath, act: Act, monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setitem(ACTS, "drifts", act)
-    loaded = toy_config(folder, "avoider.plugin=does", "avoider.does=drifts", "run.stop_after=1.0", "avoider.name=left")
-    return run_twice(loaded, with_these())
-
-
-def test_the_first_stream_in_which_two_runs_differ_is_named(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    _, divergence, seen = twice(tmp_path, by_numpy_random, monkeypatch)
-    where = (divergence.role, divergence.instance, divergence.plugin, divergence.port)
-    assert where == ("avoider", "left", "does", "command")
-    assert divergence.tick < 10 and "command.twist.wz: " in divergence.text
-    assert [one.kind for one in seen] == ["random"]
-
-
-def test_state_that_outlives_an_episode_makes_the_second_differ(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    steps: list[int] = []
-
-    def counts(given: AvoiderInput) -> int:
-        steps.append(1)
-        return len(steps)
-
-    _, divergence, seen = twice(tmp_path, counts, monkeypatch)
-    assert divergence.role == "avoider" and seen == []
-
-
-def test_an_episode_of_good_plugins_is_the_same_twice(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
-    episode, divergence, seen = twice(tmp_path, lambda given: None, monkeypatch)
-    assert (divergence, seen, episode.warnings) == (None, [], [])

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
-from navloom.engine.build import assemble
-from navloom.entry_kinds import TRACE_HOOKS, added_commands
-from navloom.messages import Contact, Envelope, Message
+from navloom.entry_kinds import TRACE_HOOKS
+from navloom.messages import Contact, Envelope
 from navloom.plugins import Discovery, RunInfo
-from navloom.plugins.observing import Onlooker, Onlookers
+from navloom.plugins.observing import Onlookers
 from navloom.runs.episode import run_episode
-from navloom_live.drives.live_show import LiveShow
-from navloom_live.live.mailbox import Inlet, Mailbox
-from navloom_live.live.switchboard import Switchboard
 from toys import discovery, toy_config
 
 Install = Callable[..., None]
@@ -261,56 +256,6 @@ def test_the_list_of_plugins_loads_no_compiler() -> None:
     assert "navloom.plugins.discovery" in imported and "numba" not in imported
 
 
-def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> None:
-    assert {"bench", "paper"} <= {command.name for command in added_commands()}
-    done = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "navloom", "--help"],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
-    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert "navloom.cli" in imported
-    assert imported.isdisjoint({"importlib.metadata", "numpy", "pydantic", "zenoh", "navloom.plugins", "pluggy"})
-
-
 def test_observers_do_not_import_the_network_in_lockstep() -> None:
     code = "import sys, navloom.runs.episode, navloom.plugins.observing; sys.exit('zenoh' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
-
-
-# --- live -----------------------------------------------------------------------------------------------------------
-
-
-class Board:
-    """Keeps the requested inlets, by role and port."""
-
-    def __init__(self) -> None:
-        self.inlets: dict[tuple[str, str], Inlet] = {}
-
-    def inlet(self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None) -> Inlet:
-        inlet = self.inlets[source[0], port] = Inlet(f"{source[0]}/{port}", mailbox, limit)
-        return inlet
-
-
-class Slow:
-    wants = frozenset({("platform", "contact")})
-
-    def __init__(self) -> None:
-        self.seen: list[int] = []
-        self.goes_on, self.is_there = threading.Event(), threading.Event()
-
-    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        self.is_there.set()
-        self.goes_on.wait(30.0)
-        self.seen.append(at.tick)
-
-
-def test_observers_of_a_live_robot_run_in_their_own_thread(tmp_path: Path) -> None:
-    system, board, slow = assemble(toy_config(tmp_path), discovery()), Board(), Slow()
-    show = LiveShow(system, cast(Switchboard, board), [Onlooker(slow, print)], lambda role, name: True)
-    assert list(board.inlets) == [("platform", "contact")]
-    for tick in range(3):
-        board.inlets["platform", "contact"].give((Contact(False), AT._replace(tick=tick)))  # does not block
-    assert slow.is_there.wait(30.0) and slow.seen == []
-    slow.goes_on.set()
-    show.close()
-    assert slow.seen == [0, 1, 2]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from navloom import Trail
 from navloom.runs.measures import DEAD_BAND, JERK_WINDOW, STILL_SPEED
 from navloom.runs.metrics import measure
-from navloom_study import Trail
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]

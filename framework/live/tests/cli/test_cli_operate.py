@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,17 @@ NUMBER, SECONDS = "expected a finite number", "expected a number of seconds abov
 def test_a_wrong_number_is_refused_before_anything_is_sent(arguments: list[str], text: str) -> None:
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 2 and text in " ".join(done.output.replace("\u2502", " ").split())
+
+
+@pytest.mark.parametrize("words", [("up",), ("up", "--barrier")])
+def test_a_config_that_cannot_drive_is_not_started(
+    in_process: Callable[..., tuple[int, str, str]], tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text('[world]\nref = "doorway"\n[[sensor]]\nname = "laser"\nkind = "laser_2d"\n', "utf-8")
+    code, said, error = in_process(*words, str(path))
+    assert (code, said) == (2, "")
+    assert error.splitlines()[-1].startswith(f"navloom: {path}: mapper.plugin: ipabd, the default, needs a sensor")
 
 
 def test_down_for_every_robot_says_that_none_is_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

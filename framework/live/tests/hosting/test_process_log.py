@@ -7,7 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from navloom_live.hosting.process_log import LARGEST_LOG, ProcessLog, last_lines, older_log
+from navloom.engine import stepper
+from navloom_live.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, last_lines, older_log
 
 
 def test_a_log_that_grows_too_large_is_rotated_and_keeps_its_last_part(tmp_path: Path) -> None:
@@ -58,6 +59,28 @@ def test_lines_from_before_the_folder_was_deleted_can_still_be_read(tmp_path: Pa
     assert last_lines(path, 3) == (["before", "after"] if sys.platform == "linux" else [])
     log.close()
     assert not path.is_symlink()
+
+
+CRASHED = f"""think: ready
+Fatal Python error: Segmentation fault
+
+Current thread 0x00007f0000000002 (most recent call first):
+  File "/plugins/torn_plugin.py", line 5 in avoid
+  File "{stepper.__file__}", line 9 in run
+"""
+
+
+def test_a_crash_is_found_at_the_end_of_a_log_whose_last_lines_leave_out_the_threads(tmp_path: Path) -> None:
+    log = tmp_path / "think.log"
+    log.write_text(CRASHED, "utf-8")
+    assert last_crash(log) == "torn_plugin.py:5, in avoid"
+    assert last_lines(log, 3) == ["think: ready", "Fatal Python error: Segmentation fault"]
+
+
+def test_the_dump_of_an_earlier_process_is_ignored(tmp_path: Path) -> None:
+    log = tmp_path / "think.log"
+    log.write_text(CRASHED + "think: ready\n", "utf-8")
+    assert last_crash(log) == ""
 
 
 PRINTS = """

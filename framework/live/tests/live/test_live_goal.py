@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cell_rig import give, silent_bus
 from navloom.config import load_config
 from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
@@ -17,7 +18,6 @@ from navloom_live.live.live_goal import LiveGoal
 from navloom_live.live.run_clock import RunClock
 from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
-from toys import give, silent_bus
 
 KEYS = KeySpace("lab", "r1")
 LOOKS = 20

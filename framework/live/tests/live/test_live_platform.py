@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from cell_rig import silent_bus
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.nodes.platform import PlatformNode
@@ -17,7 +18,6 @@ from navloom_live.live.live_platform import LivePlatform
 from navloom_live.live.run_clock import RunClock
 from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
-from toys import silent_bus
 
 PERIOD, DEADLINE = 0.05, 0.1
 SYSTEM = assemble(load_config("paper"))

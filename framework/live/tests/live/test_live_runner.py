@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cell_rig import silent_bus
 from navloom.config import load_config
 from navloom.engine.assembly import goal_rules
 from navloom.engine.build import assemble
@@ -33,7 +34,6 @@ from navloom_live.live.live_goal import LiveGoal
 from navloom_live.live.run_clock import RunClock
 from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
-from toys import silent_bus
 
 PERIOD = 0.05
 KEYS = KeySpace("lab", "r1")

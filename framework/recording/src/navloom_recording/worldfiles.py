@@ -61,7 +61,9 @@ def _image(path: Path | None) -> Path | None:
     """The image beside a map's .yaml."""
     if path is None or path.suffix not in (".yaml", ".yml") or not path.is_file():
         return None
-    text = part("navloom_maps.yaml_text").yaml_of(read_file(path, YAML_MB, RecordingError), str(path), RecordingError)
+    text = part("navloom_maps.yaml_text", str(path)).yaml_of(
+        read_file(path, YAML_MB, RecordingError), str(path), RecordingError
+    )
     name = text.get("image") if isinstance(text, dict) else None
     # Only beside the .yaml: a recording must not pack, or overwrite, files elsewhere.
     return path.parent / name if isinstance(name, str) and Path(name).name == name else None

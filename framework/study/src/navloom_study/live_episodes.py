@@ -40,7 +40,8 @@ def run_live(
     Raises:
         StartError: A robot does not start. KeyboardInterrupt: `ending` was set; the interrupted episode has no row.
     """
-    LiveRun, StartError = part("navloom_live.drives.live_run").LiveRun, part("navloom_live.hosting.robot").StartError
+    LiveRun = part("navloom_live.drives.live_run", "--live").LiveRun
+    StartError = part("navloom_live.hosting.robot").StartError
     for task in tasks:
         began, key = perf_counter(), task.key
         name = f"{key.method} in {key.world}, seed {key.seed}"

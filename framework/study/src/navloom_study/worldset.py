@@ -182,7 +182,7 @@ def expanded(reference: str) -> list[str]:
 
 
 def _there(head: str, numbers: Sequence[int]) -> list[int]:
-    held = set(part("navloom_maps.barn").barn_numbers(head.removeprefix("barn:").removesuffix("#"), Path.cwd()))
+    held = set(part("navloom_maps.barn", head).barn_numbers(head.removeprefix("barn:").removesuffix("#"), Path.cwd()))
     return [number for number in numbers if number in held]
 
 

@@ -33,9 +33,11 @@ WINDOWLESS = {"--headless", "--serve-grpc"}
 """Options of the viewer's program with which it opens no window."""
 SERVED, KEPT = "--web serves the viewer to a browser", "--rerun F.rrd keeps what it would show in a file"
 LAUNCH = """
-import os, sys
-from navloom_live.hosting.process import die_with_parent
-die_with_parent(int(sys.argv[1]))
+import ctypes, os, signal, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+if os.getppid() != int(sys.argv[1]):  # the parent died before the call
+    sys.exit(1)
 os.execv(sys.argv[2], sys.argv[2:])
 """
 """Python source that runs a program that ends with its parent process, even if the parent is killed."""

@@ -86,7 +86,8 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
 
     It only subscribes and does not affect the robot.
     """
-    looking, nodes = part("navloom_live.operating.looking"), part("navloom_live.operating.nodes")
+    looking = part("navloom_live.operating.looking", "a live robot")
+    nodes = part("navloom_live.operating.nodes", "a live robot")
     first = facts.variants[0]
     instances = ActiveInstances(first.name, first.instances)
     mailbox = part("navloom_live.live.mailbox").Mailbox()

@@ -29,7 +29,7 @@ def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:
         ConfigError: matplotlib is not installed.
     """
     scenes = seen.scenes or (scene,)
-    plotting = part("navloom_study.report.plotting")
+    plotting = part("navloom_study.report.plotting", "a figure", "'navloom[plots]'")
     figure, axes = plotting.new_figure(WIDTH * len(scenes), 84.0, 1, len(scenes))
     with plotting.styled():
         figure.suptitle(title, fontsize=8.5)

@@ -35,7 +35,8 @@ class Commands(TyperGroup):
 
             if distribution := distribution_of(f"command.{cmd_name}"):
                 raise MissingPartError(
-                    f"`navloom {cmd_name}` is a command of {distribution}: pip install {distribution}"
+                    f"`navloom {cmd_name}` is a command of {distribution}, which is not installed: "
+                    f"pip install {distribution}"
                 )
         return found
 

@@ -129,7 +129,7 @@ Insecure = Annotated[
 
 
 def _join(*given: Any, **further: Any) -> AbstractContextManager[Any]:
-    joined: AbstractContextManager[Any] = part("navloom_live.operating.joining").join(*given, **further)
+    joined: AbstractContextManager[Any] = part("navloom_live.operating.joining", "a live robot").join(*given, **further)
     return joined
 
 
@@ -152,7 +152,8 @@ class RobotOptions:
 
     def navigator(self) -> Any:
         """A `Navigator` for the robot, with an operator's certificate."""
-        return part("navloom_live.operating.navigator").Navigator(self.robot, self.connect, self.keys, self.insecure)
+        navigator: Any = part("navloom_live.operating.navigator", "a live robot")
+        return navigator.Navigator(self.robot, self.connect, self.keys, self.insecure)
 
     def first_given(self) -> str:
         """The first of these options that was given; empty if none was."""
@@ -213,7 +214,7 @@ class MapOptions:
 
     def pose(self) -> tuple[float, float, float] | None:
         """The start, x, y, m, heading, rad; None if it was not given. Raises ConfigError."""
-        return None if self.start is None else part("navloom_recording.imported").start_option(self.start)
+        return None if self.start is None else part("navloom_recording.imported", "--start").start_option(self.start)
 
 
 @dataclass(frozen=True)
@@ -250,7 +251,9 @@ class ViewerOptions:
         Raises:
             ViewerError: Two of them contradict each other, the viewer is not installed, or there is no display for it.
         """
-        extra = part("navloom_viewer.extra")
+        options = {"--viewer": self.viewer, "--web": self.web, "--rerun": self.rerun}
+        asked = next((option for option, value in options.items() if value), "--view")
+        extra = part("navloom_viewer.extra", asked, "'navloom[view]'")
         if self.viewer is not None and self.web:
             raise extra.ViewerError("--viewer and --web: choose the viewer that runs, or a new one")
         extra.need_rerun()

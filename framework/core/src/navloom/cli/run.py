@@ -154,7 +154,7 @@ def _recorded(loaded: Loaded, path: Path | None) -> AbstractContextManager[Any]:
     """The observer that writes a recording, or None."""
     if path is None:
         return nullcontext()
-    recording: AbstractContextManager[Any] = part("navloom_recording.lockstep_recorder").recorded(
+    recording: AbstractContextManager[Any] = part("navloom_recording.lockstep_recorder", "--record").recorded(
         loaded, path, log_of("recording").warning
     )
     return recording

@@ -125,6 +125,9 @@ class Discovery:
         if colon:
             schemes = self.names("scheme")
             if scheme not in schemes and f"scheme.{scheme}" not in self.blocked:
+                if distribution_of(f"scheme.{scheme}"):
+                    remedy = self.instead_of("scheme", scheme)
+                    raise PluginError(f"world {reference!r}: scheme {scheme!r} is not installed{remedy}")
                 raise PluginError(f"world {reference!r}: unknown scheme {scheme!r}{nearest(scheme, schemes)}")
             load = self._given("scheme", scheme, self.load("scheme", scheme).schemes)
             return _world_of(f"world scheme {scheme!r}", reference, load, argument, base)

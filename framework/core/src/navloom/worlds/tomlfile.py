@@ -172,7 +172,7 @@ def _raster(table: FileTable) -> Raster:
     raster = FileTable(table.path, "[raster]", table.value("raster"), ("map", "unknown", "z"))
     image = file_of(raster.text("map"), table.path.parent)
     # By name: the core imports no plugin, and worlds without a raster need none.
-    loaded: Raster = part("navloom_maps.rosmap").load_raster(
+    loaded: Raster = part("navloom_maps.rosmap", f"{table.path}: [raster]").load_raster(
         image, raster.choice("unknown", ("occupied", "free")), raster.interval("z", _TALL)
     )
     return loaded

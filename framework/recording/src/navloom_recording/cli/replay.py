@@ -255,7 +255,7 @@ def _publish(recording: Any, speed: float) -> None:
     from navloom.cli.interrupts import ending
 
     with ending() as event:
-        counted = part("navloom_live.operating.republishing").republish(
+        counted = part("navloom_live.operating.republishing", "--live").republish(
             recording, speed, event, log_of("recording").info
         )
     typer.echo(f"published {counted} messages")

@@ -16,7 +16,7 @@ def can_draw() -> bool:
     from navloom.parts import MissingPartError, part
 
     try:
-        part("navloom_study.report.plotting").need_matplotlib()
+        part("navloom_study.report.plotting", "a figure", "'navloom[plots]'").need_matplotlib()
     except (ConfigError, MissingPartError) as error:
         LOG.warning(f"no picture is drawn, the rest is kept: {error}")
         return False

@@ -103,7 +103,7 @@ def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
 
     os.nice(NICE)  # before the network's threads start: each thread has a priority of its own
     with ending() as event, robot.look() as client:
-        header = part("navloom_live.operating.live_recorder").ask_header(client)
+        header = part("navloom_live.operating.live_recorder", "a live robot").ask_header(client)
         facts = facts_of_header(header, header.prefix)
         limit = None if seconds is None else time.monotonic() + seconds
         identity = f"{header.prefix}-{time.time_ns()}"
@@ -137,7 +137,7 @@ def _foxglove(port: int, seconds: float | None, robot: RobotOptions) -> None:
     from navloom_viewer.sources import facts_of_header, live_messages
 
     with ending() as event, robot.look() as client:
-        header = part("navloom_live.operating.live_recorder").ask_header(client)
+        header = part("navloom_live.operating.live_recorder", "a live robot").ask_header(client)
         limit = None if seconds is None else time.monotonic() + seconds
         with closing(FoxgloveServer(header.prefix, "127.0.0.1", port)) as server:
             say_so(f"serving {header.prefix} at {server.address}; Ctrl-C ends it")

@@ -34,7 +34,7 @@ def graph(
     if config is None:
         if set_:
             raise ConfigError(f"--set {set_[0]}: it changes a config; name one, as `navloom graph paper --set …`")
-        part("navloom_live.cli.live_graph").print_live_graph(robot, as_json, dot)
+        part("navloom_live.cli.live_graph", "the graph of a live robot").print_live_graph(robot, as_json, dot)
         return
     if option := robot.first_given():
         raise ConfigError(f"{option} is for a live robot, and {config} is a config; leave one of them out")

@@ -157,7 +157,7 @@ def _new(kind_and_name: Sequence[str], where: Path, discovery: Discovery, as_jso
     from navloom.cli.output import print_json
     from navloom.parts import part
 
-    scaffold = part("navloom_check.scaffold")
+    scaffold = part("navloom_check.scaffold", "`navloom plugins new`")
 
     if len(kind_and_name) != 2:
         raise typer.BadParameter(

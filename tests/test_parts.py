@@ -13,6 +13,8 @@ import navloom
 import pytest
 from navloom.names import NAMES
 from navloom.parts import ALIASES, PARTS, MissingPartError, has_part, part
+from navloom.plugins import Discovery
+from navloom.plugins.shipped import SHIPPED
 
 LAZY = [
     "navloom",
@@ -128,3 +130,12 @@ def test_a_public_name_loads_only_what_it_needs(name: str, without: set[str]) ->
     code = f"import sys; from navloom import {name}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert without.isdisjoint(loaded)
+
+
+def test_the_distribution_that_a_message_says_to_install_has_the_plugin() -> None:
+    entries = {
+        f"{info.role}.{info.name}": info.distribution
+        for info in Discovery().infos()
+        if info.distribution.startswith("navloom-")
+    }
+    assert entries == {key: distribution for distribution, keys in SHIPPED.items() for key in keys}

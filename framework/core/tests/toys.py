@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from importlib.metadata import EntryPoint
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -41,9 +40,7 @@ from navloom import (
     hookimpl,
 )
 from navloom.config import Loaded, load_config
-from navloom.messages import Envelope
 from navloom.plugins import Discovery
-from navloom_live.live.cell import Cell
 from pydantic import Field
 
 QUIET = AvoiderDiagnostics(
@@ -221,20 +218,3 @@ def toy_config(folder: Any, *overrides: str, more: str = "") -> Loaded:
     path = folder / "toy.toml"
     path.write_text(TEXT + more, "utf-8")
     return load_config(str(path), overrides)
-
-
-def silent_bus() -> Any:
-    """A bus that accepts everything and delivers nothing, for runners whose test gives the messages itself."""
-    return SimpleNamespace(
-        publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
-        serve=lambda *given, **more: None,
-        subscribe=lambda *given: None,
-    )
-
-
-def give(cell: Cell, key: str, message: Any, tick: int, *, sequence: int | None = None, stamp_ns: int = 0) -> None:
-    """Deliver a message to the inlets of a cell that read a key, and to its inlets of step reports."""
-    envelope = Envelope(key, tick + 1 if sequence is None else sequence, tick, stamp_ns, stamp_ns, 0)
-    for inlet in [*(feed.inlet for feed in cell.feeds), *cell.reports.values()]:
-        if inlet.key == key:
-            inlet.give((message, envelope))

@@ -125,3 +125,27 @@ def test_groff_sets_the_manual_page_without_a_warning(in_process: InProcess) -> 
     assert "EXIT STATUS" in done.stdout.replace("\x08", "").replace("EEXXIITT", "EXIT").replace(
         "SSTTAATTUUSS", "STATUS"
     )
+
+
+def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> None:
+    assert {"bench", "paper"} <= {command.name for command in added_commands()}
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "navloom", "--help"],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "navloom.cli" in imported
+    assert imported.isdisjoint({"importlib.metadata", "numpy", "pydantic", "zenoh", "navloom.plugins", "pluggy"})
+
+
+def test_every_command_that_may_need_a_plugin_takes_files() -> None:
+    taking = {
+        " ".join(one.path[1:])
+        for one in commands(get_command(app))
+        for option in one.options
+        if "--plugin" in option.names
+    }
+    assert taking == {
+        "run", "compare", "check", "up", "node", "replay", "plugins", "config show", "config check",
+        "plan", "map", "report", "graph", "worlds", "messages", "echo", "record", "view",
+    }  # fmt: skip

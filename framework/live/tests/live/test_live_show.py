@@ -1,0 +1,51 @@
+"""Observers of a live robot: they do not block what publishes."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import cast
+
+from navloom.engine.build import assemble
+from navloom.messages import Contact, Envelope, Message
+from navloom.plugins.observing import Onlooker
+from navloom_live.drives.live_show import LiveShow
+from navloom_live.live.mailbox import Inlet, Mailbox
+from navloom_live.live.switchboard import Switchboard
+from toys import discovery, toy_config
+
+
+class Board:
+    """Keeps the requested inlets, by role and port."""
+
+    def __init__(self) -> None:
+        self.inlets: dict[tuple[str, str], Inlet] = {}
+
+    def inlet(self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None) -> Inlet:
+        inlet = self.inlets[source[0], port] = Inlet(f"{source[0]}/{port}", mailbox, limit)
+        return inlet
+
+
+class Slow:
+    wants = frozenset({("platform", "contact")})
+
+    def __init__(self) -> None:
+        self.seen: list[int] = []
+        self.goes_on, self.is_there = threading.Event(), threading.Event()
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        self.is_there.set()
+        self.goes_on.wait(30.0)
+        self.seen.append(at.tick)
+
+
+def test_observers_of_a_live_robot_run_in_their_own_thread(tmp_path: Path) -> None:
+    system, board, slow = assemble(toy_config(tmp_path), discovery()), Board(), Slow()
+    show = LiveShow(system, cast(Switchboard, board), [Onlooker(slow, print)], lambda role, name: True)
+    assert list(board.inlets) == [("platform", "contact")]
+    for tick in range(3):
+        board.inlets["platform", "contact"].give((Contact(False), Envelope("k", 1, tick, 0, 0, 0)))  # does not block
+    assert slow.is_there.wait(30.0) and slow.seen == []
+    slow.goes_on.set()
+    show.close()
+    assert slow.seen == [0, 1, 2]

@@ -110,7 +110,7 @@ class Layout:
             try:
                 return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
             except ModuleNotFoundError as error:
-                if error.name not in ("navloom.engine", "navloom.engine.making", "navloom.engine.nodes"):
+                if error.name not in ("navloom.engine", "navloom.engine.plugin_factory", "navloom.engine.nodes"):
                     raise
         raise ModuleNotFoundError("no known layout of navloom")
 

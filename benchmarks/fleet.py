@@ -29,7 +29,7 @@ from navloom.config.tables import LiveTable
 from navloom_live.live.description import Description
 from navloom_live.live.requests import SUBMIT, Submit
 from navloom_live.operating.client import Client, ClientError
-from navloom_live.operating.joining import join
+from navloom_live.operating.robot_lookup import join
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 300.0, 30.0

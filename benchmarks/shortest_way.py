@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.world import Box, Place
-from navloom.runs.optimal import shortest
+from navloom.runs.optimal import shortest_path
 from navloom.runs.optimal.lazy_tangents import TangentSearch
 from navloom.runs.optimal.shape_space import ShapeSpace
 from navloom.runs.optimal.tangents import ShortestPath, shortest_among
@@ -56,9 +56,9 @@ WORLDS: dict[str, Callable[[int], tuple[Boxes, float]]] = {"scattered": scattere
 def measured(kind: str, count: int) -> dict[str, Any]:
     """Measure a world: length, m, time of the lazy search and of the whole graph, s, tangents examined, memory, MB."""
     boxes, edge = WORLDS[kind](count)
-    shapes = shortest._shapes(list(boxes), Place(0.0, 0.0), RADIUS)
-    ends = shortest._points(np.array([(-1.0, -1.0), (edge + 1.5, edge + 1.5)]))
-    circles = shortest._joined(ends, shortest._shape_circles(shapes))
+    shapes = shortest_path._shapes(list(boxes), Place(0.0, 0.0), RADIUS)
+    ends = shortest_path._points(np.array([(-1.0, -1.0), (edge + 1.5, edge + 1.5)]))
+    circles = shortest_path._joined(ends, shortest_path._shape_circles(shapes))
     before, began = _peak(), time.process_time()
     search = TangentSearch(circles, ShapeSpace(shapes))
     found = search.run()
@@ -84,7 +84,7 @@ def _peak() -> float:
 
 def main() -> None:
     """Measure all worlds and print a table, or JSON."""
-    shortest.warm_up()
+    shortest_path.warm_up()
     found = [measured(kind, count) for kind in WORLDS for count in (100, 250, 1000, 4000)]
     if "--json" in sys.argv[1:]:
         print(json.dumps(found))

@@ -29,7 +29,7 @@ from typing import Any
 
 from driven import PLACES, config
 from navloom_live.operating.client import Refused
-from navloom_live.operating.findings import loop_rate
+from navloom_live.operating.health_findings import loop_rate
 from navloom_live.operating.navigator import Navigator
 
 

@@ -23,8 +23,8 @@ from navloom.engine.streams import STEP
 from navloom.engine.system import System
 from navloom.messages import Command, Message, StepReport
 from navloom.messages.codec import decode
+from navloom_live.hosting.live_robot import LiveRobot, StartError
 from navloom_live.hosting.network import network_of
-from navloom_live.hosting.robot import LiveRobot, StartError
 from navloom_live.live.requests import SUBMIT, Submit
 from navloom_live.operating.client import Client
 

@@ -27,7 +27,7 @@ from navloom.messages import MapUpdate, Message
 from navloom_benchmarks.bus import BACK, THERE, OurEnd
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.links import Link, peer_link, settings
-from navloom_live.transport.quality import quality_of
+from navloom_live.transport.quality_of_service import quality_of
 from navloom_live.transport.zenoh_bus import Bus
 from samples import samples, wire_bytes
 from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end

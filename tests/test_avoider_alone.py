@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from navloom import AvoiderInput, Box, Place, PlatformInput, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D, World
 from navloom.config import load_config
-from navloom.engine.assembly import gate_limits
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
-from navloom.navigation.gate import CommandGate, Offer, Sensed
-from navloom.worlds.small import clutter_world
+from navloom.engine.lockstep_builder import gate_limits
+from navloom.engine.plugin_factory import make_plugins
+from navloom.navigation.command_gate import CommandGate, Offer, Sensed
+from navloom.worlds.trial_worlds import clutter_world
 
 PERIOD_NS = 50_000_000
 NO_COVARIANCE = np.zeros((3, 3))
@@ -96,7 +96,7 @@ def door(width: float, approach: int) -> Ending:
 
 def trap(approach: int) -> Ending:
     """Drive towards a target behind a dead end of 3 m by 3 m."""
-    from navloom.worlds.small import u_trap
+    from navloom.worlds.trial_worlds import u_trap
 
     stream = np.random.default_rng([approach, 18])
     start = Place(stream.uniform(-0.5, 0.5), 0.0, 0.5 * math.pi + stream.uniform(-0.3, 0.3))

@@ -159,7 +159,7 @@ def test_nan_in_a_sweep_is_refused_at_once() -> None:
 def test_an_empty_sweep_is_refused_by_the_mapper() -> None:
     from navloom.config import load_config
     from navloom.engine.build import assemble
-    from navloom.engine.making import make_plugins
+    from navloom.engine.plugin_factory import make_plugins
 
     system = assemble(load_config("paper"))
     make_plugins(system)

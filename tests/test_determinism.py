@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from navloom.config import load_config
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.plugin_factory import make_plugins
 from navloom.runs.episode import Episode
 from numba.core.event import install_recorder
 

@@ -15,7 +15,7 @@ from unittest.mock import patch
 import pytest
 import typer.main
 from doc_pages import NOT_RUN, PAGES, PROGRAMS, STAND_INS, TOP, Step, listed, steps, words
-from navloom.cli.commands import Commands
+from navloom.cli.distribution_commands import Commands
 from navloom.cli.main import app
 from navloom.config import load_config
 from navloom.entry_kinds import OTHERS

@@ -9,13 +9,13 @@ from typing import get_args
 import navloom.messages
 import pytest
 from navloom.engine.catalogue import FRAMEWORK
-from navloom.engine.ports import Wired
+from navloom.engine.node_ports import Wired
 from navloom.engine.streams import sensor_port
 from navloom.messages import SCHEMAS, Envelope, Message, RangeScan, ReasonCode
 from navloom.messages.bounds import header_limit, size_limit
 from navloom.messages.kinds import MAX_ITEMS, MAX_TEXT, Kind
 from navloom.messages.stop_reasons import StopKind
-from navloom_live.transport.quality import quality_of
+from navloom_live.transport.quality_of_service import quality_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "messages.md").read_text("utf-8")
 CLASSES = sorted(

@@ -10,11 +10,11 @@ import pytest
 from navloom import Contact, Cylinder, Odometry, Params, Platform, Pose2D, Registry, Truth, World, hookimpl
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_task
+from navloom.engine.task_checks import check_task
 from navloom.plugins import Discovery
 from navloom.roles import PlatformInput, PlatformOutput
 from navloom.runs.episode import Episode, run_episode
-from navloom_study.worldset import OWN_WORLD, worlds_of
+from navloom_study.study_worlds import OWN_WORLD, worlds_of
 from pydantic import Field
 
 POST = Cylinder("post", 1.0, 1.5, 0.2)

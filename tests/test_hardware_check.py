@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from dist_rig import put_on_path
-from navloom_check import hardware
+from navloom_check import hardware_check
 
 FOLDER = Path(__file__).resolve().parents[1] / "examples" / "serial_base"
 sys.path.insert(0, str(FOLDER))
@@ -33,8 +33,8 @@ class Watched(PlayedBase):
 @pytest.fixture
 def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
     put_on_path(FOLDER, tmp_path / "site", monkeypatch)
-    monkeypatch.setattr(hardware, "LISTENING", 1.0)
-    monkeypatch.setattr(hardware, "DRIVING", 1.0)
+    monkeypatch.setattr(hardware_check, "LISTENING", 1.0)
+    monkeypatch.setattr(hardware_check, "DRIVING", 1.0)
     played = Watched(tmp_path / "base")
     yield played
     played.close()

@@ -13,7 +13,7 @@ from navloom.engine.build import robot_spec
 from navloom.roles import ROLES
 from navloom.testing import planner_input, wall_ahead
 from navloom_recording.cli.replay import Plugin, replay
-from navloom_recording.needed import TRIED
+from navloom_recording.missing_plugins import TRIED
 from navloom_study.cli.map import map_recording
 
 

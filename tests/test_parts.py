@@ -14,7 +14,7 @@ import pytest
 from navloom.names import NAMES
 from navloom.parts import ALIASES, PARTS, MissingPartError, has_part, part
 from navloom.plugins import Discovery
-from navloom.plugins.shipped import SHIPPED
+from navloom.plugins.shipped_plugins import SHIPPED
 
 LAZY = [
     "navloom",

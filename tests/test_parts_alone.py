@@ -81,7 +81,7 @@ def test_an_import_that_nothing_declares_is_named_with_its_line(tmp_path: Path) 
     (tmp_path / "mine.py").write_text(
         "from typing import TYPE_CHECKING\nimport numpy\nimport navloom.roles\nif TYPE_CHECKING:\n    import rich\n"
         "def later():\n    import yaml\n    from navloom_live.live import cell\n    import mine\n"
-        "SCRIPT = 'import navloom_study.rows\\n'\n",
+        "SCRIPT = 'import navloom_study.episode_rows\\n'\n",
         "utf-8",
     )
     assert undeclared(tmp_path, {"navloom", "numpy"}) == [

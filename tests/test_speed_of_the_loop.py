@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from navloom.config import load_config
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.plugin_factory import make_plugins
 
 LEAST = 30.0
 """Robot time over wall time, at 20 Hz: a guard against regressions, a quarter of the figure in docs/measurements.md.

@@ -9,7 +9,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 import navloom.roles as roles
-from navloom.engine.ports import Latest, Output, Port, Ports, Quality
+from navloom.engine.node_ports import Latest, Output, Port, Ports, Quality
 from navloom.messages import MapUpdate, Message, Point2D, PoseEstimate
 from navloom.roles.base import P, Role
 from navloom.roles.claims import Claim
@@ -59,9 +59,9 @@ vars(roles)["Explorer"], vars(roles)["ExplorerInput"] = Explorer, ExplorerInput
 roles.__all__ += ["Explorer", "ExplorerInput"]
 
 from navloom.engine import catalogue  # noqa: E402
-from navloom.engine.door import TypeDoor  # noqa: E402
-from navloom.engine.nodes.node import Tick  # noqa: E402
-from navloom.engine.nodes.reference import ReferenceNode  # noqa: E402
+from navloom.engine.answer_checks import TypeDoor  # noqa: E402
+from navloom.engine.nodes.node_base import Tick  # noqa: E402
+from navloom.engine.nodes.reference_node import ReferenceNode  # noqa: E402
 from navloom.engine.nodes.role_node import RoleNode  # noqa: E402
 from navloom.engine.streams import LocalizerPorts, MapperPorts  # noqa: E402
 

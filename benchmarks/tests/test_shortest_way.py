@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from navloom.runs.optimal import shortest
+from navloom.runs.optimal import shortest_path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from shortest_way import WORLDS, measured
@@ -15,7 +15,7 @@ from shortest_way import WORLDS, measured
 @pytest.mark.benchmark
 @pytest.mark.parametrize("kind", list(WORLDS))
 def test_the_lazy_search_is_faster_than_the_whole_graph_and_grows_with_the_boxes(kind: str) -> None:
-    shortest.warm_up()
+    shortest_path.warm_up()
     few, many = measured(kind, 250), measured(kind, 1000)
     assert few["whole_s"] > 3.0 * few["lazy_s"]
     assert many["looked_at"] < 12 * few["looked_at"]  # the number of all pairs grows by 16

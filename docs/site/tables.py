@@ -18,7 +18,7 @@ from navloom.plugins import Discovery
 from navloom.roles import ROLES
 from navloom.worlds import SCHEMES, WORLDS
 from navloom_live.transport.keyspace import ALIVE, FAULT, KeySpace
-from navloom_live.transport.quality import PARAMETERS
+from navloom_live.transport.quality_of_service import PARAMETERS
 from navloom_study import METRICS
 
 PARAMETER_HEAD = ("parameter", "default", "allowed", "meaning")

@@ -11,10 +11,10 @@ import sys
 import tempfile
 
 from navloom_check import worker
-from navloom_check.bench import Bench
-from navloom_check.guard import GUARD
-from navloom_check.printed import PRINTED
-from navloom_check.subject import CheckRequest
+from navloom_check.captured_output import PRINTED
+from navloom_check.check_bench import Bench
+from navloom_check.checked_plugin import CheckRequest
+from navloom_check.side_effects import GUARD
 from navloom_check.tiers import find_check
 
 

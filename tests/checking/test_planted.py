@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from checking_rig import FAULTS, HERE, ODD, SOUND, install
 from navloom.plugins import Discovery
-from navloom_check.process import FLAGS
+from navloom_check.checked_plugin import CHECKED
 from navloom_check.runner import check_plugin
-from navloom_check.subject import CHECKED
 from navloom_check.tiers import TIERS
+from navloom_check.worker_process import FLAGS
 
 DEADLY = {"survives", "returns"}
 """Checks in which a fault ends the process, so each plugin needs its own process."""

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 
 import pytest
-from navloom.cli.commands import AddedCommand
+from navloom.cli.distribution_commands import AddedCommand
 from navloom.cli.main import app
 from navloom.cli.shells.manual import page
 from navloom.cli.shells.tree import commands
@@ -94,7 +94,7 @@ def test_the_module_of_a_command_is_imported_when_the_command_is_used(words: lis
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60, check=True)
     imported = set(done.stdout.splitlines()[-1].split())
     modules = {reference.partition(":")[0] for reference in COMMANDS.values()}
-    assert "navloom.cli.commands" in imported
+    assert "navloom.cli.distribution_commands" in imported
     assert modules & imported == used
 
 

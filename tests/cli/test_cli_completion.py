@@ -20,7 +20,7 @@ from navloom.cli.shells.tree import commands
 from navloom.installed import candidates, shipped_names
 from navloom.plugins import Discovery
 from navloom.roles import ROLES
-from navloom_live.hosting.directory import RobotFolder, Running
+from navloom_live.hosting.runtime_folders import RobotFolder, Running
 from typer.main import get_command
 
 Complete = Callable[..., list[str]]

@@ -9,7 +9,7 @@ from typing import Any, get_args, get_type_hints
 
 import pytest
 import typer
-from navloom.cli.commands import AddedCommand
+from navloom.cli.distribution_commands import AddedCommand
 from navloom.entry_kinds import added_commands
 from typer.core import TyperGroup
 

@@ -31,10 +31,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from attacker import KINDS
 from fault_rig import Rig, rig
 from motor_record import Line
-from navloom_live.hosting.directory import RobotFolder
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.transport.access import Identity
+from navloom_live.transport.certificate_folder import add_identity, new_authority
 from navloom_live.transport.certificates import HOSTS, CertificateRequest
-from navloom_live.transport.keys import add_identity, new_authority
 
 __all__ = ["SHADOW", "Trial", "main", "table", "target", "trial"]
 

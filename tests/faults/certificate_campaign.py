@@ -23,8 +23,8 @@ from tempfile import TemporaryDirectory
 import zenoh
 from fault_rig import FULL, Rig, rig, until
 from navloom_live.transport.access import Identity
+from navloom_live.transport.certificate_folder import add_identity, new_authority, renew, revoke
 from navloom_live.transport.certificates import HOSTS, CertificateRequest
-from navloom_live.transport.keys import add_identity, new_authority, renew, revoke
 from navloom_live.transport.links import Link, settings
 
 __all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]

@@ -13,7 +13,7 @@ from typing import Any
 from fault_kinds import AGAIN, STOP, Fault
 from fault_rig import SHARES, Rig, until
 from leftovers import below
-from navloom_live.hosting import nursery
+from navloom_live.hosting import fork_server
 
 __all__ = ["DELETIONS", "FORKS", "WAYS", "fork_first", "forks", "zombies"]
 
@@ -41,7 +41,7 @@ def _is_nursery(pid: int) -> bool:
     """Whether a process is the nursery itself; a process forked from it takes another name."""
     try:
         name = Path(f"/proc/{pid}/comm").read_text("utf-8")
-        return name.startswith("python") and nursery.__name__.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()
+        return name.startswith("python") and fork_server.__name__.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return True
 

@@ -20,7 +20,7 @@ from typing import Any
 import fault_plugins
 from leftovers import Census
 from motor_record import RECORD, MotorRecord
-from navloom_live.hosting.directory import DirectoryError, RobotFolder
+from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder
 from navloom_live.live.description import Description
 from navloom_live.operating.client import ClientError, Refused
 from navloom_live.operating.navigator import Navigator

@@ -17,7 +17,7 @@ import zstandard
 from navloom.config import load_config
 from navloom.messages import Envelope, Odometry, Pose2D, Twist2D
 from navloom.messages.codec import encode, schema_label
-from navloom_recording.header import header_of
+from navloom_recording.recording_header import header_of
 from navloom_recording.writer import RecordingWriter
 from PIL import Image
 

@@ -56,15 +56,15 @@ from navloom_carmen.carmen_import import import_carmen
 from navloom_live.transport.access import AccessError, read_identities
 from navloom_maps import SCHEMES as MAPS
 from navloom_maps import rosmap
-from navloom_recording.header import RecordingError
 from navloom_recording.reader import Recording
+from navloom_recording.recording_header import RecordingError
 from navloom_recording.writer import WriteError
 from navloom_ros.bag_import import import_bag
 from navloom_ros.bags import opened
-from navloom_study.journal import StudyFolder, open_loop_table, table_of
 from navloom_study.openloop import METHOD
-from navloom_study.report import data as report_data
-from navloom_study.sweeps import find_floor, map_sweep, read_recording, sweep_of
+from navloom_study.recorded_sweeps import find_floor, map_sweep, read_recording, sweep_of
+from navloom_study.report import study_files as report_data
+from navloom_study.study_folder import StudyFolder, open_loop_table, table_of
 from rosbags.typesys import get_types_from_msg
 
 SLOWEST, LONGEST = 20.0, 200.0

@@ -29,7 +29,7 @@ from live_rig import EMPTY, Up, up
 from navloom_live.live.requests import CANCEL, SUBMIT, Submit
 from navloom_live.live.service import Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
-from navloom_live.operating.joining import join
+from navloom_live.operating.robot_lookup import join
 
 __all__ = ["CONFIG", "main", "session"]
 

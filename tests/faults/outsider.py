@@ -22,9 +22,9 @@ from navloom.messages import Command, TrackingCommand, Twist2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.messages.envelope import Envelope
 from navloom_live.operating.client import Client
-from navloom_live.operating.joining import join
+from navloom_live.operating.robot_lookup import join
 from navloom_live.transport.keyspace import LARGEST
-from navloom_live.transport.quality import quality_of
+from navloom_live.transport.quality_of_service import quality_of
 
 __all__ = ["FLOODED", "MALFORMED", "MARK", "main"]
 

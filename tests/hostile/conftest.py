@@ -15,13 +15,13 @@ def warm() -> None:
     """Import what the commands import, so that children measure the file and not the imports."""
     import navloom.engine.build
     import navloom_ros.bag_import
-    import navloom_study.report.data
-    import navloom_study.sweeps
+    import navloom_study.recorded_sweeps
+    import navloom_study.report.study_files
     import rosbags.highlevel
     import yaml
     from navloom.config import load_config
     from PIL import PngImagePlugin
 
-    assert navloom_ros.bag_import and navloom_study.report.data and navloom_study.sweeps
+    assert navloom_ros.bag_import and navloom_study.report.study_files and navloom_study.recorded_sweeps
     assert rosbags.highlevel and yaml and PngImagePlugin
     navloom.engine.build.assemble(load_config("paper"))  # imports the plugins

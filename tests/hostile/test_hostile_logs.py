@@ -13,7 +13,7 @@ import ros_bags as bags
 import zstandard
 from hostile_rig import ZEROS, merges, navloom, refused
 from navloom.config import load_config
-from navloom_recording.header import header_of
+from navloom_recording.recording_header import header_of
 
 
 def record(opcode: int, content: bytes) -> bytes:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from live_rig import BROKEN, COMMAND, EMPTY, runtime_folder
 from navloom_live.hosting.descendants import left_of
-from navloom_live.hosting.directory import RobotFolder, robots
+from navloom_live.hosting.runtime_folders import RobotFolder, robots
 from navloom_study.live_episodes import NAME
 
 CONFIG = EMPTY.replace("drive = false", "goal = { x = 0.7, y = 0.0 }")

@@ -197,7 +197,7 @@ class Reader:
 
 def it_stands(reader: Reader) -> None:
     """Wait until an ordinary stop has ended its ramp."""
-    from navloom_live.operating.looking import last
+    from navloom_live.operating.introspection import last
     from navloom_live.operating.navigator import Navigator
 
     with Navigator() as navigator:

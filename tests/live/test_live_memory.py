@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from live_rig import Up, up
-from navloom_live.operating.looking import last
+from navloom_live.operating.introspection import last
 from navloom_live.operating.navigator import Navigator
 from test_live_robot import BESIDE, _navigator
 

@@ -26,12 +26,12 @@ from navloom.plugins import Discovery, PluginError
 from navloom.runs.episode import run_episode
 from navloom_live.operating.republishing import republish
 from navloom_recording.reader import Recording
-from navloom_study.methods import methods_of
 from navloom_study.openloop import open_loop_of
+from navloom_study.study_methods import methods_of
 from navloom_viewer.drawing import Drawing
-from navloom_viewer.facts import facts_of
 from navloom_viewer.observe import Gathering
 from navloom_viewer.panels import panels_of
+from navloom_viewer.picture_setup import facts_of
 
 Typed = Callable[..., tuple[int, str, str]]
 SHORT = ("run.stop_after=8.0",)

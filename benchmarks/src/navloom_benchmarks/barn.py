@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError, load_config
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.plugin_factory import make_plugins
 from navloom.engine.system import System
 from navloom.geometry.world import Cylinder
 from navloom.messages import RangeScan, Twist2D

@@ -19,10 +19,10 @@ from typing import Any
 
 from navloom.messages import Envelope, Message
 from navloom_live.live.mailbox import Mailbox
-from navloom_live.live.switchboard import Switchboard
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.links import Link, peer_link, settings
-from navloom_live.transport.quality import quality_of
+from navloom_live.transport.quality_of_service import quality_of
 from navloom_live.transport.zenoh_bus import Bus
 
 from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 from navloom.config import load_config
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.plugin_factory import make_plugins
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Box, position_at
 from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.plugins import Discovery
 from navloom.roles import Context, Planner, PlannerInput, RobotSpec
-from navloom.runs.planning import POINT, map_update
+from navloom.runs.single_plan import POINT, map_update
 from numpy.typing import NDArray
 
 from navloom_benchmarks.pairs import Effort, Peer, PeerError, Row, paired, peer_module, timed

@@ -13,7 +13,7 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.plugins import PluginError
-from navloom.worlds.errors import did_you_mean
+from navloom.worlds.world_errors import did_you_mean
 
 from navloom_benchmarks.pairs import Effort, PeerError, Row
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from navloom import Claim, OccupancyGrid
 from navloom.geometry.world import Place
-from navloom_check.behaviour.avoiders import blocked_scene, closed_scene
-from navloom_check.behaviour.measured import Behaviour, Maker, Measured, shrunk
-from navloom_check.behaviour.planners import grid_of, shortest
-from navloom_check.behaviour.scene import Post, Scene, Wall
+from navloom_check.behaviour.avoider_scenes import blocked_scene, closed_scene
+from navloom_check.behaviour.measurements import Behaviour, Maker, Measured, shrunk
+from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall
+from navloom_check.behaviour.planner_scenes import grid_of, shortest
 from navloom_check.tiers import TIERS
 
 PLAIN = Scene(Place(0.0, 0.0), (5.0, 0.0), (Post(2.0, 0.0, 0.5),), (Wall(0.0, 1.0, 4.0, 1.0),))

@@ -87,7 +87,7 @@ def test_for_a_package_the_innermost_line_is_named(tmp_path: Path) -> None:
           File "/somewhere/site-packages/numba/core/dispatcher.py", line 10 in compile
           File "{tmp_path}/kernels.py", line 7 in histogram
           File "{tmp_path}/plugin.py", line 31 in avoid
-          File "{here}/navloom/engine/nodes/avoider.py", line 283 in step
+          File "{here}/navloom/engine/nodes/avoider_node.py", line 283 in step
 
         Extension modules: numpy, zenoh (total: 2)
         """)
@@ -123,6 +123,6 @@ def test_for_code_that_holds_the_gil_the_message_says_how_to_end_it() -> None:
     here = os.path.dirname(os.path.dirname(os.path.abspath(crashed_at.__code__.co_filename)))
     dump = "Timeout (0:00:15)!\nThread 0x00007f0000000001 (most recent call first):\n"
     dump += '  File "/lib/mine.py", line 18 in avoid\n'
-    dump += f'  File "{here}/navloom/engine/nodes/avoider.py", line 283 in step\n'
+    dump += f'  File "{here}/navloom/engine/nodes/avoider_node.py", line 283 in step\n'
     said = "navloom: no tick for 15 s: the run is at mine.py:18, in avoid, which holds the GIL; `kill 7` ends it\n"
     assert _message(dump, 7, is_whole=False) == said

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from navloom.cli.main import app
-from navloom_recording.header import RecordingError
 from navloom_recording.reader import Recording
+from navloom_recording.recording_header import RecordingError
 from typer.testing import CliRunner
 
 RUN = CliRunner()

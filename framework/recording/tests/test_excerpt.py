@@ -11,14 +11,14 @@ import pytest
 from navloom.config import ConfigError
 from navloom.engine.build import assemble
 from navloom.entry_kinds import TRACEBACK
-from navloom.plugins.blame import traceback_of
+from navloom.plugins.error_origin import traceback_of
 from navloom.runs.episode import Episode, run_episode
-from navloom_recording.check import NodeCheck, check
 from navloom_recording.excerpt import DebuggerLeft, Excerpt, excerpt_of, repeating
-from navloom_recording.header import header_of
 from navloom_recording.lockstep_recorder import LockstepRecorder
 from navloom_recording.reader import Recording
-from navloom_recording.replaying import Replayer
+from navloom_recording.recording_header import header_of
+from navloom_recording.replay_check import NodeCheck, check
+from navloom_recording.step_replay import Replayer
 from navloom_recording.writer import RecordingWriter
 from toys import discovery, toy_config
 

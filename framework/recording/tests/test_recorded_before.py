@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from navloom.engine.build import assemble
 from navloom.messages import Feedback, GateStatus, GoalResult, Message, StopReason
-from navloom_recording.check import check
 from navloom_recording.reader import Recording
-from navloom_recording.replaying import Replayer
+from navloom_recording.replay_check import check
+from navloom_recording.step_replay import Replayer
 from toys import discovery
 
 FILE = Path(__file__).with_name("version_1.mcap.gz")

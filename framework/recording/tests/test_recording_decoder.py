@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
-from navloom_recording.header import RecordingHeader
-from navloom_recording.schemas import schema_text
+from navloom_recording.json_schemas import schema_text
+from navloom_recording.recording_header import RecordingHeader
 from navloom_recording.writer import RecordingWriter
 
 TOP = Path(__file__).resolve().parents[3]

@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 from navloom.config import load_config
 from navloom.messages import Envelope, Odometry, Pose2D, Twist2D
 from navloom.messages.codec import CodecError, encode, read_envelope, schema_label
-from navloom_recording.counting import RecorderCounts
-from navloom_recording.header import RecordingError, RecordingHeader, header_of
 from navloom_recording.reader import Recording
+from navloom_recording.recorder_counts import RecorderCounts
+from navloom_recording.recording_header import RecordingError, RecordingHeader, header_of
 from navloom_recording.writer import RecordingWriter, WriteError
 
 KEY = "lab/r1/platform/main/odometry"

@@ -14,14 +14,14 @@ from navloom.messages import Command, Envelope, StepReport, Twist2D
 from navloom.messages.codec import decode, encode
 from navloom.plugins import PluginError
 from navloom.runs.episode import run_episode
-from navloom.runs.shadows import shadow_table
-from navloom_recording.check import NodeCheck, check
-from navloom_recording.comparing import first_difference
-from navloom_recording.header import header_of
+from navloom.runs.shadow_comparison import shadow_table
 from navloom_recording.lockstep_recorder import LockstepRecorder
-from navloom_recording.needed import refuse_missing
+from navloom_recording.message_comparison import first_difference
+from navloom_recording.missing_plugins import refuse_missing
 from navloom_recording.reader import Recording
-from navloom_recording.replaying import Replayer
+from navloom_recording.recording_header import header_of
+from navloom_recording.replay_check import NodeCheck, check
+from navloom_recording.step_replay import Replayer
 from navloom_recording.substitutes import substitute_config
 from navloom_recording.writer import RecordingWriter
 from toys import discovery, toy_config

@@ -14,7 +14,7 @@ import pytest
 from navloom.plugins import one_file
 from navloom_study import compare
 from navloom_study.cli.compare import _truths
-from navloom_study.report import report
+from navloom_study.report import study_report
 
 CONFIG = """
 [run]
@@ -60,7 +60,7 @@ def navloom(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 
     monkeypatch.setattr(compare, "run_study", in_thread)
     # The tests of reports cover figures; here they would cost seconds.
-    monkeypatch.setattr(report, "find_spec", lambda name: None)
+    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
     return lambda *words: in_process("compare", *words)
 
 
@@ -138,7 +138,7 @@ def test_the_printed_result_has_the_table_and_the_dropped_parameters(navloom: Ru
     assert code == 0
     assert "2 methods x 1 worlds x 1 seeds: 2 episodes, 0 of them from an earlier run" in said
     assert "lyapunov_tracker: controller.k_y belongs to the replaced plugin: dropped" in errors
-    files = ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails", *report.FILES)
+    files = ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails", *study_report.FILES)
     assert f"written to {out}: {', '.join(files)}" in said
     assert all((out / name).exists() for name in files)
     assert "No figures: matplotlib is not installed" in errors

@@ -17,12 +17,12 @@ from pathlib import Path
 import pytest
 from navloom.config import ConfigError, load_config
 from navloom.runs.episode import run_episode
-from navloom_study import pool
+from navloom_study import worker_pool
 from navloom_study.compare import Progress, Study, StudyResult, plan_study, run_study
 from navloom_study.episode_key import EpisodeKey
-from navloom_study.journal import StudyFolder, table_of
-from navloom_study.pool import Agenda, EpisodeWorker, PoolError
-from navloom_study.rows import EpisodeTask, Row, episode_row
+from navloom_study.episode_rows import EpisodeTask, Row, episode_row
+from navloom_study.study_folder import StudyFolder, table_of
+from navloom_study.worker_pool import Agenda, EpisodeWorker, PoolError
 
 ROGUE = """
 import os, signal, sys, threading
@@ -368,7 +368,7 @@ def test_a_worker_that_hangs_is_killed(bench: Bench) -> None:
 
 
 def test_workers_that_cannot_begin_end_the_study(study: Study, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(pool, "serve", len)
+    monkeypatch.setattr(worker_pool, "serve", len)
     with pytest.raises(PoolError, match="ended before they were ready; the last ended with exit code 1"):
         run_study(study, tmp_path, jobs=1)
 
@@ -390,9 +390,9 @@ def test_a_worker_stays_in_its_world_then_goes_where_most_episodes_are_left() ->
 def test_a_worker_is_replaced_for_growth_after_it_has_settled() -> None:
     worker = EpisodeWorker(multiprocessing.get_context("spawn").Process(), multiprocessing.Pipe()[0])
     base = 300 * 2**20
-    assert not any(worker.has_grown(base + k) for k in range(pool.SETTLED))
-    assert not worker.has_grown(base + pool.GROWTH)
-    assert worker.has_grown(base + pool.GROWTH + pool.SETTLED)
+    assert not any(worker.has_grown(base + k) for k in range(worker_pool.SETTLED))
+    assert not worker.has_grown(base + worker_pool.GROWTH)
+    assert worker.has_grown(base + worker_pool.GROWTH + worker_pool.SETTLED)
 
 
 def test_the_table_has_numbers_to_12_digits_and_nothing_where_undefined() -> None:

@@ -10,8 +10,8 @@ from navloom.config import ConfigError, load_config
 from navloom.geometry.world import Place, World
 from navloom.plugins import Discovery
 from navloom_study.compare import Study, plan_study
-from navloom_study.methods import methods_of, toml_value, variation_of
-from navloom_study.worldset import expanded, placed, seeds_of, world_digest
+from navloom_study.study_methods import methods_of, toml_value, variation_of
+from navloom_study.study_worlds import expanded, placed, seeds_of, world_digest
 
 CONFIG = """
 [world]

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from navloom.messages import OUTCOMES
 from navloom.plugins import Discovery, PluginError, Registry, hookimpl
+from navloom.runs.episode_trail import lost_trail
 from navloom.runs.metrics import all_metrics, headlines, measure, timing
-from navloom.runs.trail import lost_trail
 from navloom_study import METRICS, Metric, Trail
 
 

@@ -13,9 +13,9 @@ from navloom.cli import main
 from navloom.config import ConfigError
 from navloom_study.compare import Study, plan_study, run_study
 from navloom_study.openloop import METHOD
-from navloom_study.report import report
-from navloom_study.report.data import read_study
-from navloom_study.report.openloop import open_loop_data, over_time_figure
+from navloom_study.report import study_report
+from navloom_study.report.open_loop_figures import open_loop_data, over_time_figure
+from navloom_study.report.study_files import read_study
 
 CONFIG = """
 [run]
@@ -159,8 +159,8 @@ def test_the_report_has_the_disagreement_of_each_tick(run: tuple[Study, Path], m
     assert abs(kept.max() - max(line.max or 0.0 for line in told)) <= 5.1e-4
     drawn = over_time_figure(study, data)
     assert drawn is not None and drawn[1] == ["empty"] and len(drawn[0].axes) == len(data.quantities)
-    monkeypatch.setattr(report, "find_spec", lambda name: None)
-    page = report.build_report(study)
+    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    page = study_report.build_report(study)
     assert "On the same inputs" in page.html
     assert "The traces of all 2 episodes are those of the baseline alone, bit for bit." in page.markdown
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from navloom import Avoidance, AvoiderInput
-from navloom_study.repeating import run_twice
+from navloom_study.repeat_check import run_twice
 from toys import Bystander, discovery, toy_config
 
 Turn = Callable[[], float]

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from navloom.runs.shadows import Disagreement
+from navloom.runs.shadow_comparison import Disagreement
 from navloom_recording.substitutes import Substitute
 from navloom_study.report.substitute_figure import substitute_figure
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom.runs.shadows import Disagreement
-from navloom.runs.trail import lost_trail
+from navloom.runs.episode_trail import lost_trail
+from navloom.runs.shadow_comparison import Disagreement
 from navloom_study import Trail
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.tracks import FOLDER, SAMPLES, encoded, file_of, read_track

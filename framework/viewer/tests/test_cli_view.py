@@ -15,7 +15,7 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
-from navloom_viewer import extra
+from navloom_viewer import viewer_errors
 from navloom_viewer.program import Program, is_up
 
 rerun = pytest.importorskip("rerun", reason="the extra `view` is not installed")
@@ -208,7 +208,7 @@ def test_a_viewer_that_fails_later_is_reported_after_the_result_with_exit_code_1
             self.process.kill()
             self.process.wait()
 
-    monkeypatch.setattr("navloom_viewer.showing.Program", Failing)
+    monkeypatch.setattr("navloom_viewer.viewer_session.Program", Failing)
     monkeypatch.setenv("DISPLAY", ":0")
     code, out, err = in_process("run", config, "--view")
     assert code == 1
@@ -223,7 +223,7 @@ def test_without_the_extra_one_message_says_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(extra, "import_module", missing)
+    monkeypatch.setattr(viewer_errors, "import_module", missing)
     file = tmp_path / "some.rrd"
     file.touch()
     words = {

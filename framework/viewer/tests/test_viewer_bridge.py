@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 from navloom.messages import Contact, Truth, Twist2D
 from navloom.messages.motion import Pose2D
-from navloom_viewer import extra
+from navloom_viewer import viewer_errors
 from navloom_viewer.bridge import Bridge, Wanted
+from navloom_viewer.builtin_panels import BUILT_IN
 from navloom_viewer.drawing import Shown
-from navloom_viewer.extra import ViewerError
+from navloom_viewer.drawing_task import ViewerOrder
 from navloom_viewer.live_sink import LiveSink
-from navloom_viewer.order import ViewerOrder
 from navloom_viewer.program import Program, address_of
-from navloom_viewer.showing import Where, showing
-from navloom_viewer.translate import BUILT_IN
+from navloom_viewer.viewer_errors import ViewerError
+from navloom_viewer.viewer_session import Where, showing
 from viewer_rig import facts_for, pose_at, rows_of, shown
 
 rr = pytest.importorskip("rerun", reason="the extra `view` is not installed")
@@ -185,10 +185,10 @@ def test_without_the_extra_one_message_says_what_to_install(monkeypatch: pytest.
     def missing(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(extra, "import_module", missing)
+    monkeypatch.setattr(viewer_errors, "import_module", missing)
     with pytest.raises(ViewerError, match=r"uv sync --group view, or pip install 'navloom\[view\]'"):
         Bridge(ViewerOrder(facts_for(), None, None, "test"))
-    monkeypatch.setattr(extra, "import_module", import_module)
+    monkeypatch.setattr(viewer_errors, "import_module", import_module)
 
 
 def test_viewers_that_start_at_the_same_time_are_not_confused(server: Start) -> None:

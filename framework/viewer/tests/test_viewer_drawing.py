@@ -32,10 +32,10 @@ from navloom.plugins import Discovery, Registry
 from navloom_viewer.blueprint import states
 from navloom_viewer.colours import STATES
 from navloom_viewer.drawing import Drawing
-from navloom_viewer.facts import actors_of
 from navloom_viewer.panels import Panel, panels_of
-from navloom_viewer.scene import legend
+from navloom_viewer.picture_setup import actors_of
 from navloom_viewer.shapes import cones, prism, ring_bars, slot_arcs, stripes
+from navloom_viewer.world_drawing import legend
 from viewer_rig import Memory, component, facts_for, pose_at, shown
 
 pytest.importorskip("rerun", reason="the extra `view` is not installed")

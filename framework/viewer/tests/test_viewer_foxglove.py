@@ -22,8 +22,8 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom_viewer.drawing import Shown
-from navloom_viewer.extra import ViewerError
 from navloom_viewer.foxglove import FoxgloveServer
+from navloom_viewer.viewer_errors import ViewerError
 
 foxglove = pytest.importorskip("foxglove")
 STILL = Twist2D(0.0, 0.0, 0.0)

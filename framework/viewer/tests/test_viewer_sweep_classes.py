@@ -9,7 +9,7 @@ from navloom_ipabd.pressure import press
 from navloom_ipabd.rules import Filters, Rule
 from navloom_ipabd.sweep import SweepImage
 from navloom_ipabd.track import frame_motion, standing
-from navloom_viewer.facts import SweepRule
+from navloom_viewer.picture_setup import SweepRule
 from navloom_viewer.sweep_classes import CLASSES, classify_sweep, sweep_points
 
 NONE = (Rule.NO_RETURN, Rule.BEYOND_MAX, Rule.BELOW_MIN)

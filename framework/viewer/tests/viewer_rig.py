@@ -16,7 +16,7 @@ from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Box, World
 from navloom.messages import Message, Pose2D, PoseEstimate, Twist2D
 from navloom_viewer.drawing import Shown
-from navloom_viewer.facts import Facts, Variant
+from navloom_viewer.picture_setup import Facts, Variant
 
 
 def variant(name: str = "r1", shadows: tuple[tuple[str, str], ...] = ()) -> Variant:

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 from navloom import Box, OccupancyGrid, Place, Pose2D, World
 from navloom.config import load_config
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
-from navloom.runs.recorder import Recorder
-from navloom.runs.trail import TRUTH_MARGIN
-from navloom.worlds.small import clutter_world
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.plugin_factory import make_plugins
+from navloom.runs.episode_recorder import Recorder
+from navloom.runs.episode_trail import TRUTH_MARGIN
+from navloom.worlds.trial_worlds import clutter_world
 from navloom_maps.barn import barn_world
 from numpy.typing import NDArray
 

@@ -15,8 +15,8 @@ from navloom.geometry.frames import compose, inverse
 from navloom.messages import Odometry, RangeScan
 from navloom_carmen import carmen
 from navloom_carmen.carmen_import import import_carmen
-from navloom_recording.header import RecordingError
 from navloom_recording.reader import Recording
+from navloom_recording.recording_header import RecordingError
 
 Command = Callable[..., tuple[int, str, str]]
 

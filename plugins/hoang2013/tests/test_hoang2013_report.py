@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.messages import Path as Plan
-from navloom.worlds.paper import paper_gates
+from navloom.worlds.paper_world import paper_gates
 from navloom_hoang2013 import command as paper
 from navloom_hoang2013 import reproduction as study
 from navloom_hoang2013.cloud import CLASSES, hits_by_box, on_box, rays_towards

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from avoider_scans import given, laser, make, sonars
 from navloom import Claim, Discovery, Twist2D
-from navloom_check.behaviour.tier import claims_of
+from navloom_check.behaviour.behaviour_tier import claims_of
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.adapter import ImprovedVfh
 from navloom_improved_vfh.params import ImprovedVfhParams

@@ -20,7 +20,7 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
-from navloom_check.behaviour.tier import claims_of
+from navloom_check.behaviour.behaviour_tier import claims_of
 from navloom_lyapunov_tracker.adapter import LyapunovTracker
 from navloom_lyapunov_tracker.params import LyapunovTrackerParams
 from pydantic import ValidationError

@@ -10,7 +10,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Place
 from navloom.runs.map_files import rosmap_files
-from navloom.runs.optimal.shortest import optimal_length
+from navloom.runs.optimal.shortest_path import optimal_length
 from navloom_maps import SCHEMES
 from navloom_maps.movingai import scenario_place
 from navloom_maps.rosmap import read_rosmap

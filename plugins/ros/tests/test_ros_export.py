@@ -24,7 +24,7 @@ from navloom import Pose2D as Pose
 from navloom.config import load_config
 from navloom.messages import StopReason
 from navloom.messages.codec import encode, schema_label
-from navloom_recording.header import RecordingHeader
+from navloom_recording.recording_header import RecordingHeader
 from navloom_recording.writer import RecordingWriter
 from navloom_ros.adapter import export
 from navloom_ros.cli import app

@@ -18,8 +18,8 @@ import pytest
 import ros_bags as bags
 from navloom.cli.main import app
 from navloom.messages import Odometry, RangeScan, Sweep
-from navloom_recording.header import RecordingError
 from navloom_recording.reader import Recording
+from navloom_recording.recording_header import RecordingError
 from navloom_ros.bag_import import import_bag
 from navloom_ros.bags import messages as bag_messages
 from navloom_ros.frames import Mount, quaternion_matrix

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom import Box, World
-from navloom.worlds.small import clutter_world, corridor, doorway
+from navloom.worlds.trial_worlds import clutter_world, corridor, doorway
 from navloom_scan_grid.mapping import MapSettings, ScanMap
 from scan_grid_scenes import cast, holes, laser, mapped, ring, way, wrong
 

@@ -20,7 +20,7 @@ from navloom import (
     Registry,
     RobotSpec,
 )
-from navloom.navigation.sight import is_segment_free
+from navloom.navigation.line_of_sight import is_segment_free
 from navloom_astar.adapter import AStar
 from navloom_astar.params import AstarParams
 from navloom_theta_star import navloom_register, search, sight

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom.navigation.sight import is_segment_free
+from navloom.navigation.line_of_sight import is_segment_free
 from navloom_theta_star.sight import ground_cost, is_in_sight
 from theta_oracles import is_touched
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from navloom import OccupancyGrid, Path, Planner, PlannerInput, Pose2D, World
 from navloom.config import load_config
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.making import make_plugins
-from navloom.runs.recorder import Recorder
-from navloom.runs.trail import trail_of
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.plugin_factory import make_plugins
+from navloom.runs.episode_recorder import Recorder
+from navloom.runs.episode_trail import trail_of
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]

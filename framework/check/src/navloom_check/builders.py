@@ -39,7 +39,7 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.messages import Reference as ReferenceMessage
-from navloom.navigation.projection import project, way_ahead
+from navloom.navigation.trajectory_projection import project, way_ahead
 from navloom.roles import (
     AvoiderInput,
     Context,

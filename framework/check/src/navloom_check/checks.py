@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from navloom_check.bench import Bench
+from navloom_check.check_bench import Bench
 from navloom_check.findings import Finding, Remark
 
 __all__ = ["Check", "check"]

@@ -13,7 +13,7 @@ from navloom.roles import given_of
 from navloom.roles.extra import Extras
 from navloom.roles.readings import Readings
 
-from navloom_check.nodes import PERIOD_NS, message_in_drive
+from navloom_check.node_player import PERIOD_NS, message_in_drive
 
 __all__ = ["role_inputs"]
 

@@ -12,8 +12,8 @@ from navloom.plugins.one_file import files_in_use
 
 from navloom_check.checks import Check
 from navloom_check.findings import CheckReport, Finding, Result
-from navloom_check.process import Process
 from navloom_check.tiers import TIERS, checks_of
+from navloom_check.worker_process import Process
 
 __all__ = ["check_plugin"]
 

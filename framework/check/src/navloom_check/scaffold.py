@@ -13,7 +13,7 @@ from string import Template
 
 from navloom.plugins.discovery import Discovery
 from navloom.plugins.registry import PluginError, nearest
-from navloom.plugins.shipped import shipped_names
+from navloom.plugins.shipped_plugins import shipped_names
 from navloom.roles import ROLES
 
 __all__ = ["KINDS", "Made", "new_distribution"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from navloom_check import contract
-from navloom_check.behaviour import tier as behaviour
+from navloom_check.behaviour import behaviour_tier as behaviour
 from navloom_check.checks import Check
 
 __all__ = ["BEHAVIOUR", "CONTRACT", "TIERS", "checks_of", "find_check"]

@@ -28,17 +28,17 @@ from navloom.errors import NavloomError
 from navloom.messages import MessageError
 from navloom.messages.codec import CodecError
 
-from navloom_check.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
+from navloom_check.captured_output import PRINTED
+from navloom_check.check_bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
+from navloom_check.check_scenes import made_scenes
+from navloom_check.checked_plugin import CheckRequest, Subject, find
 from navloom_check.checks import Check
 from navloom_check.findings import Finding, NotRun, Remark, Result
-from navloom_check.guard import GUARD
-from navloom_check.inputs import made_scenes
-from navloom_check.player import Fault
-from navloom_check.printed import PRINTED
-from navloom_check.process import MARK_SIZE
+from navloom_check.plugin_player import Fault
 from navloom_check.process_state import PROCESS_STATE
-from navloom_check.subject import CheckRequest, Subject, find
+from navloom_check.side_effects import GUARD
 from navloom_check.tiers import find_check
+from navloom_check.worker_process import MARK_SIZE
 
 __all__ = ["main"]
 

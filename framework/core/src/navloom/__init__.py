@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from navloom.messages import *  # noqa: F403
     from navloom.plugins import *  # noqa: F403
     from navloom.roles import *  # noqa: F403
+    from navloom.runs.episode_trail import Trail as Trail
     from navloom.runs.metrics import *  # noqa: F403
-    from navloom.runs.trail import Trail as Trail
 else:
     __all__, __getattr__ = lazy_names("navloom", NAMES)
 

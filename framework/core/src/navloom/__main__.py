@@ -34,7 +34,7 @@ def _stop(words: list[str]) -> bool:
 
     if not has_part("navloom_live"):
         return False
-    stopping = part("navloom_live.operating.stopping")
+    stopping = part("navloom_live.operating.stop_command")
     options = stopping.read_options(words)
     code = None if options is None else stopping.stop_at_once(options)
     if code:
@@ -52,7 +52,7 @@ def _run() -> None:
     else:
         dump_when_broken()
     from navloom.cli import main as run
-    from navloom.cli.leaving import end_in_time
+    from navloom.cli.process_exit import end_in_time
 
     try:
         run()

@@ -69,7 +69,7 @@ def candidates(kind: str) -> list[str]:
     if kind == "robots":
         if not has_part("navloom_live"):
             return []
-        return [f"{running.realm}/{running.robot}" for running in part("navloom_live.hosting.directory").robots()]
+        return [f"{running.realm}/{running.robot}" for running in part("navloom_live.hosting.runtime_folders").robots()]
     names = sorted(point.name for point in installed_points())
     plugins = [name for name in names if name.partition(".")[0] not in OTHERS]
     if kind == "plugins":

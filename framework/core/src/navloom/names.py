@@ -28,7 +28,7 @@ NAMES = {
         "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
     ),
     "navloom.runs.metrics": "METRICS Metric",
-    "navloom.runs.trail": "Trail",
+    "navloom.runs.episode_trail": "Trail",
     "navloom_live.operating.navigator": "GoalHandle Navigator",
     "navloom_viewer.panels": "Panel Seen",
 }

@@ -40,7 +40,7 @@ class MissingPartError(NavloomError, ImportError):
 
 
 def part(module: str, user: str = "this", install: str = "") -> Any:
-    """A module of a part, as `navloom_live.operating.joining`.
+    """A module of a part, as `navloom_live.operating.robot_lookup`.
 
     Args:
         module: Its dotted name.

@@ -13,7 +13,7 @@ import pytest
 from navloom.config import ConfigError, load_config, shipped_configs
 from navloom.config.loader import leaves
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_live, check_task
+from navloom.engine.task_checks import check_live, check_task
 from navloom.plugins import PluginError
 
 CommandLine = Callable[..., tuple[int, str, str]]

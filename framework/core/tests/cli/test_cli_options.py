@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import typer
 from navloom.cli.command import App, with_groups_within
-from navloom.cli.commands import Commands
+from navloom.cli.distribution_commands import Commands
 from navloom.cli.main import app
 from navloom.cli.options import RobotOptions
 from navloom.cli.shells.tree import commands

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
-from navloom.engine.making import configure, make_plugins
+from navloom.engine.plugin_factory import configure, make_plugins
 from navloom.engine.system import System
 from navloom.plugins import PluginError
 

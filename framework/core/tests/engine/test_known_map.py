@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from navloom.engine.fed import FedNode
-from navloom.engine.nodes.localizer import LocalizerNode
-from navloom.engine.nodes.mapper import MapperNode
-from navloom.engine.nodes.node import Node, Tick
-from navloom.engine.nodes.planner import PlannerNode
-from navloom.engine.ports import Wired
+from navloom.engine.node_ports import Wired
+from navloom.engine.nodes.localizer_node import LocalizerNode
+from navloom.engine.nodes.mapper_node import MapperNode
+from navloom.engine.nodes.node_base import Node, Tick
+from navloom.engine.nodes.planner_node import PlannerNode
+from navloom.engine.open_loop_node import FedNode
 from navloom.messages import (
     MapUpdate,
     Message,

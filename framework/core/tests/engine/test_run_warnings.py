@@ -30,7 +30,7 @@ from navloom import (
 )
 from navloom.engine.run_warnings import RunWarnings, Volume, large_messages, who
 from navloom.plugins import Discovery
-from navloom.plugins.printing import LARGEST_OUTPUT
+from navloom.plugins.output_limit import LARGEST_OUTPUT
 from navloom.runs.episode import Episode, run_episode
 from toys import Bystander, Robot, toy_config
 from toys import discovery as toys

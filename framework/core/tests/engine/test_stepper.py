@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from navloom.engine import stepper as stepper_module
-from navloom.engine.nodes.node import Node, Tick
-from navloom.engine.ports import Input, Latest, New, NodeSpec, Offers, Output, Wired
+from navloom.engine.node_ports import Input, Latest, New, NodeSpec, Offers, Output, Wired
+from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.stepper import Stepper, waiting_words
 from navloom.engine.streams import AvoiderPorts, ControllerPorts, GatePorts, LocalizerPorts
 from navloom.engine.wiring import Slot, Wire, make_wire, runs

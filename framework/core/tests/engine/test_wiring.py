@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from navloom.engine.nodes.node import Node, Tick
-from navloom.engine.ports import Latest, Offers, Wired
+from navloom.engine.node_ports import Latest, Offers, Wired
+from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.stepper import Stepper
 from navloom.engine.streams import AvoiderPorts, LocalizerPorts
 from navloom.engine.wiring import Slot, make_wire

@@ -20,7 +20,7 @@ from navloom.messages.codec import UnknownSchema, decode, encode, schema_label
 from navloom.messages.goals import Feedback1, GoalResult1
 from navloom.messages.motion import GateStatus1
 from navloom.messages.schema import OLDER, in_version
-from navloom.plugins.opening import Opener
+from navloom.plugins.message_opening import Opener
 
 AT = Envelope("lab/r1/gate/main/status", 7, 3, 150_000_000, 100_000_000, 1)
 PLACE = Point2D(1.0, 2.0)

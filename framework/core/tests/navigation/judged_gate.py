@@ -8,8 +8,8 @@ from typing import Any
 
 from limits import with_robot
 from navloom.messages import GateStatus, Point2D, Twist2D
-from navloom.navigation.gate import STOPPED, CommandGate, GateLimits, Offer, Sensed
-from navloom.navigation.monitor import Verdict
+from navloom.navigation.collision_monitor import Verdict
+from navloom.navigation.command_gate import STOPPED, CommandGate, GateLimits, Offer, Sensed
 from navloom.testing import robot
 
 LIMITS = GateLimits(

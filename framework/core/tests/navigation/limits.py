@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from navloom.navigation.gate import GateLimits
-from navloom.navigation.monitor import MonitorLimits
-from navloom.navigation.stopping import Braking
+from navloom.navigation.braking import Braking
+from navloom.navigation.collision_monitor import MonitorLimits
+from navloom.navigation.command_gate import GateLimits
 from navloom.navigation.trajectory import SpeedLimits
 from navloom.testing import robot
 

@@ -6,7 +6,7 @@ import copy
 import math
 
 import numpy as np
-from navloom.navigation.monitor_seen import SeenSpace
+from navloom.navigation.monitor_known_space import SeenSpace
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]

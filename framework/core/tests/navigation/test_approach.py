@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from limits import speed_limits
 from navloom.navigation.approach import least_tolerance, slow_down
-from navloom.navigation.stopping import Braking
+from navloom.navigation.braking import Braking
 from navloom.navigation.trajectory import keep_corners
 from navloom.testing import robot
 

@@ -9,8 +9,8 @@ import pytest
 from navloom.messages import Drive, Goal, HandOver, Point2D, Pose2D, PoseEstimate, Reference, Twist2D
 from navloom.navigation.active_goal import ActiveGoal, GoalEnd
 from navloom.navigation.arrival import Arrival, Move
+from navloom.navigation.braking import Braking, Ending, Standstill
 from navloom.navigation.goal_rules import GoalRules, GoalView
-from navloom.navigation.stopping import Braking, Ending, Standstill
 from navloom.testing import robot
 
 SOFT = Braking(robot(max_deceleration=0.5, motor_lag=0.1, dead_time=0.05, max_linear=1.0), 0.05)

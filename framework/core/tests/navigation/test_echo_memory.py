@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from navloom.messages import Pose2D, RangeScan, Twist2D
-from navloom.navigation.echoes import EchoMemory
+from navloom.navigation.echo_memory import EchoMemory
 from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
 from numpy.typing import NDArray
 

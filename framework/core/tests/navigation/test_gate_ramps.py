@@ -9,7 +9,7 @@ import pytest
 from judged_gate import FREE, HALT, LIMITS, NOW, WALL, Judge, decide, judged, offer, sensed
 from limits import with_robot
 from navloom.messages import GateStatus, Point2D, StopReason
-from navloom.navigation.gate import CommandGate, GateLimits
+from navloom.navigation.command_gate import CommandGate, GateLimits
 
 GONE = StopReason("gone", "planner main")
 

@@ -9,8 +9,8 @@ import pytest
 from judged_gate import FREE, HALT, LIMITS, NOW, WALL, decide, judged, offer, sensed
 from limits import with_robot
 from navloom.messages import GateStatus, Point2D, StopReason, Twist2D
-from navloom.navigation.gate import STOPPED, CommandGate, Offer
-from navloom.navigation.monitor import Verdict
+from navloom.navigation.collision_monitor import Verdict
+from navloom.navigation.command_gate import STOPPED, CommandGate, Offer
 from navloom.testing import robot
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from navloom.geometry.footprints import rectangle
 from navloom.messages import HandOver, OccupancyGrid, Pose2D, RangeScan, Twist2D
-from navloom.navigation.echoes import EchoMemory
+from navloom.navigation.echo_memory import EchoMemory
 from navloom.navigation.handover import HandOverRule, own_turn, own_way
 
 BASE = Pose2D(0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from navloom.messages import OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan, Twist2D
-from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
+from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.navigation.monitor_echoes import SensorEchoes
 from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
 from navloom.testing import robot

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
+from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.navigation.monitor_rollout import distance_to_outline, margins
 from navloom.testing import robot
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
+from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits
 from navloom.testing import robot
 
 FOOTPRINT = np.array([(0.35, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.35, -0.2)])

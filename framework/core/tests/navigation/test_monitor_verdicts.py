@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from limits import with_robot
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
+from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.testing import robot
 
 FOOTPRINT = np.array([(0.35, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.35, -0.2)])

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from limits import speed_limits
-from navloom.engine.nodes.reference import ReferenceNode
-from navloom.navigation.projection import project
+from navloom.engine.nodes.reference_node import ReferenceNode
 from navloom.navigation.trajectory import keep_corners
+from navloom.navigation.trajectory_projection import project
 
 
 def speeds(turn_acceleration: float, away: float) -> tuple[float, float]:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from limits import speed_limits
-from navloom.navigation.projection import point_at, project
 from navloom.navigation.trajectory import make_trajectory
+from navloom.navigation.trajectory_projection import point_at, project
 
 LIMITS = speed_limits()
 LINE = make_trajectory(np.array([[0.0, 0.0], [6.0, 0.0]]), LIMITS).samples

@@ -12,7 +12,7 @@ import pytest
 from navloom.entry_kinds import TRACE_HOOKS
 from navloom.messages import Contact, Envelope
 from navloom.plugins import Discovery, RunInfo
-from navloom.plugins.observing import Onlookers
+from navloom.plugins.run_observers import Onlookers
 from navloom.runs.episode import run_episode
 from toys import discovery, toy_config
 
@@ -257,5 +257,5 @@ def test_the_list_of_plugins_loads_no_compiler() -> None:
 
 
 def test_observers_do_not_import_the_network_in_lockstep() -> None:
-    code = "import sys, navloom.runs.episode, navloom.plugins.observing; sys.exit('zenoh' in sys.modules)"
+    code = "import sys, navloom.runs.episode, navloom.plugins.run_observers; sys.exit('zenoh' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from navloom import Trail
-from navloom.runs.measures import DEAD_BAND, JERK_WINDOW, STILL_SPEED
+from navloom.runs.metric_functions import DEAD_BAND, JERK_WINDOW, STILL_SPEED
 from navloom.runs.metrics import measure
 from numpy.typing import NDArray
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 from navloom.config import load_config
 from navloom_live.cli.keys import app
-from navloom_live.hosting.directory import RobotFolder
 from navloom_live.hosting.network import network_of
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.transport.access import Identity, read_identities
+from navloom_live.transport.certificate_folder import new_authority
 from navloom_live.transport.certificates import HOSTS, CertificateRequest, KeysError
-from navloom_live.transport.keys import new_authority
 from navloom_live.transport.links import Link, settings
 from typer.testing import CliRunner
 

@@ -15,7 +15,7 @@ import pytest
 from navloom.cli.main import app
 from navloom.cli.run import watched_for_stalls
 from navloom.runs import episode
-from navloom_live.hosting.directory import DirectoryError
+from navloom_live.hosting.runtime_folders import DirectoryError
 from navloom_live.operating.host_faults import left_running
 from typer.testing import CliRunner
 
@@ -95,7 +95,7 @@ def test_down_names_and_ends_processes_left_over_by_a_killed_up(
 
 def test_down_for_every_robot_continues_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     from navloom_live.cli import up
-    from navloom_live.hosting.directory import DirectoryError, Running
+    from navloom_live.hosting.runtime_folders import DirectoryError, Running
 
     there = [Running("lab", name, 1, (), False, "paper", False) for name in ("a", "b")]
     ended = []
@@ -105,7 +105,7 @@ def test_down_for_every_robot_continues_after_one_that_cannot_be_ended(monkeypat
             raise DirectoryError("robot lab/a was not brought up by `navloom up`")
         ended.append(running.robot)
 
-    monkeypatch.setattr("navloom_live.hosting.directory.robots", lambda: iter(there))
+    monkeypatch.setattr("navloom_live.hosting.runtime_folders.robots", lambda: iter(there))
     monkeypatch.setattr(up, "_end", end)
     done = CliRunner().invoke(app, ["down", "--all"])
     assert ended == ["b"] and "lab/b is down" in done.output

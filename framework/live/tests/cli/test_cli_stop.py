@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 import typer
-from navloom.cli.commands import AddedCommand
+from navloom.cli.distribution_commands import AddedCommand
 from navloom.engine.catalogue import FRAMEWORK
 from navloom.engine.streams import FRAMEWORK_PORTS
 from navloom.entry_kinds import added_commands
-from navloom_live.hosting.directory import DirectoryError, Running
-from navloom_live.operating import stopping
+from navloom_live.hosting.runtime_folders import DirectoryError, Running
+from navloom_live.operating import stop_command
 from navloom_live.operating.client import ClientError
-from navloom_live.operating.stopping import STOPPED, read_options, stop_robots
+from navloom_live.operating.stop_command import STOPPED, read_options, stop_robots
 
 OPERATING = [
     ["goal", "1", "2"], ["cancel"], ["place", "1", "-2", "90"], ["swap", "avoider", "vff"], ["resume"],
@@ -85,7 +85,7 @@ def test_plain_options_of_a_stop_are_read_at_once(words: list[str], options: dic
 def test_every_option_that_a_stop_reads_at_once_is_one_of_the_command() -> None:
     command = AddedCommand([point for point in added_commands() if point.name == "stop"]).made()
     own = {name: one.name for one in command.params for name in one.opts if one.name in stop_robots.__annotations__}
-    assert own == stopping.VALUES | stopping.FLAGS
+    assert own == stop_command.VALUES | stop_command.FLAGS
 
 
 class Robots:
@@ -104,9 +104,9 @@ class Robots:
                 raise ClientError("gate main does not answer")
             self.stopped.append(robot)
 
-        monkeypatch.setattr(stopping, "robots", lambda: iter(there))
-        monkeypatch.setattr(stopping, "elsewhere", dict)
-        monkeypatch.setattr(stopping, "join", join)
+        monkeypatch.setattr(stop_command, "robots", lambda: iter(there))
+        monkeypatch.setattr(stop_command, "elsewhere", dict)
+        monkeypatch.setattr(stop_command, "join", join)
 
 
 def test_stop_for_all_stops_every_robot(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

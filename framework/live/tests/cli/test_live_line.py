@@ -10,7 +10,7 @@ from navloom.messages import Feedback, GateStatus, GoalResult, Point2D, StopReas
 from navloom_live.cli.live_line import LiveLine, goal_line
 from navloom_live.cli.live_table import StatusTable
 from navloom_live.cli.teleop import teleop_line
-from navloom_live.operating.driver import limit_in_words
+from navloom_live.operating.teleoperation import limit_in_words
 
 DRIVES = GateStatus("controller", "law", False, False, None, ())
 OPERATOR = GateStatus("operator", "main", False, False, None, ())

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from navloom_live.hosting.directory import RobotFolder, Running, robots
 from navloom_live.hosting.folder_keeper import FolderKeeper
+from navloom_live.hosting.runtime_folders import RobotFolder, Running, robots
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux leads to a file without a name")
 UP = Running("lab", "r1", os.getpid(), ("unixsock-stream//x",), False, "paper", False)

@@ -13,11 +13,11 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from navloom.messages import Command, Path
-from navloom_live.hosting.directory import RobotFolder
 from navloom_live.hosting.network import Network
-from navloom_live.hosting.process import link_from_json, link_to_json
+from navloom_live.hosting.process_setup import link_from_json, link_to_json
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.transport.links import Link
-from navloom_live.transport.quality import quality_of
+from navloom_live.transport.quality_of_service import quality_of
 from navloom_live.transport.sender import MOST, Sender
 from navloom_live.transport.zenoh_bus import Bus, Question
 

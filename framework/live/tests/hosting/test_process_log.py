@@ -85,7 +85,7 @@ def test_the_dump_of_an_earlier_process_is_ignored(tmp_path: Path) -> None:
 
 PRINTS = """
 import os, sys
-from navloom_live.hosting.process import tolerate_write_errors
+from navloom_live.hosting.process_setup import tolerate_write_errors
 tolerate_write_errors()
 print("x" * 10**7, flush=True)
 print("the last word", flush=True)

@@ -12,7 +12,7 @@ import pytest
 from navloom.engine.build import assemble
 from navloom.engine.run_warnings import LARGEST_MESSAGE, RunWarning
 from navloom.engine.system import System
-from navloom.plugins.printing import LARGEST_OUTPUT
+from navloom.plugins.output_limit import LARGEST_OUTPUT
 from navloom_live.drives.live_warnings import LiveWarnings
 from navloom_live.hosting.process_warnings import MANY, ProcessWarnings
 from navloom_live.live.step_times import StepTimes

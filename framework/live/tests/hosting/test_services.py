@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from navloom_live.hosting.services import ServiceError, Services
+from navloom_live.hosting.node_services import ServiceError, Services
 
 
 class Runner:
@@ -24,7 +24,7 @@ class Runner:
 
 @pytest.fixture
 def runner(monkeypatch: pytest.MonkeyPatch) -> Runner:
-    monkeypatch.setattr("navloom_live.hosting.services.APPLY", 0.05)
+    monkeypatch.setattr("navloom_live.hosting.node_services.APPLY", 0.05)
     return Runner()
 
 

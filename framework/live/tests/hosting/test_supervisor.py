@@ -16,12 +16,12 @@ from navloom.config import load_config
 from navloom.config.tables import LiveTable
 from navloom.engine.build import assemble
 from navloom_live.hosting.descendants import MARK, PROCESS, descendants
-from navloom_live.hosting.directory import RobotFolder
 from navloom_live.hosting.process_log import LARGEST_LOG
 from navloom_live.hosting.process_tasks import ProcessTask
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.hosting.supervisor import Supervisor
-from navloom_live.live.cells import all_sources
-from navloom_live.live.placing import spread
+from navloom_live.live.live_node_builder import all_sources
+from navloom_live.live.node_placement import spread
 from navloom_live.operating.host_faults import restarting
 
 STUBBORN = """
@@ -204,7 +204,7 @@ def test_a_full_disk_is_reported_once_and_ends_no_process(
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
     with monkeypatch.context() as disk:
-        disk.setattr("navloom_live.hosting.directory.write_whole", full)
+        disk.setattr("navloom_live.hosting.runtime_folders.write_whole", full)
         keeper.start()
         child, mark = keeper.children["child"], mark_of(rig)
         until(mark.exists, keeper)

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from navloom.config.tables import LiveTable
 from navloom_live.hosting import supervisor as module
-from navloom_live.hosting.directory import RobotFolder
 from navloom_live.hosting.heartbeat import HeartMonitor
 from navloom_live.hosting.node_process import HUNG
-from navloom_live.hosting.process import SEIZED
+from navloom_live.hosting.process_setup import SEIZED
 from navloom_live.hosting.process_tasks import ProcessTask
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.hosting.supervisor import Supervisor, Worker
 
 LIVE = LiveTable(restart_limit=2, restart_window=30.0)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from navloom.messages import Envelope
-from navloom_live.live.cell import Cell
+from navloom_live.live.live_node import Cell
 
 
 def silent_bus() -> Any:

@@ -6,17 +6,17 @@ from typing import Any
 
 from cell_rig import give, silent_bus
 from navloom.config import load_config
-from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
-from navloom.engine.nodes.gate import GateNode
+from navloom.engine.lockstep_builder import own_node
+from navloom.engine.nodes.gate_node import GateNode
 from navloom.engine.system import System
 from navloom.messages import Command, Drive, Odometry, PortMark, Pose2D, StepReport, Twist2D
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import Hosted, all_sources, make_cell
 from navloom_live.live.live_gate import LiveGate
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import Hosted, all_sources, make_cell
 from navloom_live.live.presence import Presence
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 
 PERIOD = 0.05

@@ -12,7 +12,7 @@ from navloom.engine.build import assemble
 from navloom.engine.hold import held_rate, hold
 from navloom.messages import Command, Drive, Odometry, OperatorRequest, Pose2D, StopReason, Twist2D
 from navloom_live.live import live_gate, mailbox
-from navloom_live.live.cells import all_sources
+from navloom_live.live.live_node_builder import all_sources
 
 
 def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:

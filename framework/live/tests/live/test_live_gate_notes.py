@@ -26,7 +26,7 @@ from gate_rig import (
     stamped,
     stepped,
 )  # fmt: skip
-from navloom.engine.nodes.told import Obeyed
+from navloom.engine.nodes.executor_inputs import Obeyed
 from navloom.messages import (
     Command,
     Drive,
@@ -39,9 +39,9 @@ from navloom.messages import (
     TrackingCommand,
 )
 from navloom.navigation.status_words import why_stopped
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import Widening, all_sources
 from navloom_live.live.live_gate import BETWEEN
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import Widening, all_sources
 from navloom_live.live.mailbox import Inlet
 
 # --- what it records --------------------------------------------------------------------------------------------------

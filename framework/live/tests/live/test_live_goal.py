@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from cell_rig import give, silent_bus
 from navloom.config import load_config
-from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
-from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.lockstep_builder import own_node
+from navloom.engine.nodes.goal_node import GoalNode
 from navloom.messages import OperatorRequest, Pose2D, PoseEstimate, Twist2D
 from navloom_live.live import live_goal
-from navloom_live.live.cells import Hosted, make_cell
 from navloom_live.live.live_goal import LiveGoal
+from navloom_live.live.live_node_builder import Hosted, make_cell
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 
 KEYS = KeySpace("lab", "r1")

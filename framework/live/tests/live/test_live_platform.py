@@ -9,14 +9,14 @@ import pytest
 from cell_rig import silent_bus
 from navloom.config import load_config
 from navloom.engine.build import assemble
-from navloom.engine.nodes.platform import PlatformNode
+from navloom.engine.nodes.platform_node import PlatformNode
 from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, RangeScan, Twist2D
 from navloom.roles import PlatformOutput, SensorSpec
-from navloom_live.live import live, live_platform, restarts
-from navloom_live.live.cells import Hosted, make_cell
+from navloom_live.live import live_platform, live_runner, publisher_restarts
+from navloom_live.live.live_node_builder import Hosted, make_cell
 from navloom_live.live.live_platform import LivePlatform
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 
 PERIOD, DEADLINE = 0.05, 0.1
@@ -62,7 +62,7 @@ class Robot:
         clock = SimpleNamespace(
             monotonic=lambda: self.now, monotonic_ns=lambda: round(self.now * 1e9), sleep=lambda s: None
         )
-        for module in (live, live_platform):
+        for module in (live_runner, live_platform):
             monkeypatch.setattr(module, "time", clock)
         node = PlatformNode(self.base, [SensorSpec("sonars", "ring")])  # type: ignore[arg-type]
         self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(silent_bus(), KEYS, lossless=False))
@@ -181,7 +181,7 @@ def test_a_platform_closes_its_ports_after_the_last_stop(robot: Robot) -> None:
 def test_commands_of_two_gates_stop_the_wheels_until_only_one_is_left(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(restarts, "time", live.time)
+    monkeypatch.setattr(publisher_restarts, "time", live_runner.time)
     robot.runner._processes = lambda source: "on host base (process 12) and on host copy (process 14)"
     for number in range(1, 5):
         for begin in (500, 0):

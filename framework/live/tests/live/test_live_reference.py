@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from cell_rig import give, silent_bus
 from navloom.config import load_config
-from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
+from navloom.engine.lockstep_builder import own_node
 from navloom.engine.streams import STEP
 from navloom.messages import Drive, Odometry, Path, Pose2D, PoseEstimate, Reference, StepReport, Twist2D
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import make_cell
-from navloom_live.live.live import LiveRunner
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import make_cell
+from navloom_live.live.live_runner import LiveRunner
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 
 PERIOD = 0.05

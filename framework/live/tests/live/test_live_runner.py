@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from cell_rig import silent_bus
 from navloom.config import load_config
-from navloom.engine.assembly import goal_rules
 from navloom.engine.build import assemble
-from navloom.engine.nodes.avoider import AvoiderNode
-from navloom.engine.nodes.goal import GoalNode
-from navloom.engine.nodes.mapper import MapperNode
-from navloom.engine.nodes.node import Tick
+from navloom.engine.lockstep_builder import goal_rules
+from navloom.engine.nodes.avoider_node import AvoiderNode
+from navloom.engine.nodes.goal_node import GoalNode
+from navloom.engine.nodes.mapper_node import MapperNode
+from navloom.engine.nodes.node_base import Tick
 from navloom.messages import (
     ClearRequest,
     Envelope,
@@ -26,13 +26,13 @@ from navloom.messages import (
     TrackingCommand,
     Twist2D,
 )
-from navloom.navigation.goals import GoalMachine
-from navloom_live.live import live, live_goal
-from navloom_live.live.cells import Hosted, all_sources, make_cell
-from navloom_live.live.live import LiveRunner
+from navloom.navigation.goal_machine import GoalMachine
+from navloom_live.live import live_goal, live_runner
 from navloom_live.live.live_goal import LiveGoal
+from navloom_live.live.live_node_builder import Hosted, all_sources, make_cell
+from navloom_live.live.live_runner import LiveRunner
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 
 PERIOD = 0.05
@@ -64,7 +64,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(live, "time", made)
+    monkeypatch.setattr(live_runner, "time", made)
     monkeypatch.setattr(live_goal, "time", made)
     return made
 

@@ -8,10 +8,10 @@ from typing import cast
 
 from navloom.engine.build import assemble
 from navloom.messages import Contact, Envelope, Message
-from navloom.plugins.observing import Onlooker
-from navloom_live.drives.live_show import LiveShow
+from navloom.plugins.run_observers import Onlooker
+from navloom_live.drives.live_observers import LiveShow
 from navloom_live.live.mailbox import Inlet, Mailbox
-from navloom_live.live.switchboard import Switchboard
+from navloom_live.live.process_streams import Switchboard
 from toys import discovery, toy_config
 
 

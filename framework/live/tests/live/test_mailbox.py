@@ -11,7 +11,7 @@ from navloom.messages import Command, Contact, Envelope, Message, StepReport
 from navloom.messages.bounds import size_limit
 from navloom.messages.codec import encode, schema_label
 from navloom_live.live.mailbox import Inlet, Mailbox, Packet
-from navloom_live.live.switchboard import Switchboard
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.transport.keyspace import KeySpace
 
 KEY = "lab/r1/platform/p/contact"

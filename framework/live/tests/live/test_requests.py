@@ -10,7 +10,7 @@ from navloom.errors import NavloomError
 from navloom.inputs.typed_json import from_json
 from navloom_live.live import requests
 from navloom_live.live.service import GATE, STOP, Nothing, Service, reply, request_bytes
-from navloom_live.transport.once import REQUEST, Once
+from navloom_live.transport.idempotent_requests import REQUEST, Once
 
 NOTHING, NUMBER = Nothing(), requests.GoalNumber(7)
 VALUES = requests.ParameterValues(2, {"reach": 1.5, "names": ["a"]})

@@ -12,7 +12,7 @@ from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
 from navloom_live.live.description import Description, StreamSummary
 from navloom_live.operating.client import Client
-from navloom_live.operating.nodes import Node
+from navloom_live.operating.robot_nodes import Node
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.zenoh_bus import Answer
 

@@ -16,11 +16,11 @@ from navloom_live.live.service import Nothing
 from navloom_live.operating import client as client_module
 from navloom_live.operating import navigator
 from navloom_live.operating.client import Client, ClientError, Refused, Unanswered
-from navloom_live.operating.doctor import examine
-from navloom_live.operating.metering import clock_offsets
+from navloom_live.operating.diagnosis import examine
 from navloom_live.operating.navigator import GoalHandle, GoalStreams
-from navloom_live.operating.nodes import answering, listing
-from navloom_live.transport.once import Once
+from navloom_live.operating.robot_nodes import answering, listing
+from navloom_live.operating.stream_measurement import clock_offsets
+from navloom_live.transport.idempotent_requests import Once
 from navloom_live.transport.zenoh_bus import TIMED_OUT, Answer
 
 from .described import KEYS, described

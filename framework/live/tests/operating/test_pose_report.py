@@ -9,9 +9,9 @@ import pytest
 from described import BusInWords, client, everyone
 from navloom.messages import Pose2D, PoseEstimate, Twist2D
 from navloom_live.cli.status import rows
-from navloom_live.operating.looking import last_words
-from navloom_live.operating.nodes import listing
+from navloom_live.operating.introspection import last_words
 from navloom_live.operating.pose_report import pose_fields
+from navloom_live.operating.robot_nodes import listing
 
 
 def status_rows(at: PoseEstimate) -> dict[str, str]:

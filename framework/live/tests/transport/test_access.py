@@ -21,7 +21,7 @@ import zenoh
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom_live.hosting.network import streams_of
-from navloom_live.live.cells import all_sources
+from navloom_live.live.live_node_builder import all_sources
 from navloom_live.operating.client import AGAIN
 from navloom_live.transport.access import (
     ACTING,
@@ -35,11 +35,11 @@ from navloom_live.transport.access import (
     limits,
     rules,
 )
+from navloom_live.transport.certificate_folder import add_identity, new_authority
 from navloom_live.transport.certificates import HOSTS, CertificateRequest
-from navloom_live.transport.keys import add_identity, new_authority
 from navloom_live.transport.links import Link, settings
-from navloom_live.transport.quality import retained_ports
-from navloom_live.transport.questions import RANKS
+from navloom_live.transport.quality_of_service import retained_ports
+from navloom_live.transport.query_limits import RANKS
 
 SOON = 10.0
 WHO = ("nodes", "operator", "viewer", "shadow.avoider.forces")

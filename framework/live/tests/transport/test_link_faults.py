@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from navloom_live.transport.access import Identity
+from navloom_live.transport.certificate_folder import add_identity, new_authority
 from navloom_live.transport.certificates import HOSTS, CertificateRequest
-from navloom_live.transport.keys import add_identity, new_authority
 from navloom_live.transport.link_faults import why_not
 from navloom_live.transport.links import Link, settings
 

@@ -17,11 +17,11 @@ from typing import Any
 
 import pytest
 import zenoh
-from navloom_live.hosting.directory import RobotFolder
 from navloom_live.hosting.network import Network
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.transport.access import IDENTITIES
+from navloom_live.transport.certificate_folder import new_authority
 from navloom_live.transport.certificates import HOSTS, CertificateRequest
-from navloom_live.transport.keys import new_authority
 from navloom_live.transport.links import CLOSE_WAIT, LEASE, Endpoint, Link, LinkError, peer_link, settings
 
 SOON = 10.0

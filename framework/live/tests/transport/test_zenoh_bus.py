@@ -11,7 +11,7 @@ import pytest
 from navloom.messages import Command
 from navloom_live.transport import zenoh_session
 from navloom_live.transport.links import Link
-from navloom_live.transport.quality import quality_of
+from navloom_live.transport.quality_of_service import quality_of
 from navloom_live.transport.zenoh_bus import TIMED_OUT, Bus, Question
 
 SOON = 20.0

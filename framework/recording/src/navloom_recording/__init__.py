@@ -7,30 +7,30 @@ from typing import TYPE_CHECKING
 from navloom.parts import lazy_names
 
 if TYPE_CHECKING:
-    from navloom_recording.header import RecordingError as RecordingError
-    from navloom_recording.header import RecordingHeader as RecordingHeader
-    from navloom_recording.header import header_of as header_of
-    from navloom_recording.imported import OWN_PORTS as OWN_PORTS
-    from navloom_recording.imported import PERIOD as PERIOD
-    from navloom_recording.imported import RANGE_SCAN as RANGE_SCAN
-    from navloom_recording.imported import SWEEP as SWEEP
-    from navloom_recording.imported import ImportedLog as ImportedLog
-    from navloom_recording.imported import imported_config as imported_config
-    from navloom_recording.imported import mount_option as mount_option
-    from navloom_recording.imported import placed_in_map as placed_in_map
-    from navloom_recording.imported import start_option as start_option
-    from navloom_recording.imported import writing as writing
+    from navloom_recording.imported_log import OWN_PORTS as OWN_PORTS
+    from navloom_recording.imported_log import PERIOD as PERIOD
+    from navloom_recording.imported_log import RANGE_SCAN as RANGE_SCAN
+    from navloom_recording.imported_log import SWEEP as SWEEP
+    from navloom_recording.imported_log import ImportedLog as ImportedLog
+    from navloom_recording.imported_log import imported_config as imported_config
+    from navloom_recording.imported_log import mount_option as mount_option
+    from navloom_recording.imported_log import placed_in_map as placed_in_map
+    from navloom_recording.imported_log import start_option as start_option
+    from navloom_recording.imported_log import writing as writing
     from navloom_recording.reader import RawRecorded as RawRecorded
     from navloom_recording.reader import Recorded as Recorded
     from navloom_recording.reader import Recording as Recording
+    from navloom_recording.recording_header import RecordingError as RecordingError
+    from navloom_recording.recording_header import RecordingHeader as RecordingHeader
+    from navloom_recording.recording_header import header_of as header_of
     from navloom_recording.writer import RecordingWriter as RecordingWriter
     from navloom_recording.writer import WriteError as WriteError
 else:
     __all__, __getattr__ = lazy_names(
         "navloom_recording",
         {
-            "navloom_recording.header": "RecordingError RecordingHeader header_of",
-            "navloom_recording.imported": (
+            "navloom_recording.recording_header": "RecordingError RecordingHeader header_of",
+            "navloom_recording.imported_log": (
                 "OWN_PORTS PERIOD RANGE_SCAN SWEEP ImportedLog imported_config mount_option placed_in_map "
                 "start_option writing"
             ),

@@ -10,7 +10,7 @@ from pdb import Pdb
 from typing import Any
 
 from navloom.config import ConfigError
-from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.streams import STEP
 from navloom.messages import StepReport
 from navloom.plugins.registry import nearest

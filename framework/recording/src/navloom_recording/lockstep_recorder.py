@@ -15,9 +15,9 @@ from navloom.messages import Envelope, InputRead, Message, PortMark, StepRecord,
 from navloom.messages.codec import encode, schema_label
 from navloom.runs.provenance import distributions
 
-from navloom_recording.counting import RecorderCounts
-from navloom_recording.header import header_of
-from navloom_recording.worldfiles import world_files
+from navloom_recording.recorder_counts import RecorderCounts
+from navloom_recording.recording_header import header_of
+from navloom_recording.world_attachments import world_files
 from navloom_recording.writer import RecordingWriter, WriteError
 
 __all__ = ["LockstepRecorder", "recorded"]

@@ -11,10 +11,10 @@ import numpy as np
 from navloom.config import ConfigError, Loaded
 from navloom.engine.build import assemble
 from navloom.engine.differences import differences
-from navloom.engine.fed import FedNode
-from navloom.engine.making import make_plugins, role_nodes
-from navloom.engine.nodes.node import Tick
-from navloom.engine.nodes.reference import ReferenceNode
+from navloom.engine.nodes.node_base import Tick
+from navloom.engine.nodes.reference_node import ReferenceNode
+from navloom.engine.open_loop_node import FedNode
+from navloom.engine.plugin_factory import make_plugins, role_nodes
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose
 from navloom.geometry.polylines import Polyline
@@ -30,10 +30,10 @@ from navloom.messages import (
     Reference,
     Sweep,
 )
-from navloom.runs.shadows import Disagreement
+from navloom.runs.shadow_comparison import Disagreement
 from numpy.typing import NDArray
 
-from navloom_recording.imported import placed_in_map
+from navloom_recording.imported_log import placed_in_map
 from navloom_recording.reader import Recorded, Recording
 from navloom_recording.recorded_platform import discovery
 from navloom_recording.substitutes import Substitute

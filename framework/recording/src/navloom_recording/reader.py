@@ -17,10 +17,10 @@ from navloom.inputs.bounds import CHUNK_MB, TEXT_MB, bytes_of, open_file, too_la
 from navloom.inputs.texts import json_of, shortened
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError
-from navloom.plugins.opening import OPENER
+from navloom.plugins.message_opening import OPENER
 
-from navloom_recording.header import HEADER, RecordingError, RecordingHeader
-from navloom_recording.schemas import ENCODING
+from navloom_recording.json_schemas import ENCODING
+from navloom_recording.recording_header import HEADER, RecordingError, RecordingHeader
 
 __all__ = ["COUNTS", "RawRecorded", "Recorded", "Recording"]
 

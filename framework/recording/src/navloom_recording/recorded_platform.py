@@ -12,7 +12,7 @@ from navloom.plugins.one_file import available_points
 from navloom.plugins.registry import Registry
 from navloom.roles import InputError, Platform, PlatformInput, PlatformOutput
 
-from navloom_recording.imported import INSTANCE, RANGE_SCAN, SWEEP
+from navloom_recording.imported_log import INSTANCE, RANGE_SCAN, SWEEP
 
 __all__ = ["RecordedPlatform", "discovery", "navloom_register"]
 

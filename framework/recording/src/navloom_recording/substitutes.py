@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError, Loaded
+from navloom.config.config_presets import instance_of
 from navloom.config.loader import parse_override
-from navloom.config.presets import instance_of
 from navloom.config.schema import Config
 from navloom.config.tables import ROLE_TABLES
 from navloom.engine.build import assemble
@@ -17,14 +17,14 @@ from navloom.engine.differences import differences
 from navloom.messages import MapUpdate, Message, PoseEstimate
 from navloom.plugins.registry import nearest
 from navloom.roles.presets import named_plugin
-from navloom.runs.shadows import Disagreement
+from navloom.runs.shadow_comparison import Disagreement
 from numpy.typing import NDArray
 
-from navloom_recording.needed import option_of
-from navloom_recording.outcomes import Outcomes
+from navloom_recording.message_cache import Shelf
+from navloom_recording.missing_plugins import option_of
 from navloom_recording.reader import Recording
-from navloom_recording.replaying import Replayer, ReplayNode, Stepped
-from navloom_recording.shelf import Shelf
+from navloom_recording.step_outputs import Outcomes
+from navloom_recording.step_replay import Replayer, ReplayNode, Stepped
 
 __all__ = ["Substitute", "substitute", "substitute_config"]
 

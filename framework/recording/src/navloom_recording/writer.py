@@ -12,11 +12,11 @@ from typing import Any
 from navloom.errors import NavloomError
 from navloom.messages.codec import schema_label
 from navloom.messages.schema import OLDER, SCHEMAS
-from navloom.plugins.opening import OPENER
+from navloom.plugins.message_opening import OPENER
 
-from navloom_recording.header import HEADER, RecordingError, RecordingHeader
+from navloom_recording.json_schemas import ENCODING, SCHEMA_ENCODING, schema_text
 from navloom_recording.reader import COUNTS
-from navloom_recording.schemas import ENCODING, SCHEMA_ENCODING, schema_text
+from navloom_recording.recording_header import HEADER, RecordingError, RecordingHeader
 
 __all__ = ["RecordingWriter", "WriteError"]
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from navloom.parts import lazy_names
 
 if TYPE_CHECKING:
+    from navloom.runs.episode_trail import Trail as Trail
     from navloom.runs.metrics import METRICS as METRICS
     from navloom.runs.metrics import Metric as Metric
-    from navloom.runs.trail import Trail as Trail
 
     from navloom_study.compare import plan_study as plan_study
     from navloom_study.compare import run_study as run_study
@@ -19,7 +19,7 @@ else:
         "navloom_study",
         {
             "navloom.runs.metrics": "METRICS Metric",
-            "navloom.runs.trail": "Trail",
+            "navloom.runs.episode_trail": "Trail",
             "navloom_study.compare": "plan_study run_study",
             "navloom_study.statistics": "compare_methods",
         },

@@ -14,20 +14,20 @@ from typing import Any
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.tables import ROLE_TABLES
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_live, check_task
 from navloom.engine.system import System
+from navloom.engine.task_checks import check_live, check_task
 from navloom.plugins import PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.runs.metrics import all_metrics
 
-from navloom_study.journal import StudyFolder
+from navloom_study.episode_rows import EpisodeTask, Row
 from navloom_study.live_episodes import run_live
-from navloom_study.methods import Method, compared, methods_of
 from navloom_study.openloop import METHOD, open_loop_of
-from navloom_study.pool import HANG_AFTER, cores, run_on_executor, run_on_processes
-from navloom_study.rows import EpisodeTask, Row
-from navloom_study.study import Study, StudyResult
-from navloom_study.worldset import CachedDiscovery, WorldCase, placed, worlds_of
+from navloom_study.study_folder import StudyFolder
+from navloom_study.study_methods import Method, compared, methods_of
+from navloom_study.study_request import Study, StudyResult
+from navloom_study.study_worlds import CachedDiscovery, WorldCase, placed, worlds_of
+from navloom_study.worker_pool import HANG_AFTER, cores, run_on_executor, run_on_processes
 
 __all__ = ["Study", "StudyResult", "plan_study", "run_study"]
 

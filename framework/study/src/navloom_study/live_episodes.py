@@ -12,8 +12,8 @@ from navloom.config import Loaded
 from navloom.config.schema import Config
 from navloom.parts import part
 
-from navloom_study.rows import EpisodeTask, Row, lost_row, row_of
-from navloom_study.worldset import placed
+from navloom_study.episode_rows import EpisodeTask, Row, lost_row, row_of
+from navloom_study.study_worlds import placed
 
 __all__ = ["NAME", "run_live"]
 
@@ -41,7 +41,7 @@ def run_live(
         StartError: A robot does not start. KeyboardInterrupt: `ending` was set; the interrupted episode has no row.
     """
     LiveRun = part("navloom_live.drives.live_run", "--live").LiveRun
-    StartError = part("navloom_live.hosting.robot").StartError
+    StartError = part("navloom_live.hosting.live_robot").StartError
     for task in tasks:
         began, key = perf_counter(), task.key
         name = f"{key.method} in {key.world}, seed {key.seed}"

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from navloom.config import ConfigError, Loaded
-from navloom.config.presets import instance_of
+from navloom.config.config_presets import instance_of
 from navloom.config.schema import Config
 from navloom.inputs.texts import INSTANCE
 from navloom.roles import FIXED
 
-from navloom_study.methods import Method
+from navloom_study.study_methods import Method
 
 __all__ = ["METHOD", "OpenLoop", "open_loop_of"]
 

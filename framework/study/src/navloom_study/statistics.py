@@ -17,8 +17,8 @@ import numpy as np
 from navloom.runs.metrics import Metric
 from numpy.typing import NDArray
 
+from navloom_study.binomial import difference_interval, share_interval
 from navloom_study.resampling import holm, intervals, sign_flip_p
-from navloom_study.shares import difference_interval, share_interval
 
 __all__ = ["FEW_WORLDS", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference", "Estimate", "Summary",
            "WorstWorld", "compare_methods"]  # fmt: skip

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 from navloom.inputs.npz import Arrays
-from navloom.runs.shadows import Disagreement
-from navloom.runs.trail import Trail
+from navloom.runs.episode_trail import Trail
+from navloom.runs.shadow_comparison import Disagreement
 from numpy.typing import NDArray
 
 from navloom_study.episode_key import EpisodeKey

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from navloom_viewer.facts import LANES, Facts, actors_of
 from navloom_viewer.panels import Panel
+from navloom_viewer.picture_setup import LANES, Facts, actors_of
 
 __all__ = ["TIMELINE", "blueprint", "camera", "states"]
 

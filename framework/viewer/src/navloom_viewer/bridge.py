@@ -14,11 +14,11 @@ from typing import Any
 from navloom.messages import Message
 from navloom.plugins import Discovery
 
+from navloom_viewer.builtin_panels import BUILT_IN
 from navloom_viewer.drawing import Shown
-from navloom_viewer.extra import ViewerError, need_rerun
-from navloom_viewer.order import ViewerOrder
+from navloom_viewer.drawing_task import ViewerOrder
 from navloom_viewer.panels import Panel, panels_of
-from navloom_viewer.translate import BUILT_IN
+from navloom_viewer.viewer_errors import ViewerError, need_rerun
 
 __all__ = ["Bridge", "BridgeCounts", "Wanted"]
 

@@ -12,11 +12,11 @@ from typing import Any
 from navloom.plugins import Discovery
 
 from navloom_viewer.drawing import Drawing, Sink
-from navloom_viewer.extra import ViewerError
+from navloom_viewer.drawing_task import NICE, ViewerOrder
 from navloom_viewer.live_sink import LiveSink
-from navloom_viewer.order import NICE, ViewerOrder
 from navloom_viewer.panels import panels_of
-from navloom_viewer.sinks import FileSink
+from navloom_viewer.rerun_stream import FileSink
+from navloom_viewer.viewer_errors import ViewerError
 
 __all__ = ["serve"]
 

@@ -11,12 +11,21 @@ import numpy as np
 from navloom.messages import Message, PoseEstimate, Sweep, Truth
 from numpy.typing import NDArray
 
+from navloom_viewer.builtin_panels import BUILT_IN
 from navloom_viewer.colours import DRIVEN
 from navloom_viewer.draw_motion import transform
-from navloom_viewer.facts import Actor, Facts, actors_of, swappable_actors
 from navloom_viewer.panels import Change, Panel, Seen
-from navloom_viewer.scene import bodies, changing, legend, obstacles, present, series_styles, standing, state_styles
-from navloom_viewer.translate import BUILT_IN
+from navloom_viewer.picture_setup import Actor, Facts, actors_of, swappable_actors
+from navloom_viewer.world_drawing import (
+    bodies,
+    changing,
+    legend,
+    obstacles,
+    present,
+    series_styles,
+    standing,
+    state_styles,
+)
 
 __all__ = ["Drawing", "Shown", "Sink"]
 

@@ -21,7 +21,7 @@ from navloom.messages import (
 from numpy.typing import NDArray
 
 from navloom_viewer.drawing import Shown
-from navloom_viewer.extra import ViewerError
+from navloom_viewer.viewer_errors import ViewerError
 
 __all__ = ["FoxgloveServer"]
 

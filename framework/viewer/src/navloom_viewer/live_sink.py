@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_viewer.program import address_of
-from navloom_viewer.sinks import send, send_series, stream
+from navloom_viewer.rerun_stream import send, send_series, stream
 
 __all__ = ["LiveSink"]
 

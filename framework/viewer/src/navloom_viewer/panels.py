@@ -12,7 +12,7 @@ from navloom.plugins import Discovery, PluginError
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from navloom_viewer.facts import Actor, Variant
+    from navloom_viewer.picture_setup import Actor, Variant
 
 __all__ = ["Change", "Drawn", "Panel", "Seen", "panels_of"]
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import urlsplit
 
-from navloom_viewer.extra import ViewerError, ViewerLost, need_rerun
+from navloom_viewer.viewer_errors import ViewerError, ViewerLost, need_rerun
 
 __all__ = ["HOST", "Program", "address_of", "claimed_port", "is_up", "need_display"]
 

@@ -13,7 +13,7 @@ from navloom.messages import Sweep
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from navloom_viewer.facts import SweepRule
+    from navloom_viewer.picture_setup import SweepRule
 
 __all__ = ["CLASSES", "KEPT", "classify_sweep", "sweep_points"]
 

@@ -70,7 +70,7 @@ def check(
     if drive and hardware is None:
         raise ConfigError("--drive: moves real hardware, so it needs --hardware CONFIG")
     if hardware is not None:
-        from navloom_check.hardware import check_hardware
+        from navloom_check.hardware_check import check_hardware
 
         _end(check_hardware(hardware, name, set_ or (), drive, say_so), as_json)
         return
@@ -173,7 +173,7 @@ def _refuse_missing(name: str) -> None:
     from navloom.plugins.registry import nearest
     from navloom.roles.presets import named_plugin
 
-    from navloom_check.subject import CHECKED, CheckRequest, discovery_of, schema_of
+    from navloom_check.checked_plugin import CHECKED, CheckRequest, discovery_of, schema_of
 
     kind, _, plugin = named_plugin(name)[0].partition(".")
     scheme, colon, _ = plugin.partition(":")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from navloom.plugins.registry import NODE
 from navloom.roles import ROLES
 
-from navloom_check.subject import CHECKED
+from navloom_check.checked_plugin import CHECKED
 
 __all__ = ["CLASSES", "EVERY", "PLAYED"]
 

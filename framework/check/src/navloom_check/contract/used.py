@@ -13,13 +13,13 @@ from typing import Any, Literal, get_args, get_origin
 from navloom.roles import Params
 from pydantic.fields import FieldInfo
 
-from navloom_check.bench import Bench
+from navloom_check.check_bench import Bench
+from navloom_check.checked_plugin import place_of
 from navloom_check.checks import check
-from navloom_check.contract.declared import fields_of, models_of
 from navloom_check.contract.kinds import PLAYED
+from navloom_check.contract.plugin_declarations import fields_of, models_of
 from navloom_check.findings import Finding, NotRun
-from navloom_check.player import Fault
-from navloom_check.subject import place_of
+from navloom_check.plugin_player import Fault
 
 __all__ = ["CHECKS"]
 

@@ -8,7 +8,7 @@ import logging
 import os
 import sys
 
-from navloom.cli import about, commands
+from navloom.cli import about, distribution_commands
 from navloom.cli.command import App
 from navloom.cli.tracebacks import with_traceback
 from navloom.errors import NavloomError
@@ -17,7 +17,7 @@ from navloom.logs import Level, set_up_logging
 __all__ = ["app", "main"]
 
 app = App(
-    cls=commands.Commands,
+    cls=distribution_commands.Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -48,7 +48,7 @@ def main() -> None:
             _say(_words(error), error)
             sys.exit(code)
         internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
-        _say(commands.blamed(error) or internal, error)
+        _say(distribution_commands.blamed(error) or internal, error)
         sys.exit(1)
 
 

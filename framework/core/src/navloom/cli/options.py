@@ -129,7 +129,9 @@ Insecure = Annotated[
 
 
 def _join(*given: Any, **further: Any) -> AbstractContextManager[Any]:
-    joined: AbstractContextManager[Any] = part("navloom_live.operating.joining", "a live robot").join(*given, **further)
+    joined: AbstractContextManager[Any] = part("navloom_live.operating.robot_lookup", "a live robot").join(
+        *given, **further
+    )
     return joined
 
 
@@ -214,7 +216,9 @@ class MapOptions:
 
     def pose(self) -> tuple[float, float, float] | None:
         """The start, x, y, m, heading, rad; None if it was not given. Raises ConfigError."""
-        return None if self.start is None else part("navloom_recording.imported", "--start").start_option(self.start)
+        return (
+            None if self.start is None else part("navloom_recording.imported_log", "--start").start_option(self.start)
+        )
 
 
 @dataclass(frozen=True)
@@ -253,14 +257,14 @@ class ViewerOptions:
         """
         options = {"--viewer": self.viewer, "--web": self.web, "--rerun": self.rerun}
         asked = next((option for option, value in options.items() if value), "--view")
-        extra = part("navloom_viewer.extra", asked, "'navloom[view]'")
+        extra = part("navloom_viewer.viewer_errors", asked, "'navloom[view]'")
         if self.viewer is not None and self.web:
             raise extra.ViewerError("--viewer and --web: choose the viewer that runs, or a new one")
         extra.need_rerun()
         opens = self.viewer is None and (view or self.web)
         if opens and not self.web:
             part("navloom_viewer.program").need_display(keeps)
-        return part("navloom_viewer.showing").Where(self.rerun, self.viewer, opens, self.web)
+        return part("navloom_viewer.viewer_session").Where(self.rerun, self.viewer, opens, self.web)
 
 
 @dataclass(frozen=True)

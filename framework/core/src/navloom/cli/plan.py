@@ -38,7 +38,7 @@ def plan(
     Exit 0: a path was found; 1: there is none, and the message says how far the search got.
     """
     from navloom.cli.output import print_json
-    from navloom.runs.planning import plan_once
+    from navloom.runs.single_plan import plan_once
 
     is_file = map_.endswith((".yaml", ".yml")) and not map_.startswith("rosmap:")
     reference = f"rosmap:{map_}" if is_file else map_

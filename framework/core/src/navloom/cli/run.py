@@ -16,7 +16,7 @@ import typer
 
 from navloom.cli.options import Record, RunOptions, ViewOptions
 from navloom.cli.output import LOG, log_of, print_json, say_so, stage
-from navloom.cli.summary import is_reached, print_summary, tell_faults
+from navloom.cli.run_summary import is_reached, print_summary, tell_faults
 from navloom.crash_watch import dump_file, is_watched
 from navloom.parts import part
 
@@ -48,11 +48,11 @@ def run(
 
     Repeatable bit for bit. Exit 0: the goal was reached.
     """
-    from navloom.cli.written import Written, record_of, rerun_of
+    from navloom.cli.written_files import Written, record_of, rerun_of
     from navloom.plugins import Discovery
-    from navloom.plugins.observing import Onlookers
+    from navloom.plugins.run_observers import Onlookers
     from navloom.runs.episode import run_episode
-    from navloom.runs.results import ResultFolder
+    from navloom.runs.result_folder import ResultFolder
 
     loaded = given.load(say_so)
     where = view.asked()
@@ -146,7 +146,9 @@ def _watched(loaded: Loaded, where: Any) -> AbstractContextManager[Any]:
     """The viewer's watch over the run, or one that shows nothing. Raises ViewerError."""
     if where is None:
         return nullcontext(_Unwatched())
-    watch: AbstractContextManager[Any] = part("navloom_viewer.watching").watch_run(loaded, where, log_of("viewer").info)
+    watch: AbstractContextManager[Any] = part("navloom_viewer.lockstep_viewing").watch_run(
+        loaded, where, log_of("viewer").info
+    )
     return watch
 
 

@@ -14,7 +14,7 @@ def with_traceback(error: BaseException) -> Mapping[str, str]:
     """Extra of an error's log record: the traceback, if it was requested."""
     if not os.environ.get(TRACEBACK):
         return {}
-    from navloom.plugins.blame import traceback_of, whole_traceback
+    from navloom.plugins.error_origin import traceback_of, whole_traceback
 
     return {"traceback": traceback_of(str(error)) or whole_traceback(error)}
 
@@ -23,6 +23,6 @@ def with_traceback_of(message: str) -> Mapping[str, str]:
     """Extra of a log record whose message contains an error's text: its traceback, if it was requested."""
     if not os.environ.get(TRACEBACK):
         return {}
-    from navloom.plugins.blame import traceback_of
+    from navloom.plugins.error_origin import traceback_of
 
     return {"traceback": traceback_of(message)}

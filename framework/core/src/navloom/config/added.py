@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from navloom.config.config_errors import problems_of
 from navloom.config.loader import Loaded
-from navloom.config.problems import problems_of
 from navloom.config.schema import Config
 
 __all__ = ["with_alternative"]

@@ -15,11 +15,11 @@ from typing import Any, Literal
 
 from pydantic import ValidationError
 
-from navloom.config.lines import line_of
-from navloom.config.presets import instance_of, params_of, split_preset
-from navloom.config.problems import ConfigError, check_params, problems_of
+from navloom.config.config_errors import ConfigError, check_params, problems_of
+from navloom.config.config_presets import instance_of, params_of, split_preset
 from navloom.config.schema import Config
 from navloom.config.tables import DEFAULT_PLUGINS, REQUIRED_ROLES, ROLE_TABLES
+from navloom.config.toml_lines import line_of
 from navloom.inputs.assignments import brief, read_assignment
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import shortened, toml_of

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, model_validator
 
-from navloom.config.presets import split_preset
+from navloom.config.config_presets import split_preset
 from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
 from navloom.roles.base import StrictModel

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from navloom.config import ConfigError, Loaded, check_params
-from navloom.config.problems import Gathered
+from navloom.config.config_errors import Gathered
 from navloom.config.schema import Config
 from navloom.config.tables import GOAL_TOLERANCE, MapTable, PlaceTable, RobotTable, RoleTable
-from navloom.engine.brought import world_of_platform
 from navloom.engine.catalogue import Catalogue
-from navloom.engine.changes import blamed_on_event, changed_params, set_events
-from navloom.engine.parts import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
-from navloom.engine.ports import Port
+from navloom.engine.node_ports import Port
+from navloom.engine.parameter_changes import blamed_on_event, changed_params, set_events
+from navloom.engine.platform_world import world_of_platform
+from navloom.engine.plugin_instances import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
 from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
 from navloom.geometry.footprints import FootprintError, polygon, rectangle

@@ -6,20 +6,20 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from navloom.config.schema import Config
-from navloom.engine.nodes.avoider import AvoiderNode
-from navloom.engine.nodes.controller import ControllerNode
-from navloom.engine.nodes.gate import GateNode
-from navloom.engine.nodes.goal import GoalNode
-from navloom.engine.nodes.localizer import LocalizerNode
-from navloom.engine.nodes.mapper import MapperNode
-from navloom.engine.nodes.node import Node
+from navloom.engine.node_ports import Wired
+from navloom.engine.nodes.avoider_node import AvoiderNode
+from navloom.engine.nodes.controller_node import ControllerNode
+from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.goal_node import GoalNode
+from navloom.engine.nodes.localizer_node import LocalizerNode
+from navloom.engine.nodes.mapper_node import MapperNode
+from navloom.engine.nodes.node_base import Node
 from navloom.engine.nodes.node_plugin import NodePlugin
-from navloom.engine.nodes.operator import OperatorNode
-from navloom.engine.nodes.planner import PlannerNode
-from navloom.engine.nodes.platform import PlatformNode
-from navloom.engine.nodes.recovery import RecoveryNode
-from navloom.engine.nodes.reference import ReferenceNode
-from navloom.engine.ports import Wired
+from navloom.engine.nodes.operator_node import OperatorNode
+from navloom.engine.nodes.planner_node import PlannerNode
+from navloom.engine.nodes.platform_node import PlatformNode
+from navloom.engine.nodes.recovery_node import RecoveryNode
+from navloom.engine.nodes.reference_node import ReferenceNode
 from navloom.engine.streams import PortTable
 from navloom.messages import Message
 from navloom.plugins import Discovery, PluginError

@@ -27,7 +27,7 @@ from navloom.messages import (
     TrackingCommand,
     Twist2D,
 )
-from navloom.navigation.blocking import OCCUPIED_FROM
+from navloom.navigation.blocked_trajectory import OCCUPIED_FROM
 from navloom.roles import ROLES, answers_of
 
 __all__ = ["differences", "is_differing", "would_stop"]

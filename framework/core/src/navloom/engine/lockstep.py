@@ -10,17 +10,17 @@ from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
 from navloom.engine.catalogue import Catalogue
-from navloom.engine.inspecting import StepInspector
-from navloom.engine.nodes.gate import GateNode
-from navloom.engine.nodes.goal import GoalNode
-from navloom.engine.nodes.localizer import LocalizerNode
-from navloom.engine.nodes.node import Outputs, Tick
-from navloom.engine.nodes.operator import OperatorNode
-from navloom.engine.ports import When
+from navloom.engine.node_ports import When
+from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.goal_node import GoalNode
+from navloom.engine.nodes.localizer_node import LocalizerNode
+from navloom.engine.nodes.node_base import Outputs, Tick
+from navloom.engine.nodes.operator_node import OperatorNode
+from navloom.engine.nondeterminism import StepInspector
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, Odometry, OperatorRequest, Selection, StepRecord
-from navloom.navigation.stopping import Braking, Ending
+from navloom.navigation.braking import Braking, Ending
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from navloom.engine.parts import Part
+from navloom.engine.plugin_instances import Part
 from navloom.engine.system import System
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE

@@ -12,14 +12,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from navloom.engine.answer_checks import notes_of
 from navloom.engine.build import stride_of
-from navloom.engine.door import notes_of
 from navloom.engine.stepper import Stepper
 from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Message, RangeScan, Sweep
 from navloom.messages.packing import writer_of
-from navloom.plugins.owners import Owned
+from navloom.plugins.code_owners import Owned
 from navloom.roles import Platform
 
 __all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Heard", "Kind", "RunWarning", "RunWarnings", "Volume",

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from time import monotonic_ns
 from typing import Any
 
-from navloom.engine.nodes.node import Node, Outputs, Tick
-from navloom.engine.ports import NodeSpec
+from navloom.engine.node_ports import NodeSpec
+from navloom.engine.nodes.node_base import Node, Outputs, Tick
 from navloom.engine.wiring import Slot, Wire
-from navloom.plugins.blame import raised_in
+from navloom.plugins.error_origin import raised_in
 
 __all__ = ["Read", "Stepper", "fault_text", "waiting_words"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from navloom.engine.ports import Port, Ports, Quality
+from navloom.engine.node_ports import Port, Ports, Quality
 from navloom.messages import (
     AvoiderStatus,
     ClearRequest,

@@ -10,11 +10,11 @@ from navloom.config import Loaded
 from navloom.config.schema import Config
 from navloom.config.tables import PlaceTable
 from navloom.engine.catalogue import Catalogue
-from navloom.engine.parts import Part
-from navloom.engine.ports import NodeSpec
+from navloom.engine.node_ports import NodeSpec
+from navloom.engine.plugin_instances import Part
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D
-from navloom.navigation.stopping import Braking
+from navloom.navigation.braking import Braking
 from navloom.roles import ROLES, RobotSpec, Role, SensorSpec
 
 __all__ = ["System"]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from operator import itemgetter
 from typing import Any
 
-from navloom.engine.ports import Input, When
+from navloom.engine.node_ports import Input, When
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import schema_label
 

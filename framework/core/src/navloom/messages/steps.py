@@ -46,7 +46,7 @@ class StepReport(Message):
         duration_ns: Duration of the step on its machine.
         fault: Exception that the plugin raised in this tick, as text; empty for none.
         told: What the executor told the node in addition to its inputs, as a JSON object; empty for nothing. See
-            `engine.nodes.told`.
+            `engine.nodes.executor_inputs`.
     """
 
     trigger: Name

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.navigation.stopping import ACROSS, Braking
+from navloom.navigation.braking import ACROSS, Braking
 
 __all__ = ["SLOWEST", "least_tolerance", "slow_down"]
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from navloom.messages import Drive, Pose2D, PoseEstimate
 from navloom.navigation.active_goal import MISSES, ActiveGoal, GoalEnd
+from navloom.navigation.braking import ACROSS, Standstill
 from navloom.navigation.goal_rules import GoalRules, GoalView
-from navloom.navigation.stopping import ACROSS, Standstill
 
 __all__ = ["Arrival", "Move"]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom.navigation.sight import is_segment_free
+from navloom.navigation.line_of_sight import is_segment_free
 
 __all__ = ["fillet_point", "fillet_shape", "fit_fillets", "move_corners", "stations", "turn_at", "warm_up"]
 

@@ -16,8 +16,8 @@ from navloom.messages import (
     Reference,
     Trajectory,
 )
+from navloom.navigation.braking import Braking
 from navloom.navigation.replanning import ReplanRules
-from navloom.navigation.stopping import Braking
 
 __all__ = ["GoalRules", "GoalView"]
 

@@ -11,8 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom.messages import HandOver, OccupancyGrid, Pose2D, RangeScan, Twist2D
-from navloom.navigation import echoes
-from navloom.navigation.echoes import EchoMemory
+from navloom.navigation import echo_memory
+from navloom.navigation.echo_memory import EchoMemory
 from navloom.navigation.monitor_map import surfaces_without_echo
 from navloom.navigation.monitor_rollout import first_touch
 
@@ -102,7 +102,7 @@ def _sinc(turns):  # type: ignore[no-untyped-def]
 
 def warm_up() -> None:
     """Compile the kernels, also those of the echo memory."""
-    echoes.warm_up()
+    echo_memory.warm_up()
     own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
     first_touch(NO_TURN, 0, NOWHERE, NOWHERE, np.empty(0))
 

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom.messages import OccupancyGrid, Pose2D
-from navloom.navigation.blocking import OCCUPIED_FROM
+from navloom.navigation.blocked_trajectory import OCCUPIED_FROM
 
 __all__ = ["NO_SURFACES", "shown_aside", "surfaces_without_echo", "warm_up"]
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from navloom.messages import MapUpdate, Path, Reference, Trajectory
-from navloom.navigation.blocking import first_blocked
+from navloom.navigation.blocked_trajectory import first_blocked
 
 __all__ = ["ReplanRules", "Replanning"]
 

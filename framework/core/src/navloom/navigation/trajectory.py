@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom.navigation import fillets, sight
+from navloom.navigation import fillets, line_of_sight
 from navloom.roles import RobotSpec
 
 __all__ = [
@@ -112,10 +112,10 @@ def make_trajectory(
     slow, fast = limits.radius_at(limits.slowest), limits.radius_at(limits.fastest)
     if traversable is None:
         cells, frame = np.zeros((0, 0), np.bool_), np.array([1.0, 0.0, 0.0])
-        corners, beside = sight.simplify(path, rounding), rounding
+        corners, beside = line_of_sight.simplify(path, rounding), rounding
     else:
         cells, frame = np.ascontiguousarray(traversable, np.bool_), np.array([resolution, *origin])
-        corners, beside = sight.prune(path, cells, resolution, origin), math.inf
+        corners, beside = line_of_sight.prune(path, cells, resolution, origin), math.inf
         # A little more than needed: with exactly `slow`, rounding puts the corner among the slow places.
         corners = fillets.move_corners(corners, cells, frame, 1.01 * slow, fast, 2)
     if len(corners) == 1:
@@ -199,7 +199,7 @@ def free_samples(samples: Floats, traversable: Cells, resolution: float, origin:
     """Whether all chords between samples (n, 6) touch only free cells: checks a trajectory against a newer grid."""
     cells = np.ascontiguousarray(traversable, np.bool_)
     where = (cells, resolution, *origin)
-    return all(sight.is_segment_free(*where, a[1], a[2], b[1], b[2]) for a, b in pairwise(samples))
+    return all(line_of_sight.is_segment_free(*where, a[1], a[2], b[1], b[2]) for a, b in pairwise(samples))
 
 
 def _checked(points: Floats) -> Floats:
@@ -301,7 +301,7 @@ def _place(corners, radii, shares, stations, i, s, sample):  # type: ignore[no-u
 
 def warm_up() -> None:
     """Compile all kernels that turn a path into a trajectory."""
-    sight.warm_up()
+    line_of_sight.warm_up()
     fillets.warm_up()
     path, cells = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.ones((3, 3), np.bool_)
     robot = RobotSpec(path, 1.0, 0.05, 0.2, 0.5, 0.5, 0.5, 0.5)

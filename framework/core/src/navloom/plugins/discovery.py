@@ -14,11 +14,11 @@ from navloom.geometry.world import World
 from navloom.inputs.texts import shortened
 from navloom.messages import Message
 from navloom.parts import OF_FRAMEWORK
-from navloom.plugins.blame import raised_in
+from navloom.plugins.error_origin import raised_in
 from navloom.plugins.loading import Loader, module_of, owner_of
 from navloom.plugins.one_file import available_points
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
-from navloom.plugins.shipped import distribution_of, shipped_names
+from navloom.plugins.shipped_plugins import distribution_of, shipped_names
 from navloom.roles import ROLES, Role
 
 __all__ = ["Discovery", "PluginInfo"]

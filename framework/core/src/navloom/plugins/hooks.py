@@ -90,6 +90,6 @@ class HookSpecs:
         Args:
             run: The same as at the start.
             summary: What `--json` prints; None if the run was cut short, or no goal has ended.
-            episode: The run, a `navloom.runs.episode.Episode`; None with the summary.
-            out: The folder of `--out`, a `navloom.runs.results.OutFolder`, to write further files; None without one.
+            episode: The run, a `navloom.runs.Episode`; None with the summary.
+            out: The folder of `--out`, a `navloom.runs.OutFolder`, to write further files to; None without one.
         """

@@ -12,7 +12,7 @@ from typing import Any
 import pluggy
 
 from navloom.entry_kinds import GROUP, TRACE_HOOKS, CommandPoint
-from navloom.plugins.blame import raised_in
+from navloom.plugins.error_origin import raised_in
 from navloom.plugins.hooks import HookSpecs
 from navloom.plugins.registry import PluginError, Registry
 from navloom.roles import ROLES

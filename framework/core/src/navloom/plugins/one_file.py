@@ -21,7 +21,7 @@ from typing import Any
 
 from navloom.entry_kinds import GROUP, installed_points
 from navloom.messages import Message
-from navloom.plugins.blame import raised_in
+from navloom.plugins.error_origin import raised_in
 from navloom.plugins.hooks import HookSpecs, hookimpl
 from navloom.plugins.registry import NODE, PluginError, Registry
 from navloom.roles import ROLES, Role

@@ -9,17 +9,17 @@ from navloom.parts import lazy_names
 if TYPE_CHECKING:
     from navloom.runs.episode import Episode as Episode
     from navloom.runs.episode import run_episode as run_episode
+    from navloom.runs.episode_trail import Trail as Trail
     from navloom.runs.metrics import METRICS as METRICS
     from navloom.runs.metrics import Metric as Metric
-    from navloom.runs.results import OutFolder as OutFolder
-    from navloom.runs.trail import Trail as Trail
+    from navloom.runs.result_folder import OutFolder as OutFolder
 else:
     __all__, __getattr__ = lazy_names(
         "navloom.runs",
         {
             "navloom.runs.episode": "Episode run_episode",
             "navloom.runs.metrics": "METRICS Metric",
-            "navloom.runs.results": "OutFolder",
-            "navloom.runs.trail": "Trail",
+            "navloom.runs.result_folder": "OutFolder",
+            "navloom.runs.episode_trail": "Trail",
         },
     )

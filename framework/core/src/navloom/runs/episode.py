@@ -12,33 +12,33 @@ import numpy as np
 
 from navloom.config import Loaded
 from navloom.engine import run_warnings
-from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_task
-from navloom.engine.inspecting import StepInspector, some_ticks
 from navloom.engine.lockstep import Lockstep, Observer, RunLog
-from navloom.engine.making import make_plugins
+from navloom.engine.lockstep_builder import lockstep_of
+from navloom.engine.nondeterminism import StepInspector, some_ticks
+from navloom.engine.plugin_factory import make_plugins
 from navloom.engine.run_warnings import RunWarning, RunWarnings
 from navloom.engine.system import System
+from navloom.engine.task_checks import check_task
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
-from navloom.plugins.observing import Onlookers
-from navloom.plugins.owners import Owned, Owners
-from navloom.plugins.printing import LARGEST_OUTPUT, bounded_output
-from navloom.plugins.threads import keeping_alive, started_by, watched_threads
-from navloom.runs import measures
+from navloom.plugins.code_owners import Owned, Owners
+from navloom.plugins.output_limit import LARGEST_OUTPUT, bounded_output
+from navloom.plugins.run_observers import Onlookers
+from navloom.plugins.thread_owners import keeping_alive, started_by, watched_threads
+from navloom.runs import metric_functions
+from navloom.runs.episode_recorder import Recorder
+from navloom.runs.episode_trail import Trail, trail_of, ways_of
 from navloom.runs.observed import run_info
-from navloom.runs.recorder import Recorder
-from navloom.runs.shadows import Disagreement, ShadowWatch
-from navloom.runs.trail import Trail, trail_of, ways_of
+from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
 
 __all__ = ["Episode", "run_episode"]
 
 POSE_ERRORS = {
-    "rms": measures.pose_error_rms,
-    "p95": measures.pose_error_p95,
-    "max": measures.pose_error_max,
+    "rms": metric_functions.pose_error_rms,
+    "p95": metric_functions.pose_error_p95,
+    "max": metric_functions.pose_error_max,
 }
 
 
@@ -91,7 +91,7 @@ class Episode:
             "goal_error_m": trail.goal_distance if trail.has_truth else None,
             "heading_error_rad": trail.heading_error,
             "pose_error_m": None if errors["rms"] is None else errors,
-            "spl": measures.spl(trail),
+            "spl": metric_functions.spl(trail),
             "min_clearance_m": recorder.min_clearance,
             "cross_track_rms_m": math.sqrt(float((cross**2).mean())) if cross.size else None,
             "cross_track_max_m": float(cross.max()) if cross.size else None,

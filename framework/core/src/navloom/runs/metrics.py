@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from navloom.runs import measures
-from navloom.runs.trail import Trail
+from navloom.runs import metric_functions
+from navloom.runs.episode_trail import Trail
 
 if TYPE_CHECKING:
     from navloom.plugins import Discovery
@@ -112,132 +112,137 @@ NOT_NEGATIVE = (0.0, None)
 
 METRICS: tuple[Metric, ...] = (
     Metric(
-        "success", "1", "higher", measures.success,
+        "success", "1", "higher", metric_functions.success,
         "1 if the goal was reached, according to the ground truth if there is one, else 0.",
         SHARE, is_share=True,
     ),
     Metric(
-        "spl", "1", "higher", measures.spl,
+        "spl", "1", "higher", metric_functions.spl,
         "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, both up to the goal's "
         "tolerance. Undefined if no shortest path is known.",
         SHARE,
     ),
     Metric(
-        "barn_2_8", "1", "higher", measures.barn_2_8,
+        "barn_2_8", "1", "higher", metric_functions.barn_2_8,
         "BARN score: success times OT / clip(AT, 2 OT, 8 OT), OT = the world's reference length, or else the shortest "
         "path, at 2 m/s, AT from the first 0.1 m; at best 0.5. Undefined if neither length is known.",
         (0.0, 0.5),
     ),
     Metric(
-        "barn_4_8", "1", "higher", measures.barn_4_8,
+        "barn_4_8", "1", "higher", metric_functions.barn_4_8,
         "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined if neither length is known.",
         (0.0, 0.25),
     ),
     Metric(
-        "time", "s", "lower", measures.time_to_goal,
+        "time", "s", "lower", metric_functions.time_to_goal,
         "Time from the start of the run until the robot last came within the goal's tolerances; a failed episode "
         "counts with the longest time it was allowed.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "path_length", "m", None, measures.path_length,
+        "path_length", "m", None, metric_functions.path_length,
         "Distance driven, failed or not. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "goal_distance", "m", "lower", measures.goal_distance,
+        "goal_distance", "m", "lower", metric_functions.goal_distance,
         "Distance to the goal at the end of the episode. Undefined without a goal, or if a run left no data.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "clearance_min", "m", "higher", measures.clearance_min,
+        "clearance_min", "m", "higher", metric_functions.clearance_min,
         "Least gap between footprint and obstacles; 0 in contact, negative by the depth of an overlap. "
         "Undefined if nothing is near or without ground truth.",
     ),
     Metric(
-        "clearance_p5", "m", "higher", measures.clearance_p5,
+        "clearance_p5", "m", "higher", metric_functions.clearance_p5,
         "5th percentile of the gap over time. Undefined if nothing is near or without ground truth.",
     ),
     Metric(
-        "danger_share", "1", "lower", measures.danger_share,
+        "danger_share", "1", "lower", metric_functions.danger_share,
         "Share of the time in which the gap is at most the robot's stopping distance. "
         "Undefined without ground truth.",
         SHARE,
     ),
     Metric(
-        "cross_track_rms", "m", "lower", measures.cross_track_rms,
+        "cross_track_rms", "m", "lower", metric_functions.cross_track_rms,
         "Root mean square over time of the distance from the trajectory. Undefined if none was driven.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "cross_track_max", "m", "lower", measures.cross_track_max,
+        "cross_track_max", "m", "lower", metric_functions.cross_track_max,
         "Largest distance from the trajectory. Undefined if none was driven.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "jerk", "m/s²", "lower", measures.integrated_jerk,
+        "jerk", "m/s²", "lower", metric_functions.integrated_jerk,
         "Integral of the magnitude of jerk, of the acceleration in the plane averaged over 0.4 s. "
         "Undefined for less than 0.8 s of ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "turning", "rad/m", "lower", measures.turning_per_metre,
+        "turning", "rad/m", "lower", metric_functions.turning_per_metre,
         "Angle turned, either way, per metre driven. Undefined below 0.1 m.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "steering_flips", "1/m", "lower", measures.steering_flips_per_metre,
+        "steering_flips", "1/m", "lower", metric_functions.steering_flips_per_metre,
         "How often the commanded turn rate changed sign by more than 0.05 rad/s either way, per metre driven. "
         "Undefined below 0.1 m.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "stopped_time", "s", "lower", measures.stopped_time,
+        "stopped_time", "s", "lower", metric_functions.stopped_time,
         "Time the robot neither drove 0.02 m/s nor turned 0.02 rad/s. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "avoider_share", "1", None, measures.avoider_share,
+        "avoider_share", "1", None, metric_functions.avoider_share,
         "Share of the time the avoider drove instead of the controller. Undefined without ground truth.",
         SHARE,
     ),
-    Metric("recoveries", "1", "lower", measures.recoveries, "Attempts of the recovery.", NOT_NEGATIVE),
+    Metric("recoveries", "1", "lower", metric_functions.recoveries, "Attempts of the recovery.", NOT_NEGATIVE),
     Metric(
-        "gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot.", NOT_NEGATIVE,
+        "gate_stops",
+        "1",
+        "lower",
+        metric_functions.gate_stops,
+        "How often the gate stopped a driving robot.",
+        NOT_NEGATIVE,
     ),
     Metric(
-        "collisions", "1", "lower", measures.collisions,
+        "collisions", "1", "lower", metric_functions.collisions,
         "Number of contacts; at least 1 if the outcome is collision.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "false_success", "1", "lower", measures.false_success,
+        "false_success", "1", "lower", metric_functions.false_success,
         "1 if the robot reported that it had arrived, and was further from the goal or from the heading asked for than "
         "the tolerance plus 0.1 m or 5°, or than twice a smaller tolerance. Undefined without ground truth.",
         SHARE, is_share=True,
     ),
     Metric(
-        "pose_error_rms", "m", "lower", measures.pose_error_rms,
+        "pose_error_rms", "m", "lower", metric_functions.pose_error_rms,
         "Root mean square of the distance between estimated and true position. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "pose_error_p95", "m", "lower", measures.pose_error_p95,
+        "pose_error_p95", "m", "lower", metric_functions.pose_error_p95,
         "95th percentile of that distance. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "pose_error_max", "m", "lower", measures.pose_error_max,
+        "pose_error_max", "m", "lower", metric_functions.pose_error_max,
         "Largest such distance. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "gate_limits", "1", "lower", measures.gate_limits,
+        "gate_limits", "1", "lower", metric_functions.gate_limits,
         "Number of times the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "heading_error", "rad", "lower", measures.heading_error,
+        "heading_error", "rad", "lower", metric_functions.heading_error,
         "Difference between the final heading and the one asked for. Undefined if none was, or without ground truth.",
         NOT_NEGATIVE,
     ),

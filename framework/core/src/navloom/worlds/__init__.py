@@ -8,8 +8,7 @@ from pathlib import Path
 from navloom.geometry.world import World
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.registry import Registry
-from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of, read_bytes, readable
-from navloom.worlds.paper import (
+from navloom.worlds.paper_world import (
     paper_gates,
     paper_gates_blocked_b,
     paper_gates_blocked_bc,
@@ -17,8 +16,9 @@ from navloom.worlds.paper import (
     paper_gates_open_a,
 )
 from navloom.worlds.rasters import length_of, raster_bounds, wall_height
-from navloom.worlds.small import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
 from navloom.worlds.tomlfile import toml_world
+from navloom.worlds.trial_worlds import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
+from navloom.worlds.world_errors import WorldError, did_you_mean, file_of, options_of, read_bytes, readable
 
 __all__ = [
     "SCHEMES", "WORLDS", "WorldError", "did_you_mean", "file_of", "length_of", "navloom_register", "options_of",

@@ -8,7 +8,7 @@ import numpy as np
 
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Interval, Raster
-from navloom.worlds.errors import WorldError
+from navloom.worlds.world_errors import WorldError
 
 __all__ = ["length_of", "raster_bounds", "wall_height"]
 

@@ -43,9 +43,9 @@ from navloom.geometry.world import Box, Cylinder, Interval, Obstacle, Place, Ras
 from navloom.inputs.bounds import TEXT_MB
 from navloom.inputs.texts import toml_of
 from navloom.parts import part
-from navloom.worlds.errors import WorldError, file_of, read_bytes
 from navloom.worlds.rasters import raster_bounds
-from navloom.worlds.tables import FileTable
+from navloom.worlds.toml_table import FileTable
+from navloom.worlds.world_errors import WorldError, file_of, read_bytes
 
 __all__ = ["toml_world"]
 

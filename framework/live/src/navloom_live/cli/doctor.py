@@ -25,7 +25,7 @@ def doctor(
 
     from navloom.cli.output import print_json
 
-    from navloom_live.operating.doctor import diagnose
+    from navloom_live.operating.diagnosis import diagnose
 
     found = diagnose(robot.robot, robot.connect, robot.keys, "viewer", robot.insecure)
     if as_json:

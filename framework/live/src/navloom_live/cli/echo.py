@@ -34,7 +34,7 @@ def echo(
     """
     from navloom.cli.output import json_line
 
-    from navloom_live.operating.looking import envelope_fields, message_fields
+    from navloom_live.operating.introspection import envelope_fields, message_fields
 
     with robot.look() as client:
         left = count
@@ -59,8 +59,8 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
 
     from navloom_live.live.mailbox import Mailbox
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.looking import resolve, retained, tap
-    from navloom_live.operating.nodes import listing
+    from navloom_live.operating.introspection import resolve, retained, tap
+    from navloom_live.operating.robot_nodes import listing
 
     mailbox = Mailbox()
     taps = tap(client, resolve(key, listing(client)), mailbox)

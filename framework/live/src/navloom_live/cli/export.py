@@ -42,7 +42,7 @@ def systemd(
     from navloom.cli.output import print_json
     from navloom.config import ConfigError, load_config
     from navloom.engine.build import assemble
-    from navloom.engine.checks import check_live
+    from navloom.engine.task_checks import check_live
     from navloom.files import write_whole
 
     from navloom_live.hosting.network import network_of
@@ -104,7 +104,7 @@ def compose(
     from navloom.files import write_whole
     from navloom.runs.provenance import distributions
 
-    from navloom_live.hosting.compose import Compose, compose_files
+    from navloom_live.hosting.compose_files import Compose, compose_files
     from navloom_live.hosting.network import network_of
 
     loaded = load_config(config)

@@ -26,9 +26,9 @@ def hz(
     """Print rate, jitter, age and bandwidth of streams. Ages count from the platform's stamp a message derives from."""
     from navloom.cli.output import print_json, print_table
 
-    from navloom_live.operating.looking import resolve, streams
-    from navloom_live.operating.metering import measure
-    from navloom_live.operating.nodes import listing, run_clock_ns
+    from navloom_live.operating.introspection import resolve, streams
+    from navloom_live.operating.robot_nodes import listing, run_clock_ns
+    from navloom_live.operating.stream_measurement import measure
 
     with robot.look() as client:
         nodes = listing(client)

@@ -41,8 +41,8 @@ def new(
     from navloom.cli.output import print_json
 
     from navloom_live.transport.access import common_name
+    from navloom_live.transport.certificate_folder import new_authority
     from navloom_live.transport.certificates import HOSTS, CertificateRequest
-    from navloom_live.transport.keys import new_authority
 
     order = CertificateRequest(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
     made = new_authority(folder, order)
@@ -76,7 +76,7 @@ def add(
     from navloom.cli.output import print_json
 
     from navloom_live.transport.access import Identity
-    from navloom_live.transport.keys import add_identity
+    from navloom_live.transport.certificate_folder import add_identity
 
     add_identity(folder, Identity(name, kind, instance), host or (), days, datetime.now(UTC))
     if as_json:
@@ -106,7 +106,7 @@ def renew(
 
     from navloom.cli.output import print_json
 
-    from navloom_live.transport.keys import renew as renew_certificates
+    from navloom_live.transport.certificate_folder import renew as renew_certificates
 
     made = renew_certificates(folder, names or (), host or (), days, datetime.now(UTC))
     if as_json:
@@ -134,7 +134,7 @@ def revoke(
 
     from navloom.cli.output import print_json
 
-    from navloom_live.transport.keys import revoke as revoke_certificate
+    from navloom_live.transport.certificate_folder import revoke as revoke_certificate
 
     made = revoke_certificate(folder, name, datetime.now(UTC), days if replace else None)
     if as_json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from navloom.cli.options import AsJson, RobotOptions
 
 if TYPE_CHECKING:
-    from navloom_live.operating.nodes import Node
+    from navloom_live.operating.robot_nodes import Node
 
 __all__ = ["list_nodes"]
 
@@ -43,7 +43,7 @@ def list_nodes(
     from navloom.cli.output import print_json, print_table
 
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.nodes import listing, missing
+    from navloom_live.operating.robot_nodes import listing, missing
 
     with robot.look() as client:
         nodes = listing(client)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from navloom_live.operating.nodes import Node
+    from navloom_live.operating.robot_nodes import Node
 
 __all__ = ["live_edges", "live_nodes", "print_dot", "print_live_graph", "print_nodes"]
 
@@ -18,7 +18,7 @@ __all__ = ["live_edges", "live_nodes", "print_dot", "print_nodes"]
 def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     """Every node, also announced and missing ones, in the order of their steps; `state` is that of `navloom list`."""
     from navloom_live.cli.listing import state
-    from navloom_live.operating.nodes import missing
+    from navloom_live.operating.robot_nodes import missing
 
     found: list[dict[str, Any]] = []
     for node in nodes:
@@ -38,7 +38,7 @@ def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
 
 def live_edges(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     """Every stream into a node, with the number of messages received."""
-    from navloom_live.operating.nodes import answering
+    from navloom_live.operating.robot_nodes import answering
 
     return [
         {"from": stream.rpartition("/")[0], "port": stream.rpartition("/")[2],
@@ -93,7 +93,7 @@ def print_live_graph(robot: Any, as_json: bool, dot: bool) -> None:
     from navloom.cli.output import print_json
 
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.nodes import listing
+    from navloom_live.operating.robot_nodes import listing
 
     with robot.look() as client:
         found = listing(client)

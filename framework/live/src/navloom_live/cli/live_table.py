@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import IO, Any
 
-from navloom.cli.summary import print_summary
+from navloom.cli.run_summary import print_summary
 
 __all__ = ["StatusTable"]
 
@@ -99,7 +99,7 @@ class StatusTable:
         from rich.table import Table
         from rich.text import Text
 
-        from navloom_live.operating.shadowing import COLUMNS, cells_of
+        from navloom_live.operating.shadow_report import COLUMNS, cells_of
 
         feedback = self._run.feedback
         head = Text(f"{robot.keys.prefix}  ")

@@ -33,11 +33,11 @@ def node(
     """
     from navloom.cli.interrupts import ending
     from navloom.engine.build import assemble
-    from navloom.engine.checks import check_live
+    from navloom.engine.task_checks import check_live
 
-    from navloom_live.hosting.by_hand import share_by_hand
     from navloom_live.hosting.node_process import NodeProcess, leave
     from navloom_live.hosting.systemd import notify
+    from navloom_live.hosting.unsupervised_nodes import share_by_hand
 
     system = assemble(given.load())
     check_live(system)
@@ -73,7 +73,7 @@ def router(
 
     from navloom_live.hosting.router_main import route
     from navloom_live.hosting.systemd import notify
-    from navloom_live.operating.joining import split_name
+    from navloom_live.operating.robot_lookup import split_name
     from navloom_live.transport.links import Link, certificate
 
     realm, name = split_name(robot)

@@ -74,10 +74,10 @@ def goal(
 
 def cancel(robot: RobotOptions) -> None:
     """Cancel the goal of a live robot."""
-    from navloom_live.operating import acts
+    from navloom_live.operating import operator_actions
 
     with robot.operate() as client:
-        there_was_one = acts.cancel(client)
+        there_was_one = operator_actions.cancel(client)
     typer.echo("cancelled" if there_was_one else "no goal to cancel")
 
 
@@ -93,10 +93,10 @@ def place(
 
     Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
     """
-    from navloom_live.operating import acts
+    from navloom_live.operating import operator_actions
 
     with robot.operate() as client:
-        warning = acts.place(client, x, y, math.radians(heading))
+        warning = operator_actions.place(client, x, y, math.radians(heading))
     if warning:
         LOG.warning(warning)
     typer.echo(f"placed at ({x:g}, {y:g}), {heading:g}°; `navloom status` shows whether it tracks")
@@ -111,17 +111,17 @@ def stop(
 
     Exit 0: every robot that it is for has stopped.
     """
-    from navloom_live.operating.stopping import stop_robots
+    from navloom_live.operating.stop_command import stop_robots
 
     raise typer.Exit(stop_robots(**vars(robot), every=every))
 
 
 def resume(robot: RobotOptions) -> None:
     """Let a robot drive again after a stop, a contact or teleop."""
-    from navloom_live.operating import acts
+    from navloom_live.operating import operator_actions
 
     with robot.operate() as client:
-        acts.resume(client)
+        operator_actions.resume(client)
     typer.echo("resumed")
 
 
@@ -142,11 +142,11 @@ def swap(
     """
     from navloom.cli.output import print_json
 
-    from navloom_live.operating import acts
+    from navloom_live.operating import operator_actions
 
     with robot.operate() as client:
         try:
-            epoch = acts.swap(client, role, instance, timeout, LOG.info)
+            epoch = operator_actions.swap(client, role, instance, timeout, LOG.info)
         except TimeoutError as error:
             LOG.warning(str(error))
             raise typer.Exit(1) from None
@@ -164,10 +164,10 @@ def get_params(
     as_json: AsJson = False,
 ) -> None:
     """Print the current parameters of an instance."""
-    from navloom_live.operating import acts
+    from navloom_live.operating import operator_actions
 
     with robot.operate() as client:
-        _print_params(acts.get_parameters(client, *_target(client, target)), as_json)
+        _print_params(operator_actions.get_parameters(client, *_target(client, target)), as_json)
 
 
 @params.command("set")
@@ -184,7 +184,7 @@ def set_params(
     """
     from navloom.inputs.assignments import assignments, read_assignment
 
-    from navloom_live.operating import acts
+    from navloom_live.operating import operator_actions
 
     given: dict[str, Any] = {}
     for text in values:
@@ -196,7 +196,7 @@ def set_params(
         given |= [read_assignment(text, "parameter", typer.BadParameter)]
     wanted = assignments(given)
     with robot.operate() as client:
-        _print_params(acts.set_parameters(client, *_target(client, target), wanted), as_json)
+        _print_params(operator_actions.set_parameters(client, *_target(client, target), wanted), as_json)
 
 
 def _target(client: Any, text: str) -> tuple[str, str]:

@@ -37,7 +37,7 @@ def record(
     It records every message, only reads, and never slows the robot.
     """
     from navloom.cli.interrupts import ending
-    from navloom_recording.worldfiles import world_files
+    from navloom_recording.world_attachments import world_files
     from navloom_recording.writer import RecordingWriter
 
     from navloom_live.operating.live_recorder import LiveRecorder, ask_header

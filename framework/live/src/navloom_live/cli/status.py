@@ -10,7 +10,7 @@ from navloom.cli.options import AsJson, RobotOptions
 if TYPE_CHECKING:
     from navloom.engine.shadow_state import ShadowState
 
-    from navloom_live.operating.nodes import Node
+    from navloom_live.operating.robot_nodes import Node
 
 __all__ = ["rows", "status"]
 
@@ -27,10 +27,10 @@ def status(
     from navloom.cli.output import print_json, print_table
 
     from navloom_live.operating.client import ClientError
-    from navloom_live.operating.looking import changed_parameters, last_words
-    from navloom_live.operating.nodes import listing
+    from navloom_live.operating.introspection import changed_parameters, last_words
     from navloom_live.operating.pose_report import pose_now
-    from navloom_live.operating.shadowing import shadows_of
+    from navloom_live.operating.robot_nodes import listing
+    from navloom_live.operating.shadow_report import shadows_of
 
     with robot.look() as client:
         nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
@@ -54,9 +54,9 @@ def _summary(
     changed: Mapping[str, Sequence[str]],
     pose: Any,
 ) -> dict[str, Any]:
-    from navloom_live.operating.looking import message_fields
-    from navloom_live.operating.nodes import missing, platform_age, run_clock_ns
+    from navloom_live.operating.introspection import message_fields
     from navloom_live.operating.pose_report import pose_fields
+    from navloom_live.operating.robot_nodes import missing, platform_age, run_clock_ns
 
     reason, remedy = _why_stopped(words, nodes)
     clock = run_clock_ns(nodes)
@@ -84,8 +84,8 @@ def rows(
     pose: Any = None,
 ) -> list[tuple[str, str]]:
     """The printed lines; rows without a value are left out."""
-    from navloom_live.operating.nodes import missing, run_clock_ns
-    from navloom_live.operating.shadowing import differing_text
+    from navloom_live.operating.robot_nodes import missing, run_clock_ns
+    from navloom_live.operating.shadow_report import differing_text
 
     clock = run_clock_ns(nodes)
     gone = missing(nodes)
@@ -109,7 +109,7 @@ def rows(
 
 
 def _platform(nodes: Sequence[Node]) -> str:
-    from navloom_live.operating.nodes import answering, platform_age
+    from navloom_live.operating.robot_nodes import answering, platform_age
 
     age = platform_age(nodes)
     if age is not None:

@@ -49,7 +49,7 @@ def teleop(
     While teleop runs, nothing else drives. If it dies or its link breaks, the robot stops until `navloom resume`.
     The gate keeps it out of space that no sensor has seen, unless --into-unseen is given; `navloom status` says so.
     """
-    from navloom_live.operating.driver import Driver
+    from navloom_live.operating.teleoperation import Driver
 
     if vx is None and wz is None and not sys.stdin.isatty():
         raise typer.BadParameter("standard input is no terminal: give --vx, --wz and --for")

@@ -13,7 +13,7 @@ import typer
 from navloom.cli.interrupts import ending
 from navloom.cli.options import Insecure, Record, RobotName, RunOptions
 from navloom.cli.output import log_of, say_so
-from navloom.cli.summary import is_reached, print_summary, tell_faults
+from navloom.cli.run_summary import is_reached, print_summary, tell_faults
 
 __all__ = ["down", "up"]
 
@@ -76,8 +76,8 @@ def down(
 
     The robot stops, then its processes end in order. Orphaned processes end too.
     """
-    from navloom_live.hosting.directory import DirectoryError, robots
-    from navloom_live.operating.joining import find_robot
+    from navloom_live.hosting.runtime_folders import DirectoryError, robots
+    from navloom_live.operating.robot_lookup import find_robot
 
     failure: DirectoryError | None = None
     try:
@@ -116,7 +116,7 @@ def _end(running: Any) -> None:
     import os
     import time
 
-    from navloom_live.hosting.directory import DirectoryError, RobotFolder
+    from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder
 
     if not running.supervised:
         target = f"navloom-{running.realm}-{running.robot}.target"
@@ -140,10 +140,10 @@ def _end(running: Any) -> None:
 
 def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) -> None:
     from navloom.cli.output import print_json, stage
-    from navloom.cli.written import Written
+    from navloom.cli.written_files import Written
     from navloom.plugins import Discovery
-    from navloom.plugins.observing import Onlookers
-    from navloom.runs.results import ResultFolder
+    from navloom.plugins.run_observers import Onlookers
+    from navloom.runs.result_folder import ResultFolder
 
     from navloom_live.drives.barrier_run import run_barrier
 
@@ -176,7 +176,7 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
     """Starts a recorder beside a robot that is up, if one is requested; `cut` gets the reason if it fails."""
     if record is None:
         return None
-    from navloom_live.operating.beside import recorder_beside
+    from navloom_live.operating.recorder_process import recorder_beside
 
     return lambda robot: recorder_beside(robot.keys.prefix, record, say, cut, robot.network.insecure)
 
@@ -184,7 +184,7 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
 def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool) -> Any:
     from navloom.config import ConfigError
     from navloom.plugins import Discovery
-    from navloom.plugins.observing import Onlookers
+    from navloom.plugins.run_observers import Onlookers
 
     from navloom_live.cli.live_table import StatusTable
     from navloom_live.drives.live_run import LiveRun

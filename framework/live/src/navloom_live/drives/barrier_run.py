@@ -8,19 +8,19 @@ from typing import IO
 
 from navloom.config import Loaded
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_task
-from navloom.engine.events import schedule
+from navloom.engine.event_schedule import schedule
+from navloom.engine.task_checks import check_task
 from navloom.engine.trace import TraceWriter
-from navloom.plugins.observing import Onlookers
+from navloom.plugins.run_observers import Onlookers
 from navloom.runs.episode import Episode
+from navloom.runs.episode_recorder import Recorder
 from navloom.runs.observed import run_info
-from navloom.runs.recorder import Recorder
 
 from navloom_live.drives.live_warnings import LiveWarnings
+from navloom_live.hosting.live_robot import START, Beside, LiveRobot
 from navloom_live.hosting.network import network_of
-from navloom_live.hosting.robot import START, Beside, LiveRobot
 from navloom_live.live.conductor import BarrierError, Conductor
-from navloom_live.live.switchboard import Switchboard
+from navloom_live.live.process_streams import Switchboard
 
 __all__ = ["run_barrier"]
 

@@ -15,12 +15,12 @@ from typing import Any, Literal
 
 from navloom.config import Loaded
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_live
-from navloom.engine.events import schedule
+from navloom.engine.event_schedule import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
 from navloom.engine.shadow_state import ShadowState
 from navloom.engine.system import System
+from navloom.engine.task_checks import check_live
 from navloom.messages import (
     Envelope,
     Feedback,
@@ -33,26 +33,26 @@ from navloom.messages import (
     Selection,
     StepReport,
 )
-from navloom.plugins.observing import Onlookers
+from navloom.plugins.run_observers import Onlookers
 from navloom.runs.episode import Episode
+from navloom.runs.episode_recorder import Recorder
 from navloom.runs.observed import run_info
-from navloom.runs.recorder import Recorder
 from navloom_recording.excerpt import repeating
 
+from navloom_live.drives.live_observers import LiveShow
 from navloom_live.drives.live_shadows import LiveShadows
-from navloom_live.drives.live_show import LiveShow
 from navloom_live.drives.live_warnings import LiveWarnings
+from navloom_live.hosting.live_robot import START, Beside, LiveRobot
 from navloom_live.hosting.network import network_of
-from navloom_live.hosting.robot import START, Beside, LiveRobot
 from navloom_live.live import requests
-from navloom_live.live.cells import all_sources
+from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.mailbox import Inlet, Mailbox
-from navloom_live.live.placing import spread
+from navloom_live.live.node_placement import spread
+from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.service import GATE, Nothing
-from navloom_live.live.switchboard import Switchboard
-from navloom_live.operating import acts
+from navloom_live.operating import operator_actions
 from navloom_live.operating.client import Client, ClientError, Refused
-from navloom_live.operating.looking import last
+from navloom_live.operating.introspection import last
 from navloom_live.transport.keyspace import FAULT
 
 __all__ = ["LiveRun"]
@@ -312,7 +312,7 @@ class LiveRun:
                 values = requests.Assignments(tuple(request.values))
                 client.call(request.role, request.instance, requests.SET_PARAMETERS, values)
             elif request.do == "place" and request.goal is not None:
-                acts.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
+                operator_actions.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
             else:
                 client.call("gate", "main", GATE[request.do], Nothing())
         except (Refused, ClientError) as error:

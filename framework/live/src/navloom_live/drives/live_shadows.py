@@ -11,14 +11,14 @@ from navloom.engine.difference_units import TOLERANCES
 from navloom.engine.shadow_state import ShadowState
 from navloom.engine.streams import FRAMEWORK_PORTS, MAP
 from navloom.engine.system import System
-from navloom.runs.shadows import Disagreement, ShadowWatch
+from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
 
-from navloom_live.live.cells import all_sources
+from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.mailbox import Inlet, Mailbox
-from navloom_live.live.switchboard import Switchboard
-from navloom_live.operating.shadowing import differing_text
+from navloom_live.live.process_streams import Switchboard
+from navloom_live.operating.shadow_report import differing_text
 from navloom_live.transport.keyspace import SUPERVISOR
-from navloom_live.transport.questions import Desk
+from navloom_live.transport.query_limits import Desk
 
 __all__ = ["LiveShadows"]
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from navloom_live.hosting.directory import DirectoryError, RobotFolder
+from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder
 
 __all__ = ["FolderKeeper"]
 

@@ -10,11 +10,11 @@ from navloom.config.schema import Config
 from navloom.engine.catalogue import catalogue_of
 from navloom.engine.streams import STEP
 
-from navloom_live.hosting.directory import RobotFolder
-from navloom_live.live.cell import Source
+from navloom_live.hosting.runtime_folders import RobotFolder
+from navloom_live.live.live_node import Source
 from navloom_live.transport.keyspace import FAULT, SUPERVISOR
 from navloom_live.transport.links import Endpoint, Link, LinkError, Mesh, certificate, peer_link, settings
-from navloom_live.transport.quality import PARAMETERS
+from navloom_live.transport.quality_of_service import PARAMETERS
 
 __all__ = ["Network", "network_of", "streams_of"]
 

@@ -15,7 +15,7 @@ from navloom.engine.build import assemble
 
 from navloom_live.hosting.heartbeat import Heart
 from navloom_live.hosting.node_process import NodeProcess, Share, leave, longest_seizure
-from navloom_live.hosting.process import (
+from navloom_live.hosting.process_setup import (
     die_with_parent,
     end_on_signal,
     end_unless_called,
@@ -23,7 +23,7 @@ from navloom_live.hosting.process import (
     link_to_json,
     tolerate_write_errors,
 )
-from navloom_live.live.placing import goes_first
+from navloom_live.live.node_placement import goes_first
 
 __all__ = ["main", "share_from_json", "share_to_json"]
 

@@ -10,36 +10,36 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from navloom.engine.assembly import own_node
 from navloom.engine.catalogue import FRAMEWORK, Catalogue
-from navloom.engine.making import configure, make_plugins, role_nodes
-from navloom.engine.nodes.gate import GateNode
-from navloom.engine.nodes.goal import GoalNode
-from navloom.engine.nodes.node import Node
+from navloom.engine.lockstep_builder import own_node
+from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.goal_node import GoalNode
+from navloom.engine.nodes.node_base import Node
+from navloom.engine.plugin_factory import configure, make_plugins, role_nodes
 from navloom.engine.system import System
 from navloom.messages import Parameters
-from navloom.plugins.owners import home_of, place_in
+from navloom.plugins.code_owners import home_of, place_in
 
-from navloom_live.hosting.added_instances import AddedInstances
-from navloom_live.hosting.forking import keep_from_children
+from navloom_live.hosting.addition_wiring import AddedInstances
+from navloom_live.hosting.fork_inheritance import keep_from_children
 from navloom_live.hosting.heartbeat import StopDetector
+from navloom_live.hosting.node_services import Services
 from navloom_live.hosting.process_warnings import ProcessWarnings
-from navloom_live.hosting.services import Services
 from navloom_live.live.barrier import BarrierEnded
 from navloom_live.live.barrier_runner import BarrierRunner
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import Hosted, all_sources, make_cell
-from navloom_live.live.live import LiveRunner
 from navloom_live.live.live_gate import LiveGate
 from navloom_live.live.live_goal import LiveGoal
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import Hosted, all_sources, make_cell
 from navloom_live.live.live_platform import LivePlatform
-from navloom_live.live.memory import Memory
-from navloom_live.live.monitor import MemoryReader
-from navloom_live.live.placing import spread
+from navloom_live.live.live_runner import LiveRunner
+from navloom_live.live.node_placement import spread
 from navloom_live.live.presence import Presence, life_here
+from navloom_live.live.process_streams import Switchboard
+from navloom_live.live.replicated_state import Memory
+from navloom_live.live.replicated_state_reader import MemoryReader
 from navloom_live.live.requests import Extend, Extended
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.switchboard import Switchboard
 from navloom_live.transport.keyspace import ATTENDANT, LINKED, KeySpace
 from navloom_live.transport.links import Link
 from navloom_live.transport.zenoh_bus import Bus, BusError

@@ -10,7 +10,7 @@ from navloom.config import Loaded
 
 from navloom_live.hosting.node_main import share_to_json
 from navloom_live.hosting.node_process import Share, longest_seizure
-from navloom_live.hosting.process import link_to_json
+from navloom_live.hosting.process_setup import link_to_json
 from navloom_live.transport.links import Link
 
 __all__ = ["NODE", "ProcessTask", "node_task", "router_task"]

@@ -11,12 +11,12 @@ from navloom.engine import run_warnings
 from navloom.engine.build import stride_of
 from navloom.engine.run_warnings import Heard, RunWarning, RunWarnings, Volume
 from navloom.engine.system import System
-from navloom.plugins.owners import Owned, Owners
-from navloom.plugins.printing import LARGEST_OUTPUT, bounded_output
-from navloom.plugins.threads import keeping_alive, started_by, watched_threads
+from navloom.plugins.code_owners import Owned, Owners
+from navloom.plugins.output_limit import LARGEST_OUTPUT, bounded_output
+from navloom.plugins.thread_owners import keeping_alive, started_by, watched_threads
 
-from navloom_live.live.cell import Cell, Source
-from navloom_live.live.live import LiveRunner
+from navloom_live.live.live_node import Cell, Source
+from navloom_live.live.live_runner import LiveRunner
 
 __all__ = ["ProcessWarnings"]
 

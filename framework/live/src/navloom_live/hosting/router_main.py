@@ -10,8 +10,8 @@ from pathlib import Path
 
 from navloom.crashes import dump_when_broken
 
-from navloom_live.hosting.process import die_with_parent, end_on_signal, link_from_json
-from navloom_live.hosting.succession import Router
+from navloom_live.hosting.process_setup import die_with_parent, end_on_signal, link_from_json
+from navloom_live.hosting.router_replacement import Router
 from navloom_live.transport.links import Link
 
 __all__ = ["main", "route"]

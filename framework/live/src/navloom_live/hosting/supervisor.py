@@ -18,14 +18,14 @@ from pathlib import Path
 from navloom.config.tables import LiveTable
 
 from navloom_live.hosting.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
-from navloom_live.hosting.directory import Fate, RobotFolder
 from navloom_live.hosting.folder_keeper import FolderKeeper
+from navloom_live.hosting.fork_server import READY, ForkedProcess, Nursery
 from navloom_live.hosting.heartbeat import HeartMonitor
 from navloom_live.hosting.node_process import HUNG
-from navloom_live.hosting.nursery import READY, ForkedProcess, Nursery
-from navloom_live.hosting.process import SEIZED
 from navloom_live.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
+from navloom_live.hosting.process_setup import SEIZED
 from navloom_live.hosting.process_tasks import NODE, ProcessTask
+from navloom_live.hosting.runtime_folders import Fate, RobotFolder
 from navloom_live.hosting.shared_memory import remove_orphans
 from navloom_live.transport.keyspace import SUPERVISOR
 

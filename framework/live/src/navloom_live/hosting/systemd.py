@@ -16,9 +16,9 @@ from navloom.engine.system import System
 from navloom_live.hosting.network import Network
 from navloom_live.hosting.node_main import CONTROL_PRIORITY
 from navloom_live.hosting.node_process import longest_step
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import all_sources
-from navloom_live.live.placing import goes_first, spread
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import all_sources
+from navloom_live.live.node_placement import goes_first, spread
 
 __all__ = ["UnitCommand", "notify", "units"]
 

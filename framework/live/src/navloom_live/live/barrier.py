@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from navloom.errors import NavloomError
 from navloom.messages import Envelope, Message, StepReport
 
-from navloom_live.live.cell import Source
+from navloom_live.live.live_node import Source
 from navloom_live.live.mailbox import Inlet, Mailbox
 
 __all__ = ["Barrier", "BarrierEnded", "InstanceProgress"]

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.engine.nodes.gate import GateNode
-from navloom.engine.nodes.goal import GoalNode
-from navloom.engine.nodes.localizer import LocalizerNode
-from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.goal_node import GoalNode
+from navloom.engine.nodes.localizer_node import LocalizerNode
+from navloom.engine.nodes.node_base import Tick
 from navloom.engine.system import System
 from navloom.engine.wiring import QueueWire
 from navloom.messages import OperatorRequest, Selection
 
 from navloom_live.live.barrier import Barrier, BarrierEnded
-from navloom_live.live.cell import Cell, Feed, Source
+from navloom_live.live.live_node import Cell, Feed, Source
 
 __all__ = ["BarrierRunner"]
 

@@ -25,13 +25,13 @@ from navloom.messages import (
 )
 from navloom.messages.codec import schema_label
 from navloom.messages.steps import StepReport
-from navloom.navigation.stopping import Ending
+from navloom.navigation.braking import Ending
 
 from navloom_live.live.barrier import Barrier
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import all_sources
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.mailbox import Inlet, Mailbox
-from navloom_live.live.switchboard import Switchboard
+from navloom_live.live.process_streams import Switchboard
 
 __all__ = ["BarrierError", "Conductor"]
 

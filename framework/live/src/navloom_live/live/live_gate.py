@@ -8,19 +8,19 @@ from collections.abc import Callable, Iterator
 
 from navloom.engine.build import stride_of
 from navloom.engine.hold import LEAD, hold
-from navloom.engine.nodes.gate import GateNode
-from navloom.engine.nodes.node import Tick
-from navloom.engine.nodes.told import Obeyed
+from navloom.engine.nodes.executor_inputs import Obeyed
+from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.node_base import Tick
 from navloom.engine.system import System
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport, StopReason
 
-from navloom_live.live.cell import Feed, Source
-from navloom_live.live.cells import Hosted, Widening, all_sources
-from navloom_live.live.live import LiveRunner
+from navloom_live.live.live_node import Feed, Source
+from navloom_live.live.live_node_builder import Hosted, Widening, all_sources
+from navloom_live.live.live_runner import LiveRunner
 from navloom_live.live.mailbox import Inlet
-from navloom_live.live.placing import are_on_one_host
+from navloom_live.live.node_placement import are_on_one_host
 from navloom_live.live.presence import Presence
-from navloom_live.live.restarts import RestartWatch, RivalWatch
+from navloom_live.live.publisher_restarts import RestartWatch, RivalWatch
 from navloom_live.live.run_clock import RunClock
 
 __all__ = ["BETWEEN", "CHECK", "LiveGate"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.goal_node import GoalNode
 from navloom.messages import Envelope, OperatorRequest, StepReport
 
-from navloom_live.live.cell import Source
-from navloom_live.live.cells import Hosted
-from navloom_live.live.live import LiveRunner
-from navloom_live.live.restarts import RestartWatch
+from navloom_live.live.live_node import Source
+from navloom_live.live.live_node_builder import Hosted
+from navloom_live.live.live_runner import LiveRunner
+from navloom_live.live.publisher_restarts import RestartWatch
 from navloom_live.live.run_clock import RunClock
 
 __all__ = ["LiveGoal"]

@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.nodes.node import Outputs, Tick
-from navloom.engine.nodes.platform import PlatformNode
+from navloom.engine.nodes.node_base import Outputs, Tick
+from navloom.engine.nodes.platform_node import PlatformNode
 from navloom.engine.stepper import fault_text
 from navloom.messages import Command, InputRead, Twist2D
 
-from navloom_live.live.cell import Feed, Source
-from navloom_live.live.cells import Hosted
-from navloom_live.live.live import IDLE, LiveRunner
-from navloom_live.live.restarts import RivalWatch
+from navloom_live.live.live_node import Feed, Source
+from navloom_live.live.live_node_builder import Hosted
+from navloom_live.live.live_runner import IDLE, LiveRunner
+from navloom_live.live.publisher_restarts import RivalWatch
 from navloom_live.live.run_clock import RunClock
 
 __all__ = ["LivePlatform"]

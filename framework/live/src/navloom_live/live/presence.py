@@ -10,7 +10,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterable
 
-from navloom_live.live.cell import Source
+from navloom_live.live.live_node import Source
 from navloom_live.transport.keyspace import KeySpace, key_part
 
 __all__ = ["Presence", "life_here"]

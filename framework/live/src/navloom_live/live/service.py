@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from navloom.errors import NavloomError
 from navloom.inputs.typed_json import from_builtins
 
-from navloom_live.transport.once import REQUEST, Once
-from navloom_live.transport.questions import QuestionError, read_question
+from navloom_live.transport.idempotent_requests import REQUEST, Once
+from navloom_live.transport.query_limits import QuestionError, read_question
 from navloom_live.transport.zenoh_bus import Question
 
 if TYPE_CHECKING:

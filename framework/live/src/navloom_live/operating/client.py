@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from navloom.errors import NavloomError
 from navloom.inputs.typed_json import from_json
 
-from navloom_live.hosting.directory import RobotFolder
+from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.live.service import STOP, Answered, Asked, Nothing, Service, request_bytes
 from navloom_live.transport.keyspace import LINKED, SUPERVISOR, KeySpace
-from navloom_live.transport.questions import TOO_MANY
+from navloom_live.transport.query_limits import TOO_MANY
 from navloom_live.transport.zenoh_bus import TIMED_OUT, Answer, Bus
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import contextlib
 from collections.abc import Container
 
 from navloom_live.hosting.descendants import Descendant, descendants, status_of
-from navloom_live.hosting.directory import Fate, RobotFolder, runtime_folder
-from navloom_live.operating.findings import Finding
+from navloom_live.hosting.runtime_folders import Fate, RobotFolder, runtime_folder
+from navloom_live.operating.health_findings import Finding
 
 __all__ = ["fate_in_words", "is_stopped", "left_behind", "left_running", "restarting", "strays"]
 

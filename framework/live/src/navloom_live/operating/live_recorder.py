@@ -14,16 +14,16 @@ from navloom.config import Loaded
 from navloom.engine.catalogue import catalogue_of
 from navloom.inputs.typed_json import from_json
 from navloom.messages.codec import CodecError, read_envelope
-from navloom.plugins.opening import OPENER
-from navloom_recording.counting import RecorderCounts
-from navloom_recording.header import RecordingHeader, header_of
+from navloom.plugins.message_opening import OPENER
+from navloom_recording.recorder_counts import RecorderCounts
+from navloom_recording.recording_header import RecordingHeader, header_of
 from navloom_recording.writer import RecordingWriter, WriteError
 
 from navloom_live.hosting.network import streams_of
 from navloom_live.live.description import ProcessConfig
 from navloom_live.operating.client import Client, ClientError
 from navloom_live.transport.keyspace import ATTENDANT, FAULT, GAINED, LINKED
-from navloom_live.transport.quality import retained_ports
+from navloom_live.transport.quality_of_service import retained_ports
 
 __all__ = ["LiveRecorder", "ask_header"]
 

@@ -8,9 +8,9 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from navloom.errors import NavloomError
 
 from navloom_live.operating.client import Client
-from navloom_live.operating.exposition import CONTENT_TYPE, Stops, exposition
-from navloom_live.operating.listening import Listening
-from navloom_live.operating.nodes import listing, missing
+from navloom_live.operating.prometheus_metrics import CONTENT_TYPE, Stops, exposition
+from navloom_live.operating.robot_nodes import listing, missing
+from navloom_live.operating.stream_subscription import Listening
 
 __all__ = ["BindError", "MetricsServer"]
 

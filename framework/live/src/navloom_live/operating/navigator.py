@@ -15,12 +15,12 @@ from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom_live.live.mailbox import Inlet, Mailbox, Packet
 from navloom_live.live.requests import CANCEL, SUBMIT, Submit
 from navloom_live.live.service import Nothing
-from navloom_live.operating import acts
+from navloom_live.operating import operator_actions
 from navloom_live.operating.client import Client, ClientError, Refused
-from navloom_live.operating.joining import join
-from navloom_live.operating.listening import Listening
-from navloom_live.operating.looking import last
-from navloom_live.transport.quality import kind_of, most_of
+from navloom_live.operating.introspection import last
+from navloom_live.operating.robot_lookup import join
+from navloom_live.operating.stream_subscription import Listening
+from navloom_live.transport.quality_of_service import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
 
@@ -232,7 +232,7 @@ class Navigator:
 
     def cancel(self) -> bool:
         """Cancel the current goal; False if there is none."""
-        return acts.cancel(self.client)
+        return operator_actions.cancel(self.client)
 
     def stop(self) -> None:
         """Stop the robot until `resume`."""
@@ -240,7 +240,7 @@ class Navigator:
 
     def resume(self) -> None:
         """Let the robot drive again after a stop or a contact."""
-        acts.resume(self.client)
+        operator_actions.resume(self.client)
 
     def place(self, x: float, y: float, heading: float) -> str:
         """Tell the robot where it is. A goal that it drives to is planned again from there.
@@ -258,7 +258,7 @@ class Navigator:
             Refused: The place is outside the map, a number is not finite, or the active localizer accepts no pose;
                 ClientError: there is no localizer, or it does not answer.
         """
-        return acts.place(self.client, x, y, heading)
+        return operator_actions.place(self.client, x, y, heading)
 
     def swap(
         self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None
@@ -277,7 +277,7 @@ class Navigator:
             Refused: There is no such instance, and none can be started; TimeoutError: it was not ready within
                 `timeout`, s.
         """
-        return acts.swap(self.client, role, instance, timeout, say)
+        return operator_actions.swap(self.client, role, instance, timeout, say)
 
     def listen(self, streams: Sequence[str]) -> Listening:
         """Subscribe to streams, each given as role/port; `take` of the result returns new messages."""
@@ -285,7 +285,7 @@ class Navigator:
 
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
         """Parameters of an instance, for example role avoider and instance vff."""
-        return acts.get_parameters(self.client, role, instance)
+        return operator_actions.get_parameters(self.client, role, instance)
 
     def set_parameters(self, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
         """Change parameters between two ticks, all or none.
@@ -297,7 +297,7 @@ class Navigator:
         Raises:
             Refused: One of them is not valid.
         """
-        return acts.set_parameters(self.client, role, instance, assignments)
+        return operator_actions.set_parameters(self.client, role, instance, assignments)
 
     def _inlet(self, role: str, instance: str, port: str, limit: int = 64) -> Inlet:
         key = self.client.keys.port(role, instance, port)

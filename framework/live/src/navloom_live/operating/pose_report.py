@@ -12,8 +12,8 @@ from navloom.messages import PoseEstimate
 
 from navloom_live.live.mailbox import Mailbox
 from navloom_live.operating.client import Client
-from navloom_live.operating.looking import tap
-from navloom_live.operating.nodes import Node, answering
+from navloom_live.operating.introspection import tap
+from navloom_live.operating.robot_nodes import Node, answering
 
 __all__ = ["pose_fields", "pose_now"]
 

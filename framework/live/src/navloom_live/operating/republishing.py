@@ -14,13 +14,13 @@ from navloom.engine.catalogue import FRAMEWORK, catalogue_of
 from navloom.messages import SCHEMAS, Envelope, Message
 from navloom.messages.codec import CodecError, redirected
 from navloom_recording.reader import RawRecorded, Recording
-from navloom_recording.replaying import recorded_instances
+from navloom_recording.step_replay import recorded_instances
 
-from navloom_live.hosting.directory import DirectoryError, RobotFolder, Running
+from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder, Running
 from navloom_live.live.description import Description, ProcessConfig
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.links import Link
-from navloom_live.transport.quality import is_retained, quality_of
+from navloom_live.transport.quality_of_service import is_retained, quality_of
 from navloom_live.transport.zenoh_bus import Bus, Publication, Question
 
 __all__ = ["REALM", "republish"]

@@ -19,7 +19,7 @@ GAINED = "gained"
 ATTENDANT = "attendant"
 """Process name under which a recorder announces that it listens; no process has this name."""
 CLAIM = "claim"
-"""Key part of the liveliness tokens by which a process claims its nodes, see `hosting.claims`."""
+"""Key part of the liveliness tokens by which a process claims its nodes, see `hosting.node_claims`."""
 SUPERVISOR = "supervisor"
 """Process name under which `navloom up` serves requests that concern the robot's processes."""
 LARGEST = 64 * 2**20

@@ -288,7 +288,7 @@ def _credentials(link: Link, now: datetime) -> dict[str, Any]:
     mode = key.stat().st_mode
     if mode & 0o077:
         raise LinkError(f"private key {key}: other users can read it (mode {mode & 0o777:04o}); `chmod 600 {key}`")
-    from navloom_live.transport.validity import why_unusable  # takes 60 ms to load: only for TLS
+    from navloom_live.transport.certificate_validity import why_unusable  # takes 60 ms to load: only for TLS
 
     why = why_unusable(certificate, key, authority, now)
     if why:

@@ -21,7 +21,7 @@ def expiring(folder: Path | None) -> tuple[str, ...]:
     """Warnings about certificates of a folder that expire soon, as text; empty without a folder."""
     if folder is None:
         return ()
-    from navloom_live.transport.validity import expiry_warnings  # takes 60 ms to load: only for TLS
+    from navloom_live.transport.certificate_validity import expiry_warnings  # takes 60 ms to load: only for TLS
 
     return expiry_warnings(folder, datetime.now(UTC))
 

@@ -14,7 +14,7 @@ from navloom_live.transport.sender import Sender
 from navloom_live.transport.zenoh_session import TIMED_OUT, Answer, Question, Receive
 
 if TYPE_CHECKING:  # without messages and numpy a router restarts in a moment
-    from navloom_live.transport.quality import Quality
+    from navloom_live.transport.quality_of_service import Quality
 
 __all__ = ["TIMED_OUT", "Answer", "Bus", "BusError", "Publication", "Question"]
 

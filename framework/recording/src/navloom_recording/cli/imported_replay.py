@@ -34,9 +34,9 @@ def replay_imported(
         place: Map and start, in place of those of the import.
     """
     from navloom.cli.output import print_json, stage
-    from navloom.cli.written import tell_out
+    from navloom.cli.written_files import tell_out
     from navloom.config import ConfigError
-    from navloom.runs.results import MAP, OutFolder
+    from navloom.runs.result_folder import MAP, OutFolder
 
     from navloom_recording.cli.substitute_output import can_draw
     from navloom_recording.log_replay import place_in_map, replay_log
@@ -96,7 +96,7 @@ def _tell(found: Any, summary: dict[str, Any]) -> None:
 def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]:
     """result.json, pictures of the map and of the localizer's track, and an avoider's ticks."""
     from navloom.cli.output import json_bytes
-    from navloom.runs.shadows import shadow_table
+    from navloom.runs.shadow_comparison import shadow_table
 
     from navloom_recording.log_replay import DRIVER
 
@@ -108,7 +108,7 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
     if found.poses is not None:
         files["poses.csv"] = found.pose_table().encode()
     if has_part("navloom_study"):
-        picture = part("navloom_study.report.picture")
+        picture = part("navloom_study.report.run_picture")
         if found.map is not None:
             files["map.png"] = picture.png_of(picture.draw_map_update(found.map, found.way))
         if found.poses is not None and len(found.poses):

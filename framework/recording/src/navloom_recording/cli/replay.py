@@ -13,8 +13,8 @@ from navloom.cli.tracebacks import with_traceback_of
 from navloom.parts import part
 
 if TYPE_CHECKING:
-    from navloom_recording.check import NodeCheck
     from navloom_recording.excerpt import Excerpt
+    from navloom_recording.replay_check import NodeCheck
 
 __all__ = ["replay"]
 
@@ -76,7 +76,7 @@ def replay(
     from navloom_recording.cli.imported_replay import replay_imported
     from navloom_recording.excerpt import excerpt_of
     from navloom_recording.reader import Recording
-    from navloom_recording.worldfiles import with_world
+    from navloom_recording.world_attachments import with_world
 
     given = {"avoider": avoider, "controller": controller, "planner": planner, "mapper": mapper, "localizer": localizer}
     stand_ins = [(role, name) for role, name in given.items() if name is not None]
@@ -122,7 +122,7 @@ def replay(
 
 def tell_reading(recording: Any) -> None:
     """Log what a user should know of a recording: an incomplete end, and messages that are unknown here."""
-    from navloom.plugins.opening import OPENER
+    from navloom.plugins.message_opening import OPENER
 
     if recording.header.config is not None:
         OPENER.block(recording.header.loaded().config.plugins.blocked)
@@ -132,13 +132,13 @@ def tell_reading(recording: Any) -> None:
 
 def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: Path | None, as_json: bool) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
-    from navloom.cli.written import tell_out
-    from navloom.runs.results import OutFolder
+    from navloom.cli.written_files import tell_out
+    from navloom.runs.result_folder import OutFolder
 
-    from navloom_recording.check import check, installed_part
     from navloom_recording.excerpt import DebuggerLeft
-    from navloom_recording.needed import refuse_missing
-    from navloom_recording.replaying import Replayer
+    from navloom_recording.missing_plugins import refuse_missing
+    from navloom_recording.replay_check import check, installed_part
+    from navloom_recording.step_replay import Replayer
 
     refuse_missing(recording, loaded.config)
     with OutFolder(out, ("result.json",)) as folder:
@@ -215,12 +215,12 @@ def _substitute(
     as_json: bool,
 ) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
-    from navloom.cli.written import tell_out
-    from navloom.runs.results import OutFolder
-    from navloom.runs.shadows import shadow_table
+    from navloom.cli.written_files import tell_out
+    from navloom.runs.result_folder import OutFolder
+    from navloom.runs.shadow_comparison import shadow_table
 
     from navloom_recording.cli.substitute_output import can_draw, tell_substitute
-    from navloom_recording.needed import refuse_missing
+    from navloom_recording.missing_plugins import refuse_missing
     from navloom_recording.substitutes import substitute, substitute_config
 
     roles = [role for role, _ in stand_ins]

@@ -108,12 +108,12 @@ def compare(
     --twice found a difference; 2: the request was wrong.
     """
     from navloom.cli.output import print_json
-    from navloom.runs.results import failure_of
+    from navloom.runs.result_folder import failure_of
 
     from navloom_study.compare import plan_study, run_study
-    from navloom_study.journal import StudyError
-    from navloom_study.pool import PoolError
-    from navloom_study.worldset import seeds_of
+    from navloom_study.study_folder import StudyError
+    from navloom_study.study_worlds import seeds_of
+    from navloom_study.worker_pool import PoolError
 
     if live:
         _refuse_beside_live(jobs, scheduler, open_loop, twice, view)
@@ -199,7 +199,7 @@ def _show(study: Study, where: Any, as_json: bool) -> None:
     """Drive one episode of each method in one picture, and print the outcomes."""
     from navloom.cli.output import print_json, print_table
 
-    from navloom_study.worldset import placed
+    from navloom_study.study_worlds import placed
 
     world, seed = study.worlds[0], study.seeds[0]
     methods = {m.name: placed(m.loaded.to_json(), world.values, seed, study.here) for m in study.methods}
@@ -227,7 +227,7 @@ def _reported(result: StudyResult, out: Path) -> StudyResult:
     """Write the report beside the tables, and add its files to the result."""
     from dataclasses import replace
 
-    from navloom_study.report.report import FILES, PLOTS_MISSING, write_report
+    from navloom_study.report.study_report import FILES, PLOTS_MISSING, write_report
 
     if result.missing:  # the report is made from these tables
         return result
@@ -291,7 +291,7 @@ def _mean(found: Mapping[str, Any], metric: str) -> Any:
 
 def _truths(result: StudyResult) -> Iterator[str]:
     """For each method, successes that the ground truth refutes, and those without a ground truth."""
-    from navloom.runs.trail import FALSE_SUCCESS
+    from navloom.runs.episode_trail import FALSE_SUCCESS
 
     for method in result.study.methods:
         rows = [row for row in result.rows if row.key.method == method.name]

@@ -37,10 +37,10 @@ def map_recording(
     Without --out nothing is written.
     """
     from navloom.cli.output import print_json, print_table
-    from navloom.cli.written import tell_out
-    from navloom.runs.results import MAP, OutFolder
+    from navloom.cli.written_files import tell_out
+    from navloom.runs.result_folder import MAP, OutFolder
 
-    from navloom_study.sweeps import find_floor, map_sweep, read_recording, sweep_of
+    from navloom_study.recorded_sweeps import find_floor, map_sweep, read_recording, sweep_of
 
     with OutFolder(out, ("result.json", "map.png", *MAP)) as folder:
         recording = read_recording(file)
@@ -72,7 +72,7 @@ def map_recording(
 def _files(mapped: Any, result: dict[str, Any]) -> dict[str, bytes]:
     import json
 
-    from navloom_study.report.picture import draw_map_update, png_of
+    from navloom_study.report.run_picture import draw_map_update, png_of
 
     text = json.dumps(result, indent=2) + "\n"
     return {"result.json": text.encode(), "map.png": png_of(draw_map_update(mapped.update))}

@@ -25,9 +25,9 @@ def report(
     The files are report.html, report.md, summary.csv and differences.csv.
     """
     from navloom.cli.output import print_json
-    from navloom.runs.results import failure_of
+    from navloom.runs.result_folder import failure_of
 
-    from navloom_study.report.report import FILES, PLOTS_MISSING, write_report
+    from navloom_study.report.study_report import FILES, PLOTS_MISSING, write_report
 
     made = write_report(folder, baseline)
     names = [name for name in FILES if name not in made.missing]

@@ -10,14 +10,14 @@ if TYPE_CHECKING:
     from navloom.palette import GREY as GREY
     from navloom.palette import OKABE_ITO as OKABE_ITO
 
-    from navloom_study.report.html import Section as Section
-    from navloom_study.report.html import code as code
-    from navloom_study.report.html import figure as figure
-    from navloom_study.report.html import heading as heading
-    from navloom_study.report.html import listing as listing
-    from navloom_study.report.html import page as page
-    from navloom_study.report.html import paragraph as paragraph
-    from navloom_study.report.html import table as table
+    from navloom_study.report.html_page import Section as Section
+    from navloom_study.report.html_page import code as code
+    from navloom_study.report.html_page import figure as figure
+    from navloom_study.report.html_page import heading as heading
+    from navloom_study.report.html_page import listing as listing
+    from navloom_study.report.html_page import page as page
+    from navloom_study.report.html_page import paragraph as paragraph
+    from navloom_study.report.html_page import table as table
     from navloom_study.report.plotting import MM as MM
     from navloom_study.report.plotting import need_matplotlib as need_matplotlib
     from navloom_study.report.plotting import new_figure as new_figure
@@ -29,7 +29,7 @@ else:
         "navloom_study.report",
         {
             "navloom.palette": "GREY OKABE_ITO",
-            "navloom_study.report.html": "Section code figure heading listing page paragraph table",
+            "navloom_study.report.html_page": "Section code figure heading listing page paragraph table",
             "navloom_study.report.plotting": "MM need_matplotlib new_figure png_of styled svg_of",
         },
     )

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from navloom.messages import OUTCOMES
 from navloom.palette import GREY, OKABE_ITO
+from navloom.runs.episode_trail import FALSE_SUCCESS
 from navloom.runs.metrics import Metric
-from navloom.runs.trail import FALSE_SUCCESS
 
-from navloom_study.report.data import StudyFiles
 from navloom_study.report.plotting import new_figure, styled
+from navloom_study.report.study_files import StudyFiles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

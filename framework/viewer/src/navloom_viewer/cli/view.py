@@ -13,7 +13,7 @@ from navloom.cli.output import log_of, say_so
 from navloom.parts import part
 
 if TYPE_CHECKING:
-    from navloom_viewer.showing import Where
+    from navloom_viewer.viewer_session import Where
 
 __all__ = ["view"]
 
@@ -42,7 +42,7 @@ def view(
 
     The viewer only reads: it cannot slow the robot, whatever happens to it.
     """
-    from navloom_viewer.extra import ViewerError
+    from navloom_viewer.viewer_errors import ViewerError
 
     if file is not None and not file.is_file():
         raise ViewerError(f"{file}: there is no such file; expected a recording, as `navloom record` writes it")
@@ -66,9 +66,9 @@ def view(
 
 
 def _file(file: Path, where: Where) -> Any:
-    from navloom_viewer.extra import ViewerError
     from navloom_viewer.program import Program
-    from navloom_viewer.showing import showing
+    from navloom_viewer.viewer_errors import ViewerError
+    from navloom_viewer.viewer_session import showing
 
     if file.suffix == ".rrd":
         if not where.opens:
@@ -80,7 +80,7 @@ def _file(file: Path, where: Where) -> Any:
     from navloom_recording.cli.replay import tell_reading
     from navloom_recording.reader import Recording
 
-    from navloom_viewer.sources import facts_of_recording, recorded_messages
+    from navloom_viewer.message_sources import facts_of_recording, recorded_messages
 
     with Recording(file) as recording:
         tell_reading(recording)
@@ -97,9 +97,9 @@ def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
     from navloom.cli.interrupts import ending
     from navloom.messages.generic import GenericMessage
 
-    from navloom_viewer.order import NICE
-    from navloom_viewer.showing import showing
-    from navloom_viewer.sources import facts_of_header, live_messages
+    from navloom_viewer.drawing_task import NICE
+    from navloom_viewer.message_sources import facts_of_header, live_messages
+    from navloom_viewer.viewer_session import showing
 
     os.nice(NICE)  # before the network's threads start: each thread has a priority of its own
     with ending() as event, robot.look() as client:
@@ -134,7 +134,7 @@ def _foxglove(port: int, seconds: float | None, robot: RobotOptions) -> None:
     from navloom.cli.interrupts import ending
 
     from navloom_viewer.foxglove import FoxgloveServer
-    from navloom_viewer.sources import facts_of_header, live_messages
+    from navloom_viewer.message_sources import facts_of_header, live_messages
 
     with ending() as event, robot.look() as client:
         header = part("navloom_live.operating.live_recorder", "a live robot").ask_header(client)

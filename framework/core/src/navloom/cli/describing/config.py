@@ -24,7 +24,7 @@ def show(given: ConfigOptions, as_json: AsJson = False) -> None:
     """
     from navloom.cli.output import print_json, print_table
     from navloom.engine.build import assemble
-    from navloom.engine.holding import holding
+    from navloom.engine.effective_config import holding
 
     loaded = given.load()
     rows = holding(assemble(loaded))
@@ -63,8 +63,8 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     """
     from navloom.cli.output import print_json
     from navloom.engine.build import assemble
-    from navloom.engine.checks import check_live, check_task, is_real
-    from navloom.engine.making import try_plugins
+    from navloom.engine.plugin_factory import try_plugins
+    from navloom.engine.task_checks import check_live, check_task, is_real
     from navloom.parts import has_part, part
 
     loaded = given.load()

@@ -46,7 +46,7 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
     from navloom.cli.output import print_json
     from navloom.config import load_config
     from navloom.engine.build import assemble
-    from navloom.engine.graph import edges
+    from navloom.engine.node_graph import edges
 
     system = assemble(load_config(config, changes))
     wires = edges(system.specs)

@@ -98,7 +98,7 @@ def _show_role(role: str, discovery: Discovery, as_json: bool) -> None:
 def _show(name: str, discovery: Discovery, as_json: bool) -> None:
     """The parameters of one plugin."""
     from navloom.cli.output import print_json, print_table
-    from navloom.engine.parts import streams_of  # which imports numba: the list does without
+    from navloom.engine.plugin_instances import streams_of  # which imports numba: the list does without
     from navloom.entry_kinds import OTHERS
     from navloom.plugins.registry import NODE, PluginError
 

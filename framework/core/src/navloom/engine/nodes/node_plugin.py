@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Self, TypeVar
 
-from navloom.engine.nodes.node import Node, Tick
-from navloom.engine.ports import Declared, Latest, New, Out, Output, Port, Quality, SensorGroup, Sensors, Track
+from navloom.engine.node_ports import Declared, Latest, New, Out, Output, Port, Quality, SensorGroup, Sensors, Track
+from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.streams import (
     PLAIN,
     AvoiderPorts,

@@ -7,8 +7,8 @@ from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-from navloom.engine.nodes.node import Node
-from navloom.engine.ports import ExtraInputs, News
+from navloom.engine.node_ports import ExtraInputs, News
+from navloom.engine.nodes.node_base import Node
 from navloom.messages import Message, RangeScan, Sweep
 from navloom.roles import Role
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from navloom.runs.optimal.shape_space import ShapeSpace, arc_is_free
 from navloom.runs.optimal.tangents import Circles, ShortestPath, on_arc
-from navloom.runs.optimal.visible import ANGLE_SLACK, ARRIVES, ENDS, GOAL, LEAVES, LENGTH, SIDE, visible_tangents
+from navloom.runs.optimal.visible_tangents import (
+    ANGLE_SLACK,
+    ARRIVES,
+    ENDS,
+    GOAL,
+    LEAVES,
+    LENGTH,
+    SIDE,
+    visible_tangents,
+)
 
 __all__ = ["TangentSearch"]
 

@@ -1,0 +1,201 @@
+"""What the behaviour tier measures and reports, and how it makes a plugin for a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from navloom.engine.random_streams import stream_source
+from navloom.errors import NavloomError
+from navloom.geometry.world import World
+from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
+from navloom.roles import Context, RobotSpec, Role, SensorSpec
+from navloom.roles.claims import Claim
+from navloom.roles.extra import Extras, extras_of
+from numpy.typing import NDArray
+
+from navloom_check.behaviour.obstacle_scene import ALL_ROUND, Mount, Scene
+
+__all__ = ["PERIOD", "PERIOD_NS", "Behaviour", "Line", "Maker", "Measured", "Unfit", "full_scan", "robot_of",
+           "scan_from", "shrunk"]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+PERIOD_NS = 50_000_000
+PERIOD = 1e-9 * PERIOD_NS
+"""Control tick of the scenes, s."""
+BEAMS = 120
+"""Beams of the laser of the scenes: all round, symmetric to the robot's axis, none straight ahead."""
+REACH = 6.0
+"""Range of the laser of the scenes, m."""
+TRIES = 60
+"""Most scenes that are tried while a failing scene is reduced."""
+
+
+class Unfit(NavloomError):
+    """A scene does not suit a plugin, or cannot be judged; the text is the reason, as one phrase."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Something to draw in the picture of a scene: points (n, 2) or poses (n, 3), m, rad, map frame, and its name.
+
+    Attributes:
+        is_robot: The points are poses of the robot; the footprint is drawn at some of them.
+        is_dots: The points are not joined.
+    """
+
+    name: str
+    points: Floats
+    is_robot: bool = False
+    is_dots: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Result of one scene.
+
+    Attributes:
+        holds: The claim holds in the scene.
+        said: What was measured, with units, as part of a sentence.
+        value: The number that decides, in the behaviour's unit.
+        lines: Lines of the picture.
+        scenes: The two scenes that `lines` belong to in turn, if two were compared.
+    """
+
+    holds: bool
+    said: str
+    value: float
+    lines: tuple[Line, ...] = ()
+    scenes: tuple[Scene, ...] = ()
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Makes instances of one plugin, as the framework does.
+
+    Attributes:
+        cls: The plugin.
+        params: Its checked parameters; None for the defaults.
+        seed: Seed of its random streams.
+        period: Control period in their context, s.
+    """
+
+    cls: type[Role]
+    params: Any = None
+    seed: int = 0
+    period: float = PERIOD
+
+    @property
+    def extra(self) -> Extras:
+        """Its extra inputs before their first message.
+
+        Raises:
+            Unfit: The plugin needs one of them to step.
+        """
+        extras = extras_of(self.cls)
+        if needed := [name for name, one in extras.items() if not one.optional]:
+            raise Unfit(f"it waits for extra inputs that no scene has: {', '.join(needed)}")
+        return Extras(dict.fromkeys(extras.values()))
+
+    def sees(self, kind: type[Message]) -> bool:
+        """Whether the plugin takes sensor messages of a class."""
+        return any(issubclass(kind, one) for one in self.cls.accepts)
+
+    def __call__(
+        self,
+        scene: Scene,
+        *,
+        map: OccupancyGrid | None = None,
+        world: World | None = None,
+        sensors: tuple[SensorSpec, ...] = (),
+    ) -> Any:
+        """A new instance for the robot of a scene, at its start."""
+        start = Pose2D(scene.start.x, scene.start.y, scene.start.heading)
+        stream = stream_source(self.seed, self.cls.role, "check")
+        context = Context("check", self.period, robot_of(scene), stream, start, sensors, world, map)
+        return self.cls(self.cls.Params() if self.params is None else self.params, context)
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """How one claim of one role is measured.
+
+    Attributes:
+        role, claim: The role and its claim.
+        demand: What is demanded, as the end of a sentence "expected …".
+        scene: Makes the scene of a seed.
+        measure: Measures a new instance in a scene.
+        scenes: Number of seeds, and so of scenes.
+        shrinks: A failing scene may be reduced: with fewer posts and walls it still shows the same fault.
+    """
+
+    role: str
+    claim: Claim
+    demand: str
+    scene: Callable[[int], Scene]
+    measure: Callable[[Maker, Scene], Measured]
+    scenes: int
+    shrinks: bool = True
+
+    @property
+    def name(self) -> str:
+        """Name of its check."""
+        return self.claim.value
+
+
+def robot_of(scene: Scene) -> RobotSpec:
+    """The robot of a scene."""
+    return RobotSpec(scene.outline, 1.0, 0.05, 0.2, 0.5, 1.0, 0.5, 1.0)
+
+
+def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS) -> RangeScan:
+    """Scan of a laser in the middle of the robot, which is at a pose: x, y, m, heading, rad, map frame."""
+    return scan_from(scene, ALL_ROUND[0], pose, stamp_ns, beams)
+
+
+def scan_from(
+    scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS
+) -> RangeScan:
+    """Scan of a laser of a robot that is at a pose: x, y, m, heading, rad, map frame."""
+    count = max(1, round(beams * laser.half_field / math.pi))
+    turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
+    bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    place = (pose[0] + cos * laser.x - sin * laser.y, pose[1] + sin * laser.x + cos * laser.y)
+    ranges = scene.ranges(place, bearings + pose[2], REACH)
+    zeros, origins = np.zeros(count), np.tile((laser.x, laser.y), (count, 1))
+    return RangeScan(stamp_ns, origins, bearings, zeros, zeros, ranges, 0.02, REACH)
+
+
+def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:
+    """The smallest scene found that still fails, with posts and walls left out, and its result."""
+    left = TRIES
+    is_smaller = behaviour.shrinks
+    while is_smaller and left > 0:
+        is_smaller = False
+        for candidate in (*scene.smaller(), *_rounded(scene)):
+            if left <= 0:
+                break
+            left -= 1
+            try:
+                tried = behaviour.measure(make, candidate)
+            except Unfit:  # the reduced scene lacks what the measure needs
+                continue
+            if not tried.holds:
+                scene, seen, is_smaller = candidate, tried, True
+                break
+    return scene, seen
+
+
+def _rounded(scene: Scene) -> tuple[Scene, ...]:
+    """The scene with rounded numbers; empty if they are round already."""
+    target = (round(scene.target[0], 1), round(scene.target[1], 1))
+    posts = tuple(
+        replace(p, x=round(p.x, 1), y=round(p.y, 1), radius=max(0.1, round(p.radius, 1))) for p in scene.posts
+    )
+    rounded = replace(scene, target=target, posts=posts)
+    return () if rounded == scene else (rounded,)

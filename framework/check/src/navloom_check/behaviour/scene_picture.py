@@ -1,0 +1,80 @@
+"""Pictures of scenes: the obstacles, and what the plugin did."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from navloom.geometry.frames import transform
+from navloom.palette import GREY, OKABE_ITO
+from navloom.parts import part
+
+from navloom_check.behaviour.measurements import Line, Measured
+from navloom_check.behaviour.obstacle_scene import Scene
+
+__all__ = ["draw"]
+
+WIDTH = 88.0
+"""Width of the picture of one scene, mm."""
+OUTLINES = 8
+"""Footprints drawn along a line."""
+
+
+def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:
+    """Draw a scene, or the two that were compared side by side, into a PNG file.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    scenes = seen.scenes or (scene,)
+    plotting = part("navloom_study.report.plotting", "a figure", "'navloom[plots]'")
+    figure, axes = plotting.new_figure(WIDTH * len(scenes), 84.0, 1, len(scenes))
+    with plotting.styled():
+        figure.suptitle(title, fontsize=8.5)
+        for k, shown in enumerate(scenes):
+            axis = axes[k] if len(scenes) > 1 else axes
+            _draw_scene(axis, shown)
+            lines = seen.lines[k :: len(scenes)] if len(scenes) > 1 else seen.lines
+            for number, line in enumerate(lines):
+                _draw_line(axis, line, shown, OKABE_ITO[number])
+            axis.set_aspect("equal", "datalim")
+            axis.margins(0.08)
+            axis.set_xlabel("x, m")
+            axis.set_ylabel("y, m")
+            axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(plotting.png_of(figure))
+
+
+def _draw_scene(axis: Any, scene: Scene) -> None:
+    from matplotlib.patches import Circle
+
+    for post in scene.posts:
+        axis.add_patch(Circle((post.x, post.y), post.radius, facecolor=GREY, edgecolor="none"))
+    for wall in scene.walls:
+        axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=GREY, linewidth=2.4, solid_capstyle="butt")
+    axis.plot(*scene.target, marker="x", color="black", linestyle="none", label="target")
+    _draw_outline(axis, scene, (scene.start.x, scene.start.y, scene.start.heading), "black")
+
+
+def _draw_line(axis: Any, line: Line, scene: Scene, colour: str) -> None:
+    if not len(line.points):
+        return
+    style = {"marker": ".", "markersize": 2.5, "linestyle": "none"} if line.is_dots else {}
+    axis.plot(line.points[:, 0], line.points[:, 1], color=colour, label=line.name, **style)
+    if line.is_robot:
+        for k in np.unique(np.linspace(0, len(line.points) - 1, OUTLINES).astype(int)).tolist():
+            _draw_outline(axis, scene, line.points[k].tolist(), colour)
+
+
+def _draw_outline(axis: Any, scene: Scene, pose: Any, colour: str) -> None:
+    outline = transform(np.array(pose), scene.outline)
+    closed = np.concatenate([outline, outline[:1]])
+    axis.plot(closed[:, 0], closed[:, 1], color=colour, linewidth=0.7)
+    nose = 0.5 * scene.length
+    axis.plot(
+        [pose[0], pose[0] + nose * math.cos(pose[2])], [pose[1], pose[1] + nose * math.sin(pose[2])],
+        color=colour, linewidth=0.7,
+    )  # fmt: skip

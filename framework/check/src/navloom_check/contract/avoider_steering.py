@@ -1,0 +1,86 @@
+"""The side to which an avoider steers, and the status that goes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from navloom.geometry.world import World
+from navloom.messages import Avoidance, RangeScan
+
+from navloom_check import builders, messages, scenes
+from navloom_check.check_bench import Bench, alike
+from navloom_check.check_scenes import PERIOD
+from navloom_check.checks import check
+from navloom_check.findings import Finding, NotRun
+
+__all__ = ["CHECKS"]
+
+PLACES = ((0.9, 0.45), (1.1, 0.4), (1.3, 0.5))
+"""Places of a box that is ahead of the robot and beside its way: x and distance to the side, m, base frame."""
+LOOKS = 15
+"""Steps for which a stopped robot is shown each scene."""
+IN_THE_WAY = ((0.8, 0.05), (0.9, -0.1), (1.0, 0.1))
+"""Places of a box that the robot would drive into: x and y, m, base frame."""
+STEERS = 0.3
+"""Change of the turn rate from which an avoider steers round something, as a share of the robot's limit."""
+TOWARDS = 0.05
+"""Least change of the turn rate towards the box that counts, as a share of the robot's limit."""
+
+
+@check("contract", {"avoider"}, "It does not turn towards obstacles on its left as well as on its right.")
+def turns_away(bench: Bench) -> Iterator[Finding]:
+    """Turn rates are compared with that on an open floor.
+
+    An avoider that prefers a side turns towards boxes on that side only, so turning towards boxes on both is a fault.
+    """
+    _refuse_blind(bench)
+    free = _answer(bench, scenes.open_floor()).twist.wz
+    least = TOWARDS * builders.robot().max_angular
+    for side in (1.0, -1.0):
+        changes = [side * (_answer(bench, scenes.box(x, side * y)).twist.wz - free) for x, y in PLACES]
+        if min(changes) <= least:
+            return
+    yield Finding(
+        f"turns towards a box to its left, and towards one to its right, by at least {min(changes):.2f} rad/s",
+        "bearings counter-clockwise, left positive", given=f"a stopped robot and a box at {PLACES[0]} m, base frame",
+    )  # fmt: skip
+
+
+@check("contract", {"avoider"}, "Its status is not `clear` while it steers round something in its way.")
+def status(bench: Bench) -> Iterator[Finding]:
+    """The viewer, recoveries and metrics read the status. Turn rates are compared with that on an open floor."""
+    _refuse_blind(bench)
+    free = _answer(bench, scenes.open_floor()).twist.wz
+    answers = [_answer(bench, scenes.box(x, y)) for x, y in IN_THE_WAY]
+    least = STEERS * builders.robot().max_angular
+    if all(one.status == "clear" and abs(one.twist.wz - free) > least for one in answers):
+        yield Finding(
+            f"says 'clear' while it turns by {answers[0].twist.wz:.2f} rad/s for a box in its way",
+            "the status 'steering' while it steers round something, and 'trapped' where there is no way ahead",
+            given=f"a stopped robot and a box at {IN_THE_WAY[0]} m, base frame",
+        )  # fmt: skip
+
+
+def _refuse_blind(bench: Bench) -> None:
+    if not any(issubclass(RangeScan, kind) for kind in bench.subject.thing.accepts):
+        raise NotRun("it reads no range sensor")
+    bench.steady()
+
+
+def _answer(bench: Bench, world: World) -> Avoidance:
+    """The avoider's answer to a stopped robot after some steps; the target is straight ahead."""
+    first = bench.sound()[0]
+    scene = replace(first, context=builders.context(role="avoider", period=PERIOD))
+    with alike():
+        player = bench.player(scene)
+        for step in range(LOOKS):
+            stamp = step * PERIOD
+            seen = messages.scan(world, (0.0, 0.0, 0.0), stamp=stamp)
+            answer: Avoidance = player.step(builders.avoider_input(
+                seen, target=(3.0, 0.0), stamp=stamp, readings=first.inputs[0].readings, extra=first.inputs[0].extra
+            ))  # fmt: skip
+    return answer
+
+
+CHECKS = (turns_away, status)

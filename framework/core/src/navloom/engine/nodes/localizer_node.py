@@ -1,0 +1,63 @@
+"""The node around a localizer."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext, suppress
+
+import numpy as np
+
+from navloom.engine.answer_checks import LocalizerDoor
+from navloom.engine.node_ports import Latest, OtherSensors, Output, Sensors
+from navloom.engine.nodes.node_base import Tick
+from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
+from navloom.engine.streams import LocalizerPorts, MapperPorts, PlatformPorts
+from navloom.messages import MapUpdate, OperatorRequest, Pose2D
+from navloom.roles import Localizer, LocalizerInput
+from navloom.roles.base import InputError
+
+__all__ = ["LocalizerNode"]
+
+
+class LocalizerNode(RoleNode[Localizer]):
+    """Turns odometry and scans into a pose in the map."""
+
+    role = "localizer"
+    is_awaited = True
+    odometry = Latest(PlatformPorts.odometry, triggers=True)
+    scans = Sensors(RANGES)
+    readings = OtherSensors(RANGES)
+    # Of the previous tick, since the mapper reads this node's poses.
+    map = Latest(MapperPorts.map, delayed=True)
+    known = Latest(MapperPorts.known, delayed=True)
+    pose = Output(LocalizerPorts.pose)
+    cause = odometry
+
+    def __init__(self, plugin: Localizer) -> None:
+        self.plugin = plugin
+        self.door = LocalizerDoor(plugin)
+        self._known: MapUpdate | None = None
+
+    def place(self, request: OperatorRequest, is_active: bool) -> None:
+        """Take the pose of an operator's "place", between two steps.
+
+        Raises:
+            InputError: The plugin accepts none, and it is the active one.
+        """
+        goal = request.goal
+        assert goal is not None and goal.heading is not None
+        # A shadow that accepts no place must not refuse the operator's request.
+        with nullcontext() if is_active else suppress(InputError):
+            self.plugin.place(Pose2D(goal.x, goal.y, goal.heading))
+
+    def step(self, tick: Tick) -> None:
+        odometry = self.odometry.value
+        assert odometry is not None
+        scans, names = in_order(self.scans)
+        known = self.known.value
+        # Made once for each map: the message would otherwise be built in every tick.
+        if known is not None and (self._known is None or self._known.grid is not known):
+            self._known = MapUpdate(tick.time_ns, known, np.empty((0, 4)), ())
+        # With a known map, never the mapper's: a localizer would match what was marked from its own poses.
+        map = self.map.value if known is None else self._known
+        seen = LocalizerInput(odometry, scans, map, names, readings_of(self.readings), self.extra(), known)
+        self.pose.put(self.door.check(self.plugin.localize(seen), seen))

@@ -1,0 +1,126 @@
+"""The goal of a robot whose localizer is unsure: it stops and waits, and ends lost if that lasts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from navloom.messages import (
+    Feedback,
+    GateStatus,
+    Goal,
+    GoalResult,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Path,
+    Pose2D,
+    PoseEstimate,
+    StopReason,
+    Twist2D,
+)
+from navloom.navigation.braking import Braking
+from navloom.navigation.goal_machine import UNSURE, GoalMachine
+from navloom.navigation.goal_rules import GoalRules, GoalView
+from navloom.testing import robot
+
+RULES = GoalRules(
+    tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=Braking(robot(), 0.05),
+)  # fmt: skip
+MAP = MapUpdate(0, OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.0, 0.0, 0.0)), np.empty((0, 4)), ())
+REASON = "24% of the echoes fit the map, less than 40%"
+
+
+def seen(time: float, state: str = "tracking", x: float = 0.0, **more: object) -> GoalView:
+    estimate = PoseEstimate(
+        0, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)), state,  # type: ignore[arg-type]
+        "" if state == "tracking" else REASON,
+    )  # fmt: skip
+    base = GoalView(round(time * 20), time, round(time * 1e9), estimate=estimate, map=MAP, selected=("known", "astar"))
+    return replace(base, **more)  # type: ignore[arg-type]
+
+
+def driving() -> GoalMachine:
+    """A state machine that follows path 1 to (4, 0), at 1 s."""
+    machine = GoalMachine(RULES)
+    machine.submit(Goal(1, 4.0, 0.0, None, ()), seen(0.5))
+    machine.step(seen(0.5))
+    machine.step(seen(1.0, answer=Path(1, np.array([(0.0, 0.0), (4.0, 0.0)]), 4.0, None)))
+    assert machine.state == "driving"
+    return machine
+
+
+def ports(out: list[tuple[str, Message]]) -> list[str]:
+    return [port for port, _ in out if port != "feedback"]
+
+
+def results(out: list[tuple[str, Message]]) -> list[GoalResult]:
+    return [message for _, message in out if isinstance(message, GoalResult)]
+
+
+@pytest.mark.parametrize("state", ["searching", "lost"])
+def test_the_drive_stops_as_soon_as_the_localizer_is_unsure(state: str) -> None:
+    machine = driving()
+    out = machine.step(seen(2.0, state))
+    assert machine.state == "searching" and [m.path_id for p, m in out if p == "drive"] == [0]  # type: ignore[attr-defined]
+    (feedback,) = [message for _, message in out if isinstance(message, Feedback)]
+    assert (feedback.state, feedback.localizer) == ("searching", f"{state}: {REASON}")
+
+
+def test_it_plans_again_from_its_place_once_the_localizer_is_sure() -> None:
+    machine = driving()
+    machine.step(seen(2.0, "searching"))
+    assert ports(machine.step(seen(6.0, "lost"))) == []
+    out = machine.step(seen(6.5, x=0.7))
+    (request,) = [m for p, m in out if p == "plan"]
+    assert request.start.x == 0.7 and machine.state == "planning"  # type: ignore[attr-defined]
+    assert not any(m.localizer for _, m in out if isinstance(m, Feedback))
+
+
+def test_it_ends_lost_with_the_reason_and_the_place_after_five_seconds() -> None:
+    machine = driving()
+    machine.step(seen(2.0, "searching", x=1.0))
+    assert results(machine.step(seen(2.0 + UNSURE, "lost", x=1.0))) == []
+    (result,) = results(machine.step(seen(2.05 + UNSURE, "lost", x=1.0)))
+    assert (result.outcome, result.place.x) == ("lost", 1.0)
+    assert result.reason == f"the localizer has not been tracking for 5 s: {REASON}"
+    assert machine.is_idle
+
+
+def test_it_never_succeeds_while_the_localizer_is_unsure() -> None:
+    machine = driving()
+    out = [*machine.step(seen(3.0, "searching", x=4.0)), *machine.step(seen(4.0, "lost", x=4.0))]
+    assert results(out) == []
+    (result,) = results(machine.step(seen(9.0, "lost", x=4.0)))
+    assert result.outcome == "lost"
+
+
+def test_a_recovery_is_cancelled() -> None:
+    machine = driving()
+    held = GateStatus("controller", "law", True, False, StopReason("obstacle"), ())
+    for time in (1.5, 2.0, 4.0):
+        machine.step(seen(time, gate=held))
+    assert machine.state == "recovering"
+    out = machine.step(seen(4.5, "searching"))
+    assert [m.active for p, m in out if p == "recovery"] == [False]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("reason", "why"), [("obstacle", "blocked"), ("no room to turn", "blocked: no room to turn")])
+def test_a_recovery_is_told_whether_the_robot_has_no_room_to_turn(reason: str, why: str) -> None:
+    machine = driving()
+    held = GateStatus("controller", "law", True, False, StopReason.parse(reason), ())
+    out = [pair for time in (1.5, 2.0, 4.0) for pair in machine.step(seen(time, gate=held))]
+    assert [m.reason for p, m in out if p == "recovery"] == [why]  # type: ignore[attr-defined]
+
+
+def test_without_a_goal_the_state_is_published_when_it_changes() -> None:
+    machine = GoalMachine(RULES)
+    told = [
+        message.localizer
+        for tick, state in enumerate(("tracking", "searching", "searching", "lost", "tracking"))
+        for _, message in machine.step(seen(tick * 0.05, state))
+        if isinstance(message, Feedback)
+    ]
+    assert told == [f"searching: {REASON}", f"lost: {REASON}", ""]

@@ -1,0 +1,80 @@
+"""What an operator does to a robot, by the requests that are sent."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from navloom_live.live.description import Description
+from navloom_live.live.requests import Placed
+from navloom_live.live.service import Service
+from navloom_live.operating import operator_actions
+from navloom_live.operating.client import ClientError, Refused
+
+from .described import described
+
+
+class Robot:
+    """Stands for a client. `asked` lists the requests; those in `refused` are refused."""
+
+    class keys:
+        prefix = "lab/r1"
+
+    def __init__(self, *localizers: tuple[str, bool], refused: str = "", warning: str = "") -> None:
+        self._there = [described("localizer", name, active=active) for name, active in localizers]
+        self._refused, self._warning = refused, warning
+        self.asked: list[tuple[Any, ...]] = []
+
+    def describe(self) -> list[Description]:
+        return [*self._there, described("gate", "main")]
+
+    def call(self, role: str, instance: str, service: Service[Any, Any], asked: Any) -> Placed:
+        if instance == self._refused:
+            raise Refused(f"{role} {instance} does not accept a pose")
+        self.asked.append((role, instance, service.name, *vars(asked).values()))
+        return Placed(True, self._warning)
+
+
+def place(robot: Robot, x: float = 1.0, y: float = -2.0, heading: float = 0.5) -> str:
+    return operator_actions.place(robot, x, y, heading)  # type: ignore[arg-type]
+
+
+def test_the_active_localizer_is_placed_first_and_then_the_goal_is_planned_again() -> None:
+    robot = Robot(("odometry", False), ("scans", True))
+    assert place(robot) == ""
+    assert robot.asked == [
+        ("localizer", "scans", "place", 1.0, -2.0, 0.5),
+        ("localizer", "odometry", "place", 1.0, -2.0, 0.5),
+        ("goal", "main", "replan"),
+    ]
+
+
+def test_an_active_localizer_that_accepts_no_pose_refuses_for_the_robot() -> None:
+    robot = Robot(("odometry", False), ("scans", True), refused="scans")
+    with pytest.raises(Refused, match="localizer scans does not accept a pose"):
+        place(robot)
+    assert robot.asked == []
+
+
+def test_a_shadow_may_accept_no_pose() -> None:
+    robot = Robot(("odometry", False), ("scans", True), refused="odometry")
+    place(robot)
+    assert [one[1] for one in robot.asked] == ["scans", "main"]
+
+
+def test_a_place_where_the_robot_does_not_fit_is_taken_with_a_warning() -> None:
+    assert place(Robot(("scans", True), warning="occupied by the map")) == "occupied by the map"
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_pose_that_is_not_finite_is_refused_before_anything_is_asked(wrong: float) -> None:
+    robot = Robot(("scans", True))
+    with pytest.raises(Refused, match=f"heading is {wrong}, expected a finite number"):
+        place(robot, heading=wrong)
+    assert robot.asked == []
+
+
+def test_without_an_active_localizer_it_says_so() -> None:
+    with pytest.raises(ClientError, match="no localizer answers"):
+        place(Robot(("odometry", False)))

@@ -1,0 +1,286 @@
+"""Tables of a study's report, for HTML, Markdown and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from navloom.runs.metrics import Metric
+
+from navloom_study.report import html_page
+from navloom_study.report.study_files import StudyFiles
+from navloom_study.statistics import Difference, Estimate
+
+__all__ = ["TextTable", "decimals", "differences_csv", "summary_csv"]
+
+ABREAST = 6
+"""Most methods side by side on an A4 page."""
+NONE = "–"
+PLACE = re.compile(r"\(-?\d+\.\d+, -?\d+\.\d+\)")
+DISTANCE = re.compile(r"\d+\.\d m (?=from the goal by ground truth)")
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of texts.
+
+    Attributes:
+        columns: Column heads.
+        rows: Rows with one cell for each column; further lines of a cell are details.
+        caption: Caption above the table.
+        text: Indices of text columns; all others hold numbers.
+        marked: Indices of highlighted rows.
+        code: Indices of columns with commands.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    text: Sequence[int] = (0,)
+    marked: Sequence[int] = ()
+    code: Sequence[int] = ()
+
+    def html(self) -> str:
+        """The table as HTML."""
+        return html_page.table(self.columns, self.rows, self.caption, self.text, self.marked, self.code)
+
+    def markdown(self) -> str:
+        """The table as GitHub Markdown."""
+        lines = [
+            [_flat(name) for name in self.columns],
+            ["---" if k in self.text else "---:" for k in range(self.wide)],
+        ]
+        lines += [[f"`{_flat(c)}`" if k in self.code else _flat(c) for k, c in enumerate(row)] for row in self.rows]
+        body = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        return f"{self.caption}\n\n{body}\n" if self.caption else f"{body}\n"
+
+    @property
+    def wide(self) -> int:
+        """Number of columns."""
+        return len(self.columns)
+
+
+def _flat(cell: str) -> str:
+    first, *more = cell.split("\n")
+    return (first + (f" ({'; '.join(more)})" if more else "")).replace("|", "\\|")
+
+
+def decimals(values: Sequence[float | None]) -> int:
+    """Decimal places for numbers of this size: three significant digits of the largest, at most three places."""
+    greatest = max((abs(value) for value in values if value is not None), default=0.0)
+    return 3 if greatest < 1.0 else 2 if greatest < 10.0 else 1 if greatest < 100.0 else 0
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number as text; a value that rounds to 0 has no sign."""
+    if value is None:
+        return NONE
+    text = f"{value:.{digits}f}"
+    return text.lstrip("-") if not text.strip("-0.") else text.replace("-", "−")
+
+
+def head(metric: Metric) -> str:
+    """Name of a metric with its unit and an arrow for the better direction."""
+    side = {"higher": "↑", "lower": "↓", None: ""}[metric.better]
+    unit = "" if metric.unit == "1" else f", {metric.unit}"
+    return f"{metric.name}{unit} {side}".strip()
+
+
+def results(study: StudyFiles) -> list[TextTable]:
+    """Every metric of every method with its interval, at most `ABREAST` methods a table."""
+    found = study.comparison
+    blocks = [study.methods[k : k + ABREAST] for k in range(0, len(study.methods), ABREAST)]
+    total = len(study.worlds) * len(study.seeds)
+    tables = []
+    for block in blocks:
+        rows = []
+        for metric in study.metrics:
+            estimates = [found.summary(method, metric.name) for method in block]
+            every = [found.summary(method, metric.name).mean for method in study.methods]
+            digits = decimals(every)
+            rows.append([head(metric), *(_estimated(one, digits, total) for one in estimates)])
+        tables.append(TextTable(["metric", *block], rows))
+    return tables
+
+
+def _estimated(one: Estimate, digits: int, total: int) -> str:
+    told = number(one.mean, digits)
+    if one.low is not None:
+        told += f"\n{number(one.low, digits)} to {number(one.high, digits)}"
+    if 0 < one.episodes < total:
+        told += f"\nof {one.episodes} episodes"
+    return told
+
+
+def differences(study: StudyFiles) -> list[TextTable]:
+    """Differences from the baseline with interval and p-value after Holm, at most `ABREAST` methods a table."""
+    found, others = study.comparison, [name for name in study.methods if name != study.baseline]
+    tables = []
+    for block in (others[k : k + ABREAST] for k in range(0, len(others), ABREAST)):
+        rows = []
+        for metric in study.metrics:
+            every = [found.difference(method, metric.name) for method in others]
+            if all(one.estimate.mean is None for one in every):
+                continue
+            digits = decimals([one.estimate.mean for one in every])
+            rows.append([head(metric), *(_difference(found.difference(m, metric.name), digits) for m in block)])
+        tables.append(TextTable(["metric", *block], rows))
+    return tables
+
+
+def _difference(one: Difference, digits: int) -> str:
+    mean, low, high = one.estimate.mean, one.estimate.low, one.estimate.high
+    star = " *" if one.p_holm is not None and one.p_holm < 0.05 else ""
+    told = number(mean, digits) + star
+    if low is not None:
+        told += f"\n{number(low, digits)} to {number(high, digits)}"
+    if one.p_holm is not None:
+        told += f"\np {chance(one.p_holm)}"
+    if one.unpaired:
+        told += f"\n{one.estimate.episodes} pairs"
+    return told
+
+
+def worst_worlds(study: StudyFiles, method: str) -> TextTable:
+    """The worst worlds of a method, with the command that repeats its worst episode there."""
+    rows = [
+        [one.world, f"{one.failures} of {one.episodes}", str(one.seed), one.outcome,
+         study.command(method, one.world, one.seed)]
+        for one in study.comparison.worst[method]
+    ]  # fmt: skip
+    return TextTable(["world", "failed", "seed", "ended", "again"], rows, "", (0, 3, 4), (), (4,))
+
+
+def chance(value: float | None) -> str:
+    """A p-value as text."""
+    return NONE if value is None else "< 0.001" if value < 0.001 else f"{value:.3f}"
+
+
+def outcome_table(study: StudyFiles) -> TextTable:
+    """Number of episodes by method and outcome."""
+    counts = study.comparison.outcomes
+    kinds = [kind for kind, _ in Counter(row.outcome for row in study.rows).most_common()]
+    kinds.sort(key=lambda kind: kind != "succeeded")
+    rows = [[method, *(str(counts[method].get(kind, 0)) for kind in kinds)] for method in study.methods]
+    return TextTable(["method", *kinds], rows, "Episodes by outcome.")
+
+
+def reasons(study: StudyFiles, most: int = 12) -> TextTable:
+    """Why episodes failed, the most common reasons first; places and distances, which vary, are left out."""
+    told = Counter(
+        (row.key.method, row.outcome, DISTANCE.sub("… m ", PLACE.sub("(…)", row.reason)))
+        for row in study.rows
+        if row.outcome != "succeeded"
+    )
+    rows = [
+        [method, outcome, reason, str(count)]
+        for (method, outcome, reason), count in sorted(told.items(), key=lambda entry: (-entry[1], entry[0]))[:most]
+    ]
+    more = f" The {most} commonest of {len(told)}." if len(told) > most else ""
+    return TextTable(["method", "outcome", "reason", "episodes"], rows, f"Why episodes failed.{more}", (0, 1, 2))
+
+
+def versions(study: StudyFiles) -> TextTable:
+    """Versions of everything that an episode depends on."""
+    rows = [[name, value] for name, value in study.request["versions"].items()]
+    return TextTable(["what", "version"], rows, "", (0, 1))
+
+
+def hashes(study: StudyFiles) -> list[TextTable]:
+    """Hashes of each method's config and of each world."""
+    methods = [[name, told["config_sha256"][:16]] for name, told in study.request["methods"].items()]
+    worlds = [[name, told["sha256"][:16]] for name, told in study.request["worlds"].items()]
+    return [
+        TextTable(["method", "config_sha256"], methods, "First 16 digits; whole in study.json.", (0, 1)),
+        TextTable(["world", "sha256"], worlds, "", (0, 1)),
+    ]
+
+
+def held_equal(study: StudyFiles) -> TextTable:
+    """Every config value that is equal for all methods."""
+    told = [[place, brief(value)] for place, value in study.request["held_equal"].items()]
+    half = (len(told) + 1) // 2
+    rows = [[*left, *(told[half + k] if half + k < len(told) else ["", ""])] for k, left in enumerate(told[:half])]
+    return TextTable(["place", "value", "place", "value"], rows, "", (0, 1, 2, 3))
+
+
+def differs(study: StudyFiles) -> TextTable:
+    """Every config value that differs between methods."""
+    rows = []
+    for place, values in study.request["differs"].items():
+        by_value: dict[str, list[str]] = {}
+        for method, value in values.items():
+            by_value.setdefault(brief(value), []).append(method)
+        rows.append([place, "; ".join(f"{value}: {', '.join(names)}" for value, names in by_value.items())])
+    return TextTable(["place", "value: methods"], rows, "", (0, 1))
+
+
+def brief(value: object) -> str:
+    """A config value as text, cut if it is long."""
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 48 else f"{text[:47]}…"
+
+
+def timings(study: StudyFiles) -> TextTable:
+    """Wall time of control steps by method; a method that is too slow in any episode is highlighted."""
+    by_method: dict[str, list[dict[str, float]]] = {method: [] for method in study.methods}
+    for entry in study.timing.get("episodes", []):
+        if entry.get("method") in by_method and "tick_us_p50" in entry:
+            by_method[entry["method"]].append(entry)
+    rows, marked = [], []
+    for method, told in by_method.items():
+        if not told:
+            rows.append([method, *[NONE] * 5])
+            continue
+        late = sum(bool(entry["too_slow"]) for entry in told)
+        marked += [len(rows)] if late else []
+        middle = [float(np.median([entry[f"tick_us_{name}"] for entry in told])) for name in ("p50", "p95", "p99")]
+        worst = max(entry["tick_us_max"] for entry in told)
+        note = f"{late} of {len(told)}" + (" — too slow" if late else "")
+        rows.append([method, *(f"{value:.0f}" for value in (*middle, worst)), note])
+    period = study.value("run.period")
+    allowed = f" The control period is {float(period) * 1e6:.0f} µs." if period is not None else ""
+    caption = (
+        "µs a control step took, all nodes but the simulator: median over the episodes of the percentile within each, "
+        f"and the longest step of all.{allowed}"
+    )
+    columns = ["method", "p50", "p95", "p99", "longest", "episodes with p99 > period"]
+    return TextTable(columns, rows, caption, (0,), marked)
+
+
+def summary_csv(study: StudyFiles) -> str:
+    """Every metric of every method, one a line, as CSV: numbers with 12 digits, empty if undefined."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["method", "metric", "unit", "better", "mean", "low", "high", "worlds", "episodes"])
+    for method in study.methods:
+        for metric in study.metrics:
+            one = study.comparison.summary(method, metric.name)
+            told = [_told(value) for value in (one.mean, one.low, one.high)]
+            writer.writerow([method, metric.name, metric.unit, metric.better or "", *told, one.worlds, one.episodes])
+    return text.getvalue()
+
+
+def differences_csv(study: StudyFiles) -> str:
+    """Every difference from the baseline, one a line, as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    heads = ["method", "baseline", "metric", "unit", "better", "difference", "low", "high", "p", "p_holm"]
+    writer.writerow([*heads, "worlds", "pairs", "unpaired"])
+    for one in study.comparison.differences:
+        metric = study.metric(one.metric)
+        assert metric is not None
+        numbers = (one.estimate.mean, one.estimate.low, one.estimate.high, one.p, one.p_holm)
+        told = [one.method, study.baseline, one.metric, metric.unit, metric.better or "", *map(_told, numbers)]
+        writer.writerow([*told, one.estimate.worlds, one.estimate.episodes, one.unpaired])
+    return text.getvalue()
+
+
+def _told(value: float | None) -> str:
+    return "" if value is None else f"{value:.12g}"

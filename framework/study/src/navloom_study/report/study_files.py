@@ -1,0 +1,216 @@
+"""Reads and checks the folder of a study, written by `navloom compare`, for a report."""
+
+from __future__ import annotations
+
+import csv
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from sys import intern
+from typing import Any
+
+import numpy as np
+from navloom.config import ConfigError, load_config
+from navloom.engine.platform_world import own_world
+from navloom.geometry.world import World
+from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
+from navloom.inputs.texts import json_of
+from navloom.plugins import Discovery, PluginError
+from navloom.plugins.registry import nearest
+from navloom.runs.metrics import Metric, all_metrics
+
+from navloom_study.episode_key import EpisodeKey
+from navloom_study.episode_rows import Row
+from navloom_study.statistics import Comparison, compare_methods
+from navloom_study.study_folder import OpenLoopLine, open_loop_lines, rows_of
+from navloom_study.study_worlds import OWN_WORLD, world_digest
+from navloom_study.tracks import StoredWay, read_track
+
+__all__ = ["StudyFiles", "read_study"]
+
+SEED = 0
+"""Seed of the resamples, so that a study always gives the same intervals."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyFiles:
+    """A finished study.
+
+    Attributes:
+        folder: Folder of the study.
+        request: Contents of `study.json`.
+        rows: Rows of `episodes.csv`.
+        open_loop: Lines of `open_loop.csv`, empty if there is none.
+        timing: Contents of `timing.json`, empty if there is none.
+        metrics: Metrics in the order of the table.
+        baseline: The method that the others are compared with.
+        discovery: Plugins, used to find worlds.
+    """
+
+    folder: Path
+    request: dict[str, Any]
+    rows: list[Row]
+    open_loop: list[OpenLoopLine]
+    timing: dict[str, Any]
+    metrics: tuple[Metric, ...]
+    baseline: str
+    discovery: Discovery = field(default_factory=Discovery)
+
+    @property
+    def methods(self) -> list[str]:
+        """Methods in the order of the request."""
+        return list(self.request["methods"])
+
+    @property
+    def worlds(self) -> list[str]:
+        """Worlds in the order of the request."""
+        return list(self.request["worlds"])
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds in the order of the request."""
+        return [int(seed) for seed in self.request["seeds"]]
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """Statistical comparison of the methods."""
+        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
+        return compare_methods(rows, self.baseline, self.metrics, np.random.default_rng(SEED))
+
+    @cached_property
+    def outcomes(self) -> dict[tuple[str, str], list[str]]:
+        """Outcomes of the episodes, by method and world."""
+        found: dict[tuple[str, str], list[str]] = {}
+        for row in self.rows:
+            found.setdefault((row.key.method, row.key.world), []).append(row.outcome)
+        return found
+
+    def values(self, metric: str, method: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """(n,) values of a metric in a method's episodes, where it is defined."""
+        told = (row.metrics[metric] for row in self.rows if row.key.method == method)
+        return np.array([value for value in told if value is not None])
+
+    def metric(self, name: str) -> Metric | None:
+        """A metric by name, or None."""
+        return next((metric for metric in self.metrics if metric.name == name), None)
+
+    def value(self, place: str) -> Any:
+        """The common value of all methods at a place of the config; None if it differs or is not known."""
+        return self.request["held_equal"].get(place)
+
+    def command(self, method: str, world: str, seed: int) -> str:
+        """Shell command that drives one episode again."""
+        changes = [*self.request["methods"][method]["changes"], *self.request["worlds"][world]["changes"]]
+        words = ["navloom", "run", self.request["config"]]
+        for file in self.request.get("plugin_files", ()):
+            words += ["--plugin", file]
+        for change in changes:
+            words += ["--set", change]
+        return shlex.join([*words, "--seed", str(seed)])
+
+    def track(self, method: str, world: str, seed: int) -> StoredWay | None:
+        """The track of an episode; None if it was not stored."""
+        return read_track(self.folder, EpisodeKey(method, world, seed))
+
+    def world(self, ref: str) -> World | None:
+        """The world of the study; None if it cannot be found here or has changed."""
+        told = self.request["worlds"][ref]
+        try:
+            if ref == OWN_WORLD:
+                changes = self.request["methods"][self.methods[0]]["changes"]
+                world = own_world(load_config(self.request["config"], changes), self.discovery)
+            else:
+                world = self.discovery.world(ref, self._base() if not told["changes"] else Path.cwd())
+        except (PluginError, ValueError, OSError):
+            return None
+        return world if world is not None and world_digest(world) == told["sha256"] else None
+
+    def why_no_world(self, ref: str) -> str:
+        """Why `world` returns None, in one sentence."""
+        if not self.request["worlds"][ref]["sha256"]:
+            return "The platform does not tell what stands in its world."
+        return "The world itself cannot be read here, or has changed."
+
+    def _base(self) -> Path:
+        """Base folder of the config's own references."""
+        config = Path(self.request["config"])
+        return config.parent if config.suffix == ".toml" else Path.cwd()
+
+
+def read_study(folder: Path, baseline: str = "") -> StudyFiles:
+    """Read the folder of a finished study.
+
+    Args:
+        folder: Folder given to `navloom compare` as `--out`.
+        baseline: Name of a method; default that of the open loop, else the first.
+
+    Raises:
+        ConfigError: Not a study, an unfinished or damaged one, or no such method.
+    """
+    if not (folder / "study.json").is_file():
+        raise ConfigError(f"{folder}: holds no study: study.json is missing; name the --out of `navloom compare`")
+    if not (folder / "episodes.csv").is_file():
+        raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` continues it")
+    request = _read(folder / "study.json", _json)
+    table = _read(folder / "episodes.csv", _table)
+    try:
+        # intern raises TypeError for anything but a string
+        names, told = ([intern(name) for name in request[part]] for part in ("methods", "metrics"))
+        baseline = baseline or intern(request.get("open_loop", {}).get("baseline", "")) or names[0]
+        count = len(names) * len(request["worlds"]) * len(request["seeds"])
+    except (KeyError, TypeError, IndexError, AttributeError):
+        raise _damaged(folder / "study.json") from None
+    try:
+        rows = rows_of(table, told)
+    except KeyError:
+        rows = []
+    except (TypeError, ValueError, csv.Error):
+        raise _damaged(folder / "episodes.csv") from None
+    if len(rows) != count:
+        raise ConfigError(
+            f"{folder / 'episodes.csv'}: is not the table of study.json; the same compare writes it again"
+        )
+    if baseline not in names:
+        raise ConfigError(f"--baseline {baseline}: no such method in {folder}{nearest(baseline, names)}")
+    timing = _optional(folder / "timing.json", _json, {})
+    open_loop = (
+        _optional(folder / "open_loop.csv", lambda path: open_loop_lines(_table(path)), [])
+        if "open_loop" in request
+        else []
+    )
+    discovery = Discovery()
+    known = {metric.name: metric for metric in all_metrics(discovery)[0]}
+    metrics = tuple(known.get(name) or _unknown(name) for name in told)
+    return StudyFiles(folder, request, rows, open_loop, timing, metrics, baseline, discovery)
+
+
+def _unknown(name: str) -> Metric:
+    """Stand-in for a metric that is not installed here: its values are known, its unit and better side are not."""
+    return Metric(name, "?", None, lambda trail: None, "Of a plugin that is not installed here.")
+
+
+def _table(path: Path) -> str:
+    return read_file(path, IMAGE_MB, ConfigError).decode("utf-8")
+
+
+def _json(path: Path) -> Any:
+    return json_of(read_file(path, TEXT_MB, ConfigError), str(path), ValueError)
+
+
+def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
+    try:
+        return reader(path)
+    except ConfigError:
+        raise
+    except (ValueError, csv.Error):
+        raise _damaged(path) from None
+
+
+def _damaged(path: Path) -> ConfigError:
+    return ConfigError(f"{path}: damaged; make the study again in another folder")
+
+
+def _optional(path: Path, reader: Callable[[Path], Any], default: Any) -> Any:
+    return _read(path, reader) if path.is_file() else default

@@ -1,0 +1,358 @@
+"""Writes the report of a study: a self-contained HTML page, and the same tables in Markdown and CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from navloom.files import write_each
+from navloom.runs.episode_trail import FALSE_SUCCESS
+from navloom.runs.metrics import headlines
+
+from navloom_study.report import html_page, report_tables
+from navloom_study.report.html_page import Section
+from navloom_study.report.open_loop_figures import open_loop_data, over_time_figure, shadow_summary, spread_figure
+from navloom_study.report.report_tables import TextTable
+from navloom_study.report.study_files import StudyFiles, read_study
+from navloom_study.statistics import THESE_WORLDS
+
+__all__ = ["WrittenReport", "build_report", "write_report"]
+
+PLOTS_MISSING = (
+    "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
+    "pip install 'navloom[plots]') and write the report again with `navloom report`."
+)
+FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
+
+
+@dataclass
+class ReportPart:
+    """One section of the report, in HTML and Markdown."""
+
+    title: str
+    html: list[str] = field(default_factory=list)
+    markdown: list[str] = field(default_factory=list)
+
+    def say(self, text: str, kind: str = "") -> None:
+        """Add a paragraph."""
+        self.html.append(html_page.paragraph(text, kind))
+        self.markdown.append(f"{text}\n")
+
+    def head(self, text: str) -> None:
+        """Add a heading within the section."""
+        self.html.append(html_page.heading(text))
+        self.markdown.append(f"### {text}\n")
+
+    def add(self, table: TextTable) -> None:
+        """Add a table."""
+        self.html.append(table.html())
+        self.markdown.append(table.markdown())
+
+    def points(self, entries: list[str]) -> None:
+        """Add a list."""
+        self.html.append(html_page.listing(entries))
+        self.markdown.append("".join(f"- {entry}\n" for entry in entries))
+
+    def draw(self, svg: str, caption: str) -> None:
+        """Add a figure to the HTML; Markdown has none."""
+        self.html.append(html_page.figure(svg, caption))
+
+
+@dataclass(frozen=True)
+class WrittenReport:
+    """The texts of a report.
+
+    Attributes:
+        html, markdown: The whole report.
+        summary_csv, differences_csv: Its numbers.
+        has_figures: Whether matplotlib was installed.
+        missing: Why a file was not written, by name.
+    """
+
+    html: str
+    markdown: str
+    summary_csv: str
+    differences_csv: str
+    has_figures: bool
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+
+def write_report(folder: Path, baseline: str = "") -> WrittenReport:
+    """Write the report of a study into its folder, each file atomically.
+
+    Args:
+        folder: Folder given to `navloom compare` as `--out`.
+        baseline: Name of a method; default that of the open loop, else the first.
+
+    Raises:
+        ConfigError: Not a finished study, or no such method.
+    """
+    report = build_report(read_study(folder, baseline))
+    contents = (report.html, report.markdown, report.summary_csv, report.differences_csv)
+    return replace(report, missing=write_each(folder, dict(zip(FILES, contents, strict=True))))
+
+
+def build_report(study: StudyFiles) -> WrittenReport:
+    """The report of a study. It is reproducible, except for the section from `timing.json`."""
+    draws = find_spec("matplotlib") is not None
+    parts = [_in_short(study), _outcomes(study, draws), _results(study, draws)]
+    if len(study.methods) > 1:
+        parts.append(_differences(study, draws))
+    parts += [_ways(study, draws), _worst(study)]
+    if "open_loop" in study.request:
+        parts.append(_open_loop(study, draws))
+    parts += [_conditions(study), _computing(study, draws)]
+    if not draws:
+        parts[0].say(PLOTS_MISSING, "note")
+    title = f"{' / '.join(study.methods)}" if len(study.methods) <= 3 else f"{len(study.methods)} methods compared"
+    title = f"Study of {study.request['config']}: {title}"
+    page = html_page.page(title, [Section(part.title, "\n".join(part.html)) for part in parts])
+    text = f"# {title}\n\n" + "\n".join(f"## {part.title}\n\n" + "\n".join(part.markdown) for part in parts)
+    return WrittenReport(page, text, report_tables.summary_csv(study), report_tables.differences_csv(study), draws)
+
+
+def _in_short(study: StudyFiles) -> ReportPart:
+    part, found = ReportPart("Summary"), study.comparison
+    part.say(
+        f"{len(study.methods)} methods × {len(study.worlds)} worlds × {len(study.seeds)} seeds: {len(study.rows)} "
+        f"closed-loop episodes, the same worlds, seeds, limits and robot for every method. "
+        f"The others are compared with {study.baseline}."
+    )
+    if study.request.get("live"):
+        part.say(
+            "The episodes were driven live, each robot in its processes on the wall clock: two drives of one method "
+            "differ, and so does their time if the machine is busy.",
+            "note",
+        )
+    if found.scope == THESE_WORLDS:
+        part.say(
+            "For these worlds only: with fewer than 10 worlds, intervals and tests generalise to other seeds in the "
+            "same worlds, not to other worlds.",
+            "note",
+        )
+    else:
+        part.say("Intervals and tests generalise to worlds like these: whole worlds are resampled.")
+    total = len(study.worlds) * len(study.seeds)
+    told = []
+    for method in study.methods:
+        wins = found.outcomes[method].get("succeeded", 0)
+        line = f"{method}: {wins} of {total} succeeded"
+        share = found.summary(method, "success") if study.metric("success") is not None else None
+        if share is not None and share.low is not None:
+            line += f" (95 % interval {report_tables.number(share.low, 3)} to {report_tables.number(share.high, 3)})"
+        if method != study.baseline and study.metric("success") is not None:
+            line += _against(study, method)
+        told.append(line)
+    part.points(told)
+    false = {method: found.outcomes[method].get(FALSE_SUCCESS, 0) for method in study.methods}
+    if any(false.values()):
+        counts = ", ".join(f"{count} of {total} with {method}" for method, count in false.items() if count)
+        part.say(
+            f"False successes: {counts}. The robot reported that it had arrived, but by ground truth it had not. "
+            "They count as failures.",
+            "note",
+        )
+    untold = {
+        method: sum(
+            row.key.method == method and row.outcome == "succeeded" and row.metrics.get("false_success") is None
+            for row in study.rows
+        )
+        for method in study.methods
+    }
+    if any(untold.values()):
+        counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
+        part.say(f"Successes by the robot's own report only, without ground truth: {counts}.", "note")
+    wanted = headlines([metric.name for metric in study.metrics])
+    names = [metric for metric in map(study.metric, wanted) if metric is not None]
+    rows = []
+    for method in study.methods:
+        cells = []
+        for metric in names:
+            every = [found.summary(name, metric.name).mean for name in study.methods]
+            one = found.summary(method, metric.name)
+            cells.append(report_tables.number(one.mean, report_tables.decimals(every)))
+        rows.append([method, *cells])
+    part.add(TextTable(["method", *map(report_tables.head, names)], rows, "Means over worlds; intervals are below."))
+    return part
+
+
+def _against(study: StudyFiles, method: str) -> str:
+    one = study.comparison.difference(method, "success")
+    mean, low, high = one.estimate.mean, one.estimate.low, one.estimate.high
+    if mean is None:
+        return ""
+    if mean == 0.0:
+        told = f", as many as {study.baseline}"
+    else:
+        points = report_tables.number(100.0 * abs(mean), 1)
+        told = f", {points} points {'more' if mean > 0.0 else 'less'} than {study.baseline}"
+    if low is not None and high is not None:
+        told += f" ({report_tables.number(100.0 * low, 1)} to {report_tables.number(100.0 * high, 1)})"
+    return f"{told}, p {report_tables.chance(one.p_holm)} after Holm"
+
+
+def _outcomes(study: StudyFiles, draws: bool) -> ReportPart:
+    part = ReportPart("Outcomes")
+    if draws:
+        from navloom_study.report.figures import outcome_figure, success_figures
+        from navloom_study.report.plotting import svg_of
+
+        part.draw(svg_of(outcome_figure(study)), "How the episodes of each method ended.")
+        for figure in success_figures(study):
+            part.draw(svg_of(figure), "Episodes that succeeded, by world and method.")
+    part.add(report_tables.outcome_table(study))
+    failures = report_tables.reasons(study)
+    if failures.rows:
+        part.add(failures)
+    return part
+
+
+def _results(study: StudyFiles, draws: bool) -> ReportPart:
+    part, few = ReportPart("Metrics"), study.comparison.scope == THESE_WORLDS
+    part.say(
+        "Mean over worlds of the mean within each, with its 95 % interval: exact for success and other shares, else a "
+        f"BCa bootstrap of {study.comparison.resamples} resamples of "
+        f"{'episodes within their worlds' if few else 'whole worlds'}. "
+        "↑ more is better, ↓ less is better. An episode in which a metric is not defined is left out, and the cell "
+        "gives the number of the others; success, spl, scores and time are defined for every episode, failed ones too."
+    )
+    for table in report_tables.results(study):
+        part.add(table)
+    if draws:
+        from navloom_study.report.figures import distribution_figure
+        from navloom_study.report.plotting import svg_of
+
+        figure = distribution_figure(study)
+        if figure is not None:
+            part.draw(
+                svg_of(figure),
+                "Distribution over all episodes in which the metric is defined: share at or below each value.",
+            )
+    return part
+
+
+def _differences(study: StudyFiles, draws: bool) -> ReportPart:
+    part = ReportPart(f"Differences from {study.baseline}")
+    part.say(
+        "Paired by world and seed: method minus baseline. Below each are its 95 % interval and the p-value of a "
+        "sign-flip permutation test, Holm-adjusted over the metrics of one method, not over methods; * marks p < 0.05. "
+        "Metrics without a better direction are not tested. differences.csv has unadjusted p-values and all digits."
+    )
+    if draws:
+        from navloom_study.report.figures import difference_figure
+        from navloom_study.report.plotting import svg_of
+
+        figure = difference_figure(study)
+        if figure is not None:
+            part.draw(svg_of(figure), f"Difference from {study.baseline} with its 95 % interval.")
+    for table in report_tables.differences(study):
+        part.add(table)
+    return part
+
+
+def _ways(study: StudyFiles, draws: bool) -> ReportPart:
+    part = ReportPart("Tracks")
+    if not draws:
+        part.say("The tracks are drawn if matplotlib is installed.")
+        return part
+    from navloom_study.report.plotting import svg_of
+    from navloom_study.report.track_figures import ways_figure, worlds_shown
+
+    shown = worlds_shown(study)
+    if not shown:
+        part.say("Nothing to draw: in no stored track did a robot drive 0.1 m.")
+    for what, ways in shown:
+        unseen = "" if study.world(ways.world) is not None else f" {study.why_no_world(ways.world)}"
+        part.draw(
+            svg_of(ways_figure(study, ways)),
+            f"{ways.world}, {what} by success of all methods, among those in which a robot drove. First {ways.seeds} "
+            "seeds; numbers: successes of all seeds. Dark: what the robot can touch; pale: above or below it; hatched: "
+            f"appears later; outlined with a dotted line: moves.{unseen}",
+        )
+    return part
+
+
+def _worst(study: StudyFiles) -> ReportPart:
+    part = ReportPart("Worst worlds")
+    part.say(
+        "The five worst worlds of each method, by success, then SPL, each with the command that repeats its worst "
+        "episode."
+    )
+    for method in study.methods:
+        part.head(method)
+        part.add(report_tables.worst_worlds(study, method))
+    return part
+
+
+def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
+    part, data = ReportPart("On the same inputs"), open_loop_data(study)
+    assert data is not None
+    part.say(
+        f"Open loop: {data.baseline} drove once more in each world with each seed, and the others ran in shadow on "
+        "the same inputs. Their answers moved nothing; they are compared with the baseline's tick by tick."
+    )
+    told = study.request["open_loop"]
+    for method, why in told["left_out"].items():
+        part.say(f"{method} is left out: it {why}.", "note")
+    lost = len(study.worlds) * len(study.seeds) - len({(line.world, line.seed) for line in study.open_loop})
+    if lost:
+        part.say(f"{lost} open-loop episodes failed and are left out; journal.jsonl gives the reason.", "note")
+    if data.changed:
+        part.say(
+            f"{data.changed} of {data.compared} episodes differ from the baseline's alone: not comparable.", "note"
+        )
+    else:
+        part.say(f"The traces of all {data.compared} episodes are those of the baseline alone, bit for bit.")
+    part.add(shadow_summary(study, data))
+    if draws:
+        from navloom_study.report.plotting import svg_of
+
+        spread = spread_figure(study, data)
+        if spread is not None:
+            part.draw(
+                svg_of(spread),
+                "Disagreement with the baseline over all ticks of all worlds: median, middle half, 5 to 95 %. Dotted: "
+                "what counts as the same; values below a tenth of it are drawn there.",
+            )
+        over_time = over_time_figure(study, data)
+        if over_time is not None:
+            figure, worlds = over_time
+            left = len(study.worlds) - len(worlds)
+            more = f" The {len(worlds)} worlds with the largest disagreement." if left else ""
+            part.draw(svg_of(figure), f"Disagreement over time, RMS over seeds of each half second.{more}")
+    return part
+
+
+def _conditions(study: StudyFiles) -> ReportPart:
+    part = ReportPart("What was held constant, and what differs")
+    part.say("Computed from the methods' full configs with every default, not declared.")
+    part.head("Differs")
+    if study.request["differs"]:
+        part.add(report_tables.differs(study))
+    else:
+        part.say("Nothing.")
+    part.head("Held constant")
+    part.say(f"Seeds: {', '.join(map(str, study.seeds))}.")
+    part.add(report_tables.held_equal(study))
+    part.head("Configs, worlds and versions")
+    for table in report_tables.hashes(study):
+        part.add(table)
+    part.add(report_tables.versions(study))
+    return part
+
+
+def _computing(study: StudyFiles, draws: bool) -> ReportPart:
+    part = ReportPart("Compute time")
+    part.say("Wall-clock figures of this machine, from timing.json. The rest of this report is reproducible.")
+    if not study.timing:
+        part.say("timing.json is missing.", "note")
+        return part
+    part.add(report_tables.timings(study))
+    machine = study.timing.get("machine", {})
+    part.say(
+        f"{study.timing.get('wall_s', 0.0):.0f} s in all with {study.timing.get('jobs', '?')} processes on "
+        f"{machine.get('cores', '?')} cores ({machine.get('processor', '?')})."
+    )
+    return part

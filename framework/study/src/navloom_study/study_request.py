@@ -1,0 +1,202 @@
+"""A study as data: the checked request, and the result."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from navloom.plugins.one_file import files_in_use
+from navloom.runs.metrics import METRICS
+
+from navloom_study.episode_key import EpisodeKey
+from navloom_study.episode_rows import EpisodeTask, Row
+from navloom_study.openloop import METHOD, OpenLoop
+from navloom_study.study_methods import Method, toml_value
+from navloom_study.study_worlds import WorldCase
+
+__all__ = ["Study", "StudyResult"]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A checked request for a study.
+
+    Attributes:
+        config: Path or shipped name of the config.
+        methods, worlds, seeds: Every combination is one episode.
+        metrics: Names, in the order of the table.
+        held_equal: By place in the config, the values that are equal for every method.
+        differs: By place, the value of each method that has one.
+        dropped: By method, the parameters that were dropped together with the replaced plugin.
+        versions: Versions that an episode depends on.
+        here: Base folder of references that are not from a file.
+        baseline: Name of the method that the others are compared with.
+        open_loop: Additional drives, one for each world and seed, for their shadows; None for none.
+        is_live: The episodes are driven live, one after the other, instead of in lockstep.
+    """
+
+    config: str
+    methods: tuple[Method, ...]
+    worlds: tuple[WorldCase, ...]
+    seeds: tuple[int, ...]
+    metrics: tuple[str, ...]
+    held_equal: dict[str, Any]
+    differs: dict[str, dict[str, Any]]
+    dropped: dict[str, tuple[str, ...]]
+    versions: dict[str, str]
+    here: Path
+    baseline: str = ""
+    open_loop: OpenLoop | None = None
+    unusable: tuple[str, ...] = ()
+    is_live: bool = False
+
+    @property
+    def keys(self) -> list[EpisodeKey]:
+        """Every episode in the order of the table: by method, world and seed, each in the order of the request."""
+        return [
+            EpisodeKey(m.name, w.ref, seed) for m in self.methods for w in self.worlds for seed in self.seeds
+        ]  # fmt: skip
+
+    @property
+    def open_loop_keys(self) -> list[EpisodeKey]:
+        """Every episode that is driven only for its shadows."""
+        if self.open_loop is None:
+            return []
+        return [EpisodeKey(METHOD, w.ref, seed) for w in self.worlds for seed in self.seeds]
+
+    def twice(self) -> list[EpisodeTask]:
+        """Tasks that run the first episode of each method twice."""
+        world, seed = self.worlds[0].ref, self.seeds[0]
+        return [
+            replace(task, is_twice=True)
+            for task in self.tasks()
+            if (task.key.world, task.key.seed) == (world, seed) and not task.is_open_loop
+        ]
+
+    def tasks(self) -> list[EpisodeTask]:
+        """A task for every episode, grouped by world."""
+        given = {method.name: method.loaded.to_json() for method in self.methods}
+        token = hashlib.sha256(json.dumps(self.request(), sort_keys=True).encode()).hexdigest()
+        drives = [(method.name, given[method.name], False) for method in self.methods]
+        if self.open_loop is not None:
+            drives.append((METHOD, self.open_loop.loaded.to_json(), True))
+        return [
+            EpisodeTask(token, EpisodeKey(name, w.ref, seed), config, w.values, str(self.here), self.metrics, is_open)
+            for w in self.worlds
+            for seed in self.seeds
+            for name, config, is_open in drives
+        ]
+
+    def request(self) -> dict[str, Any]:
+        """The request as `study.json` stores it: equal requests give equal rows.
+
+        To drive one episode again, pass the `changes` of its method and world to `navloom run` as `--set`, its seed as
+        `--seed` and the `plugin_files` as `--plugin`.
+        """
+        return {
+            "config": self.config,
+            "methods": {
+                m.name: {"config_sha256": m.loaded.sha256(), "changes": list(m.changes)} for m in self.methods
+            },
+            "worlds": {
+                w.ref: {
+                    "sha256": w.sha256,
+                    "changes": [f"{place}={toml_value(value)}" for place, value in w.values.items()],
+                }
+                for w in self.worlds
+            },
+            "seeds": list(self.seeds),
+            "metrics": list(self.metrics),
+            "held_equal": self.held_equal,
+            "differs": self.differs,
+            "versions": self.versions,
+            **({"plugin_files": files} if (files := files_in_use()) else {}),
+            **({"live": True} if self.is_live else {}),
+            **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """A finished study.
+
+    Attributes:
+        study: The request.
+        rows: One row an episode, in the order of the table.
+        before: Number of episodes that had ended in an earlier call.
+        lost: Number of workers that died or were killed in this call.
+        wall: Wall time of this call, s.
+        files: Names of the files in the folder.
+        open_loop: Rows of the episodes driven for their shadows.
+        missing: Why a file was not written, by name.
+        repeated: Rows of the episodes that were run twice.
+    """
+
+    study: Study
+    rows: tuple[Row, ...]
+    before: int
+    lost: int
+    wall: float
+    files: tuple[str, ...] = ()
+    open_loop: tuple[Row, ...] = ()
+    missing: Mapping[str, str] = field(default_factory=dict)
+    repeated: tuple[Row, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """By method: number of episodes, outcomes, the mean of each metric over the episodes for which it is defined,
+        and the exact 95 % interval of each share, see `compare_methods`."""
+        found, intervals = {}, self._shares()
+        for method in self.study.methods:
+            rows = [row for row in self.rows if row.key.method == method.name]
+            means = {}
+            for name in self.study.metrics:
+                values = [value for row in rows if (value := row.metrics[name]) is not None]
+                means[name] = float(np.mean(values)) if values else None
+            outcomes = dict(sorted(Counter(row.outcome for row in rows).items()))
+            told = {"episodes": len(rows), "outcomes": outcomes, "means": means}
+            found[method.name] = {**told, "intervals": intervals[method.name]}
+        return found
+
+    def _shares(self) -> dict[str, dict[str, tuple[float, float]]]:
+        """By method, the intervals of its shares; an interval is missing if there are too few episodes."""
+        from navloom_study.statistics import compare_methods
+
+        shares = [metric for metric in METRICS if metric.is_share and metric.name in self.study.metrics]
+        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
+        # The intervals of shares are exact and need no resamples.
+        compared = compare_methods(rows, self.study.methods[0].name, shares, np.random.default_rng(0), resamples=100)
+        found: dict[str, dict[str, tuple[float, float]]] = {method.name: {} for method in self.study.methods}
+        for one in compared.summaries:
+            if one.estimate.low is not None and one.estimate.high is not None:
+                found[one.method][one.metric] = (one.estimate.low, one.estimate.high)
+        return found
+
+    @property
+    def warnings(self) -> list[dict[str, Any]]:
+        """Warnings of its runs, each once for a method, with the number of affected episodes and the first of them."""
+        found: dict[tuple[str, ...], dict[str, Any]] = {}
+        for is_counted, rows in ((True, self.rows), (False, self.repeated)):
+            for row in rows:
+                for one in row.warnings:
+                    key = (row.key.method, one.kind, one.role, one.instance, one.about)
+                    told = found.setdefault(key, {**one.to_json(), **vars(row.key), "episodes": 1 - is_counted})
+                    told["episodes"] += is_counted
+        return list(found.values())
+
+    @property
+    def is_repeatable(self) -> bool:
+        """Whether no episode that was run twice differed."""
+        return not any(one.kind == "repeat" for row in self.repeated for one in row.warnings)
+
+    @property
+    def notes(self) -> list[str]:
+        """Failures outside the episodes: broken metrics and failed open-loop runs, each with the number of episodes."""
+        counts = Counter(note for row in self.rows for note in row.notes)
+        counts.update(f"open loop failed: {row.reason}" for row in self.open_loop if row.outcome == "error")
+        return [f"{note} ({count} episodes)" for note, count in sorted(counts.items())]

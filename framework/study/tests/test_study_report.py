@@ -1,0 +1,309 @@
+"""The report of a study: numbers that can be checked by hand, reproducible bytes, and unusual studies."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from navloom.cli import main
+from navloom.config import ConfigError
+from navloom.messages import OUTCOMES
+from navloom.runs.episode_trail import FALSE_SUCCESS, lost_trail
+from navloom.runs.metrics import measure
+from navloom_study import METRICS, Trail
+from navloom_study.episode_key import EpisodeKey
+from navloom_study.episode_rows import Row
+from navloom_study.report import study_report
+from navloom_study.report.study_files import read_study
+from navloom_study.report.study_report import write_report
+from navloom_study.report.track_figures import worlds_shown
+from navloom_study.study_folder import table_of
+from navloom_study.tracks import FOLDER, encoded, file_of
+
+NAMES = [metric.name for metric in METRICS]
+Outcomes = Callable[[str, str, int], str]
+
+
+def straight(outcome: str, seconds: int = 20, speed: float = 0.4, aside: float = 0.0) -> Trail:
+    """A drive along y in ticks of 1 s; the shortest way is 7.5 m, the limits are 120 s and 0.5 m/s."""
+    time = np.arange(seconds + 1.0)
+    flat, never = np.zeros_like(time), np.zeros(time.size, dtype=np.bool_)
+    return Trail(
+        time=time, x=flat + aside, y=speed * time, heading=flat, vx=flat + speed, wz=flat, clearance=flat + 1.0,
+        cross_track=flat + aside, command_vx=flat + speed, command_wz=flat, engaged=never, stopped_by_gate=never,
+        outcome=outcome, reason=f"because {outcome}", touches=int(outcome == "collision"), recoveries=0, gate_stops=0,
+        period=1.0, optimal=7.5, goal_distance=0.1, limit=120.0, max_linear=0.5, max_deceleration=1.0, reaction=0.1,
+        tick_ns=np.full(time.size, 1000),
+    )  # fmt: skip
+
+
+def study_folder(
+    folder: Path, methods: Sequence[str], worlds: Sequence[str], seeds: Sequence[int], trail_of: Callable[..., Trail]
+) -> Path:
+    """The folder of a finished study as `navloom compare` writes it, with its tracks."""
+    (folder / FOLDER).mkdir(parents=True)
+    rows = []
+    for number, method in enumerate(methods):
+        for world in worlds:
+            for seed in seeds:
+                trail, key = trail_of(method, world, seed), EpisodeKey(method, world, seed)
+                timing = {"tick_us_p50": 100.0 + number, "tick_us_p95": 200.0, "tick_us_p99": 300.0 + 9e5 * number,
+                          "tick_us_max": 400.0 + 9e5 * number, "too_slow": number > 0, "wall_s": 1.0}  # fmt: skip
+                rows.append(Row(key, trail.outcome, trail.reason, measure(trail), "ab" * 32, timing))
+                (folder / FOLDER / file_of(key)).write_bytes(encoded(trail, (0.0, 8.0), 0.2))
+    (folder / "episodes.csv").write_text(table_of(rows, NAMES), "utf-8")
+    request = {
+        "config": "paper",
+        "methods": {m: {"config_sha256": "c" * 64, "changes": [f'avoider.plugin="{m}"']} for m in methods},
+        "worlds": {w: {"sha256": "d" * 64, "changes": [f'world.ref="{w}"']} for w in worlds},
+        "seeds": list(seeds),
+        "metrics": NAMES,
+        "held_equal": {"run.period": 0.05, "robot.height": 1.2, "navigation.speed": [0.2, 0.4]},
+        "differs": {"avoider.plugin": {m: m for m in methods}},
+        "versions": {"navloom": "0.1.0"},
+    }
+    (folder / "study.json").write_text(json.dumps(request), "utf-8")
+    timing = {"wall_s": 9.0, "jobs": 1, "machine": {"cores": 2, "processor": "x"},
+              "episodes": [{**vars(row.key), **row.timing} for row in rows]}  # fmt: skip
+    (folder / "timing.json").write_text(json.dumps(timing), "utf-8")
+    return folder
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two methods, 5 worlds, 2 seeds: `good` always arrives, `bad` ends in every other way there is, and twice so."""
+    failures = [outcome for outcome in OUTCOMES if outcome != "succeeded"]
+    ends = iter([*failures, "succeeded", "stuck"])
+
+    def trail_of(method: str, world: str, seed: int) -> Trail:
+        return straight("succeeded") if method == "good" else straight(next(ends), 10, 0.2, 0.3)
+
+    folder = tmp_path_factory.mktemp("two") / "study"
+    worlds = ("empty", "corridor", "doorway", "u_trap", "paper_gates")
+    study_folder(folder, ("good", "bad"), worlds, (0, 1), trail_of)
+    write_report(folder)
+    return folder
+
+
+def test_the_summary_agrees_with_one_computed_by_hand(two: Path) -> None:
+    rows = {(row["method"], row["metric"]): row for row in table(two / "summary.csv")}
+    # good: 20 s at 0.4 m/s are 8 m, of 7.5 m: SPL 0.9375. OT = 3.75 s, and 19.75 s are after the first 0.1 m.
+    score = 3.75 / 19.75
+    expected = {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": score, "barn_4_8": score, "time": 20.0,
+                "path_length": 8.0, "cross_track_rms": 0.0, "collisions": 0.0}  # fmt: skip
+    for name, value in expected.items():
+        assert float(rows["good", name]["mean"]) == pytest.approx(value), name
+    # bad: 10 s at 0.2 m/s are 2 m. One of ten succeeds: SPL 1 there (2 m are less than the shortest way), BARN
+    # 3.75 s / 9.5 s and at most 0.25, 10 s; nine count with 120 s: 109 s. One collides.
+    expected = {"success": 0.1, "spl": 0.1, "barn_2_8": 0.375 / 9.5, "barn_4_8": 0.025, "time": 109.0,
+                "path_length": 2.0, "cross_track_rms": 0.3, "collisions": 0.1}  # fmt: skip
+    for name, value in expected.items():
+        assert float(rows["bad", name]["mean"]) == pytest.approx(value), name
+    assert rows["bad", "success"]["episodes"] == "10" and rows["bad", "success"]["worlds"] == "5"
+
+
+def test_differences_are_method_minus_baseline_with_their_pairs(two: Path) -> None:
+    rows = {row["metric"]: row for row in table(two / "differences.csv")}
+    assert {row["method"] for row in rows.values()} == {"bad"} and {row["baseline"] for row in rows.values()} == {
+        "good"
+    }
+    assert float(rows["success"]["difference"]) == pytest.approx(-0.9)
+    assert float(rows["time"]["difference"]) == pytest.approx(89.0)
+    assert (rows["time"]["pairs"], rows["time"]["unpaired"], rows["time"]["worlds"]) == ("10", "0", "5")
+    # Nine of ten episodes differ in success, all the same way: 2 of 2^9 sign patterns are as far from 0.
+    assert float(rows["success"]["p"]) == pytest.approx(2 / 2**9)
+    assert float(rows["success"]["p_holm"]) >= float(rows["success"]["p"])
+    assert rows["path_length"]["p"] == "" and rows["path_length"]["better"] == ""
+
+
+def test_the_page_names_what_counts_and_needs_no_other_file(two: Path) -> None:
+    page = (two / "report.html").read_text("utf-8")
+    for told in ("For these worlds only", "good: 10 of 10 succeeded (95 % interval 0.692 to 1.000)",
+                 "bad: 1 of 10 succeeded (95 % interval 0.003 to 0.445), 90.0 points less than",
+                 "because collision", "Held constant", "navigation.speed", "c" * 16, "— too slow"):  # fmt: skip
+        assert told in page, told
+    assert "<script" not in page and "http://" not in page.replace("http://www.w3.org/", "")
+    assert 'href="#s1"' in page and 'src="' not in page.replace('src="data:', "")
+    assert page.count("<svg") >= 6
+
+
+def test_every_outcome_is_in_the_report(two: Path) -> None:
+    text = (two / "report.md").read_text("utf-8")
+    assert all(f"because {outcome}" in text for outcome in OUTCOMES if outcome != "succeeded")
+    assert set(read_study(two).comparison.outcomes["bad"]) == set(OUTCOMES)
+
+
+def test_the_worst_worlds_come_with_a_command_that_a_shell_reads_back(two: Path) -> None:
+    study = read_study(two)
+    worst = study.comparison.worst["bad"][0]
+    told = study.command("bad", worst.world, worst.seed)
+    changes = ["--set", 'avoider.plugin="bad"', "--set", f'world.ref="{worst.world}"']
+    assert shlex.split(told) == ["navloom", "run", "paper", *changes, "--seed", str(worst.seed)]
+    assert f"`{told}`" in (two / "report.md").read_text("utf-8")
+    of_file = replace(study, request={**study.request, "plugin_files": ["/my plugins/bad.py"]})
+    assert shlex.split(of_file.command("bad", worst.world, worst.seed))[3:5] == ["--plugin", "/my plugins/bad.py"]
+
+
+def test_a_second_report_is_the_same_except_for_wall_times(two: Path) -> None:
+    study = read_study(two)
+    again = study_report.build_report(replace(study, timing={**study.timing, "wall_s": 99.0}))
+    assert again.summary_csv == (two / "summary.csv").read_text("utf-8")
+    assert again.differences_csv == (two / "differences.csv").read_text("utf-8")
+    for now, name in ((again.html, "report.html"), (again.markdown, "report.md")):
+        before, mark = (two / name).read_text("utf-8"), "Compute time"
+        assert now.rpartition(mark)[0] == before.rpartition(mark)[0] and now != before
+
+
+def test_another_baseline_changes_the_sign_of_the_differences(two: Path) -> None:
+    found = read_study(two, "bad").comparison.difference("good", "success")
+    assert found.estimate.mean == pytest.approx(0.9)
+
+
+def test_the_worst_and_the_middle_world_are_those_by_success(two: Path) -> None:
+    study = read_study(two)
+    shown = dict(worlds_shown(study))
+    # bad's one success is in the last world, but both drives of a world count together; the first world has none.
+    assert shown["the worst world"].world == "empty" and shown["the median world"].world == "doorway"
+    assert all(len(told) == 2 for told in shown["the worst world"].tracks.values())
+
+
+def one_of_each(outcome: str) -> Callable[..., Trail]:
+    return lambda method, world, seed: straight(outcome)
+
+
+@pytest.mark.parametrize(
+    ("methods", "worlds", "seeds", "outcome", "draws"),
+    [
+        pytest.param(1, 1, 1, "succeeded", True, id="one_of_all"),
+        pytest.param(10, 1, 2, "stuck", False, id="ten_methods_all_failed"),
+        pytest.param(10, 1, 2, "stuck", True, id="ten_methods_drawn", marks=pytest.mark.slow),
+        pytest.param(2, 50, 1, "succeeded", True, id="fifty_worlds", marks=pytest.mark.slow),
+        pytest.param(2, 1, 2, "error", True, id="same", marks=pytest.mark.slow),
+    ],
+)
+def test_studies_of_any_size_have_a_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, methods: int, worlds: int, seeds: int, outcome: str, draws: bool
+) -> None:
+    if not draws:
+        monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    names = [f"method_{k}" for k in range(methods)]
+    places = ["empty"] if worlds == 1 else [f"clutter:{k}" for k in range(worlds)]
+    folder = study_folder(tmp_path / "s", names, places, range(seeds), one_of_each(outcome))
+    made = write_report(folder)
+    few = "For these worlds only" in made.html
+    assert few == (worlds < 10) and ("Differences from" in made.html) == (methods > 1)
+    assert len(table(folder / "summary.csv")) == methods * len(NAMES)
+
+
+def test_undefined_metrics_and_missing_tracks_are_stated(tmp_path: Path) -> None:
+    def nothing(method: str, world: str, seed: int) -> Trail:
+        return straight("rejected", 0)
+
+    folder = study_folder(tmp_path / "s", ("a", "b"), ("empty",), (0, 1), nothing)
+    made = write_report(folder)
+    assert "Nothing to draw: in no stored track" in made.html
+    assert next(row for row in table(folder / "summary.csv") if row["metric"] == "jerk")["mean"] == ""
+
+
+def test_false_successes_and_successes_without_truth_are_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    limits = {"period": 1.0, "limit": 120.0, "max_linear": 0.5, "max_deceleration": 1.0, "reaction": 0.1}
+
+    def trail_of(method: str, world: str, seed: int) -> Trail:
+        if method == "blind":
+            return lost_trail("succeeded", "the goal was reached", **limits)
+        reason = f"succeeded by its own estimate, {seed + 1}.5 m from the goal by ground truth"
+        return replace(straight(FALSE_SUCCESS), reason=reason)
+
+    folder = study_folder(tmp_path / "s", ("wrong", "blind"), ["empty"], range(4), trail_of)
+    text = write_report(folder).markdown
+    assert "wrong: 0 of 4 succeeded (95 % interval 0.000 to 0.602)" in text
+    assert "False successes: 4 of 4 with wrong." in text
+    assert "by the robot's own report only, without ground truth: 4 of 4 with blind." in text
+    assert "| wrong | false_success | succeeded by its own estimate, … m from the goal by ground truth | 4 |" in text
+    rows = {(row["method"], row["metric"]): row["mean"] for row in table(folder / "summary.csv")}
+    assert (rows["wrong", "success"], rows["wrong", "spl"], rows["wrong", "false_success"]) == ("0", "0", "1")
+    assert (rows["blind", "false_success"], rows["blind", "time"]) == ("", "")
+
+
+def test_without_matplotlib_the_report_has_the_tables_and_says_what_to_install(
+    two: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    made = study_report.build_report(read_study(two))
+    assert "navloom[plots]" in made.html and "<svg" not in made.html and not made.has_figures
+    assert made.summary_csv == (two / "summary.csv").read_text("utf-8")
+
+
+def test_without_the_world_only_its_walls_are_missing(two: Path) -> None:
+    # The hash of these worlds is not that of the real ones, so they count as changed.
+    assert "has changed" in (two / "report.html").read_text("utf-8")
+
+
+def _seedless(folder: Path) -> None:
+    path = folder / "episodes.csv"
+    path.write_text(path.read_text("utf-8").replace(",0,succeeded", ",zero,succeeded"), "utf-8")
+
+
+def _number(folder: Path, part: str) -> None:
+    """A number among the names."""
+    request = json.loads((folder / "study.json").read_text("utf-8"))
+    (folder / "study.json").write_text(json.dumps({**request, part: [*request[part], 7]}))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda folder: (folder / "study.json").unlink(), "holds no study"),
+        (lambda folder: (folder / "episodes.csv").unlink(), "is not finished"),
+        (lambda folder: (folder / "study.json").write_text("{"), "study.json: damaged"),
+        (lambda folder: (folder / "study.json").write_text("[]"), "study.json: damaged"),
+        (lambda folder: _number(folder, "methods"), "study.json: damaged"),
+        (lambda folder: _number(folder, "metrics"), "study.json: damaged"),
+        (lambda folder: (folder / "timing.json").write_text("{"), "timing.json: damaged"),
+        (lambda folder: _seedless(folder), "episodes.csv: damaged"),
+        (lambda folder: (folder / "episodes.csv").write_text("method,world\n"), "is not the table of study.json"),
+    ],
+    ids=["no_study", "unfinished", "cut", "other", "method", "metric", "timing", "seed", "table"],
+)
+def test_a_folder_that_is_no_study_is_refused(tmp_path: Path, spoil: Callable[[Path], Any], told: str) -> None:
+    folder = study_folder(tmp_path / "s", ("a",), ("empty",), (0,), one_of_each("succeeded"))
+    spoil(folder)
+    with pytest.raises(ConfigError, match=told):
+        write_report(folder)
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["navloom", "report", *words])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    return int(caught.value.code or 0)
+
+
+def test_the_command_names_its_files_and_refuses_in_one_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = study_folder(tmp_path / "s", ("a", "b"), ("empty",), (0,), one_of_each("succeeded"))
+    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    assert command(monkeypatch, str(folder), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["files"] == list(study_report.FILES)
+    assert all((folder / name).stat().st_size for name in study_report.FILES)
+    assert command(monkeypatch, str(folder), "--baseline", "c") == 2
+    assert "--baseline c: no such method" in capsys.readouterr().err
+    assert command(monkeypatch, str(tmp_path)) == 2
+    assert "holds no study" in capsys.readouterr().err

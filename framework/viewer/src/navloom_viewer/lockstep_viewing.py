@@ -1,0 +1,73 @@
+"""Shows a lockstep run of one config in a viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from navloom.config import Loaded
+from navloom.engine.build import assemble
+
+from navloom_viewer.observe import Gathering
+from navloom_viewer.picture_setup import facts_of
+from navloom_viewer.viewer_session import Showing, Where, showing
+
+__all__ = ["Watch", "watch_run"]
+
+Progress = Callable[[float, float], None]
+
+
+@dataclass(eq=False)
+class Watch:
+    """The viewer's observers of one run.
+
+    Attributes:
+        observers: Observers for the run.
+        showing: The showing.
+    """
+
+    observers: Sequence[Gathering]
+    showing: Showing
+
+    def between(self, progress: Progress) -> Progress:
+        """A progress function that also passes the collected messages on between ticks."""
+
+        def tell(done: float, total: float) -> None:
+            self.drain()
+            progress(done, total)
+
+        return tell
+
+    def finish(self) -> None:
+        """Pass on the remaining messages and draw them, after the run."""
+        self.drain()
+        self.showing.finish()
+
+    def drain(self) -> None:
+        """Pass on the collected messages."""
+        for observer in self.observers:
+            observer.drain()
+
+
+@contextmanager
+def watch_run(loaded: Loaded, where: Where, say: Callable[[str], None]) -> Iterator[Watch]:
+    """Show a run of a config. The trace does not change.
+
+    Args:
+        loaded: The config.
+        where: Where to show it.
+        say: Receives messages for the user.
+
+    Raises:
+        ViewerError: It cannot be shown there.
+    """
+    name = loaded.config.robot.name
+    facts = facts_of({name: assemble(loaded)}, f"{loaded.name}, seed {loaded.config.run.seed}")
+    blocked = frozenset(loaded.config.plugins.blocked)
+    with showing(facts, where, recording_id=loaded.sha256(), blocked=blocked, say=say) as shown:
+        watch = Watch([Gathering(name, shown.bridge.put_all)], shown)
+        try:
+            yield watch
+        finally:
+            watch.drain()

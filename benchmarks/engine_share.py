@@ -310,7 +310,7 @@ def show(found: dict[str, list[Share]]) -> None:
             row = "".join(f" {getattr(one, name):>10.1f}" for name in (*FIELDS, "rest_us"))
             print(f"{one.seed:<6} {side:<7} {one.ticks:>6}{row}  {one.trace_sha256[:12]}")
     for side, shares in found.items():
-        medians = [statistics.median(getattr(one, name) for one in shares) for name in (*FIELDS, "rest_us")]
+        medians = [statistics.median(getattr(share, name) for share in shares) for name in (*FIELDS, "rest_us")]
         print(f"{'median':<6} {side:<7} {'':>6}" + "".join(f" {value:>10.1f}" for value in medians))
     for name, ratio in summary(found).get("ratios", {}).items():
         least, most = ratio["min"], ratio["max"]

@@ -140,15 +140,15 @@ def drive(robots: Sequence[One], seconds: float) -> None:
     """Give each robot a goal that takes longer than this, s."""
     legs = 1 + round(seconds / LEG)
     *via, end = (PLACES[number % 2] for number in range(legs))
-    for one in robots:
-        assert one.client is not None
-        one.client.call("goal", "main", SUBMIT, Submit(*end, via=tuple(via)), ANSWER)
+    for robot in robots:
+        assert robot.client is not None
+        robot.client.call("goal", "main", SUBMIT, Submit(*end, via=tuple(via)), ANSWER)
 
 
 def told(one: One) -> Description:
     """The report of a robot's platform."""
     assert one.client is not None
-    found = next((found for found in one.client.describe() if found.role == "platform"), None)
+    found = next((node for node in one.client.describe() if node.role == "platform"), None)
     if found is None:
         raise ClientError(
             f"the platform of robot {one.realm} does not answer: fewer robots or a longer --period may fit"
@@ -207,9 +207,9 @@ def segments(pids: Sequence[int]) -> float:
 def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, Any]:
     """Measure for some seconds."""
     pids = processes(folder)
-    before, began, used = [told(one) for one in robots], time.monotonic(), spent(pids)
+    before, began, used = [told(robot) for robot in robots], time.monotonic(), spent(pids)
     time.sleep(seconds)
-    took, after = time.monotonic() - began, [told(one) for one in robots]
+    took, after = time.monotonic() - began, [told(robot) for robot in robots]
 
     def more(count: Callable[[Description], int | None]) -> int:
         return sum((count(new) or 0) - (count(old) or 0) for new, old in zip(after, before, strict=True))
@@ -230,8 +230,8 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
         "driven_ticks": driven,
         "own_share": round(more(lambda node: node.own_ticks) / max(1, driven), 5),
         "stops": more(lambda node: node.stops),
-        "age_p50_ms": round(1e3 * sorted(one.age_p50_s or 0.0 for one in ages)[len(ages) // 2], 2),
-        "worst_age_p99_ms": round(1e3 * max(one.age_p99_s or 0.0 for one in ages), 2),
+        "age_p50_ms": round(1e3 * sorted(age.age_p50_s or 0.0 for age in ages)[len(ages) // 2], 2),
+        "worst_age_p99_ms": round(1e3 * max(age.age_p99_s or 0.0 for age in ages), 2),
     }
 
 
@@ -257,8 +257,8 @@ def main() -> int:
             robots = stack.enter_context(
                 fleet(given.robots, given.period, router, PROCESSES[given.processes], given.live, folder)
             )
-            for one in robots:
-                one.client = stack.enter_context(join(f"{one.realm}/r1"))
+            for robot in robots:
+                robot.client = stack.enter_context(join(f"{robot.realm}/r1"))
             drive(robots, given.settle + given.seconds + ANSWER * len(robots))
             time.sleep(given.settle)
             found = measure(robots, folder, given.seconds)

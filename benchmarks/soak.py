@@ -167,9 +167,9 @@ def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) ->
         "bare_timer": json.loads(timer.communicate(timeout=30)[0]),
         "platform_stops": platform.stops,
         "command_age_s": {"p50": command.age_p50_s, "p99": command.age_p99_s},
-        "memory_mb": {name: [round(found[0], 1), round(found[-1], 1)] for name, found in samples.items()},
+        "memory_mb": {name: [round(sample[0], 1), round(sample[-1], 1)] for name, sample in samples.items()},
         "processor_share": {name: round(share, 4) for name, share in shares.items()},
-        "memory_growth": {name: growth(found) for name, found in samples.items()},
+        "memory_growth": {name: growth(sample) for name, sample in samples.items()},
         "same_processes": {n.process: n.pid for n in after} == {n.process: n.pid for n in nodes},
     }
 

@@ -107,9 +107,9 @@ def _is_idle(client: Client) -> bool:
 
 def _own_record(client: Client, platform: str) -> list[dict[str, float]]:
     """Median and p99 of the ages of the last 256 commands, s, as measured by the platform's process; empty before."""
-    for one in client.describe():
-        if (one.role, one.instance) == ("platform", platform):
-            found = one.streams.get("gate/main/command")
+    for node in client.describe():
+        if (node.role, node.instance) == ("platform", platform):
+            found = node.streams.get("gate/main/command")
             is_known = found is not None and found.age_p50_s is not None
             return [{"p50": found.age_p50_s, "p99": found.age_p99_s}] if is_known else []
     return []

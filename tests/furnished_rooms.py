@@ -119,8 +119,8 @@ def _text(made: _Room, start: tuple[float, float], goal: tuple[float, float]) ->
         f"goal = {{ x = {goal[0]:.3f}, y = {goal[1]:.3f} }}",
         "goal_tolerance = 0.3",
     ]
-    named = [("wall", one, "") for one in made.walls]
-    named += [("box", one, f"appears_at = {LATE}") for one in made.furniture]
+    named = [("wall", wall, "") for wall in made.walls]
+    named += [("box", rect, f"appears_at = {LATE}") for rect in made.furniture]
     for number, (name, (left, right, low, high), late) in enumerate(named):
         lines += ["", "[[box]]", f'name = "{name} {number}"']
         lines += [f"x = [{left:.3f}, {right:.3f}]", f"y = [{low:.3f}, {high:.3f}]", late]

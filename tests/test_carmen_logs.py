@@ -64,5 +64,5 @@ def test_a_published_log_becomes_a_map_and_feeds_a_localizer(
 
 def messages(recording: Path) -> tuple[list[Odometry], list[RangeScan]]:
     with Recording(recording) as opened:
-        every = [one.message for one in opened.messages()]
+        every = [message.message for message in opened.messages()]
     return [one for one in every if isinstance(one, Odometry)], [one for one in every if isinstance(one, RangeScan)]

@@ -43,7 +43,7 @@ def faults_of(step: Step) -> list[str]:
     known: Any = command_line()
     options = {"--help"}
     for word in words(step.text.replace("'", " ")):
-        options |= {name for one in known.params for name in (*one.opts, *one.secondary_opts)}
+        options |= {name for param in known.params for name in (*param.opts, *param.secondary_opts)}
         if word.startswith("--"):
             if word not in options:
                 return [f"{step}: no option {word}"]

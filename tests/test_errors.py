@@ -40,5 +40,5 @@ def exceptions(package: str) -> Iterator[type[BaseException]]:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_exception_is_a_navloom_error(package: str) -> None:
-    others = [one for one in exceptions(package) if not issubclass(one, NavloomError)]
-    assert {f"{one.__module__}.{one.__qualname__}" for one in others} <= set(WAIVERS)
+    others = [exception for exception in exceptions(package) if not issubclass(exception, NavloomError)]
+    assert {f"{exception.__module__}.{exception.__qualname__}" for exception in others} <= set(WAIVERS)

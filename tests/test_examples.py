@@ -86,7 +86,7 @@ def test_the_example_robot_is_listed_and_drives_to_its_goal(
         return out
 
     listed = json.loads(navloom("plugins", "--json"))
-    assert [one["distribution"] for one in listed if one["name"] == "turtle"] == ["navloom-turtle"]
+    assert [load["distribution"] for load in listed if load["name"] == "turtle"] == ["navloom-turtle"]
     result = json.loads(navloom("run", str(EXAMPLES / "turtle" / "turtle.toml"), "--json"))
     assert (result["truly_reached"], result["recoveries"]) == (True, 0)
     assert 1.5 < result["path_length_m"] < 2.0  # the straight way is 1.80 m, less the goal's tolerance
@@ -224,7 +224,7 @@ def test_both_avoiders_drive_and_the_shadow_says_what_it_would_have_done() -> No
     first, second = drivers.spells("improved_vfh"), drivers.spells("careful")
     assert first[-1][1] == pytest.approx(11.05, abs=0.051) and second[0][0] == first[-1][1]  # at the event, in one tick
     assert first[-1][1] - first[-1][0] > 1.0 and second[0][1] - second[0][0] > 1.0
-    (forces,) = [one for one in result["shadows"] if one["instance"] == "forces"]
+    (forces,) = [shadow for shadow in result["shadows"] if shadow["instance"] == "forces"]
     assert forces["differing_share"] > 0.5 and not drivers.spells("forces")
 
 

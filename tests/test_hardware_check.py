@@ -46,7 +46,7 @@ def checked(in_process: Command, base: PlayedBase, *words: str) -> tuple[int, di
     port = ("--set", f'port="{base.port}"')
     code, said, errors = in_process("check", "platform.serial_base", "--hardware", config, *port, *words, "--json")
     assert said, errors
-    return code, {one["check"]: one for one in json.loads(said)["results"]}
+    return code, {result["check"]: result for result in json.loads(said)["results"]}
 
 
 def test_nothing_moves_unless_it_is_asked_for(base: Watched, in_process: Command) -> None:

@@ -331,7 +331,7 @@ def test_a_recording_holds_the_messages_of_distributions_and_explains_them(insta
     install("fake_people", tracks(), ["message.Tracks"])
     with recorded(tmp_path / "a.mcap", sent_by("fake_people")) as recording:
         assert "array of float64, shape (n, 2)" in recording.schema_text("fake_people.Tracks/1")
-        assert [type(one.message).__name__ for one in recording.messages()] == ["Tracks"] * 2
+        assert [type(message.message).__name__ for message in recording.messages()] == ["Tracks"] * 2
         assert recording.unknown() == []
 
 

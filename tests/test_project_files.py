@@ -48,7 +48,7 @@ def test_the_citation_names_the_paper_as_it_was_published() -> None:
     (paper,) = read("CITATION.cff")["references"]
     assert paper["type"] == "conference-paper" and paper["year"] == 2013
     assert paper["conference"]["name"] == "ICIEA 2013"
-    assert [one["family-names"] for one in paper["authors"]] == ["Hoang", "Hiep", "Duong", "Van", "Duong", "Vinh"]
+    assert [author["family-names"] for author in paper["authors"]] == ["Hoang", "Hiep", "Duong", "Van", "Duong", "Vinh"]
     (number,) = paper["identifiers"]
     assert number["type"] in ("doi", "url", "swh", "other") and number["value"] == "arXiv:1611.09436"
 

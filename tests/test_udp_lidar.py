@@ -111,7 +111,7 @@ def test_a_capture_becomes_its_scans_with_its_stamps(cart: Cart) -> None:
     assert scan.origins[0].tolist() == [0.2, 0.0] and scan.range_max == 25.0
     # Beams are 0.1 ms apart also where the next datagram begins, at beam 30.
     assert scan.time_offsets[[0, 28, 29, -1]].tolist() == pytest.approx([0.0, 29e-4, 30e-4, 89e-4], abs=2e-6)
-    steps = np.diff([one.stamp_ns for one in cart.scans]) * 1e-9
+    steps = np.diff([range_scan.stamp_ns for range_scan in cart.scans]) * 1e-9
     assert (steps > 0.0).all() and np.median(steps) == pytest.approx(0.02, abs=0.002)
 
 

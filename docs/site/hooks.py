@@ -49,8 +49,8 @@ def _with_anchor(heading: re.Match[str]) -> str:
     if cls is None:
         return heading[0]
     made = ", ".join(
-        one.name if one.default is dataclasses.MISSING else f"{one.name}={one.default!r}"
-        for one in dataclasses.fields(cls)
+        field.name if field.default is dataclasses.MISSING else f"{field.name}={field.default!r}"
+        for field in dataclasses.fields(cls)
     )
     return f"[](){{#navloom.messages.{heading[1]}}}\n{heading[0]}\n\n`{heading[1]}({made})`"
 

@@ -47,7 +47,7 @@ def role_page(role: str) -> str:
     cls = ROLES[role]
     name, verb = cls.__name__, verb_of(role)
     answer = inspect.signature(getattr(cls, verb)).return_annotation
-    messages = ", ".join(f"[{one}](../messages.md#{one.lower()})" for one in messages_of(role))
+    messages = ", ".join(f"[{message}](../messages.md#{message.lower()})" for message in messages_of(role))
     structs = [given_of(role).__name__]
     structs += [one.__name__ for one in answers_of(role) if not issubclass(one, (Message, NoneType))]
     return "\n\n".join((

@@ -123,7 +123,9 @@ def world_tables() -> str:
 
 def metric_table() -> str:
     """The built-in metrics."""
-    return table(("metric", "unit", "what it is"), [(code(one.name), one.unit, one.about) for one in METRICS])
+    return table(
+        ("metric", "unit", "what it is"), [(code(metric.name), metric.unit, metric.about) for metric in METRICS]
+    )
 
 
 def config_sections() -> str:
@@ -160,7 +162,7 @@ def nested(model: type[Any]) -> list[str]:
 
 def model_of(annotation: Any) -> tuple[Any, bool]:
     """The table that a field holds, or None, and whether it holds several."""
-    inner = [one for one in typing.get_args(annotation) if one is not type(None)] or [annotation]
+    inner = [argument for argument in typing.get_args(annotation) if argument is not type(None)] or [annotation]
     return (inner[0] if hasattr(inner[0], "model_fields") else None), typing.get_origin(annotation) is list
 
 

@@ -75,7 +75,10 @@ class IrsimRobot(Platform[IrsimParams]):
         x, y, heading = (float(value) for value in robot.state[:3, 0])
         heading = math.remainder(heading, math.tau)
         twist = Twist2D(float(robot.velocity[0, 0]), 0.0, float(robot.velocity[1, 0]))
-        gaps = {one.name: float(robot.geometry.distance(one.geometry)) for one in self._simulator.obstacle_list}
+        gaps = {
+            obstacle.name: float(robot.geometry.distance(obstacle.geometry))
+            for obstacle in self._simulator.obstacle_list
+        }
         nearest = min(gaps, key=lambda name: gaps[name], default="")
         touching = bool(gaps) and gaps[nearest] <= 0.0
         truth = Truth(Pose2D(x, y, heading), twist, gaps.get(nearest, math.inf), nearest, touching)

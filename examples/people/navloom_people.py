@@ -104,7 +104,7 @@ class PeopleTracker(NodePlugin):
     def step(self, tick: Tick) -> None:
         """Publish the tracks for each new pose."""
         assert self.pose.value is not None
-        heard = [one.points for news in self.beacons.values() for one in news.values]
+        heard = [value.points for news in self.beacons.values() for value in news.values]
         echoes = sum(int(np.isfinite(scan.ranges).sum()) for news in self.scans.values() for scan in news.values)
         points = self.seen_from(self.pose.value, heard[-1] if heard else np.empty((0, 2)))
         self.tracks.put(Tracks(tick.time_ns, points, echoes))

@@ -131,7 +131,7 @@ class LidarCart(Platform[Params]):
 
     def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
-        self._lidars = {one.name: Lidar(one.name, LidarSettings(**one.settings)) for one in context.sensors}
+        self._lidars = {sensor.name: Lidar(sensor.name, LidarSettings(**sensor.settings)) for sensor in context.sensors}
         self._run_to_local = ClockOffset()
 
     def advance(self, given: PlatformInput) -> PlatformOutput:

@@ -88,7 +88,9 @@ def test_a_fault_of_each_quick_check_is_caught_and_blamed_on_the_plugin() -> Non
 
 def test_parameters_of_every_shipped_plugin_name_their_units() -> None:
     results = results_of([(name, "units") for name in SHIPPED])
-    assert [one["result"]["findings"] for one in results.values() if one["result"]["outcome"] == "failed"] == []
+    assert [
+        result["result"]["findings"] for result in results.values() if result["result"]["outcome"] == "failed"
+    ] == []
 
 
 @pytest.mark.slow

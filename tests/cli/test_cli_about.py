@@ -140,9 +140,9 @@ def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> N
 
 def test_every_command_that_may_need_a_plugin_takes_files() -> None:
     taking = {
-        " ".join(one.path[1:])
-        for one in commands(get_command(app))
-        for option in one.options
+        " ".join(command.path[1:])
+        for command in commands(get_command(app))
+        for option in command.options
         if "--plugin" in option.names
     }
     assert taking == {

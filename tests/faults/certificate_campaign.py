@@ -227,9 +227,9 @@ def main() -> None:
     outcomes: dict[str, list[Outcome]] = {kind: [] for kind in KINDS if given.only in kind}
     with certificates() as running:
         for number in range(given.count):
-            for kind, found in outcomes.items():
-                found.append(running.change(kind))
-                print(f"{number + 1} {kind}: {found[-1]}, load {os.getloadavg()[0]:.1f}", flush=True)
+            for kind, outcome in outcomes.items():
+                outcome.append(running.change(kind))
+                print(f"{number + 1} {kind}: {outcome[-1]}, load {os.getloadavg()[0]:.1f}", flush=True)
     print(table(outcomes))
 
 

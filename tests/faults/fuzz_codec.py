@@ -257,17 +257,17 @@ def contents(value: Any) -> Any:
     return (float, value.hex()) if isinstance(value, float) else (type(value), value)
 
 
-def report(name: str, found: Findings) -> dict[str, Any]:
+def report(name: str, findings: Findings) -> dict[str, Any]:
     """The findings as plain values."""
     return {
         "what": name,
-        "refused": found.refused,
-        "decoded": found.decoded,
-        "wrong": len(found.wrong),
-        "first_wrong": found.wrong[:5],
-        "worst_ms": round(found.worst_s * 1e3, 3),
-        "slowest": found.slowest[:200],
-        "worst_kb": found.worst_bytes // 1024,
+        "refused": findings.refused,
+        "decoded": findings.decoded,
+        "wrong": len(findings.wrong),
+        "first_wrong": findings.wrong[:5],
+        "worst_ms": round(findings.worst_s * 1e3, 3),
+        "slowest": findings.slowest[:200],
+        "worst_kb": findings.worst_bytes // 1024,
         "rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }
 

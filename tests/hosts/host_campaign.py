@@ -150,14 +150,14 @@ def table(outcomes: dict[str, list[Outcome]]) -> str:
         " goals that ended otherwise |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for name, found in outcomes.items():
-        faults = [one.fault for one in found]
-        ended = sorted({text for one in found for text in one.ended if not text.startswith("succeeded")})
+    for name, outcome in outcomes.items():
+        faults = [one.fault for one in outcome]
+        ended = sorted({text for one in outcome for text in one.ended if not text.startswith("succeeded")})
         rows.append(
-            f"| {name} | {len(found)} | {sum(fault.stopped is not None for fault in faults)} "
+            f"| {name} | {len(outcome)} | {sum(fault.stopped is not None for fault in faults)} "
             f"| {spread([fault.ran_on for fault in faults], 1e3)} | {spread([fault.stopped for fault in faults], 1e3)} "
             f"| {spread([fault.stood for fault in faults], 1e3)} | {spread([fault.again for fault in faults], 1.0)} "
-            f"| {sum(one.touched for one in found)} | {'; '.join(ended) or 'none'} |"
+            f"| {sum(one.touched for one in outcome)} | {'; '.join(ended) or 'none'} |"
         )
     return "\n".join(rows)
 

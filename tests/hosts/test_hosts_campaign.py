@@ -19,9 +19,9 @@ def test_motors_stop_in_time_at_every_network_fault_and_goals_succeed() -> None:
     with campaign() as running:
         outcomes = {name: [running.inject(name) for _ in range(TIMES)] for name in FAULTS}
     print(table(outcomes))
-    for name, found in outcomes.items():
-        assert max(one.fault.ran_on for one in found) <= WANTED, name
-        assert not any(one.touched for one in found), name
-        assert not [text for one in found for text in one.ended if not text.startswith("succeeded")], name
+    for name, outcome in outcomes.items():
+        assert max(one.fault.ran_on for one in outcome) <= WANTED, name
+        assert not any(one.touched for one in outcome), name
+        assert not [text for one in outcome for text in one.ended if not text.startswith("succeeded")], name
         if name.startswith("cut") or name == "router killed":
-            assert all(one.fault.stopped is not None for one in found), name
+            assert all(one.fault.stopped is not None for one in outcome), name

@@ -40,11 +40,13 @@ def test_methods_drive_live_into_the_table_and_the_report_of_a_study(config: Pat
     assert study.returncode == 0, complained
     found = json.loads(said)
     assert found["live"] is True and json.loads((out / "study.json").read_text("utf-8"))["live"] is True
-    assert [(one["method"], one["outcome"]) for one in found["episodes"]] == [
+    assert [(episode["method"], episode["outcome"]) for episode in found["episodes"]] == [
         ("vff", "succeeded"),
         ("dwa", "succeeded"),
     ]
-    assert all(1.0 < one["time"] < 60.0 for one in found["episodes"])  # 0.5 m to the tolerance at 0.3 m/s and more
+    assert all(
+        1.0 < episode["time"] < 60.0 for episode in found["episodes"]
+    )  # 0.5 m to the tolerance at 0.3 m/s and more
     assert "driven live" in (out / "report.md").read_text("utf-8")
 
 

@@ -98,7 +98,7 @@ def check(listener: Listener, outcome: str, span: tuple[int, int], swaps: int, i
         assert sorted(asked - ticks) == []
     epochs = [epoch for _, epoch in listener.commands]
     assert epochs == sorted(epochs) and max(epochs) == swaps
-    assert [one.epoch for one in listener.selections][-swaps:] == list(range(1, swaps + 1))
+    assert [selection.epoch for selection in listener.selections][-swaps:] == list(range(1, swaps + 1))
 
 
 @pytest.mark.parametrize(

@@ -99,4 +99,4 @@ def test_each_warning_is_printed_once_while_the_robot_is_up(tmp_path: Path) -> N
         result = json.loads(robot.process.stdout.read())
     for kind, text in SAID.items():
         assert sum(f"warning: {text}" in line for line in robot.said) == 1
-        assert [one["kind"] for one in result["warnings"] if one["text"].startswith(text)] == [kind]
+        assert [warning["kind"] for warning in result["warnings"] if warning["text"].startswith(text)] == [kind]

@@ -197,7 +197,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
     assert int(steps[2]) > 100
     code, out, err = in_process("replay", str(recording), "--node", "people=nearest_tracker")
     assert code == 0 and "people nearest_tracker on what people_tracker was given" in out, out + err
-    assert {one.key.rsplit("/", 2)[0] for one in Recording(recording).messages(["people/*/tracks"])} == {
+    assert {message.key.rsplit("/", 2)[0] for message in Recording(recording).messages(["people/*/tracks"])} == {
         "lab/r1/people"
     }
 

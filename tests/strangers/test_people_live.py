@@ -84,7 +84,9 @@ def test_under_the_barrier_its_trace_is_that_of_lockstep(people: Path, tmp_path:
     changes = ("run.stop_after=8.0", "node.people.latency=1.0", SHARES)  # so that the avoider waits for tracks at first
     lockstep = run_episode(load_config(str(people), changes))
     with runtime_folder() as folder:
-        robot = Up(folder, [str(people), "--barrier", "--json", *(word for one in changes for word in ("--set", one))])
+        robot = Up(
+            folder, [str(people), "--barrier", "--json", *(word for change in changes for word in ("--set", change))]
+        )
         assert robot.process.stdout is not None
         said = robot.process.stdout.read()
         robot.process.wait(60)

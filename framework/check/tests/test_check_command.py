@@ -17,7 +17,7 @@ def test_a_shipped_controller_passes(in_process):
     code, out, err = in_process("check", "controller.lyapunov_tracker", "--tier", "contract", "--json")
     told = json.loads(out)
     assert (code, told["passed"]) == (0, True), err
-    assert {one["outcome"] for one in told["results"]} <= {"passed", "not_run"}
+    assert {result["outcome"] for result in told["results"]} <= {"passed", "not_run"}
     assert told["results"][0]["command"] == "navloom check controller.lyapunov_tracker --only registers --seed 0"
 
 
@@ -56,5 +56,5 @@ def test_the_command_that_repeats_a_check_takes_the_same_plugin_file(in_process,
 def test_the_checks_are_listed_with_what_they_demand(in_process):
     code, out, _ = in_process("check", "--list", "--json")
     listed = json.loads(out)
-    assert code == 0 and len({one["name"] for one in listed}) == len(listed) >= 15
-    assert all(one["demands"] for one in listed)
+    assert code == 0 and len({load["name"] for load in listed}) == len(listed) >= 15
+    assert all(load["demands"] for load in listed)

@@ -28,7 +28,7 @@ def test_a_recorded_run_is_replayed_bit_for_bit(recorded: Path) -> None:
     done = RUN.invoke(app, ["replay", str(recorded), "--check", "--json"])
     found = json.loads(done.stdout)
     assert done.exit_code == 0 and found["same"] and found["complete"] and found["first_difference"] is None
-    by_node = {one["node"]: one for one in found["nodes"]}
+    by_node = {node["node"]: node for node in found["nodes"]}
     assert by_node["avoider improved_vfh@printed"]["messages"] > 60 and by_node["gate main"]["messages"] > 50
     assert found["recorder"]["dropped"] == {} and found["recorder"]["messages"] == len(list(Recording(recorded).raw()))
 

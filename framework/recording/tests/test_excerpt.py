@@ -73,7 +73,7 @@ def test_the_command_of_a_fault_repeats_that_step_alone(failed: Path, monkeypatc
 
 
 def test_no_step_after_the_given_tick_is_repeated(failed: Path) -> None:
-    found = {one.node: one for one in part(failed, None, 10)}
+    found = {node_check.node: node_check for node_check in part(failed, None, 10)}
     assert found["goal main"].steps == 11 and all(one.faults == 0 for one in found.values())
 
 

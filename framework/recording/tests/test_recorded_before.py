@@ -27,12 +27,12 @@ def before(tmp_path: Path) -> Recording:
 
 
 def messages(recording: Recording, stream: str) -> list[Message]:
-    return [one.open().message for one in recording.raw() if one.key == f"lab/r1/{stream}"]
+    return [record.open().message for record in recording.raw() if record.key == f"lab/r1/{stream}"]
 
 
 def test_its_stops_have_kinds(before: Recording) -> None:
     said = messages(before, "gate/main/status")
-    stops = [one.why for one in said if isinstance(one, GateStatus) and one.stopped]
+    stops = [message.why for message in said if isinstance(message, GateStatus) and message.stopped]
     assert len(said) == 7
     assert stops == [StopReason("no_trajectory"), StopReason("operator"), StopReason("no_trajectory")]
 
@@ -40,7 +40,9 @@ def test_its_stops_have_kinds(before: Recording) -> None:
 def test_its_goal_succeeded(before: Recording) -> None:
     (result,) = messages(before, "goal/main/result")
     assert isinstance(result, GoalResult) and result.outcome == "succeeded"
-    assert {one.state for one in messages(before, "goal/main/feedback") if isinstance(one, Feedback)} >= {"driving"}
+    assert {message.state for message in messages(before, "goal/main/feedback") if isinstance(message, Feedback)} >= {
+        "driving"
+    }
 
 
 def test_it_is_replayed_and_every_node_gives_what_it_gave(before: Recording) -> None:

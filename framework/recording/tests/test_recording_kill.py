@@ -51,8 +51,8 @@ def test_a_killed_recorder_leaves_a_file_that_opens_and_lacks_a_second_at_most(p
         found = list(recording.messages())
         lost.append((killed_ns - found[-1].received_ns) * 1e-9)
         numbers = defaultdict(list)
-        for one in found:
-            numbers[one.key].append(one.envelope.sequence)
+        for message in found:
+            numbers[message.key].append(message.envelope.sequence)
         assert recording.malformed == 0 and not recording.is_complete
         assert all(runs == list(range(runs[0], runs[0] + len(runs))) for runs in numbers.values())
     print("lost, s:", " ".join(f"{seconds:.2f}" for seconds in sorted(lost)))

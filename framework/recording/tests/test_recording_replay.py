@@ -91,10 +91,10 @@ def test_recording_changes_nothing_and_a_replay_is_the_same_bit_for_bit(tmp_path
     plain = run_episode(toy_config(tmp_path, more=MORE), discovery=discovery())
     assert episode.log.trace_sha256 == plain.log.trace_sha256 and episode.log.swaps == 1
     found = replayed(path)
-    assert {name: one.first for name, one in found.items()} == dict.fromkeys(found)
+    assert {name: node_check.first for name, node_check in found.items()} == dict.fromkeys(found)
     assert found["controller strong"].messages > 20 and found["avoider shy"].messages > 20
     assert found["gate main"].messages > 20 and found["goal main"].messages > 5
-    assert all(not one.caveats() for one in found.values())
+    assert all(not node_check.caveats() for node_check in found.values())
     assert not any(name.startswith(("platform", "operator")) for name in found)
 
 
@@ -102,13 +102,15 @@ def test_a_replay_with_latency_and_slower_nodes_is_the_same(tmp_path: Path) -> N
     path, _ = record(tmp_path, "", "planner.latency=0.12", "controller.rate_hz=10.0")
     found = replayed(path)
     assert found["planner toy_straight"].messages == 1 and found["controller toy_chaser"].messages > 5
-    assert not any(one.differing or one.unrecorded for one in found.values())
+    assert not any(node_check.differing or node_check.unrecorded for node_check in found.values())
 
 
 def test_every_step_is_recorded_with_what_it_published(tmp_path: Path) -> None:
     path, episode = record(tmp_path)
-    reports = [one for one in Recording(path).messages(["localizer/*/step"]) if isinstance(one.message, StepReport)]
-    assert [one.envelope.sequence for one in reports] == list(range(1, episode.log.ticks + 1))
+    reports = [
+        message for message in Recording(path).messages(["localizer/*/step"]) if isinstance(message.message, StepReport)
+    ]
+    assert [report.envelope.sequence for report in reports] == list(range(1, episode.log.ticks + 1))
     last = reports[-1].message
     assert isinstance(last, StepReport)
     assert {mark.port: mark.sequence for mark in last.published} == {"pose": episode.log.ticks}

@@ -106,7 +106,7 @@ def test_a_study_prints_each_warning_once_for_a_method_with_its_episodes(
     (tmp_path / "wrong_avoider.py").write_text(WRONG, "utf-8")
     words = ("--plugin", str(tmp_path / "wrong_avoider.py"), "--vary", "avoider=improved_vfh,wrong", "--seeds", "0:2")
     code, said, errors = navloom(config, *words, "--json")
-    found = {one["kind"]: one for one in json.loads(said)["warnings"]}
+    found = {warning["kind"]: warning for warning in json.loads(said)["warnings"]}
     assert code == 0 and set(found) == {"clock", "limits", "output", "random"}
     assert all((one["method"], one["plugin"], one["episodes"]) == ("wrong", "wrong", 2) for one in found.values())
     for one in found.values():

@@ -78,7 +78,7 @@ def test_the_baseline_drives_and_the_others_are_its_shadows(config: str) -> None
     assert study.open_loop is not None
     loaded = study.open_loop.loaded.config
     assert (study.open_loop.baseline, loaded.controller.instance) == ("stiff", "stiff")
-    assert [(one.role, one.instance, one.shadow) for one in loaded.alternative] == [
+    assert [(alternative.role, alternative.instance, alternative.shadow) for alternative in loaded.alternative] == [
         ("controller", "kanayama", True),
         ("controller", "lyapunov_tracker", True),
     ]

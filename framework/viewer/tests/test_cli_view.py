@@ -98,7 +98,7 @@ def test_methods_side_by_side_end_in_one_file_and_one_table(config: str, in_proc
     code, out, err = in_process(*words, "--json")
     assert code == 0, err
     found = json.loads(out)
-    assert {name: one["outcome"] for name, one in found["methods"].items()} == dict.fromkeys(
+    assert {name: method["outcome"] for name, method in found["methods"].items()} == dict.fromkeys(
         ("kanayama", "pure_pursuit"), "succeeded"
     )
     assert {"/run/kanayama/driven", "/run/pure_pursuit/driven", "/legend"} <= entities(file)
@@ -192,7 +192,7 @@ def test_a_display_that_does_not_answer_is_reported_before_anything_runs(
     assert (code, said) == (2, "")
     assert re.fullmatch(r"navloom: the viewer opens no window: [^/]+; --web serves .*, --rerun F.rrd keeps .*\n", err)
     assert not (tmp_path / "out").exists()
-    assert not [one for one in active_children() if "viewer" in one.name]
+    assert not [child for child in active_children() if "viewer" in child.name]
 
 
 def test_a_viewer_that_fails_later_is_reported_after_the_result_with_exit_code_1(

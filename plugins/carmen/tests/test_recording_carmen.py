@@ -43,7 +43,7 @@ def imported(folder: Path, lines: list[str], **options: Any) -> tuple[list[Odome
     out.unlink(missing_ok=True)
     import_carmen(written(folder, lines), out, **options)
     with Recording(out) as recording:
-        messages = [one.message for one in recording.messages()]
+        messages = [message.message for message in recording.messages()]
     return [m for m in messages if isinstance(m, Odometry)], [m for m in messages if isinstance(m, RangeScan)]
 
 
@@ -73,7 +73,7 @@ def test_raw_odometry_is_recovered_from_a_corrected_log(tmp_path: Path, seed: in
     # The first pose is that of the log; from there on, every step is that of the wheels.
     steps, expected = compose(inverse(found[:-1]), found[1:]), compose(inverse(raw[:-1]), raw[1:])
     assert np.abs(steps - expected).max() < 1e-6
-    assert [one.stamp_ns for one in scans] == [round((1.0 + 0.1 * n) * 1e9) for n in range(4, 60, 5)]
+    assert [scan.stamp_ns for scan in scans] == [round((1.0 + 0.1 * n) * 1e9) for n in range(4, 60, 5)]
     assert odometry[30].twist.vx == pytest.approx(1.0, abs=0.05)
 
 
@@ -81,7 +81,7 @@ def test_the_poses_of_a_corrected_log_are_used_as_odometry_on_request(tmp_path: 
     lines, _ = corrected_log(0)
     odometry, scans = imported(tmp_path, lines, poses="corrected")
     said = [line.split()[6:9] for line in lines if line.startswith("FLASER")]
-    assert [one.stamp_ns for one in odometry] == [one.stamp_ns for one in scans]
+    assert [one.stamp_ns for one in odometry] == [scan.stamp_ns for scan in scans]
     assert odometry[7].pose.x == pytest.approx(float(said[7][0]))
 
 
@@ -118,13 +118,13 @@ def test_times_that_run_back_a_little_are_put_between_the_scans_and_others_are_r
     zero = (0.0, 0.0, 0.0)
     lines = [odom((0, 0, 0), 10.0), odom((1, 0, 0), 11.4), laser(zero, (1, 0, 0), 11.0), odom((2, 0, 0), 10.5)]
     odometry, scans = imported(tmp_path, [*lines, laser(zero, (2, 0, 0), 12.0)])
-    assert [one.stamp_ns * 1e-9 for one in scans] == [11.0, 12.0]
+    assert [scan.stamp_ns * 1e-9 for scan in scans] == [11.0, 12.0]
     assert [(one.stamp_ns * 1e-9, one.pose.x) for one in odometry] == [(10.0, 0.0), (11.0, 2.0), (12.0, 2.0)]
     back = [*lines, laser(zero, (2, 0, 0), 2.0)]
     with pytest.raises(RecordingError, match=r"a\.log: its times are no clock's: line 5 has 2 s.* --period 0\.2"):
         imported(tmp_path, back)
     _, scans = imported(tmp_path, back, period=0.5)
-    assert [one.stamp_ns for one in scans] == [500_000_000, 1_000_000_000]
+    assert [scan.stamp_ns for scan in scans] == [500_000_000, 1_000_000_000]
 
 
 def test_damaged_lines_are_left_out_and_counted(tmp_path: Path) -> None:

@@ -263,7 +263,7 @@ def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
     bare = plans["0.40 m, the printed test, not grown"].replace(", gate", " through gate")
     third = plans["0.267 m, distance to the line, grown by 2 cells"].replace(", gate", " through gate")
     away = 100.0 * off_the_walls(made.errata.clouds[1].of("kept"), paper_gates()).max()
-    settled = {found.law.params.get("k3"): found.settled for found in made.errata.laws[:5]}
+    settled = {law.law.params.get("k3"): law.settled for law in made.errata.laws[:5]}
     assert printed.drive.path is not None and first.drive.path is not None
     for words in (
         f"0 bearings mapped; the plan leads {printed.drive.path.length:.2f} m straight through girder A",
@@ -291,7 +291,7 @@ def test_a_law_settles_in_the_time_of_the_earlier_study(made: Reproduction, numb
 
 
 def test_at_the_critical_gain_the_error_goes_as_a_double_pole_says(made: Reproduction) -> None:
-    (found,) = (found for found in made.errata.laws if found.law.params.get("k3") == 0.6)
+    (found,) = (law for law in made.errata.laws if law.law.params.get("k3") == 0.6)
     linear = 0.3 * (1.0 + 0.3 * found.times) * np.exp(-0.3 * found.times)
     # The law is linear for small errors only: from 0.3 m on it stays within 3 cm of the response of its poles.
     assert np.abs(found.lateral - linear).max() < 0.03

@@ -223,7 +223,7 @@ def drive_to_goals(rig: Rig) -> list[dict]:
             result = robot.drive_to(x, y, timeout=120.0)
         truths = [one for one in rig.told(began) if one[0] == "truth"]
         spent, error = time.monotonic() - began, ((truths[-1][2] - x) ** 2 + (truths[-1][3] - y) ** 2) ** 0.5
-        least = min(one[7] for one in truths)
+        least = min(truth[7] for truth in truths)
         outcome = {"goal": [x, y], "outcome": result.outcome, "reason": result.reason, "s": round(spent, 1)}
         rows.append({**outcome, "true_error_m": round(error, 3), "least_gap_m": round(least, 3)})
         print(json.dumps(rows[-1]), flush=True)

@@ -19,7 +19,7 @@ from navloom_ros.errors import MalformedMessage
 sys.path.insert(0, str(Path(__file__).parent))
 from ros_golden import CDR, KILTED, WHEELS
 
-SEEDS = [*CDR.items(), *((one["type"], bytes.fromhex(one["cdr"])) for one in WHEELS["messages"])]
+SEEDS = [*CDR.items(), *((message["type"], bytes.fromhex(message["cdr"])) for message in WHEELS["messages"])]
 HUGE = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0x10000000, 0x00FFFFFF, 0)
 ROOM = 256 << 20
 """Memory that decoding may allocate beyond that of the process before, bytes."""

@@ -103,8 +103,8 @@ def test_it_drives_and_hears_the_robot(driven, robot):
 def test_it_receives_the_topics_of_its_config_and_nothing_else(driven, network):
     with Node("looks", router=network.endpoint, types=KILTED) as looks:
         looks.settle()
-        ours = [one for one in looks.graph.entities if one.node.startswith("navloom")]
-    assert {one.name for one in ours if one.kind == "MS"} == {
+        ours = [entity for entity in looks.graph.entities if entity.node.startswith("navloom")]
+    assert {entity.name for entity in ours if entity.kind == "MS"} == {
         "/odom",
         "/tf",
         "/tf_static",
@@ -112,8 +112,8 @@ def test_it_receives_the_topics_of_its_config_and_nothing_else(driven, network):
         "/sonar",
         "/bumper",
     }
-    assert {one.name for one in ours if one.kind == "MP"} == {"/cmd_vel"}
-    assert not [one for one in ours if one.kind in ("SS", "SC")]
+    assert {entity.name for entity in ours if entity.kind == "MP"} == {"/cmd_vel"}
+    assert not [entity for entity in ours if entity.kind in ("SS", "SC")]
 
 
 def test_the_guardian_stops_the_base_of_a_platform_that_freezes(driven, robot):

@@ -132,7 +132,7 @@ def test_the_states_of_all_goals_are_latched(pair):
     client.send(to(1.0))
     robot.next_goal().execute()
     statuses = ours.subscription("navigate_to_pose/_action/status", "action_msgs/msg/GoalStatusArray", LATCHED)
-    assert until(lambda: (got := statuses.take(0.1)) and [one.status for one in got.message.status_list] == [2])
+    assert until(lambda: (got := statuses.take(0.1)) and [status.status for status in got.message.status_list] == [2])
 
 
 def test_the_graph_knows_the_action(pair):

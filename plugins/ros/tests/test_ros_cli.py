@@ -49,7 +49,7 @@ def test_graph_lists_who_offers_what(network):
 def test_graph_for_scripts(network):
     found = json.loads(run(network, "graph", "--json").output)
     assert found["nodes"] == ["/old", "/r1/base"]
-    (scan,) = [one for one in found["topics"] if one["name"] == "/r1/scan"]
+    (scan,) = [topic for topic in found["topics"] if topic["name"] == "/r1/scan"]
     assert scan["publishers"][0]["hash"] == KILTED.hash_of("sensor_msgs/msg/LaserScan") and scan["matches"]
 
 

@@ -60,10 +60,10 @@ def test_a_drive_is_imported_with_its_stamps_and_mounts(tmp_path: Path, ros: int
     recording = Recording(tmp_path / "a.mcap")
     assert recording.header.kind == "imported" and recording.keys()[0] == "imported/room/platform/recorded/odometry"
     messages = list(recording.messages())
-    poses = [one.message for one in messages if isinstance(one.message, Odometry)]
+    poses = [message.message for message in messages if isinstance(message.message, Odometry)]
     assert [pose.stamp_ns for pose in poses] == [stamp for _, stamp in bags.times()]
     assert poses[-1].pose.x == pytest.approx(0.5 * 3.9) and poses[-1].twist.vx == 0.5
-    scan = next(one.message for one in messages if isinstance(one.message, RangeScan))
+    scan = next(message.message for message in messages if isinstance(message.message, RangeScan))
     # The laser points to the left: its first beam points ahead, to the wall at 4.8 m; its last one back, to 1.2 m.
     assert scan.origins[0].tolist() == pytest.approx([0.2, 0.0])
     assert scan.bearings[[0, 90]].tolist() == pytest.approx([0.0, math.pi / 2], abs=1e-6)

@@ -190,7 +190,7 @@ def test_humble_and_jazzy_do_not_match_and_it_is_said(node):
     assert linked(ours, "/range") and linked(humble, "/range", "MS")
     publisher.publish()
     assert ranges.take(0.05) is None
-    assert [one.type_hash for one in ours.mismatches("range")] == ["TypeHashNotSupported"]
+    assert [mismatch.type_hash for mismatch in ours.mismatches("range")] == ["TypeHashNotSupported"]
     theirs = node("theirs", types=Types("humble")).subscription("range", "sensor_msgs/msg/Range")
     assert until(lambda: publisher.publish(range=2.0) or theirs.take(0.02)).message.range == 2.0
 
@@ -241,7 +241,7 @@ def own(sockets):
     for link in Path("/proc/self/fd").iterdir():
         with suppress(OSError):
             inodes.add(os.readlink(link).partition("[")[2].rstrip("]"))
-    return {one for one in sockets if one[2] in inodes}
+    return {socket for socket in sockets if socket[2] in inodes}
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux")

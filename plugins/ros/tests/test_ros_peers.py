@@ -98,7 +98,7 @@ def there_and_back(dora, ours, there, back, name, values):
 
 
 def test_topics_of_every_type_both_ways(dora, ours):
-    messages = [(one["type"], one["value"]) for one in TOPICS] + list(EXTRA.items())
+    messages = [(topic["type"], topic["value"]) for topic in TOPICS] + list(EXTRA.items())
     wrong = []
     for index, (name, values) in enumerate(messages):
         wrong += there_and_back(dora, ours, f"/there{index}", f"/back{index}", name, values)
@@ -271,7 +271,7 @@ def test_goals_through_poses_of_kilted_arrive(dora, ours):
     result = sent.result(10.0)
     waypoints = [{"waypoint_status": 1, "error_msg": ""}, {"waypoint_status": 2, "error_msg": "skipped"}]
     dora.finish("/navigate_through_poses", goal, arrow(KILTED, f"{THROUGH}_Result", waypoint_statuses=waypoints), None)
-    assert [one.waypoint_status for one in result.result(10.0).result.waypoint_statuses] == [1, 2]
+    assert [status.waypoint_status for status in result.result(10.0).result.waypoint_statuses] == [1, 2]
 
 
 def test_the_peer_restarts(network, described, ours):
@@ -369,11 +369,11 @@ def test_age_of_a_stream_of_the_peer(dora, ours, name, rate, values):
 
 def test_ros_reads_our_bytes():
     asked = "".join(
-        json.dumps([one["type"], KILTED.encode(KILTED.new(one["type"], **one["value"])).hex()]) + "\n"
-        for one in WHEELS["messages"]
+        json.dumps([message["type"], KILTED.encode(KILTED.new(message["type"], **message["value"])).hex()]) + "\n"
+        for message in WHEELS["messages"]
     )
     script = Path(__file__).parent / "peers" / "read_back.py"
     command = [str(PEERS / "bin" / "python"), str(script)]
     read = subprocess.run(command, input=asked, capture_output=True, text=True, timeout=120, check=True).stdout
     values = [json.loads(line) for line in read.splitlines()]
-    assert len(values) == 122 and values == [one["value"] for one in WHEELS["messages"]]
+    assert len(values) == 122 and values == [message["value"] for message in WHEELS["messages"]]

@@ -91,9 +91,9 @@ def test_without_take_nothing_is_taken_from_the_network(network, monkeypatch):
     monkeypatch.setattr(adapter, "Navigator", StandIn)
     with served(network, []), Node("rviz", router=network.endpoint, types=KILTED) as rviz:
         assert rviz.wait_for(lambda graph: graph.find("/pose", ("MP",)), 5.0)
-        ours = [one for one in rviz.graph.entities if one.node == "navloom_server"]
-        assert {one.name for one in ours if one.kind in ("MS", "SS", "SC")} == set()
-        assert {one.name for one in ours if one.kind == "MP"} == {"/pose"}
+        ours = [entity for entity in rviz.graph.entities if entity.node == "navloom_server"]
+        assert {entity.name for entity in ours if entity.kind in ("MS", "SS", "SC")} == set()
+        assert {entity.name for entity in ours if entity.kind == "MP"} == {"/pose"}
 
 
 def test_a_robot_that_is_down_is_an_error_in_the_diagnostics(network, monkeypatch):

@@ -221,7 +221,7 @@ def test_only_what_was_asked_for_is_published(network):
         markers = looks.subscription("/avoider/markers", "visualization_msgs/msg/MarkerArray")
         received = until(lambda: publish() or (all(found := (transforms.take(0.05), markers.take(0.05))) and found))
         assert received[0].message.transforms[0].header.frame_id == "map"
-        shown = {one.ns: one for one in received[1].message.markers if one.ns}
+        shown = {marker.ns: marker for marker in received[1].message.markers if marker.ns}
         assert set(shown) == {"costs", "slots", "chosen", "why"}
         assert shown["costs"].points[0].x == pytest.approx(0.05)  # the most certain cell first
         assert shown["slots"].points[0].x == pytest.approx(1.8) and shown["why"].text == "steering: a slot ahead"

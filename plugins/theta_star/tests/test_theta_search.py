@@ -55,10 +55,10 @@ def test_no_path_is_shorter_than_the_shortest_and_most_are_as_short(density: flo
                 else:
                     assert way.length >= best[goal] - 1e-9
                     ratios[search].append(way.length / best[goal])
-    for found in ratios.values():
-        assert len(found) > 60
-        assert np.mean(np.array(found) < 1.0 + 1e-9) > 0.6
-        assert np.mean(found) < 1.03
+    for ratio in ratios.values():
+        assert len(ratio) > 60
+        assert np.mean(np.array(ratio) < 1.0 + 1e-9) > 0.6
+        assert np.mean(ratio) < 1.03
 
 
 def test_no_path_is_shorter_than_round_the_obstacles_corners() -> None:

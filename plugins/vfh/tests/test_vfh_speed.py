@@ -63,7 +63,7 @@ def ticks(avoider_class, beams, half_angle):
         scan = RangeScan(0, origins, bearings, halves, np.zeros(beams), ranges, 0.3, 4.0)
         estimate = PoseEstimate(0, Pose2D(0.005 * k, 0.0, 0.01 * k), Twist2D(0.1, 0.0, 0.2), np.zeros((3, 3)))
         given.append(AvoiderInput(0, (scan,), estimate, Point2D(5.0, 0.0), 0.5, Twist2D(0.3, 0.0, 0.0), 1.0))
-    return lambda: [avoider.avoid(one) for one in given]
+    return lambda: [avoider.avoid(avoider_input) for avoider_input in given]
 
 
 @pytest.mark.benchmark

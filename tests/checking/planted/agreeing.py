@@ -60,8 +60,8 @@ class ScansOfLastTick(SensorsSim):
         if before is None:
             return report
         scans = {
-            name: replace(before.scans.get(name, one), stamp_ns=one.stamp_ns) if isinstance(one, RangeScan) else one
-            for name, one in report.scans.items()
+            name: replace(before.scans.get(name, scan), stamp_ns=scan.stamp_ns) if isinstance(scan, RangeScan) else scan
+            for name, scan in report.scans.items()
         }
         return replace(report, scans=scans)
 

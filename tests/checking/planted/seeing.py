@@ -41,7 +41,9 @@ class Robot(SensorsSim):
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
         report = super().advance(given)
-        scans = {name: self.faulty(one) if isinstance(one, RangeScan) else one for name, one in report.scans.items()}
+        scans = {
+            name: self.faulty(scan) if isinstance(scan, RangeScan) else scan for name, scan in report.scans.items()
+        }
         return replace(report, scans=scans)
 
     def faulty(self, scan: RangeScan) -> RangeScan:

@@ -1,4 +1,9 @@
-"""For authors of plugins: builders for unit tests, small scenes, and the checks behind `navloom check`."""
+"""`navloom check`: what every plugin must pass, each check in a process that the plugin cannot harm.
+
+Begin with `checks.py`, which says how to add a check, then `tiers.py`, all checks in order.
+`runner.py` starts the worker process, `check_bench.py` plays scenes under known conditions, `findings.py` reports.
+`hardware_check.py` checks a real platform; `pytest_plugin.py` runs the checks as tests of a distribution.
+"""
 
 from __future__ import annotations
 

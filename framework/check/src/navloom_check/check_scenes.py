@@ -145,9 +145,9 @@ def _odd_scans() -> Iterator[tuple[str, str, tuple[RangeScan, ...]]]:
 def _again(scans: Sequence[RangeScan], stamp: float) -> tuple[RangeScan, ...]:
     """The same scans with a new stamp."""
     return tuple(
-        RangeScan(messages.ns(stamp), one.origins, one.bearings, one.half_angles, one.time_offsets, one.ranges,
-                  one.range_min, one.range_max)
-        for one in scans
+        RangeScan(messages.ns(stamp), scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges,
+                  scan.range_min, scan.range_max)
+        for scan in scans
     )  # fmt: skip
 
 

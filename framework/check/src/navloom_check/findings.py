@@ -80,7 +80,7 @@ class Result:
     @classmethod
     def of_json(cls, given: dict[str, Any]) -> Result:
         """From plain values."""
-        findings = tuple(Finding(**one) for one in given["findings"])
+        findings = tuple(Finding(**finding) for finding in given["findings"])
         shown = tuple(Remark(**one) for one in given["shown"])
         return cls(**{**given, "findings": findings, "shown": shown})
 

@@ -69,7 +69,11 @@ def spec_of(cls: type[NodePlugin]) -> Any:
     """The wiring of a node: one other node publishes all inputs, and there is one sensor of each class."""
     name = cls.name
     sensors = [sensor_port(kind.__name__.lower(), kind) for kind in sensor_kinds(cls)]
-    streams = {one.name: _port(one) for one in cls.declared_inputs if isinstance(one, Declared) and one.port is None}
+    streams = {
+        declared_input.name: _port(declared_input)
+        for declared_input in cls.declared_inputs
+        if isinstance(declared_input, Declared) and declared_input.port is None
+    }
     return cls.spec(Wired(name, {name: sensors}, streams))
 
 
@@ -82,9 +86,11 @@ def _port(one: Declared[Any, Any]) -> Port[Any]:
 def sensor_kinds(cls: type[NodePlugin]) -> list[type[Message]]:
     """Messages of the sensors that a node reads; a range scan where it reads any message."""
     kinds: dict[type[Message], None] = {}
-    for one in cls.declared_inputs:
-        if isinstance(one, SensorGroup):
-            kinds |= dict.fromkeys(RangeScan if kind is Message else kind for kind in one.carries or (RangeScan,))
+    for declared_input in cls.declared_inputs:
+        if isinstance(declared_input, SensorGroup):
+            kinds |= dict.fromkeys(
+                RangeScan if kind is Message else kind for kind in declared_input.carries or (RangeScan,)
+            )
     return list(kinds)
 
 
@@ -105,13 +111,15 @@ def node_inputs(
     for number in range(steps):
         tick = Tick(number, number * PERIOD_NS * 1e-9, number * PERIOD_NS, 0)
         read: dict[str, Any] = {}
-        for one in spec.inputs:
-            is_there = one.triggers or not is_early
-            if one.reading == "latest":
-                read[one.name] = message_in_drive(one.source.carries, rng, number, scans) if is_there else None
+        for given in spec.inputs:
+            is_there = given.triggers or not is_early
+            if given.reading == "latest":
+                read[given.name] = message_in_drive(given.source.carries, rng, number, scans) if is_there else None
             else:
-                count = (1 + int(rng.integers(2)) if one.triggers else int(rng.integers(3))) if is_there else 0
-                read[one.name] = tuple(message_in_drive(one.source.carries, rng, number, scans) for _ in range(count))
+                count = (1 + int(rng.integers(2)) if given.triggers else int(rng.integers(3))) if is_there else 0
+                read[given.name] = tuple(
+                    message_in_drive(given.source.carries, rng, number, scans) for _ in range(count)
+                )
         yield NodeInput(tick, read)
 
 

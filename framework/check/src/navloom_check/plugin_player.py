@@ -172,7 +172,7 @@ def bytes_of(value: Any) -> bytes:
     if isinstance(value, (tuple, list)):
         return b"".join(map(bytes_of, value)) + b"%d" % len(value)
     if is_dataclass(value) and not isinstance(value, type):
-        return b"".join(bytes_of(getattr(value, one.name)) for one in fields(value))
+        return b"".join(bytes_of(getattr(value, field.name)) for field in fields(value))
     return repr(value).encode()
 
 
@@ -194,7 +194,7 @@ def rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
         return tuple(rebuilt(one, leaf, array) for one in value)
     if is_dataclass(value) and not isinstance(value, type):
-        return type(value)(**{one.name: rebuilt(getattr(value, one.name), leaf, array) for one in fields(value)})
+        return type(value)(**{field.name: rebuilt(getattr(value, field.name), leaf, array) for field in fields(value)})
     return value
 
 

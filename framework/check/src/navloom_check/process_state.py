@@ -36,7 +36,7 @@ _LIMITS = (resource.RLIMIT_NOFILE, resource.RLIMIT_AS, resource.RLIMIT_STACK, re
 
 
 def _signal_handlers() -> tuple[str, ...]:
-    return tuple(f"{one} {signal.getsignal(one)}" for one in sorted(signal.valid_signals()))
+    return tuple(f"{valid_signal} {signal.getsignal(valid_signal)}" for valid_signal in sorted(signal.valid_signals()))
 
 
 def _functions() -> tuple[int, ...]:
@@ -59,7 +59,7 @@ def _context() -> tuple[Any, ...]:
 
 def _root_logger() -> tuple[Any, ...]:
     root = logging.getLogger()
-    return root.level, tuple(type(one).__name__ for one in root.handlers), root.manager.disable
+    return root.level, tuple(type(handler).__name__ for handler in root.handlers), root.manager.disable
 
 
 def _blanket_filters() -> tuple[str, ...]:
@@ -80,7 +80,7 @@ LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     "the decimal context": _context,
     "functions of Python or numpy": _functions,
     "the umask": _umask,
-    "the limits of the process": lambda: tuple(resource.getrlimit(one) for one in _LIMITS),
+    "the limits of the process": lambda: tuple(resource.getrlimit(limit) for limit in _LIMITS),
     "the stack size of threads": threading.stack_size,
     "the time zone": lambda: (time.tzname, time.timezone),
     "the tracing of calls": lambda: (sys.gettrace() is None, sys.getprofile() is None),

@@ -35,10 +35,10 @@ def role_inputs(
     for number in range(steps):
         beside = more(number * PERIOD_NS * 1e-9)
         values = {}
-        for one in fields(cls):
-            value = _value(one.name, kinds[one.name], rng, number, is_early, beside)
+        for field in fields(cls):
+            value = _value(field.name, kinds[field.name], rng, number, is_early, beside)
             if value is not MISSING:
-                values[one.name] = value
+                values[field.name] = value
         yield cls(**values)
 
 

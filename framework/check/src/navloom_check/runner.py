@@ -74,7 +74,7 @@ def _one_process(
 ) -> tuple[str, str, Finding] | None:
     """Run checks in one process. If it ends early: the current check, the check that reports it, and the finding."""
     under_way = ""
-    with Process({**job, "checks": [one.name for one in checks]}) as process:
+    with Process({**job, "checks": [check.name for check in checks]}) as process:
         for line in process.lines():
             if "start" in line:
                 under_way = line["start"]
@@ -92,12 +92,12 @@ def _one_process(
 
 def _blame(told: _Told, checks: Sequence[Check], under_way: str, name: str, finding: Finding, is_last: bool) -> None:
     """Store the finding for the end of a process, and which other checks are not run because of it."""
-    of_tier = {one.name: one.tier for one in checks}
+    of_tier = {check.name: check.tier for check in checks}
     first = not under_way or under_way in ("registers", "survives", "returns")
     name = name if name in of_tier else under_way or checks[0].name
     told.results[name] = Result(name, of_tier[name], "failed", (finding,))
-    for one in checks:
-        is_stopped = one.name == under_way or ((first or is_last) and one.name not in told.results)
-        if is_stopped and one.name != name:
+    for check in checks:
+        is_stopped = check.name == under_way or ((first or is_last) and check.name not in told.results)
+        if is_stopped and check.name != name:
             reason = f"the plugin ended its process: see the check `{name}`"
-            told.results[one.name] = Result(one.name, one.tier, "not_run", reason=reason)
+            told.results[check.name] = Result(check.name, check.tier, "not_run", reason=reason)

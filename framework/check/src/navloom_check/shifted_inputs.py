@@ -27,7 +27,7 @@ def restamped(given: T, later: float, higher: int = 0) -> T:
     shift = ns(later)
     moved = rebuilt(given, lambda one: _message(one, shift, higher), np.array)
     if is_dataclass(moved) and not isinstance(moved, type):
-        values = {one.name: getattr(moved, one.name) for one in fields(moved)}
+        values = {field.name: getattr(moved, field.name) for field in fields(moved)}
         if isinstance(values.get("tick"), Tick):
             tick = values["tick"]
             time_ns = tick.time_ns + shift

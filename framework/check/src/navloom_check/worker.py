@@ -163,7 +163,7 @@ def _digests(bench: Bench, steps: dict[str, int], is_alike: bool) -> dict[str, l
             cut = replace(scene, inputs=scene.inputs[: steps[scene.name]])
             with suppress(Fault):
                 answers = bench.play(cut, seeds=seeds, clock=clock)
-                found[scene.name] = [one.hex() for one in answers]
+                found[scene.name] = [answer.hex() for answer in answers]
     return found
 
 

@@ -142,5 +142,5 @@ def digests_of(
     with Process({**job, "checks": []}, hash_seed) as process:
         for line in process.lines():
             for scene, answers in line.get("digests", {}).items():
-                found[scene] = [bytes.fromhex(one) for one in answers]
+                found[scene] = [bytes.fromhex(answer) for answer in answers]
     return found

@@ -1,4 +1,9 @@
-"""navloom: plugin-based navigation for mobile robots. The names of this package are what plugins import."""
+"""navloom: plugin-based navigation for mobile robots. A graph of nodes steps once a tick; plugins fill the roles.
+
+The public names are one table, name to module; each loads only what it needs, and a part that is missing is named.
+Begin with `runs/episode.py`, `run_episode`: from a config to a finished run; then `engine/lockstep.py`, `Lockstep`.
+Plugins import from here and from `navloom.testing`. Live robots, recordings, studies and viewers are other parts.
+"""
 
 from __future__ import annotations
 

@@ -75,14 +75,14 @@ def _threads(lines: Iterable[str]) -> Iterator[tuple[bool, list[_Frame]]]:
 
 def _place(frames: list[_Frame]) -> str:
     """The innermost line of the plugin that the framework had called, or imported; empty if it had done neither."""
-    frames = [one for one in frames if not one.path.startswith("<frozen")]  # of Python's import
-    called = next((number for number, one in enumerate(frames) if one.path.startswith(CALLERS)), 0)
+    frames = [frame for frame in frames if not frame.path.startswith("<frozen")]  # of Python's import
+    called = next((number for number, frame in enumerate(frames) if frame.path.startswith(CALLERS)), 0)
     verb = frames[called - 1].path if called else ""
     if not verb or _is_standard(verb) or verb.startswith(os.path.join(HERE, "")):
         return ""
     folder = os.path.join(os.path.dirname(verb), "")
     is_package = os.path.exists(os.path.join(folder, "__init__.py"))
-    own = next(one for one in frames if one.path == verb or (is_package and one.path.startswith(folder)))
+    own = next(frame for frame in frames if frame.path == verb or (is_package and frame.path.startswith(folder)))
     return f"{os.path.basename(own.path)}:{own.line}, in {own.name}"
 
 

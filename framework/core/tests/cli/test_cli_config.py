@@ -24,7 +24,7 @@ def values(in_process: CommandLine, *words: str) -> dict[str, tuple[Any, str]]:
     """Value and source of each key that `config show` prints."""
     code, said, error = in_process("config", "show", *words, "--json")
     assert code == 0, error
-    return {one["place"]: (one["value"], one["source"]) for one in json.loads(said)["values"]}
+    return {value["place"]: (value["value"], value["source"]) for value in json.loads(said)["values"]}
 
 
 def test_a_config_that_cannot_drive_does_not_fit(in_process: CommandLine, tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_a_slow_plugin_is_named_with_its_delay(in_process: Run, slowed: Callable
     words = ("run", "paper", "--set", "run.period=0.001", "--set", "run.stop_after=0.05")
     _, said, errors = in_process(*words, "--json")
     warnings = json.loads(said)["warnings"]
-    (found,) = [one for one in warnings if (one["kind"], one["role"]) == ("slow", "localizer")]
+    (found,) = [warning for warning in warnings if (warning["kind"], warning["role"]) == ("slow", "localizer")]
     figures = found["figures"]
     assert figures["late"] == figures["steps"] >= 50 and figures["p99_ms"] > 3.0 and figures["limit_ms"] == 1.0
     told = f"localizer {found['instance']} is slow: {figures['late']} of its {figures['steps']} steps took longer "

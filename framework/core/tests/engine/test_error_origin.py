@@ -507,7 +507,7 @@ def turning(monkeypatch: pytest.MonkeyPatch) -> Callable[[float, float], None]:
 
 def limited(episode: Episode) -> list[dict[str, Any]]:
     """Warnings about commands beyond the limits."""
-    return [one for one in episode.summary()["warnings"] if one["kind"] == "limits"]
+    return [warning for warning in episode.summary()["warnings"] if warning["kind"] == "limits"]
 
 
 TURNS = ("avoider.case=turns", "robot.max_angular_deg=25.0", "run.stop_after=3.0")

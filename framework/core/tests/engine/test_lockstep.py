@@ -390,5 +390,5 @@ def test_an_instance_that_was_active_steps_on_after_a_swap(tmp_path: Path) -> No
     swap = '[[event]]\nat = 2.0\ndo = "swap"\nrole = "avoider"\nname = "slow"\n'
     looker = Everything()
     drive(tmp_path, more=ALTERNATIVE.format(shadow="false") + swap, observers=[looker])
-    ticks = {name: [one.tick for one in looker.steps if one.instance == name] for name in ("toy_bystander", "slow")}
+    ticks = {name: [step.tick for step in looker.steps if step.instance == name] for name in ("toy_bystander", "slow")}
     assert ticks["toy_bystander"][-1] == ticks["slow"][-1] > 80 and ticks["slow"][0] == 40

@@ -33,7 +33,9 @@ def traced(tmp_path: Path, *overrides: str, more: str = PLACE) -> list[TraceEntr
 
 
 def test_the_pose_is_the_one_given_from_that_tick_on(tmp_path: Path) -> None:
-    poses = {one.envelope.tick: one.message for one in traced(tmp_path) if isinstance(one.message, PoseEstimate)}
+    poses = {
+        entry.envelope.tick: entry.message for entry in traced(tmp_path) if isinstance(entry.message, PoseEstimate)
+    }
     before, at = poses[TICK - 1].pose, poses[TICK].pose
     assert before.y == pytest.approx(0.0, abs=0.05)
     assert (at.x, at.y) == (pytest.approx(0.5, abs=0.05), pytest.approx(-0.75, abs=0.05))
@@ -41,16 +43,16 @@ def test_the_pose_is_the_one_given_from_that_tick_on(tmp_path: Path) -> None:
 
 
 def test_the_drive_stops_and_the_goal_is_planned_again_from_there(tmp_path: Path) -> None:
-    entries = [one for one in traced(tmp_path) if one.envelope.tick == TICK]
-    (drive,) = [one.message for one in entries if isinstance(one.message, Drive)]
+    entries = [entry for entry in traced(tmp_path) if entry.envelope.tick == TICK]
+    (drive,) = [entry.message for entry in entries if isinstance(entry.message, Drive)]
     assert drive.path_id == 0
-    (plan,) = [one.message for one in entries if isinstance(one.message, PlanRequest)]
+    (plan,) = [entry.message for entry in entries if isinstance(entry.message, PlanRequest)]
     assert (plan.start.x, plan.start.y) == (pytest.approx(0.5, abs=0.05), pytest.approx(-0.75, abs=0.05))
 
 
 def test_with_a_late_localizer_the_plan_waits_for_a_pose_from_then_on(tmp_path: Path) -> None:
     entries = traced(tmp_path, "localizer.latency=0.15", "gate.stop_deadline=0.5")
-    plans = [(one.envelope.tick, one.message) for one in entries if isinstance(one.message, PlanRequest)]
+    plans = [(entry.envelope.tick, entry.message) for entry in entries if isinstance(entry.message, PlanRequest)]
     tick, plan = plans[1]
     assert tick == TICK + 3 and plan.start.y == pytest.approx(-0.75, abs=0.05)
 

@@ -101,7 +101,7 @@ def test_a_sensor_that_stops_is_named_with_the_time(tmp_path: FilePath) -> None:
 
 def test_a_sensor_that_never_publishes_is_named(tmp_path: FilePath) -> None:
     episode = drive(tmp_path, "platform.plugin=silent_robot", "run.stop_after=3.0")
-    told = [str(one) for one in episode.warnings if one.kind == "silent"]
+    told = [str(warning) for warning in episode.warnings if warning.kind == "silent"]
     assert len(told) == 1 and "gave no scan of the sensor 'ear' in 3.05 s" in told[0]
 
 

@@ -208,12 +208,13 @@ def stepper_of(
     """A stepper of a node with three inputs, and the slots of these."""
     node, plain = Passer(), Passer.spec(Wired("gate"))
     inputs = tuple(
-        Input(one.name, one.source, one.reading, one.delayed, one.triggers, one.name in needed) for one in plain.inputs
+        Input(given.name, given.source, given.reading, given.delayed, given.triggers, given.name in needed)
+        for given in plain.inputs
     )
     spec = NodeSpec("gate", inputs, plain.ports, cause, ticks)
-    slots = {one.name: Slot(one.name, one.name) for one in inputs}
+    slots = {given.name: Slot(given.name, given.name) for given in inputs}
     made = Stepper(spec, node, "main", {"command": Slot("out", "out")})
-    made.connect([make_wire(one, slots[one.name]) for one in inputs])
+    made.connect([make_wire(given, slots[given.name]) for given in inputs])
     return made, slots
 
 

@@ -167,7 +167,7 @@ def test_unknown_fields_are_skipped_and_each_known_one_without_a_default_is_requ
     header["fields"]["unknown"] = data.draw(plain)
     assert contents(decode(joined(header, tail), schema_label(cls))[0]) == contents(made)
     del header["fields"][name]
-    (declared,) = [one for one in fields(cls) if one.name == name]  # type: ignore[arg-type]
+    (declared,) = [field for field in fields(cls) if field.name == name]  # type: ignore[arg-type]
     if declared.default is MISSING:
         with pytest.raises(CodecError, match=f"field '{name}' is missing"):
             decode(joined(header, tail), schema_label(cls))

@@ -394,7 +394,7 @@ def test_live_a_plan_requested_while_driving_that_gets_no_answer_is_requested_ag
     machine = driving(replace(RULES, is_live=True, replan=ReplanRules(period=1.0)))
     follow = [seen(tick / 20, reference=reference(2, 3.0)) for tick in range(60, 160)]
     plans = [asked(machine.step(now), "plan") for now in follow]
-    numbers = [number for found in plans for number in found]
+    numbers = [number for plan in plans for number in plan]
     assert len(numbers) > 3 and set(numbers) == {3}
 
 

@@ -60,9 +60,9 @@ def point(name: str, target: str) -> EntryPoint:
     return EntryPoint(name, target, "navloom")
 
 
-def refusal(found: Discovery, role: str, name: str) -> str:
+def refusal(discovery: Discovery, role: str, name: str) -> str:
     with pytest.raises(PluginError) as caught:
-        found.role(role, name)
+        discovery.role(role, name)
     return str(caught.value)
 
 

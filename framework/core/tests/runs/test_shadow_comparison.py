@@ -130,7 +130,7 @@ def test_a_shadow_avoider_is_compared_in_a_run_and_changes_nothing(tmp_path: Pat
 
 
 def test_controllers_planners_and_mappers_are_compared_too(tmp_path: Path) -> None:
-    found = {one["instance"]: one for one in drive(tmp_path, more=OTHERS).summary()["shadows"]}
+    found = {shadow["instance"]: shadow for shadow in drive(tmp_path, more=OTHERS).summary()["shadows"]}
     # The goal is 3 m away and the shadow plans 1 m far; its map has 20 x 20 of our 40 x 40 cells, the rest is unknown.
     assert found["short"]["differences"] == {"found": {"rms": 1.0, "max": 1.0}}
     assert found["small"]["differences"]["cells"]["max"] == pytest.approx(0.75)

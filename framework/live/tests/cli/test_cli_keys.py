@@ -55,7 +55,7 @@ def test_new_as_json(tmp_path: Path) -> None:
     )
     found = json.loads(run("new", str(folder), *words))
     assert found["folder"] == str(folder) and found["hosts"] == ["base.local", "10.0.0.1"] and found["days"] == 90
-    assert [one["name"] for one in found["identities"]] == ["router", "nodes", "operator", "viewer"]
+    assert [identity["name"] for identity in found["identities"]] == ["router", "nodes", "operator", "viewer"]
     assert found["identities"][1]["common_name"] == "nodes:nodes@plant/r7"
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
@@ -64,7 +64,7 @@ def test_a_link_accepts_the_certificates_of_new(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder), "--robot", "r7")
     found = settings(Link("router", ("tls/0.0.0.0:7447",), (), folder, "router", robot="r7"))
-    assert {one["id"] for one in found["access_control"]["subjects"]} - {"sockets"} == {
+    assert {subject["id"] for subject in found["access_control"]["subjects"]} - {"sockets"} == {
         f"{name}:{name}@lab/r7" for name in ("router", "nodes", "operator", "viewer")
     }
 

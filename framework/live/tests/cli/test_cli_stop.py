@@ -84,7 +84,9 @@ def test_plain_options_of_a_stop_are_read_at_once(words: list[str], options: dic
 
 def test_every_option_that_a_stop_reads_at_once_is_one_of_the_command() -> None:
     command = AddedCommand([point for point in added_commands() if point.name == "stop"]).made()
-    own = {name: one.name for one in command.params for name in one.opts if one.name in stop_robots.__annotations__}
+    own = {
+        name: param.name for param in command.params for name in param.opts if param.name in stop_robots.__annotations__
+    }
     assert own == stop_command.VALUES | stop_command.FLAGS
 
 

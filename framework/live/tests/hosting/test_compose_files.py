@@ -37,7 +37,7 @@ def unknown_options(command: list[str]) -> list[str]:
     """Options that the command line does not have."""
     known: Any = typer.main.get_command(app)
     found = known.whole()[command[0]]
-    options = {name for one in found.params for name in one.opts}
+    options = {name for param in found.params for name in param.opts}
     return [word for word in command if word.startswith("--") and word not in options]
 
 
@@ -91,7 +91,7 @@ def test_a_config_with_its_own_router_keeps_router_and_keys(tmp_path: Path, in_p
         assert starts_router(words, config) is (host == "base")
         assert words[words.index("--host") + 1] == host and "live.keys=/keys" in words
         assert "tls/10.0.0.5:7447" in tree["services"]["viewer"]["command"]
-        assert any(one.endswith("/keys:/keys:ro") for one in tree["services"]["metrics"]["volumes"])
+        assert any(volume.endswith("/keys:/keys:ro") for volume in tree["services"]["metrics"]["volumes"])
 
 
 def test_a_shipped_config_needs_no_mount_and_an_unknown_host_is_refused(tmp_path: Path, in_process: Command) -> None:

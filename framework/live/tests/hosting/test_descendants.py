@@ -35,7 +35,7 @@ def started(folder: Path, code: str, **more: str) -> subprocess.Popen[bytes]:
 
 
 def of(folder: Path) -> list[Descendant]:
-    return [one for one in descendants() if one.folder == folder]
+    return [descendant for descendant in descendants() if descendant.folder == folder]
 
 
 def test_a_marked_process_is_found_with_its_robot_and_what_started_it(tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_a_descendant_that_ignores_sigterm_is_killed_and_reaped(tmp_path: Path) 
     child = started(tmp_path, DEAF)
     began = time.monotonic()
     ended: Sequence[Descendant] = end_all(lambda: of(tmp_path), 0.1)
-    assert [one.pid for one in ended] == [child.pid] and 0.1 < time.monotonic() - began < 2.0
+    assert [descendant.pid for descendant in ended] == [child.pid] and 0.1 < time.monotonic() - began < 2.0
     with pytest.raises(ChildProcessError):  # reaped
         os.waitpid(child.pid, os.WNOHANG)
     child.communicate()

@@ -40,9 +40,9 @@ def nursery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Nursery
     made.start()
     yield made
     made.close()
-    for one in descendants():
-        if one.folder == tmp_path:
-            os.kill(one.pid, signal.SIGKILL)
+    for descendant in descendants():
+        if descendant.folder == tmp_path:
+            os.kill(descendant.pid, signal.SIGKILL)
 
 
 def spec(tmp_path: Path, text: str = "") -> Path:
@@ -83,7 +83,9 @@ def test_forked_processes_end_with_the_supervisor_even_stopped_ones(nursery: Nur
     nursery._line.close()  # as its death would
     assert forked.wait(20) == -signal.SIGTERM
     assert nursery._process.wait(20) == 0
-    assert not [one for one in descendants() if one.folder == tmp_path]  # not even its fork, in another session
+    assert not [
+        descendant for descendant in descendants() if descendant.folder == tmp_path
+    ]  # not even its fork, in another session
 
 
 def test_a_process_that_ignores_sigterm_is_killed_within_5_s(nursery: Nursery, tmp_path: Path) -> None:

@@ -210,10 +210,10 @@ def test_of_two_that_start_together_exactly_one_goes_on(net: Net, apart: float) 
             outcomes.append("refused")
 
     both = [threading.Thread(target=start, args=(delay,)) for delay in (0.0, apart)]
-    for one in both:
-        one.start()
-    for one in both:
-        one.join()
+    for thread in both:
+        thread.start()
+    for thread in both:
+        thread.join()
     assert sorted(outcomes) == ["on", "refused"]
 
 

@@ -107,7 +107,7 @@ def test_each_warning_of_a_live_robot_is_printed_once() -> None:
     warnings = [RunWarning("slow", "avoider", "left", "vff", "is slow", {"late": 3})]
     bus: Any = SimpleNamespace()
     bus.ask = lambda key, timeout: [
-        SimpleNamespace(refusal="", data=json.dumps([one.to_json() for one in warnings]).encode()),
+        SimpleNamespace(refusal="", data=json.dumps([warning.to_json() for warning in warnings]).encode()),
         SimpleNamespace(refusal="timed out", data=b""),
     ]
     said: list[str] = []

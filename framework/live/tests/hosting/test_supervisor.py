@@ -139,7 +139,9 @@ def test_the_children_of_a_process_end_before_it_is_restarted(rig: tuple[RobotFo
     until(mark_of(rig).exists, keeper)
     assert child.process is not None
     first = child.process.pid
-    below = [one.pid for one in descendants() if one.folder == rig[0].path and one.pid != first]
+    below = [
+        descendant.pid for descendant in descendants() if descendant.folder == rig[0].path and descendant.pid != first
+    ]
     assert len(below) == 2
     os.kill(first, signal.SIGKILL)
     until(lambda: child.restarts, keeper)
@@ -147,13 +149,15 @@ def test_the_children_of_a_process_end_before_it_is_restarted(rig: tuple[RobotFo
     assert rig[1][0].startswith("ended programs that process child had started: process ")
     assert rig[1][0].count(" of child") == 2
     keeper.stop()
-    assert not [one for one in descendants() if one.folder == rig[0].path]
+    assert not [descendant for descendant in descendants() if descendant.folder == rig[0].path]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the environment of a process")
 def test_processes_left_over_by_an_earlier_supervisor_are_ended_first(rig: tuple[RobotFolder, list[str]]) -> None:
     left = subprocess.Popen(["sleep", "60"], env={**os.environ, MARK: f"1:{rig[0].path}", PROCESS: "drive"})
-    while left.pid not in [one.pid for one in descendants()]:  # its environment appears a moment after its start
+    while left.pid not in [
+        descendant.pid for descendant in descendants()
+    ]:  # its environment appears a moment after its start
         time.sleep(0.005)
     keeper = supervisor(rig, LiveTable())
     keeper.start()

@@ -35,7 +35,7 @@ def test_a_restarted_publisher_is_distinguished_from_a_delayed_message(
 def test_a_restart_is_found_once_and_a_late_message_before_it_does_not_hide_it() -> None:
     watch = RestartWatch()
     envelopes = [at(500, 900), at(480, 880), at(1, 940), at(499, 899), at(2, 941), at(1, 970)]
-    assert [watch.has_restarted(one) for one in envelopes] == [False, False, True, False, False, True]
+    assert [watch.has_restarted(envelope) for envelope in envelopes] == [False, False, True, False, False, True]
 
 
 def is_split(*messages: tuple[int, float]) -> bool:

@@ -36,4 +36,4 @@ def test_a_live_recording_replays_bit_for_bit(
     found = json.loads(checked.stdout)
     assert checked.exit_code == 0 and found["first_difference"] is None
     # In each tick localizer, reference, controller and gate say one thing, the avoider three, while there is a path.
-    assert sum(one["messages"] for one in found["nodes"]) > 6 * result["ticks"] > 3000
+    assert sum(node["messages"] for node in found["nodes"]) > 6 * result["ticks"] > 3000

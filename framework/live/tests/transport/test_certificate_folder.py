@@ -174,7 +174,7 @@ def test_two_simultaneous_additions_are_both_listed(folder: Path) -> None:
         thread.start()
     for thread in adding:
         thread.join()
-    assert {one.name for one in read_identities(folder, "lab", "r1")} >= set(names)
+    assert {identity.name for identity in read_identities(folder, "lab", "r1")} >= set(names)
 
 
 def test_without_the_authoritys_key_nothing_is_added(folder: Path) -> None:
@@ -381,7 +381,7 @@ def test_no_certificate_outlives_its_authority(folder: Path) -> None:
 def test_a_revoked_identity_is_no_longer_listed_and_its_files_are_gone(folder: Path) -> None:
     add_identity(folder, ALICE, (), 7, NOW)
     assert revoke(folder, "alice", NOW) is None
-    assert "alice" not in [one.name for one in read_identities(folder, "lab", "r1")]
+    assert "alice" not in [identity.name for identity in read_identities(folder, "lab", "r1")]
     assert not list(folder.glob("alice*"))
     with pytest.raises(KeysError, match="alice is revoked; `navloom keys add"):
         revoke(folder, "alice", NOW)
@@ -392,7 +392,7 @@ def test_reusing_a_name_does_not_admit_its_revoked_key(folder: Path) -> None:
     for _ in range(3):
         add_identity(folder, ALICE, (), 7, NOW)
         names.append(certificate(folder, "alice").subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value)
-        (listed,) = [one for one in read_identities(folder, "lab", "r1") if one.name == "alice"]
+        (listed,) = [identity for identity in read_identities(folder, "lab", "r1") if identity.name == "alice"]
         assert common_name(listed, "lab", "r1") == names[-1]
         revoke(folder, "alice", NOW)
     assert names == ["viewer:alice@lab/r1", "viewer:alice#2@lab/r1", "viewer:alice#3@lab/r1"]
@@ -438,4 +438,4 @@ def test_a_list_of_an_earlier_version_is_read(folder: Path) -> None:
         del entry["generation"]
     (folder / IDENTITIES).write_text(json.dumps(given), "utf-8")
     revoke(folder, "viewer", NOW)
-    assert [one.name for one in read_identities(folder, "lab", "r1")] == ["router", "nodes", "operator"]
+    assert [identity.name for identity in read_identities(folder, "lab", "r1")] == ["router", "nodes", "operator"]

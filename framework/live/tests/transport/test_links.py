@@ -326,7 +326,7 @@ def test_of_two_neighbours_only_one_connects_to_the_other() -> None:
     links = [peer_link(own, names, "lab", "r1") for own in names]
     calls = [(link.listen[0], end) for link in links for end in link.connect]
     assert len(calls) == 3 and {frozenset(call) for call in calls} == {
-        frozenset((one, other)) for one in names for other in names if one != other
+        frozenset((name, other)) for name in names for other in names if name != other
     }
     assert all(link.peers == 2 for link in links)
 

@@ -1,4 +1,9 @@
-"""Recordings: write all messages of a robot to one MCAP file, read and replay it, and import other logs."""
+"""Recordings: all messages of a robot in one MCAP file, written, read, replayed and checked.
+
+Begin with `writer.py` and `reader.py`; a killed recorder loses at most 0.3 s, and a torn end is skipped and reported.
+`step_replay.py` repeats nodes step by step on the inputs that their step records name; `replay_check.py` compares
+the bytes; `substitutes.py` tries another plugin on recorded inputs. `imported_log.py` is the base of log importers.
+"""
 
 from __future__ import annotations
 

@@ -91,10 +91,10 @@ def excerpt_of(recording: Recording, only: str | None, until: int | None, is_deb
 def _steps(recording: Recording, until: int | None) -> list[tuple[Source, int, str]]:
     """Every recorded step up to a tick: its node, tick and fault."""
     found = []
-    for one in recording.messages([f"*/*/{STEP}"]):
-        report, tick = one.message, one.envelope.tick
+    for message in recording.messages([f"*/*/{STEP}"]):
+        report, tick = message.message, message.envelope.tick
         if isinstance(report, StepReport) and report.trigger and (until is None or tick <= until):
-            role, name = one.envelope.key.split("/")[-3:-1]
+            role, name = message.envelope.key.split("/")[-3:-1]
             if role not in SOURCES:
                 found.append(((role, name), tick, report.fault))
     return found

@@ -79,7 +79,7 @@ def schema_text(cls: type[Message]) -> str:
 
 
 def _class_schema(cls: type[Message]) -> dict[str, Any]:
-    optional = {one.name for one in fields(cls) if one.default is not MISSING}  # type: ignore[arg-type]
+    optional = {field.name for field in fields(cls) if field.default is not MISSING}  # type: ignore[arg-type]
     return {
         "description": inspect.getdoc(cls) or "",
         "type": "object",

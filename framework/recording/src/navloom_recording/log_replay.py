@@ -143,7 +143,7 @@ def place_in_map(
     Raises:
         ConfigError: The map cannot be read.
     """
-    first = next(one.message for one in recording.messages(["platform/*/odometry"]))
+    first = next(message.message for message in recording.messages(["platform/*/odometry"]))
     assert isinstance(first, Odometry)
     if map_ref is not None:  # a path given now is relative to the current folder, not to that of the import
         loaded = replace(loaded, base=Path.cwd())
@@ -192,7 +192,8 @@ class _Runner:
         nodes = role_nodes(self.system, wanted)
         self.nodes = {role: FedNode(self.system.wiring[role, name], nodes[role, name]) for role, name in wanted}
         self.sensors = {
-            spec.role: [one.name for one in spec.inputs if one.name.startswith("scan.")] for spec in self.system.specs
+            spec.role: [given.name for given in spec.inputs if given.name.startswith("scan.")]
+            for spec in self.system.specs
         }
         system = self.system
         self.reference = ReferenceNode.of(self.config, system.robot, system.braking, system.goal_tolerance)
@@ -216,7 +217,7 @@ class _Runner:
         period_ns = round(self.config.run.period * 1e9)
         first_ns = last_ns = 0
         for number, messages in self._ticks(period_ns):
-            stamps = [one.envelope.stamp_ns for one in messages]
+            stamps = [message.envelope.stamp_ns for message in messages]
             first_ns = first_ns or min(stamps)
             last_ns = max(last_ns, *stamps)
             tick = Tick(number, last_ns * 1e-9, last_ns, 0)
@@ -236,14 +237,14 @@ class _Runner:
         """Messages by tick, in the order of receipt."""
         held: list[Recorded] = []
         number = -1
-        for one in self.recording.messages(["platform/*/*"]):
+        for message in self.recording.messages(["platform/*/*"]):
             # Messages of a log may arrive late; a tick never goes back.
-            tick = max(number, one.envelope.tick)
+            tick = max(number, message.envelope.tick)
             if tick != number and held:
                 yield number, held
                 held = []
             number = tick
-            held.append(one)
+            held.append(message)
         if held:
             yield number, held
 
@@ -254,18 +255,18 @@ class _Runner:
         scans: dict[str, list[Message]] = {name: [] for name in self.sensors["localizer"]}
         start = self.system.start
         odometry_to_map = np.array([start.x, start.y, start.heading])
-        for one in self.recording.messages(["platform/*/*"]):
-            name = f"scan.{one.key.rsplit('/', 1)[1]}"
+        for message in self.recording.messages(["platform/*/*"]):
+            name = f"scan.{message.key.rsplit('/', 1)[1]}"
             if name in scans:
-                scans[name].append(one.message)
-            if not isinstance(one.message, Odometry):
+                scans[name].append(message.message)
+            if not isinstance(message.message, Odometry):
                 continue
-            estimate = self._localized(one, scans)
+            estimate = self._localized(message, scans)
             self.estimates.append(estimate)
             if estimate is not None:
-                stamps.append(one.envelope.stamp_ns)
+                stamps.append(message.envelope.stamp_ns)
                 poses.append(estimate.pose)
-                driven = one.message.pose
+                driven = message.message.pose
                 seen = compose(odometry_to_map, np.array([driven.x, driven.y, driven.heading])).tolist()
                 found = estimate.pose
                 rows.append(((stamps[-1] - stamps[0]) * 1e-9, *seen, found.x, found.y, found.heading))
@@ -275,28 +276,28 @@ class _Runner:
         self._at: list[tuple[int, float, float]] = []
         return np.array(stamps, dtype=np.int64), poses
 
-    def _localized(self, one: Recorded, scans: dict[str, list[Message]]) -> PoseEstimate | None:
+    def _localized(self, recorded: Recorded, scans: dict[str, list[Message]]) -> PoseEstimate | None:
         """The localizer's pose at an odometry message, from it and the scans since the last one, which are removed."""
-        given: dict[str, Any] = {name: tuple(found) for name, found in scans.items()}
-        for found in scans.values():
-            found.clear()
-        tick = Tick(one.envelope.tick, one.envelope.stamp_ns * 1e-9, one.envelope.stamp_ns, 0)
-        outputs = self._step(self.nodes["localizer"], tick, given | {"odometry": one.message, "map": None})
+        given: dict[str, Any] = {name: tuple(scan) for name, scan in scans.items()}
+        for scan in scans.values():
+            scan.clear()
+        tick = Tick(recorded.envelope.tick, recorded.envelope.stamp_ns * 1e-9, recorded.envelope.stamp_ns, 0)
+        outputs = self._step(self.nodes["localizer"], tick, given | {"odometry": recorded.message, "map": None})
         pose = dict(outputs).get("pose")
         return pose if isinstance(pose, PoseEstimate) else None
 
     def _take(self, tick: Tick, messages: Sequence[Recorded]) -> None:
         """Append the pose of every odometry message to the track, and queue the scans until poses cover them."""
-        for one in messages:
-            port = one.key.rsplit("/", 1)[1]
-            if isinstance(one.message, Odometry):
+        for message in messages:
+            port = message.key.rsplit("/", 1)[1]
+            if isinstance(message.message, Odometry):
                 pose = self.estimates[self.taken]
                 self.taken += 1
                 # A track must rise, and some logs repeat stamps.
                 if pose is not None and (not self.track or pose.stamp_ns > self.track[-1].stamp_ns):
                     self.track.append(pose)
-            elif isinstance(one.message, (RangeScan, Sweep)):
-                self.waiting.append((f"scan.{port}", one.message))
+            elif isinstance(message.message, (RangeScan, Sweep)):
+                self.waiting.append((f"scan.{port}", message.message))
         del self.track[:-TRACK]
 
     def _covered(self) -> dict[str, list[Message]]:
@@ -324,7 +325,9 @@ class _Runner:
         node, result = self.nodes.get("avoider"), self.result.avoider
         if node is None or result is None or not self.track:
             return
-        driven = next((one.message for one in reversed(messages) if isinstance(one.message, Odometry)), None)
+        driven = next(
+            (message.message for message in reversed(messages) if isinstance(message.message, Odometry)), None
+        )
         if driven is None:
             return
         pose = self.track[-1]
@@ -332,12 +335,12 @@ class _Runner:
         if reference is None:
             return
         scans: dict[str, list[Message]] = {name: [] for name in self.sensors["avoider"]}
-        for one in messages:
-            name = f"scan.{one.key.rsplit('/', 1)[1]}"
+        for message in messages:
+            name = f"scan.{message.key.rsplit('/', 1)[1]}"
             if name in scans:
-                scans[name].append(one.message)
+                scans[name].append(message.message)
         wanted = Command(driven.twist)
-        given: dict[str, Any] = {"desired": wanted, **{name: tuple(found) for name, found in scans.items()}}
+        given: dict[str, Any] = {"desired": wanted, **{name: tuple(scan) for name, scan in scans.items()}}
         outputs = dict(self._step(node, tick, given | {"pose": pose, "reference": reference}))
         result.steps += 1
         self._at.append((tick.number, pose.pose.x, pose.pose.y))

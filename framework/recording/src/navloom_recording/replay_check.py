@@ -115,23 +115,23 @@ class _Checker:
             self._compare(found, step.at.tick, port, given, entries)
 
     def _compare(
-        self, found: NodeCheck, tick: int, port: str, given: list[Message], entries: list[Entry | None]
+        self, node_check: NodeCheck, tick: int, port: str, given: list[Message], entries: list[Entry | None]
     ) -> None:
         for place in range(max(len(given), len(entries))):
             is_recorded = place < len(entries)
             entry = entries[place] if is_recorded else None
             if is_recorded and entry is None:
                 # A message that the recorder lost says nothing about the plugin.
-                found.unrecorded += 1
+                node_check.unrecorded += 1
                 continue
-            found.messages += 1
+            node_check.messages += 1
             difference = _difference(entry, given[place] if place < len(given) else None)
             if difference is not None:
-                self._differs(found, ReplayDifference(tick, found.node, port, *difference))
+                self._differs(node_check, ReplayDifference(tick, node_check.node, port, *difference))
 
-    def _differs(self, found: NodeCheck, difference: ReplayDifference) -> None:
-        found.differing += 1
-        found.first = found.first or difference
+    def _differs(self, node_check: NodeCheck, difference: ReplayDifference) -> None:
+        node_check.differing += 1
+        node_check.first = node_check.first or difference
 
 
 def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str, str] | None:

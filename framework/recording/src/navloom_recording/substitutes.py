@@ -105,7 +105,7 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         if owner == role and key:
             table[key] = value
     if role in nodes:
-        tree["node"] = [{**table, "name": role} if one is nodes[role] else one for one in nodes.values()]
+        tree["node"] = [{**table, "name": role} if node is nodes[role] else node for node in nodes.values()]
     else:
         tree[role] = table
     # Recorded parameters of the old plugin do not fit the new one.
@@ -172,11 +172,11 @@ class _Watch:
 
 def _add_way(result: Substitute, recording: Recording, replayer: Replayer) -> None:
     """Add the track of the recorded robot and its map."""
-    for one in recording.messages(["localizer/*/pose", "mapper/*/map"]):
-        role, name, _ = one.key.split("/", 2)[-1].split("/")
-        if replayer.chosen.at(role, one.envelope.tick) != name:
+    for message in recording.messages(["localizer/*/pose", "mapper/*/map"]):
+        role, name, _ = message.key.split("/", 2)[-1].split("/")
+        if replayer.chosen.at(role, message.envelope.tick) != name:
             continue
-        if isinstance(one.message, PoseEstimate):
-            result.way.append((one.envelope.tick, one.message.pose.x, one.message.pose.y))
-        elif isinstance(one.message, MapUpdate):
-            result.recorded_map = one.message
+        if isinstance(message.message, PoseEstimate):
+            result.way.append((message.envelope.tick, message.message.pose.x, message.message.pose.y))
+        elif isinstance(message.message, MapUpdate):
+            result.recorded_map = message.message

@@ -112,7 +112,7 @@ class Row:
             line.timing,
             line.notes,
             line.shadows,
-            warnings=tuple(RunWarning.from_json(vars(one)) for one in line.warnings),
+            warnings=tuple(RunWarning.from_json(vars(warning)) for warning in line.warnings),
         )
 
 
@@ -186,7 +186,7 @@ def row_of(task: EpisodeTask, episode: Episode, spent: float) -> Row:
     goal, shadows = episode.system.goal, episode.shadows
     place = None if goal is None else (goal.x, goal.y)
     track = encoded(trail, place, episode.system.goal_tolerance, shadows)
-    summaries = tuple(one.summary() for one in shadows)
+    summaries = tuple(shadow.summary() for shadow in shadows)
     return replace(row, shadows=summaries, track=track, warnings=tuple(episode.warnings))
 
 

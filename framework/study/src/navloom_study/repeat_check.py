@@ -77,7 +77,7 @@ def run_twice(
                     )
                 )
         divergence = _first_divergence(episodes[0], *traces)
-    seen = [one for one in episodes[1].warnings if one.kind in ("clock", "random")]
+    seen = [warning for warning in episodes[1].warnings if warning.kind in ("clock", "random")]
     return episodes[0], divergence, seen
 
 
@@ -108,8 +108,8 @@ def _ticks(path: Path) -> Iterator[tuple[int, dict[Key, list[TraceEntry]]]]:
     """Messages of each stream, by tick."""
     for tick, entries in groupby(read_trace(path), lambda one: one.tick):
         found: dict[Key, list[TraceEntry]] = {}
-        for one in entries:
-            found.setdefault((one.role, one.instance, one.port), []).append(one)
+        for entry in entries:
+            found.setdefault((entry.role, entry.instance, entry.port), []).append(entry)
         yield tick, found
 
 

@@ -172,9 +172,9 @@ class StudyResult:
         # The intervals of shares are exact and need no resamples.
         compared = compare_methods(rows, self.study.methods[0].name, shares, np.random.default_rng(0), resamples=100)
         found: dict[str, dict[str, tuple[float, float]]] = {method.name: {} for method in self.study.methods}
-        for one in compared.summaries:
-            if one.estimate.low is not None and one.estimate.high is not None:
-                found[one.method][one.metric] = (one.estimate.low, one.estimate.high)
+        for summary in compared.summaries:
+            if summary.estimate.low is not None and summary.estimate.high is not None:
+                found[summary.method][summary.metric] = (summary.estimate.low, summary.estimate.high)
         return found
 
     @property
@@ -183,16 +183,16 @@ class StudyResult:
         found: dict[tuple[str, ...], dict[str, Any]] = {}
         for is_counted, rows in ((True, self.rows), (False, self.repeated)):
             for row in rows:
-                for one in row.warnings:
-                    key = (row.key.method, one.kind, one.role, one.instance, one.about)
-                    told = found.setdefault(key, {**one.to_json(), **vars(row.key), "episodes": 1 - is_counted})
+                for warning in row.warnings:
+                    key = (row.key.method, warning.kind, warning.role, warning.instance, warning.about)
+                    told = found.setdefault(key, {**warning.to_json(), **vars(row.key), "episodes": 1 - is_counted})
                     told["episodes"] += is_counted
         return list(found.values())
 
     @property
     def is_repeatable(self) -> bool:
         """Whether no episode that was run twice differed."""
-        return not any(one.kind == "repeat" for row in self.repeated for one in row.warnings)
+        return not any(warning.kind == "repeat" for row in self.repeated for warning in row.warnings)
 
     @property
     def notes(self) -> list[str]:

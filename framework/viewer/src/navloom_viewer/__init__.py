@@ -1,4 +1,9 @@
-"""Shows runs in the Rerun viewer. Only this house imports rerun, and only when a viewer is requested."""
+"""Messages as pictures, in Rerun or Foxglove, drawn in a process of their own so that no robot waits.
+
+Begin with `viewer_session.py`: a viewer and the drawing process for one run; `bridge.py` is the queue between them.
+`builtin_panels.py` lists how each message is drawn; `panels.py` is public, and plugins add theirs by the same hook.
+Only this distribution imports rerun, and only when a viewer is requested.
+"""
 
 from __future__ import annotations
 

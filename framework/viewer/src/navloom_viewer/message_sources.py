@@ -77,8 +77,8 @@ def recorded_messages(recording: Recording, facts: Facts) -> Iterator[Shown]:
     """Messages of a recording in the order of receipt."""
     first = facts.variants[0]
     instances = ActiveInstances(first.name, first.instances)
-    for one in recording.messages():
-        yield instances.shown(one.key.split("/", 2)[2], one.message, one.envelope)
+    for message in recording.messages():
+        yield instances.shown(message.key.split("/", 2)[2], message.message, message.envelope)
 
 
 def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:

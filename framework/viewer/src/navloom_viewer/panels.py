@@ -90,7 +90,7 @@ class Panel:
 
 def panels_of(discovery: Discovery) -> tuple[Sequence[Panel], list[str]]:
     """The panels of plugins, in order of name, and a message for each unusable one; these do not stop a run."""
-    found: list[Panel] = []
+    panels: list[Panel] = []
     wrong: list[str] = []
     for name in discovery.names("panel"):
         try:
@@ -99,7 +99,7 @@ def panels_of(discovery: Discovery) -> tuple[Sequence[Panel], list[str]]:
             wrong.append(str(error))
             continue
         if isinstance(panel, Panel):
-            found.append(panel)
+            panels.append(panel)
         else:
             wrong.append(f"panel.{name} is a {type(panel).__name__}, expected a navloom_viewer.Panel")
-    return found, wrong
+    return panels, wrong

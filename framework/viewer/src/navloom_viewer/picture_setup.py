@@ -137,14 +137,14 @@ def actors_of(facts: Facts) -> dict[tuple[str, str, str], Actor]:
 def swappable_actors(facts: Facts) -> dict[tuple[str, str, str], Actor]:
     """Actors of the instances that are active at the start and whose roles have shadows: after a swap they are some."""
     single, taken = len(facts.variants) == 1, len(actors_of(facts))
-    found: dict[tuple[str, str, str], Actor] = {}
+    actors: dict[tuple[str, str, str], Actor] = {}
     for variant in facts.variants:
         for role in dict.fromkeys(role for role, _ in variant.shadows):
             instance = variant.instances.get(role, "main")
             name = instance if single and instance != variant.name else f"{variant.name}_{instance}"
-            colour = ACTOR[(taken + len(found)) % len(ACTOR)]
-            found[variant.name, role, instance] = Actor(name, variant.name, colour, is_shadow=True)
-    return found
+            colour = ACTOR[(taken + len(actors)) % len(ACTOR)]
+            actors[variant.name, role, instance] = Actor(name, variant.name, colour, is_shadow=True)
+    return actors
 
 
 def facts_of(systems: Mapping[str, System], title: str) -> Facts:

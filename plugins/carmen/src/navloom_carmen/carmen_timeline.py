@@ -57,7 +57,7 @@ def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Float
         return _counted(is_scan, period)
     is_timed = ~_behind_scan(is_scan) if is_corrected else np.ones(len(events), dtype=np.bool_)
     columns = [events[:, place] for place in (_IPC, _LOGGER)]
-    times = next((one for one in columns if _rises(one[is_timed])), None)
+    times = next((column for column in columns if _rises(column[is_timed])), None)
     if times is None:
         worst = _where_back(columns[0][is_timed])
         line = int(events[is_timed][worst, 0])

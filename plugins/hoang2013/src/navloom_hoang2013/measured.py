@@ -172,7 +172,7 @@ def _cm(summary: dict[str, Any]) -> str:
 def _control(made: Reproduction) -> dict[str, Finding]:
     speeds = made.free.episode.recorder.speeds
     params, robot = _params(made.free, "controller"), made.run.episode.system.robot
-    settled = {found.law.params.get("k3"): found.settled for found in made.errata.laws}
+    settled = {law.law.params.get("k3"): law.settled for law in made.errata.laws}
     away = [turn for turn in made.readings.turns if turn.off == 135]
     ends = ", ".join(f"{turn.above}°: {_outcome(turn.drive)}" for turn in away)
     e3 = np.abs(made.free.errors[:, 3])

@@ -261,7 +261,7 @@ def _calibration_plates(calibrations: tuple[Calibration, ...]) -> tuple[Plate, .
 
 def _faster(errata: Errata) -> str:
     """Range of the factors by which the other laws settle faster than law (6) with its best k3, as text."""
-    settled = [(found.law.plugin, found.settled) for found in errata.laws if found.settled is not None]
+    settled = [(law.law.plugin, law.settled) for law in errata.laws if law.settled is not None]
     own = min(seconds for plugin, seconds in settled if plugin == "lyapunov_tracker")
     others = sorted(own / seconds for plugin, seconds in settled if plugin != "lyapunov_tracker")
     return f"{others[0]:.0f} to {others[-1]:.0f}"

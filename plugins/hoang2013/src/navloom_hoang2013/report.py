@@ -167,7 +167,7 @@ def _grid_table(errata: Errata) -> str:
 
 
 def _law_table(errata: Errata) -> str:
-    rows = [(found.law.name, _seconds(found.settled), _seconds(found.law.stated)) for found in errata.laws]
+    rows = [(law.law.name, _seconds(law.settled), _seconds(law.law.stated)) for law in errata.laws]
     caption = f"Last time at which the position error was {_cm(BAND)} cm or more; expected by a study made beforehand"
     return html.table(("law", "ours, s", "expected, s"), rows, caption)
 

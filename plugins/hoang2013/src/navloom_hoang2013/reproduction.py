@@ -175,7 +175,7 @@ def _errata_facts(errata: Errata) -> dict[str, Any]:
         "height_frame": plans(errata.heights),
         "anchor": plans(errata.anchors),
         "settling": [
-            {"law": found.law.name, "settled_s": found.settled, "expected_s": found.law.stated} for found in errata.laws
+            {"law": law.law.name, "settled_s": law.settled, "expected_s": law.law.stated} for law in errata.laws
         ],
         "k3": [{"k3": float(v.name), **_drive_facts(v.drive, v.drive.episode.summary())} for v in errata.gains],
     }

@@ -1,4 +1,8 @@
-"""Maps and worlds of others: BARN's, MovingAI's, and those of ROS's map_server."""
+"""Worlds from map files of others: ROS map_server, MovingAI benchmarks and BARN.
+
+Begin with `rosmap.py`: a YAML file and an image, read and written as nav2_map_server does; `images.py` reads it.
+`movingai.py` and `barn.py` read benchmark maps. They need pyyaml and pillow, which the core does not.
+"""
 
 from navloom import Registry, hookimpl
 

@@ -214,8 +214,8 @@ class Retracing:
         """(k, 2) echoes of the last `memory` seconds, m, in the current base frame."""
         x, y, heading = pose
         cos, sin = math.cos(heading), math.sin(heading)
-        for found in points:
-            placed = np.stack([x + cos * found[:, 0] - sin * found[:, 1], y + sin * found[:, 0] + cos * found[:, 1]], 1)
+        for point in points:
+            placed = np.stack([x + cos * point[:, 0] - sin * point[:, 1], y + sin * point[:, 0] + cos * point[:, 1]], 1)
             self._echoes.append((time, placed))
         while self._echoes and self._echoes[0][0] < time - self.rules.memory:
             self._echoes.popleft()

@@ -266,9 +266,12 @@ class _Work:
     def _converted(self, topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
         """Ports and navloom messages that one ROS message converts to."""
         if topic.type in _TRANSFORMS:
-            for one in message.transforms:
-                if one.header.frame_id.lstrip("/") == ODOM and one.child_frame_id.lstrip("/") in (self.base, *BASES):
-                    yield "odometry", self._from_transform(one)
+            for transform in message.transforms:
+                if transform.header.frame_id.lstrip("/") == ODOM and transform.child_frame_id.lstrip("/") in (
+                    self.base,
+                    *BASES,
+                ):
+                    yield "odometry", self._from_transform(transform)
         elif topic.type == _ODOMETRY:
             yield "odometry", odometry(message)
         else:

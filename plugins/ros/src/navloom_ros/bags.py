@@ -53,7 +53,11 @@ def opened(bag: Path) -> Iterator[Any]:
         try:
             reader = AnyReader([path], default_typestore=get_typestore(Stores(STANDARD)))
             stack.enter_context(reader)
-            if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
+            if not all(
+                isinstance(text, str)
+                for connection in reader.connections
+                for text in (connection.topic, connection.msgtype)
+            ):
                 raise ValueError("the name or type of a topic is not text")
         except MemoryError:
             raise

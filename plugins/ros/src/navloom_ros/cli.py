@@ -277,7 +277,9 @@ def _as_dict(graph: Graph, own_session: str) -> dict[str, list[Any]]:
 def _entry(name: str, listed: Listed, providers: str, users: str) -> dict[str, Any]:
     entry: dict[str, Any] = {"name": name, "types": listed.types}
     for words, entities in ((providers, listed.providers), (users, listed.users)):
-        entry[words] = [{"node": one.full_node_name, "qos": str(one.qos), "hash": one.type_hash} for one in entities]
+        entry[words] = [
+            {"node": entity.full_node_name, "qos": str(entity.qos), "hash": entity.type_hash} for entity in entities
+        ]
     hashes = {one.type_hash for one in (*listed.providers, *listed.users)}
     entry["matches"] = len(hashes) <= 1 and len(listed.types) <= 1
     return entry

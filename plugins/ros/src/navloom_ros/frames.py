@@ -76,12 +76,12 @@ class FrameTree:
 
     def add(self, message: Any, is_static: bool) -> None:
         """Store the transforms of a TFMessage. A static transform replaces a moving one of the same frame."""
-        for one in message.transforms:
-            child, parent = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/")
+        for transform in message.transforms:
+            child, parent = transform.child_frame_id.lstrip("/"), transform.header.frame_id.lstrip("/")
             known = self._up.get(child)
             if known is not None and (known[2] or not is_static):
                 continue
-            at, turn = one.transform.translation, one.transform.rotation
+            at, turn = transform.transform.translation, transform.transform.rotation
             motion = np.eye(4)
             motion[:3, :3] = quaternion_matrix(turn.x, turn.y, turn.z, turn.w)
             motion[:3, 3] = at.x, at.y, at.z

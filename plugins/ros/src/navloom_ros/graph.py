@@ -73,11 +73,11 @@ class Graph:
 
     def find(self, name: str, kinds: Iterable[str]) -> list[Entity]:
         """Endpoints with a full name, of some kinds (keys of `tokens.KINDS`)."""
-        return [one for one in self.entities if one.name == name and one.kind in kinds]
+        return [entity for entity in self.entities if entity.name == name and entity.kind in kinds]
 
     def nodes(self) -> list[str]:
         """Full names of the nodes, sorted and distinct."""
-        return sorted({one.full_node_name for one in self.entities if one.kind == "NN"})
+        return sorted({entity.full_node_name for entity in self.entities if entity.kind == "NN"})
 
     def topics(self) -> dict[str, Listed]:
         """Topics by name, without those of actions."""
@@ -90,23 +90,23 @@ class Graph:
     def actions(self) -> dict[str, Listed]:
         """Actions by name, with the type of the action."""
         found: dict[str, Listed] = {}
-        for one in self.entities:
-            name, separator, part = one.name.partition(ACTION_PART)
+        for entity in self.entities:
+            name, separator, part = entity.name.partition(ACTION_PART)
             if separator and part == "send_goal":
                 listed = found.setdefault(name, Listed())
-                kind = one.type_name.removesuffix("_SendGoal")
+                kind = entity.type_name.removesuffix("_SendGoal")
                 if kind not in listed.types:
                     listed.types.append(kind)
-                (listed.providers if one.kind == "SS" else listed.users).append(one)
+                (listed.providers if entity.kind == "SS" else listed.users).append(entity)
         return dict(sorted(found.items()))
 
     def _listed(self, provider: str, user: str) -> dict[str, Listed]:
         found: dict[str, Listed] = {}
-        for one in self.entities:
-            if one.kind not in (provider, user) or ACTION_PART in one.name:
+        for entity in self.entities:
+            if entity.kind not in (provider, user) or ACTION_PART in entity.name:
                 continue
-            listed = found.setdefault(one.name, Listed())
-            if one.type_name not in listed.types:
-                listed.types.append(one.type_name)
-            (listed.providers if one.kind == provider else listed.users).append(one)
+            listed = found.setdefault(entity.name, Listed())
+            if entity.type_name not in listed.types:
+                listed.types.append(entity.type_name)
+            (listed.providers if entity.kind == provider else listed.users).append(entity)
         return dict(sorted(found.items()))

@@ -74,7 +74,9 @@ def _slots(slots: Any, base: Pose) -> Iterator[dict[str, Any]]:
     for number, (first, last) in enumerate(slots.tolist()):
         wide = (last - first) % math.tau
         angles = np.linspace(first, first + wide, max(2, math.ceil(wide / ARC))).tolist()
-        points = [{"x": base[0] + RADIUS * math.cos(one), "y": base[1] + RADIUS * math.sin(one)} for one in angles]
+        points = [
+            {"x": base[0] + RADIUS * math.cos(angle), "y": base[1] + RADIUS * math.sin(angle)} for angle in angles
+        ]
         yield {"ns": "slots", "id": number, "type": _LINE_STRIP, "points": points, "scale": {"x": 0.03},
                "color": _colour(0.0, 0.6, 0.3)}  # fmt: skip
 

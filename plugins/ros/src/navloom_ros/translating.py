@@ -305,7 +305,7 @@ def _sweep_points(sweep: Any, chosen: NDArray[np.bool_]) -> Floats:
         factors = (np.cos(pitch) * np.cos(bearing), np.cos(pitch) * np.sin(bearing), np.sin(pitch) + 0.0 * bearing)
     else:
         factors = (np.cos(bearing) * np.cos(pitch), np.sin(bearing) + 0.0 * pitch, np.cos(bearing) * np.sin(pitch))
-    points: Floats = np.column_stack([sweep.ranges[chosen] * one[chosen] for one in factors])
+    points: Floats = np.column_stack([sweep.ranges[chosen] * factor[chosen] for factor in factors])
     points += (sweep.x, sweep.y, sweep.z)
     return points
 

@@ -140,8 +140,8 @@ def hashes():
     found = {}
     for path in sorted((Path(sys.prefix) / "share").glob("*/*/*.json")):
         if path.parent.name in ("msg", "srv", "action") and path.parent.parent.name in PACKAGES:
-            for one in json.loads(path.read_text("utf-8"))["type_hashes"]:
-                found[one["type_name"]] = one["hash_string"]
+            for type_hash in json.loads(path.read_text("utf-8"))["type_hashes"]:
+                found[type_hash["type_name"]] = type_hash["hash_string"]
     return found
 
 

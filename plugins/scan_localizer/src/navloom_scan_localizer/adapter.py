@@ -100,9 +100,9 @@ class ScanMatching(Localizer[ScanMatchingParams]):
             self._field = self._tracker.field = field_of_map(known, self.params)
 
 
-def _is_same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
-    place = (one.origin, one.resolution) == (other.origin, other.resolution)
-    return place and np.array_equal(one.cells, other.cells)
+def _is_same(grid: OccupancyGrid, other: OccupancyGrid) -> bool:
+    place = (grid.origin, grid.resolution) == (other.origin, other.resolution)
+    return place and np.array_equal(grid.cells, other.cells)
 
 
 class ScanOdometry(Localizer[ScanOdometryParams]):

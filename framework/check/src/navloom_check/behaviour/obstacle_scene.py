@@ -103,7 +103,7 @@ class Scene:
         if self.came:
             parts.append(f"after {self.came:g} m straight ahead")
         if self.lasers is not ALL_ROUND:
-            parts.append("lasers at " + " and ".join(f"({one.x:g}, {one.y:g})" for one in self.lasers))
+            parts.append("lasers at " + " and ".join(f"({laser.x:g}, {laser.y:g})" for laser in self.lasers))
         if self.map_heading:
             parts.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
         if self.has_earlier_map:

@@ -1,1 +1,4 @@
-"""Command of the checks."""
+"""The command `check`, and `plugins new` with its templates.
+
+Begin with `check.py`.
+"""

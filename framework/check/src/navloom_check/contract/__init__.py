@@ -1,4 +1,9 @@
-"""The contract tier: what every plugin must pass. `navloom_check.checks` says how to add a check."""
+"""The contract tier: what every plugin of a kind must pass, whatever its method.
+
+Begin with the list in this file: each check with the kinds of plugins that it concerns; one module a subject.
+`determinism.py` and `instance_isolation.py` protect replay, `resource_use.py` the loop, `plausibility.py` the units.
+A check yields findings with the plugin's own line; `navloom_check.checks` says how to add one.
+"""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def status(bench: Bench) -> Iterator[Finding]:
     free = _answer(bench, scenes.open_floor()).twist.wz
     answers = [_answer(bench, scenes.box(x, y)) for x, y in IN_THE_WAY]
     least = STEERS * builders.robot().max_angular
-    if all(one.status == "clear" and abs(one.twist.wz - free) > least for one in answers):
+    if all(answer.status == "clear" and abs(answer.twist.wz - free) > least for answer in answers):
         yield Finding(
             f"says 'clear' while it turns by {answers[0].twist.wz:.2f} rad/s for a box in its way",
             "the status 'steering' while it steers round something, and 'trapped' where there is no way ahead",

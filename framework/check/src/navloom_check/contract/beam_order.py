@@ -42,8 +42,8 @@ def mounts(bench: Bench) -> Iterator[Remark]:
 
     A simple avoider may look at ranges alone, which is right where all lasers are in the middle of the robot.
     """
-    for found in _differing(bench, _from_corner, f"when a laser at {CORNER} m sees the same echoes", ""):
-        yield Remark(f"{found.problem} ({found.given}): look whether the code uses the origins of the beams")
+    for finding in _differing(bench, _from_corner, f"when a laser at {CORNER} m sees the same echoes", ""):
+        yield Remark(f"{finding.problem} ({finding.given}): look whether the code uses the origins of the beams")
 
 
 def _differing(bench: Bench, change: Callable[[RangeScan], RangeScan], when: str, expected: str) -> Iterator[Finding]:
@@ -99,10 +99,10 @@ def _from_corner(scan: RangeScan) -> RangeScan:
     return replace(scan, origins=np.tile(CORNER, (len(bearings), 1)), bearings=bearings, ranges=ranges)
 
 
-def _differ(scene: PlayedScene, one: Avoidance, other: Avoidance) -> bool:
+def _differ(scene: PlayedScene, avoidance: Avoidance, other: Avoidance) -> bool:
     """Whether two commands differ by more than rounding and ties explain."""
     robot = scene.context.robot
-    v, w = abs(one.twist.vx - other.twist.vx), abs(one.twist.wz - other.twist.wz)
+    v, w = abs(avoidance.twist.vx - other.twist.vx), abs(avoidance.twist.wz - other.twist.wz)
     return v > MOST_OFF * robot.max_linear or w > MOST_OFF * robot.max_angular
 
 

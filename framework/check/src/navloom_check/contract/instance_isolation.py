@@ -37,19 +37,19 @@ _Line = tuple[str, int]
 def two_instances(bench: Bench) -> Iterator[Finding]:
     """An active instance and its shadow step in this way."""
     scenes = bench.steady()
-    for one, other in zip(scenes, [*scenes[1:], scenes[0]], strict=True):
+    for scene, other in zip(scenes, [*scenes[1:], scenes[0]], strict=True):
         mine: list[bytes] = []
         with alike():
             try:
-                first, second = bench.player(one), bench.player(other)
-                for step, given in enumerate(one.inputs):
+                first, second = bench.player(scene), bench.player(other)
+                for step, given in enumerate(scene.inputs):
                     mine.append(digest(first.step(given)))
                     if step < len(other.inputs):
                         second.step(other.inputs[step])
             except Fault as fault:
-                yield bench.finding(fault, f"scenes {one.name!r} and {other.name!r} in turn", one.name)
+                yield bench.finding(fault, f"scenes {scene.name!r} and {other.name!r} in turn", scene.name)
                 return
-        found = bench.differs(one, mine, "when another instance steps in turn", IN_SELF)
+        found = bench.differs(scene, mine, "when another instance steps in turn", IN_SELF)
         if found:
             yield found
             return
@@ -64,9 +64,9 @@ def threads(bench: Bench) -> Iterator[Finding]:
     yield from _free(bench, one, other)
 
 
-def _switched(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
+def _switched(bench: Bench, played_scene: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
     """Step one instance; at each line of its code, step another in a separate thread."""
-    between = _Between(bench, one, other)
+    between = _Between(bench, played_scene, other)
     found = between.differs(None)
     if found is not None:
         guilty = next((line for line in sorted(between.seen) if between.differs(line) is not None), None)
@@ -76,8 +76,8 @@ def _switched(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Fi
 class _Between:
     """Steps a second instance while the first is at a given line of its code, or at each new line."""
 
-    def __init__(self, bench: Bench, one: PlayedScene, other: PlayedScene) -> None:
-        self.bench, self.one, self.other = bench, one, other
+    def __init__(self, bench: Bench, played_scene: PlayedScene, other: PlayedScene) -> None:
+        self.bench, self.one, self.other = bench, played_scene, other
         self.seen: set[_Line] = set()
         self._at: _Line | None = None
         self._passed: set[_Line] = set()
@@ -134,7 +134,7 @@ class _Between:
             self._second.step(given)
 
 
-def _free(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
+def _free(bench: Bench, played_scene: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
     """Play two instances at the same time, each in its own thread."""
     answers: dict[str, list[bytes] | Fault] = {}
 
@@ -148,14 +148,14 @@ def _free(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Findin
     sys.setswitchinterval(SWITCH_INTERVAL)
     try:
         with alike():
-            both = [Thread(target=play, args=pair, daemon=True) for pair in (("one", one), ("other", other))]
+            both = [Thread(target=play, args=pair, daemon=True) for pair in (("one", played_scene), ("other", other))]
             for thread in both:
                 thread.start()
             for thread in both:
                 thread.join()
     finally:
         sys.setswitchinterval(before)
-    for name, scene in (("one", one), ("other", other)):
+    for name, scene in (("one", played_scene), ("other", other)):
         got = answers[name]
         if isinstance(got, Fault):
             yield bench.finding(got, f"scene {scene.name!r}, while another thread plays another instance", scene.name)

@@ -93,7 +93,11 @@ def _drive(scenes: list[PlayedScene]) -> list[tuple[PlayedScene, int, float]]:
     """One round of a long drive with one robot: the scene of each step, its number there, and its shift in time, s."""
     robot = scenes[0].context.robot
     # One player has one robot, whose limits its commands are judged by.
-    gentle = [one for one in scenes if one.is_gentle and one.context.robot.max_linear == robot.max_linear]
+    gentle = [
+        played_scene
+        for played_scene in scenes
+        if played_scene.is_gentle and played_scene.context.robot.max_linear == robot.max_linear
+    ]
     found: list[tuple[PlayedScene, int, float]] = []
     for scene in gentle[-FEW:] or scenes[:1]:
         later = len(found) * PERIOD

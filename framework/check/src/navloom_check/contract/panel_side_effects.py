@@ -35,7 +35,7 @@ def panel_only_draws(bench: Bench) -> Iterator[Finding]:
     Seen = part("navloom_viewer.panels").Seen
     facts = part("navloom_viewer.picture_setup")
     panel = bench.subject.thing
-    cls = next((one for one in SCHEMAS.values() if issubclass(one, panel.message)), panel.message)
+    cls = next((schema for schema in SCHEMAS.values() if issubclass(schema, panel.message)), panel.message)
     robot = facts.Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
     actor = facts.Actor("robot", "robot", (0, 0, 0, 255), False)
     track = np.array([[0.0, 1.0, 2.0, 0.5]])

@@ -138,7 +138,7 @@ def _bounds(field: FieldInfo, default: Any, is_whole: bool) -> Iterator[Any]:
 def _kinds(annotation: Any) -> tuple[Any, ...]:
     """The types that an annotation allows."""
     if get_origin(annotation) in (Union, types.UnionType):
-        return tuple(kind for one in get_args(annotation) for kind in _kinds(one))
+        return tuple(kind for argument in get_args(annotation) for kind in _kinds(argument))
     return (annotation,)
 
 

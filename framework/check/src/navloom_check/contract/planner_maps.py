@@ -43,7 +43,7 @@ def borders(bench: Bench) -> Iterator[Finding]:
         answers = [_answer(bench, *_walled(turns)) for turns in range(4)]
     except InputError as error:
         raise NotRun(f"it refuses the map: {error}") from None
-    is_path = [isinstance(one, Path) for one in answers]
+    is_path = [isinstance(answer, Path) for answer in answers]
     if len(set(is_path)) > 1:
         free, blocked = BORDERS[is_path.index(True)], BORDERS[is_path.index(False)]
         yield Finding(

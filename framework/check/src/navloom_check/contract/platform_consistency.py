@@ -165,7 +165,7 @@ def odometry_twist(bench: Bench) -> Iterator[Finding]:
         with alike():
             player = Player(bench.subject, context_of(bench, ()), bench.seed)
             odometry = [
-                player.step(builders.platform_input(one, k * PERIOD)).odometry for k, one in enumerate(commands)
+                player.step(builders.platform_input(command, k * PERIOD)).odometry for k, command in enumerate(commands)
             ]
         poses = np.array([(one.pose.x, one.pose.y, one.pose.heading) for one in odometry])
         told = np.array([one.twist.vx if v else one.twist.wz for one in odometry])[1:]
@@ -239,7 +239,7 @@ def true_clearance(bench: Bench) -> Iterator[Finding]:
             if math.isinf(out.truth.clearance):
                 raise NotRun("its truth knows no obstacles")
             errors.append((abs(out.truth.clearance - gap), out.truth.clearance, gap))
-        if float(np.median([one[0] for one in errors])) > GAP:
+        if float(np.median([error[0] for error in errors])) > GAP:
             _, told, gap = max(errors)
             yield Finding(
                 f"gives a truth with a clearance of {told:.2f} m where the footprint is {gap:.2f} m from the nearest "

@@ -86,8 +86,8 @@ def outputs_of(
     with alike():
         player = Player(bench.subject, context, bench.seed + seed)
         return [
-            player.step(builders.platform_input(one, k * PERIOD, 1 if k == 3 else None))
-            for k, one in enumerate(commands)
+            player.step(builders.platform_input(command, k * PERIOD, 1 if k == 3 else None))
+            for k, command in enumerate(commands)
         ]
 
 
@@ -128,7 +128,7 @@ def track_of(context: Context, outputs: list[PlatformOutput]) -> PoseTrack:
     """Where the robot was, by its truth; where there is none, at its start."""
     poses = [context.start if out.truth is None else out.truth.pose for out in outputs]
     stamps = np.array([out.odometry.stamp_ns for out in outputs])
-    return PoseTrack(stamps, np.array([(one.x, one.y, one.heading) for one in poses]))
+    return PoseTrack(stamps, np.array([(pose.x, pose.y, pose.heading) for pose in poses]))
 
 
 def has_defaults(cls: type[Platform], kind: str) -> bool:

@@ -117,7 +117,7 @@ def message_size(bench: Bench) -> Iterator[Finding]:
 def _largest(answer: Any) -> str:
     """The largest field of an answer, as a phrase; empty if it has none."""
     if isinstance(answer, PlatformOutput):
-        name = max(answer.scans, key=lambda one: size_of(answer.scans[one]), default="")
+        name = max(answer.scans, key=lambda scan: size_of(answer.scans[scan]), default="")
         return f", most of it from the sensor {name!r}" if name else ""
     sizes: list[tuple[int, str]] = []
 
@@ -207,7 +207,9 @@ RULES = {
 def no_threads(bench: Bench) -> Iterator[Finding]:
     """A platform that is a driver may."""
     yield from _deeds(bench, "thread")
-    left = [one.name for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]
+    left = [
+        thread.name for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon
+    ]
     if left:
         yield Finding(f"leaves {len(left)} threads running: {', '.join(left[:3])}", RULES["thread"].expected)
 
@@ -348,7 +350,11 @@ def _growing(sizes: Sequence[dict[str, int]], quarter: int) -> list[str]:
 def _line_that_holds(bench: Bench, shot: tracemalloc.Snapshot) -> str:
     """The line of the plugin that allocated most of the held memory; empty if other code did."""
     folder = bench.subject.folder
-    lines = [one for one in shot.statistics("lineno") if folder and one.traceback[0].filename.startswith(folder)]
+    lines = [
+        statistic
+        for statistic in shot.statistics("lineno")
+        if folder and statistic.traceback[0].filename.startswith(folder)
+    ]
     if not lines or lines[0].size < 4096:
         return ""
     return f"{PurePath(lines[0].traceback[0].filename).name}:{lines[0].traceback[0].lineno}"

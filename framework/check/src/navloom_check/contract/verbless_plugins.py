@@ -212,7 +212,7 @@ def world_usable(bench: Bench) -> Iterator[Finding]:
     if wrong := _not_finite(world, "world"):
         yield Finding(f"has {wrong}", "finite numbers")
         return
-    if wrong := next((said for one in world.obstacles if (said := _misshapen(one))), ""):
+    if wrong := next((said for obstacle in world.obstacles if (said := _misshapen(obstacle))), ""):
         yield Finding(f"has {wrong}", "intervals from the lower to the higher end, and a radius above 0, m")
         return
     left, low, right, high = world.bounds
@@ -302,7 +302,7 @@ def _not_finite(value: Any, path: str) -> str:
     if isinstance(value, tuple | list):
         return next((wrong for k, one in enumerate(value) if (wrong := _not_finite(one, f"{path}[{k}]"))), "")
     if is_dataclass(value):
-        inner = ((one.name, getattr(value, one.name)) for one in fields(value))
+        inner = ((field.name, getattr(value, field.name)) for field in fields(value))
         return next((wrong for name, one in inner if (wrong := _not_finite(one, f"{path}.{name}"))), "")
     return f"{path} of {type(value).__name__}"
 

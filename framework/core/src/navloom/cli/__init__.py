@@ -1,6 +1,8 @@
-"""The command line: one file a command, everything heavy imported when a command runs.
+"""The command line: one file a command; what is heavy is imported when a command runs.
 
-The names of this package are what commands of other distributions share with its own.
+Begin with `main.py`: it finds the command, and turns errors into one message and an exit code.
+`command.py` and `options.py` are public: commands of other distributions use the same option groups.
+Commands of parts enter by the entry points `command.NAME` and are listed from metadata without an import.
 """
 
 from __future__ import annotations

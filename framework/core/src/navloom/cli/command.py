@@ -71,7 +71,7 @@ class SectionedCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse unknown options also where `ignore_unknown_options` lets negative numbers be arguments."""
         if ctx.ignore_unknown_options:
-            known = [name for one in self.get_params(ctx) for name in (*one.opts, *one.secondary_opts)]
+            known = [name for param in self.get_params(ctx) for name in (*param.opts, *param.secondary_opts)]
             for word in itertools.takewhile(lambda word: word != "--", args):
                 name = word.partition("=")[0]
                 if name.startswith("--") and name not in known:
@@ -114,10 +114,12 @@ def with_groups(function: Callable[..., Any]) -> Callable[..., Any]:
     The options of every command follow, except those that the function already has.
     """
     parameters = inspect.signature(function, eval_str=True).parameters
-    groups: dict[str, Any] = {name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)}
-    spelled = [option for name, one in parameters.items() for option in _options(groups.get(name), one)]
+    groups: dict[str, Any] = {
+        name: parameter.annotation for name, parameter in parameters.items() if is_dataclass(parameter.annotation)
+    }
+    spelled = [option for name, parameter in parameters.items() for option in _options(groups.get(name), parameter)]
     own = {one.name for one in spelled}
-    every = [one for one in _fields_of(EveryCommand) if one.name not in own]
+    every = [parameter for parameter in _fields_of(EveryCommand) if parameter.name not in own]
 
     @functools.wraps(function)
     def called(**given: Any) -> Any:

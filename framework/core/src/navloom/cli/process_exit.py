@@ -40,7 +40,9 @@ def end_in_time(code: int, patience: float = PATIENCE) -> None:
 
 def _others() -> list[threading.Thread]:
     main = threading.main_thread()
-    return [one for one in threading.enumerate() if one is not main and one.is_alive() and not one.daemon]
+    return [
+        thread for thread in threading.enumerate() if thread is not main and thread.is_alive() and not thread.daemon
+    ]
 
 
 def _named(thread: threading.Thread) -> str:

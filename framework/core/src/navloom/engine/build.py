@@ -80,7 +80,9 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     ports: dict[str, Port[Any]] = {}
     if platform_part is not None and len(sensors) == len(config.sensor):
         assert issubclass(platform_part.cls, Platform)
-        ports = {one.name: sensor_port(one.name, platform_part.cls.sensor_kinds[one.kind]) for one in sensors}
+        ports = {
+            sensor.name: sensor_port(sensor.name, platform_part.cls.sensor_kinds[sensor.kind]) for sensor in sensors
+        }
         for part in parts.values():
             with problems.gather():
                 part.sensors = sensors_of(part, platform_part.cls, sensors)

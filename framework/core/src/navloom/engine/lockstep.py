@@ -128,9 +128,9 @@ class Lockstep:
         self.trace = trace or TraceWriter()
         self.log = RunLog()
         self._ending = Ending(braking, max(self.requests, default=0))
-        self._by_name = {(one.role, one.name): one for one in self.steppers}
-        self._active = {one.role: one for one in self.steppers if one.active}
-        self._delayed = [one for one in self.steppers if one.delay]
+        self._by_name = {(stepper.role, stepper.name): stepper for stepper in self.steppers}
+        self._active = {stepper.role: stepper for stepper in self.steppers if stepper.active}
+        self._delayed = [stepper for stepper in self.steppers if stepper.delay]
         self._plan: list[tuple[Stepper, int, tuple[Callable[[int], None], ...]]] = []
         self._epoch = 0
         self._control_ns: list[int] = []
@@ -146,7 +146,9 @@ class Lockstep:
 
     def _make_plan(self) -> None:
         """List the enabled steppers, each with its stride and the recorders of its durations; redone at each change."""
-        self._plan = [(one, one.stride, tuple(self._keepers(one))) for one in self.steppers if one.enabled]
+        self._plan = [
+            (stepper, stepper.stride, tuple(self._keepers(stepper))) for stepper in self.steppers if stepper.enabled
+        ]
 
     def _keepers(self, one: Stepper) -> Iterator[Callable[[int], None]]:
         """Functions that record the duration of each step of an instance, ns."""

@@ -67,19 +67,19 @@ def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
     A `~` input is a plain read if all its publishers step later in a tick and none of them has latency.
     """
     # Reversed, so that the first of a role, which is the active one, stays.
-    in_charge = {one.role: one for one in reversed(steppers) if one.active}
-    place = {role: number for number, role in enumerate(dict.fromkeys(one.role for one in steppers))}
-    with_latency = {one.role for one in steppers if one.delay}
+    in_charge = {stepper.role: stepper for stepper in reversed(steppers) if stepper.active}
+    place = {role: number for number, role in enumerate(dict.fromkeys(stepper.role for stepper in steppers))}
+    with_latency = {stepper.role for stepper in steppers if stepper.delay}
     return [
         [
             make_wire(
                 given,
                 in_charge[given.role].slots[given.port],
-                is_plain=place[given.role] > place[one.role] and given.role not in with_latency,
+                is_plain=place[given.role] > place[stepper.role] and given.role not in with_latency,
             )
-            for given in one.spec.inputs
+            for given in stepper.spec.inputs
         ]
-        for one in steppers
+        for stepper in steppers
     ]
 
 

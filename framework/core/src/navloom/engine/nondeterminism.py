@@ -55,9 +55,9 @@ class StepInspector:
         looks_at: Whether it inspects a tick.
     """
 
-    def __init__(self, found: RunWarnings, looks_at: Callable[[int], bool] = some_ticks) -> None:
+    def __init__(self, warnings: RunWarnings, looks_at: Callable[[int], bool] = some_ticks) -> None:
         self.looks_at = looks_at
-        self._found = found
+        self._found = warnings
 
     def step(self, stepper: Stepper, tick: Tick, since: int) -> Outputs:
         """Run `stepper.step` and inspect it."""

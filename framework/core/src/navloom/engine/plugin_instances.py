@@ -135,9 +135,11 @@ def _wanted(cls: type[Role]) -> Iterator[tuple[str, type[Message]]]:
     for name, extra in extras_of(cls).items():
         yield name, extra.carries
     if issubclass(cls, NodePlugin):
-        for one in cls.declared_inputs:
-            if isinstance(one, Declared) and (one.port is None or carries_truth(one.carries)):
-                yield one.name, one.carries
+        for declared_input in cls.declared_inputs:
+            if isinstance(declared_input, Declared) and (
+                declared_input.port is None or carries_truth(declared_input.carries)
+            ):
+                yield declared_input.name, declared_input.carries
 
 
 def _port_of(
@@ -170,11 +172,11 @@ def streams_of(cls: type[Role]) -> dict[str, dict[str, str]]:
     reads = {name: extra.carries for name, extra in extras_of(cls).items()}
     if not issubclass(cls, NodePlugin):
         return {"reads": {name: carries.__name__ for name, carries in reads.items()}} if reads else {}
-    for one in cls.declared_inputs:
-        if isinstance(one, Declared):
-            reads[one.name] = one.carries
-        elif isinstance(one, SensorGroup):
-            reads |= {f"{one.name}, of sensors": kind for kind in one.carries or (Message,)}
+    for declared_input in cls.declared_inputs:
+        if isinstance(declared_input, Declared):
+            reads[declared_input.name] = declared_input.carries
+        elif isinstance(declared_input, SensorGroup):
+            reads |= {f"{declared_input.name}, of sensors": kind for kind in declared_input.carries or (Message,)}
     publishes = {port.name: port.carries for port in cls.ports(Wired(cls.role))}
     return {
         what: {name: carries.__name__ for name, carries in streams.items()}

@@ -106,10 +106,12 @@ class RunWarnings:
 
     def listed(self) -> list[RunWarning]:
         """All warnings, sorted by node."""
-        return sorted(self._found.values(), key=lambda one: (one.role, one.instance, one.kind, one.about))
+        return sorted(
+            self._found.values(), key=lambda warning: (warning.role, warning.instance, warning.kind, warning.about)
+        )
 
 
-def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Sequence[int] | array[int]]) -> None:
+def slow_steps(warnings: RunWarnings, system: System, spent_ns: Mapping[Source, Sequence[int] | array[int]]) -> None:
     """Warn of plugins whose steps, at the 99th percentile, take longer than the time until the next step.
 
     Planners are left out: they answer requests, and nothing waits for them within a tick.
@@ -123,7 +125,7 @@ def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Seq
         # Not the slowest step: a collection or another process may delay any one.
         p99, late = float(np.percentile(spent, 99)), int((spent > limit).sum())
         if p99 > limit:
-            found.add(
+            warnings.add(
                 "slow",
                 source,
                 f"is slow: {late} of its {spent.size} steps took longer than the {limit * 1e3:g} ms to the next one, "
@@ -133,11 +135,11 @@ def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Seq
             )
 
 
-def far_commands(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
+def far_commands(warnings: RunWarnings, steppers: Iterable[Stepper]) -> None:
     """Warn of commands far beyond the robot's limits, which the gate limited."""
     for stepper in steppers:
         for note in notes_of(stepper.node):
-            found.add("limits", (stepper.role, stepper.name), note)
+            warnings.add("limits", (stepper.role, stepper.name), note)
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,7 @@ def volumes_of(trace: TraceWriter, steppers: Sequence[Stepper]) -> Iterator[Volu
                 yield Volume((stepper.role, stepper.name), port, size, size * slot.sequence)
 
 
-def large_messages(found: RunWarnings, volumes: Iterable[Volume], seconds: float) -> None:
+def large_messages(warnings: RunWarnings, volumes: Iterable[Volume], seconds: float) -> None:
     """Warn of streams with more data than the network of a live robot can carry, in a run of `seconds`."""
     for one in volumes:
         # A run of a few ticks would turn the first map into an enormous rate.
@@ -181,7 +183,7 @@ def large_messages(found: RunWarnings, volumes: Iterable[Volume], seconds: float
             said = f"a message of {one.largest / 1e6:.3g} MB on {one.port}, of at most {LARGEST_MESSAGE / 1e6:.3g} MB"
         else:
             said = f"{rate / 1e6:.3g} MB a second on {one.port}, of at most {MOST_PER_SECOND / 1e6:.3g} MB"
-        found.add(
+        warnings.add(
             "large",
             one.source,
             f"published {said}; a live robot would lose messages and stop: publish less often, or a part",
@@ -212,7 +214,7 @@ class Heard:
     asked: int = -1
 
 
-def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
+def silent_sensors(warnings: RunWarnings, system: System, heard: Heard) -> None:
     """Warn of range sensors that never published a message, or that stopped."""
     source, period = ("platform", system.config.platform.instance), system.config.run.period
     cls = system.parts[source].cls
@@ -232,18 +234,18 @@ def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
             continue
         when = f"after {max(0, tick) * period:.2f} s" if count else f"in {(heard.ticks - heard.began) * period:.2f} s"
         text = f"gave no scan of the sensor {sensor.name!r} {when}: check its cable, its driver and its settings"
-        found.add("silent", source, text, {"scans": count, "silence_s": silence}, sensor.name)
+        warnings.add("silent", source, text, {"scans": count, "silence_s": silence}, sensor.name)
 
 
-def staying_thread(found: RunWarnings, owned: Owned, name: str) -> None:
+def staying_thread(warnings: RunWarnings, owned: Owned, name: str) -> None:
     """Warn of a non-daemon thread that a plugin started: the process would wait for it at its end."""
     text = f"started the thread {name!r}, which still runs and is not a daemon ({owned.place})"
-    found.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=name)
+    warnings.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=name)
 
 
-def waiting_nodes(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
+def waiting_nodes(warnings: RunWarnings, steppers: Iterable[Stepper]) -> None:
     """Warn of plugins that never stepped because a needed stream had no message."""
     for stepper in steppers:
         if stepper.enabled and stepper.lacks:
             streams = " and ".join(stepper.lacks)
-            found.add("waiting", (stepper.role, stepper.name), f"never stepped: no message came on {streams}")
+            warnings.add("waiting", (stepper.role, stepper.name), f"never stepped: no message came on {streams}")

@@ -1,4 +1,9 @@
-"""Untrusted files: size bounds of each kind, and readers that keep them."""
+"""Untrusted files: size bounds of each kind, and readers that keep them.
+
+Begin with `bounds.py`: every file from outside is opened through it. `texts.py` parses TOML, JSON and YAML,
+`npz.py` arrays and `assignments.py` the `key = value` of options and requests.
+Nesting and sizes are checked before anything is parsed or allocated; each fault becomes one error.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Messages: frozen dataclasses in SI units and radians, x forward, y left, angles counter-clockwise."""
+"""Messages: frozen dataclasses in SI units and radians, x forward, y left, angles counter-clockwise.
+
+`motion`, `sensing`, `mapping`, `goals`, `behaviour` and `steps` declare them; fields are checked at construction.
+Begin with `motion.py` for the style of a declaration, then `codec.py`: only it turns messages into bytes.
+A change adds a field with a default and raises the schema version, so that old recordings still decode.
+"""
 
 from navloom.messages.behaviour import (
     Avoidance,

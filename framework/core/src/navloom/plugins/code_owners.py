@@ -26,9 +26,9 @@ def home_of(cls: type) -> str:
 
 def place_in(frame: FrameType | None, home: str) -> str:
     """Innermost line of a package in a stack, as `mine.py:31, in avoid`; empty if there is none."""
-    for one in _outwards(frame):
-        if _package(one) == home:
-            return f"{_line(one)}, in {one.f_code.co_name}"
+    for frame_type in _outwards(frame):
+        if _package(frame_type) == home:
+            return f"{_line(frame_type)}, in {frame_type.f_code.co_name}"
     return ""
 
 
@@ -51,13 +51,13 @@ class Owners:
         Of several plugins in one package, it is the one whose method runs.
         """
         place, home = "", ""
-        for one in _outwards(frame):
-            package = _package(one)
+        for frame_type in _outwards(frame):
+            package = _package(frame_type)
             if package not in self._homes:
                 continue
             if not place:
-                place, home = _line(one), package
-            source = self._source_of(one.f_locals.get("self"), one.f_locals.get("cls"))
+                place, home = _line(frame_type), package
+            source = self._source_of(frame_type.f_locals.get("self"), frame_type.f_locals.get("cls"))
             if source is not None:
                 return Owned(source, place)
         return Owned(self._homes[home], place) if place else None

@@ -1,4 +1,9 @@
-"""The roles: one ABC, one input struct and one verb each."""
+"""The roles that plugins fill: one abstract class, one input struct and one verb each.
+
+Begin with `base.py` (construction, parameters, context, errors), then any role, as `avoider.py`.
+A fact about a role (its verb, its patience, its purpose) is stated in its class and nowhere else.
+`extra.py` declares messages that a plugin reads beyond its role, `claims.py` what it promises to do.
+"""
 
 from functools import cache
 from typing import get_args, get_type_hints

@@ -195,8 +195,8 @@ class Role(ABC, Generic[P]):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        given = [one for base in vars(cls).get("__orig_bases__", ()) for one in get_args(base)]
-        models = [one for one in given if isinstance(one, type) and issubclass(one, Params)]
+        given = [argument for base in vars(cls).get("__orig_bases__", ()) for argument in get_args(base)]
+        models = [argument for argument in given if isinstance(argument, type) and issubclass(argument, Params)]
         if models and "Params" not in vars(cls):
             cls.Params = models[0]
 

@@ -76,5 +76,5 @@ NO_EXTRAS = Extras()
 @cache
 def extras_of(cls: type) -> Mapping[str, Extra[Any]]:
     """The extra inputs that a plugin's class declares or inherits, by name."""
-    declared = {name: one for base in reversed(cls.__mro__) for name, one in vars(base).items()}
+    declared = {name: var for base in reversed(cls.__mro__) for name, var in vars(base).items()}
     return MappingProxyType({name: one for name, one in declared.items() if isinstance(one, Extra)})

@@ -1,4 +1,9 @@
-"""What a run is: episode, recorder, trail, measures, and the files that it leaves."""
+"""What a run is: an episode, what is recorded of it, its measures, and the folder with its results.
+
+Begin with `episode.py`, `run_episode`; observers collect its data (`episode_recorder.py`) into a trail.
+`metric_functions.py` computes metrics from it; `shadow_comparison.py` compares shadows with active instances.
+`result_folder.py` writes `--out`. Lockstep, live and replayed runs all use this house.
+"""
 
 from __future__ import annotations
 

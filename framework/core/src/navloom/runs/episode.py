@@ -102,8 +102,8 @@ class Episode:
             "planner_ms": _median_ms(log.step_ns["planner"]),
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
-            "warnings": [one.to_json() for one in self.warnings],
-            "shadows": [one.summary().to_json() for one in self.shadows],
+            "warnings": [warning.to_json() for warning in self.warnings],
+            "shadows": [shadow.summary().to_json() for shadow in self.shadows],
         }
 
     @cached_property

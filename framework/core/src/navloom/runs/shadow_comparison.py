@@ -246,9 +246,21 @@ def shadow_table(found: list[Disagreement]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["time_s", "tick", "role", "instance", "quantity", "difference", "differs"])
-    for one in found:
-        for name, values in one.values.items():
-            for time, tick, value, differs in zip(one.times, one.ticks, values, one.differing, strict=True):
+    for disagreement in found:
+        for name, values in disagreement.values.items():
+            for time, tick, value, differs in zip(
+                disagreement.times, disagreement.ticks, values, disagreement.differing, strict=True
+            ):
                 if not math.isnan(value):
-                    writer.writerow([f"{time:.9g}", tick, one.role, one.instance, name, f"{value:.9g}", int(differs)])
+                    writer.writerow(
+                        [
+                            f"{time:.9g}",
+                            tick,
+                            disagreement.role,
+                            disagreement.instance,
+                            name,
+                            f"{value:.9g}",
+                            int(differs),
+                        ]
+                    )
     return text.getvalue()

@@ -1,4 +1,9 @@
-"""The worlds shipped with the framework, and the schemes that read worlds from files."""
+"""The named worlds and the schemes that read worlds from files, as `toml:room.toml`.
+
+Begin with `tomlfile.py`, the format of a world file, or `trial_worlds.py`, small worlds in a few lines each.
+They enter by the entry points that strangers use; `world_errors.py` gives every fault its file and place.
+Maps of ROS, MovingAI and BARN are read by the distribution `navloom-maps`.
+"""
 
 from __future__ import annotations
 

@@ -110,9 +110,9 @@ def renew(
 
     made = renew_certificates(folder, names or (), host or (), days, datetime.now(UTC))
     if as_json:
-        print_json({"folder": str(folder), "renewed": [one.name for one in made], "days": days})
+        print_json({"folder": str(folder), "renewed": [certificate.name for certificate in made], "days": days})
         return
-    typer.echo(f"renewed: {', '.join(one.name for one in made)}")
+    typer.echo(f"renewed: {', '.join(certificate.name for certificate in made)}")
     typer.echo("copy NAME.pem and NAME-key.pem to the hosts that have the old ones; running processes load them")
 
 

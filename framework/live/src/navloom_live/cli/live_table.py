@@ -120,6 +120,6 @@ class StatusTable:
         if not shadows:
             return Group(head, table)
         compared = Table(*COLUMNS, box=None, pad_edge=False)
-        for one in shadows:
-            compared.add_row(*cells_of(one))
+        for shadow in shadows:
+            compared.add_row(*cells_of(shadow))
         return Group(head, table, compared)

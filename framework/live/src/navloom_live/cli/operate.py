@@ -206,13 +206,13 @@ def _target(client: Any, text: str) -> tuple[str, str]:
     from navloom_live.operating.client import ClientError, Refused
 
     role, dot, name = text.partition(".")
-    plugins = [one for one in client.describe() if one.plugin]
+    plugins = [node for node in client.describe() if node.plugin]
     if not plugins:
         raise ClientError("no plugin of the robot answers; `navloom doctor` says why")
-    found = {one.instance: one.active for one in plugins if one.role == role}
+    found = {plugin.instance: plugin.active for plugin in plugins if plugin.role == role}
     if not found:
         raise Refused(
-            f"{text!r}: no plugin of role {role!r} answers{nearest(role, sorted({one.role for one in plugins}))}"
+            f"{text!r}: no plugin of role {role!r} answers{nearest(role, sorted({plugin.role for plugin in plugins}))}"
         )
     if dot and name not in found:
         raise Refused(f"{text!r}: no {role} {name!r} answers{nearest(name, list(found))}")

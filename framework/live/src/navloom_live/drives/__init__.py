@@ -1,1 +1,5 @@
-"""Drives of a live robot from start to end: `navloom up`, and the episodes of live studies."""
+"""Whole drives of a live robot, from its config to the episode that is reported.
+
+Begin with `live_run.py`: processes, goal, events and the end; `barrier_run.py` does the same in simulated time.
+`live_observers.py` passes messages to observers without delaying the robot; `live_warnings.py` collects warnings.
+"""

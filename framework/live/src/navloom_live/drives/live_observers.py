@@ -39,7 +39,7 @@ class LiveShow:
         ports = {spec.role: spec.outputs for spec in system.specs}
         for role, name in all_sources(system):
             for port in ports[role]:
-                shown = [one for one in onlookers if one.wants is None or (role, port) in one.wants]
+                shown = [onlooker for onlooker in onlookers if onlooker.wants is None or (role, port) in onlooker.wants]
                 if shown:
                     inlet = board.inlet((role, name), port, self._mailbox, WAITING)
                     self._streams.append((role, name, port, inlet, shown))

@@ -127,12 +127,12 @@ class LiveShadows:
         with self._lock:
             return [] if self._watch is None else self._watch.finish()
 
-    def _tell(self, one: Disagreement) -> None:
+    def _tell(self, disagreement: Disagreement) -> None:
         """Report a large difference, now and then."""
-        now, last = time.monotonic(), {name: values[-1] for name, values in one.values.items()}
+        now, last = time.monotonic(), {name: values[-1] for name, values in disagreement.values.items()}
         is_notable = any(abs(value) > NOTABLE * TOLERANCES[name] for name, value in last.items())
-        if len(one.ticks) < FEW or not is_notable or self._is_active(one.role, one.instance):
+        if len(disagreement.ticks) < FEW or not is_notable or self._is_active(disagreement.role, disagreement.instance):
             return
-        if now - self._told.get((one.role, one.instance), -TELL_AGAIN) >= TELL_AGAIN:
-            self._told[one.role, one.instance] = now
-            self._say(f"{one.role} {one.instance} {differing_text(one.so_far())}")
+        if now - self._told.get((disagreement.role, disagreement.instance), -TELL_AGAIN) >= TELL_AGAIN:
+            self._told[disagreement.role, disagreement.instance] = now
+            self._say(f"{disagreement.role} {disagreement.instance} {differing_text(disagreement.so_far())}")

@@ -121,7 +121,7 @@ def _service(
         service["build"] = {"context": ".", "dockerfile": "Containerfile"}
         service["healthcheck"] = {"test": ["CMD", "navloom", "status"], "interval": "10s", "start_period": "180s"}
         if given.devices:
-            service["devices"] = [f"{one}:{one}" for one in given.devices]
+            service["devices"] = [f"{device}:{device}" for device in given.devices]
             # Serial ports of Debian's images belong to this group.
             service["group_add"] = ["dialout"]
     needed = {"robot": ["router"], "viewer": ["robot"], "metrics": ["robot"]}.get(name, [])

@@ -71,7 +71,7 @@ def descendants() -> Iterator[Descendant]:
 
 def left_of(folder: Path) -> list[Descendant]:
     """Processes of a robot whose supervisor has ended."""
-    return [one for one in descendants() if one.folder == folder and one.is_left]
+    return [descendant for descendant in descendants() if descendant.folder == folder and descendant.is_left]
 
 
 def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> list[Descendant]:

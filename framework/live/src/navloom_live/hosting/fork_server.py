@@ -193,7 +193,11 @@ def _others(supervisor: int) -> list[Descendant]:
     """Processes that plugins started below the supervisor and that still run."""
     if MARK not in os.environ:
         return []
-    return [one for one in descendants() if one.supervisor == supervisor and one.pid != os.getpid()]
+    return [
+        descendant
+        for descendant in descendants()
+        if descendant.supervisor == supervisor and descendant.pid != os.getpid()
+    ]
 
 
 def _clear_sockets() -> None:

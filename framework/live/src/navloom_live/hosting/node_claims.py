@@ -268,17 +268,17 @@ def elsewhere() -> dict[str, Path]:
 
     Their shells have another XDG_RUNTIME_DIR or TMPDIR. With a NAVLOOM_RUNTIME_DIR, robots are kept apart on purpose.
     """
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     if os.environ.get("NAVLOOM_RUNTIME_DIR"):
-        return found
+        return paths
     begin = f"@navloom/{os.getuid()}/{USUAL}/"
     for name in sorted(name for name in _abstract() if name.startswith(begin)):
         realm, robot, *_ = name.removeprefix(begin).split("/")
-        pid = None if f"{realm}/{robot}" in found else _holder(f"\0{name[1:]}")
+        pid = None if f"{realm}/{robot}" in paths else _holder(f"\0{name[1:]}")
         folder = None if pid is None else _folder_of(pid)
         if folder is not None and folder != runtime_folder():
-            found[f"{realm}/{robot}"] = folder
-    return found
+            paths[f"{realm}/{robot}"] = folder
+    return paths
 
 
 def _folder_of(pid: int) -> Path | None:

@@ -195,7 +195,11 @@ class Supervisor:
             for child in group:
                 self._await_end(child, limit)
         me, path = os.getpid(), self._folder.path
-        left = end_all(lambda: [one for one in descendants() if (one.supervisor, one.folder) == (me, path)])
+        left = end_all(
+            lambda: [
+                descendant for descendant in descendants() if (descendant.supervisor, descendant.folder) == (me, path)
+            ]
+        )
         reap_orphans(self._groups, self._own_pids())
         if left:
             self._say(f"ended programs that its processes had started: {_listed(left)}")
@@ -278,9 +282,9 @@ class Supervisor:
 
         def left() -> list[Descendant]:
             return [
-                one for one in descendants()
-                if one.folder == self._folder.path and one.pid not in own
-                and (pid in (one.group, one.session) or one.process in (name, name[:15]))
+                descendant for descendant in descendants()
+                if descendant.folder == self._folder.path and descendant.pid not in own
+                and (pid in (descendant.group, descendant.session) or descendant.process in (name, name[:15]))
             ]  # fmt: skip
 
         ended = end_all(left)

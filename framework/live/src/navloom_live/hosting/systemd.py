@@ -77,19 +77,19 @@ def units(system: System, network: Network, host: str | None, command: UnitComma
     robot, stem = f"{network.realm}/{network.robot}", f"navloom-{network.realm}-{network.robot}"
     live = system.config.live
     shares = spread(system.config, all_sources(system), host)
-    found: dict[str, _Service] = {}
+    services: dict[str, _Service] = {}
     if network.starts_router:
         if "router" in shares:
             raise ConfigError("live.processes.router: that is the name of the router's own unit; choose another")
         words = ["router", network.router, "--robot", robot]
         keys = ["--keys", str(network.folder)] if network.folder is not None else []
-        found["router"] = _Service("router", (*words, *keys), (), live.hang_timeout, is_control=True)
+        services["router"] = _Service("router", (*words, *keys), (), live.hang_timeout, is_control=True)
     for process, sources in shares.items():
         own = ("node", command.config, process, *(["--here"] if network.router else []))
-        found[process] = _node(process, sources, _before(process, shares, network.starts_router), own, live)
-    if not found:
+        services[process] = _node(process, sources, _before(process, shares, network.starts_router), own, live)
+    if not services:
         raise ConfigError(f"live.hosts.{host}: no process runs on this host, so there are no units")
-    made = {f"{stem}-{name}.service": _text(one, robot, stem, command, live) for name, one in found.items()}
+    made = {f"{stem}-{name}.service": _text(service, robot, stem, command, live) for name, service in services.items()}
     target = f"[Unit]\nDescription=Robot {robot}\nWants={' '.join(made)}\n\n[Install]\nWantedBy=multi-user.target\n"
     return {**made, f"{stem}.target": target}
 

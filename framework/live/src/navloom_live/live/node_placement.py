@@ -43,4 +43,4 @@ def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[
         if role != "operator":
             shares[placed.get(f"{role}.{name}", placed[role])].append((role, name))
     wanted = config.live.hosts[host] if host is not None else list(shares)
-    return {process: tuple(found) for process, found in shares.items() if found and process in wanted}
+    return {process: tuple(share) for process, share in shares.items() if share and process in wanted}

@@ -158,7 +158,7 @@ class Client:
 
     def describe(self, timeout: float = 1.0) -> list[Description]:
         """Description of every instance that answers, sorted by role and name."""
-        found = {(one.role, one.instance): one for one in self.all_described(timeout)}
+        found = {(node.role, node.instance): node for node in self.all_described(timeout)}
         return [found[source] for source in sorted(found)]
 
     def all_described(self, timeout: float = 1.0) -> list[Description]:

@@ -278,7 +278,7 @@ def _with_waiting(
         told.append(Finding("problem", f"{node.name} {since} ({where(node)})", _restart(node, folder)))
     for cause in ("platform", "localizer"):
         names = [node.name for node in halted if cause in FOLLOWS[node.role]]
-        place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
+        place = next((n for n, finding in enumerate(told) if finding.what.startswith(f"{cause} ")), None)
         if names and place is not None and (cause in ill or cause in still):
             waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"
             # One finding for the cause, not one for each node that waits for it.

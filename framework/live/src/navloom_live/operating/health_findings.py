@@ -235,13 +235,13 @@ def doubled(answers: Sequence[Description]) -> list[Finding]:
         answers: Every description that arrives, also several of one instance.
     """
     runs: dict[tuple[Any, ...], list[str]] = {}
-    for name in dict.fromkeys(one.name for one in answers):
-        found: list[Description] = []
-        for answer in (one for one in answers if one.name == name):
-            if not any(_is_same_process(answer, other) for other in found):
-                found.append(answer)
-        if len(found) > 1:
-            who = sorted({f"host {one.host} (process {one.pid}{_since(one)})" for one in found})
+    for name in dict.fromkeys(description.name for description in answers):
+        descriptions: list[Description] = []
+        for answer in (description for description in answers if description.name == name):
+            if not any(_is_same_process(answer, other) for other in descriptions):
+                descriptions.append(answer)
+        if len(descriptions) > 1:
+            who = sorted({f"host {one.host} (process {one.pid}{_since(one)})" for one in descriptions})
             runs.setdefault(tuple(who), []).append(name)
     remedy = "two robots of one name take each other's commands: end one, or give it another robot.name"
     return [
@@ -252,9 +252,9 @@ def doubled(answers: Sequence[Description]) -> list[Finding]:
     ]
 
 
-def _is_same_process(one: Description, other: Description) -> bool:
-    is_near = abs(_started(one) - _started(other)) < TOGETHER
-    return (one.host, one.pid) == (other.host, other.pid) and is_near
+def _is_same_process(description: Description, other: Description) -> bool:
+    is_near = abs(_started(description) - _started(other)) < TOGETHER
+    return (description.host, description.pid) == (other.host, other.pid) and is_near
 
 
 def _started(node: Description) -> float:

@@ -34,11 +34,11 @@ def left_behind() -> list[Finding]:
 def strays(robot: str | None = None) -> dict[str, list[Descendant]]:
     """Orphans of this user's robots, whose `navloom up` is gone, by REALM/NAME; for one robot or all."""
     found: dict[str, list[Descendant]] = {}
-    for one in descendants():
-        realm, _, name = one.folder.name.partition(".")
+    for descendant in descendants():
+        realm, _, name = descendant.folder.name.partition(".")
         is_wanted = robot in (None, name, f"{realm}/{name}")
-        if one.is_left and one.folder.parent == runtime_folder() and is_wanted:
-            found.setdefault(f"{realm}/{name}", []).append(one)
+        if descendant.is_left and descendant.folder.parent == runtime_folder() and is_wanted:
+            found.setdefault(f"{realm}/{name}", []).append(descendant)
     return found
 
 

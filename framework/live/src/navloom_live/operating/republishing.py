@@ -100,27 +100,27 @@ class _Player:
         """Publish every message at its time."""
         began, first = time.monotonic(), None
         count = 0
-        for one in self.recording.raw():
-            first = one.received_ns if first is None else first
-            due = began + (one.received_ns - first) * 1e-9 / speed
+        for record in self.recording.raw():
+            first = record.received_ns if first is None else first
+            due = began + (record.received_ns - first) * 1e-9 / speed
             if (left := due - time.monotonic()) > 0.0 and ending.wait(left):
                 break
             if ending.is_set():
                 break
             try:
-                self._publish(one)
+                self._publish(record)
             except CodecError as error:
                 self.damaged += 1
-                self.complaint = self.complaint or f"{one.key}: {error}"
+                self.complaint = self.complaint or f"{record.key}: {error}"
             else:
                 count += 1
         return count
 
-    def _publish(self, one: RawRecorded) -> None:
+    def _publish(self, raw_recorded: RawRecorded) -> None:
         """Publish a message as it was sent, but for its key. Its class need not be known here."""
-        role, name, port = one.key.split("/", 2)[-1].split("/", 2)
-        key, label = self.keys.port(role, name, port), one.label
-        data, envelope = redirected(one.data, key)
+        role, name, port = raw_recorded.key.split("/", 2)[-1].split("/", 2)
+        key, label = self.keys.port(role, name, port), raw_recorded.label
+        data, envelope = redirected(raw_recorded.data, key)
         way = self._ways.get((key, label))
         if way is None:
             kind = SCHEMAS.get(label.partition("/")[0], Message)

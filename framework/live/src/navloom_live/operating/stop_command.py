@@ -97,17 +97,17 @@ def stop_robots(
     for name, folder in others.items():
         with _in_folder(folder):
             stops += _stop_each([name], keys, insecure)
-    return int(any(one.outcome != STOPPED for one in stops))
+    return int(any(stop.outcome != STOPPED for stop in stops))
 
 
 def _stop_each(names: Sequence[str], keys: str | None, insecure: bool) -> list[_Stop]:
     """Stop robots of one runtime folder, and print what happened to each."""
     stops = [_Stop(name, keys, insecure) for name in names]
-    for one in stops:  # at the same time: one that does not answer must not delay the others
-        one.start()
-    for one in stops:
-        one.join()
-        print(f"{one.name}: {one.outcome}", flush=True)
+    for stop in stops:  # at the same time: one that does not answer must not delay the others
+        stop.start()
+    for stop in stops:
+        stop.join()
+        print(f"{stop.name}: {stop.outcome}", flush=True)
     return stops
 
 

@@ -111,8 +111,8 @@ class Bus:
             self._sender.close()
         if self._mesh is not None:
             self._mesh.close()
-        for one in self._more:
-            one.close()
+        for connection in self._more:
+            connection.close()
 
     def bring_here(self, *places: str) -> None:
         """Take messages of these places from the mesh: role/instance or process/name, of a process that joined it."""
@@ -226,7 +226,7 @@ class Bus:
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
         """Existing liveliness tokens."""
-        asked = [(one, one.alive(key_expr, timeout)) for one in self._ways(key_expr)]
+        asked = [(connection, connection.alive(key_expr, timeout)) for connection in self._ways(key_expr)]
         return sorted({answer.key for one, replies in asked for answer in replies if self._is_from(one, answer.key)})
 
     def shown(self, key_expr: str, timeout: float = 1.0) -> list[str]:
@@ -244,7 +244,7 @@ class Bus:
         A server that received the query and does not answer in time yields the refusal TIMED_OUT. No answer at all
         means that, as far as this process knows, no one serves the key.
         """
-        asked = [(one, one.ask(key_expr, data, timeout)) for one in self._ways(key_expr)]
+        asked = [(connection, connection.ask(key_expr, data, timeout)) for connection in self._ways(key_expr)]
         # Asked on all ways before the first answer is read: their times of waiting overlap.
         for one, replies in asked:
             for answer in replies:
@@ -263,9 +263,9 @@ class Bus:
         # A query with * of a whole robot need not wait for a router that may hang.
         return self._near if self._is_whole else self._all
 
-    def _is_from(self, one: Connection, key: str) -> bool:
+    def _is_from(self, connection: Connection, key: str) -> bool:
         """Whether messages with this key are taken from a connection."""
-        return bool(key) and (self._mesh is None or (self._place(key) in self._here) == (one is not self._outer))
+        return bool(key) and (self._mesh is None or (self._place(key) in self._here) == (connection is not self._outer))
 
     def _place(self, key: str) -> str:
         """Role and instance of a key, or "process" and a process's name, joined by "/"."""

@@ -171,17 +171,17 @@ def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: P
     raise typer.Exit(0 if is_whole and (result["same"] or not is_check) else 1)
 
 
-def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
+def _tell_fault(path: Path, node_check: NodeCheck, excerpt: Excerpt) -> None:
     """Log an exception of a node and the command that repeats the step; for a requested step, log its traceback too."""
     from navloom_recording.excerpt import repeating
 
-    fault = found.first_fault if excerpt.until is None else found.last_fault
+    fault = node_check.first_fault if excerpt.until is None else node_check.last_fault
     if fault is None:
         return
-    role, name = found.node.split(" ", 1)
-    more = f", and in {found.faults - 1} more steps" if found.faults > 1 else ""
+    role, name = node_check.node.split(" ", 1)
+    more = f", and in {node_check.faults - 1} more steps" if node_check.faults > 1 else ""
     same = "as recorded" if fault.is_recorded else "which is not what was recorded"
-    text = f"{found.node} failed in tick {fault.tick}{more}, {same}: {fault.text}"
+    text = f"{node_check.node} failed in tick {fault.tick}{more}, {same}: {fault.text}"
     if fault.tick != excerpt.until or excerpt.only is None:
         text += f"\nrepeat that step: {repeating(path, role, name, fault.tick, is_only=False)}"
     LOG.warning(text, extra=with_traceback_of(fault.text))

@@ -1,4 +1,9 @@
-"""Tables, figures and HTML pages; what a report of another distribution needs to look like those of `compare`."""
+"""Reports of a study: one self-contained HTML page, and the same tables as Markdown and CSV.
+
+Begin with `study_report.py`; `study_files.py` reads and checks the folder that `navloom compare` wrote.
+`report_tables.py`, `figures.py`, `track_figures.py` and `open_loop_figures.py` make its parts.
+`plotting.py` gives matplotlib without a display or global state, with reproducible bytes.
+"""
 
 from __future__ import annotations
 

@@ -123,14 +123,14 @@ def shadow_summary(study: StudyFiles, data: OpenLoopData) -> TextTable:
 
 
 def _pooled_share(episodes: Sequence[Compared]) -> tuple[int, str]:
-    ticks = sum(one.ticks or 0 for one in episodes)
-    differing = sum((one.ticks or 0) * (one.differing_share or 0.0) for one in episodes)
+    ticks = sum(episode.ticks or 0 for episode in episodes)
+    differing = sum((episode.ticks or 0) * (episode.differing_share or 0.0) for episode in episodes)
     return ticks, f"{100.0 * differing / ticks:.1f} %" if ticks else NONE
 
 
 def _pooled_sizes(lines: Sequence[Compared]) -> tuple[float | None, float | None]:
     """RMS and maximum over the ticks of all episodes."""
-    known = [(one.ticks or 0, one.rms, one.max or 0.0) for one in lines if one.rms is not None]
+    known = [(line.ticks or 0, line.rms, line.max or 0.0) for line in lines if line.rms is not None]
     count = sum(ticks for ticks, _, _ in known)
     if not count:
         return None, None

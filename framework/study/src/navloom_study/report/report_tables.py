@@ -104,17 +104,17 @@ def results(study: StudyFiles) -> list[TextTable]:
             estimates = [found.summary(method, metric.name) for method in block]
             every = [found.summary(method, metric.name).mean for method in study.methods]
             digits = decimals(every)
-            rows.append([head(metric), *(_estimated(one, digits, total) for one in estimates)])
+            rows.append([head(metric), *(_estimated(estimate, digits, total) for estimate in estimates)])
         tables.append(TextTable(["metric", *block], rows))
     return tables
 
 
-def _estimated(one: Estimate, digits: int, total: int) -> str:
-    told = number(one.mean, digits)
-    if one.low is not None:
-        told += f"\n{number(one.low, digits)} to {number(one.high, digits)}"
-    if 0 < one.episodes < total:
-        told += f"\nof {one.episodes} episodes"
+def _estimated(estimate: Estimate, digits: int, total: int) -> str:
+    told = number(estimate.mean, digits)
+    if estimate.low is not None:
+        told += f"\n{number(estimate.low, digits)} to {number(estimate.high, digits)}"
+    if 0 < estimate.episodes < total:
+        told += f"\nof {estimate.episodes} episodes"
     return told
 
 
@@ -134,16 +134,16 @@ def differences(study: StudyFiles) -> list[TextTable]:
     return tables
 
 
-def _difference(one: Difference, digits: int) -> str:
-    mean, low, high = one.estimate.mean, one.estimate.low, one.estimate.high
-    star = " *" if one.p_holm is not None and one.p_holm < 0.05 else ""
+def _difference(difference: Difference, digits: int) -> str:
+    mean, low, high = difference.estimate.mean, difference.estimate.low, difference.estimate.high
+    star = " *" if difference.p_holm is not None and difference.p_holm < 0.05 else ""
     told = number(mean, digits) + star
     if low is not None:
         told += f"\n{number(low, digits)} to {number(high, digits)}"
-    if one.p_holm is not None:
-        told += f"\np {chance(one.p_holm)}"
-    if one.unpaired:
-        told += f"\n{one.estimate.episodes} pairs"
+    if difference.p_holm is not None:
+        told += f"\np {chance(difference.p_holm)}"
+    if difference.unpaired:
+        told += f"\n{difference.estimate.episodes} pairs"
     return told
 
 
@@ -273,12 +273,25 @@ def differences_csv(study: StudyFiles) -> str:
     writer = csv.writer(text, lineterminator="\n")
     heads = ["method", "baseline", "metric", "unit", "better", "difference", "low", "high", "p", "p_holm"]
     writer.writerow([*heads, "worlds", "pairs", "unpaired"])
-    for one in study.comparison.differences:
-        metric = study.metric(one.metric)
+    for difference in study.comparison.differences:
+        metric = study.metric(difference.metric)
         assert metric is not None
-        numbers = (one.estimate.mean, one.estimate.low, one.estimate.high, one.p, one.p_holm)
-        told = [one.method, study.baseline, one.metric, metric.unit, metric.better or "", *map(_told, numbers)]
-        writer.writerow([*told, one.estimate.worlds, one.estimate.episodes, one.unpaired])
+        numbers = (
+            difference.estimate.mean,
+            difference.estimate.low,
+            difference.estimate.high,
+            difference.p,
+            difference.p_holm,
+        )
+        told = [
+            difference.method,
+            study.baseline,
+            difference.metric,
+            metric.unit,
+            metric.better or "",
+            *map(_told, numbers),
+        ]
+        writer.writerow([*told, difference.estimate.worlds, difference.estimate.episodes, difference.unpaired])
     return text.getvalue()
 
 

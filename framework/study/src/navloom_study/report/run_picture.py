@@ -182,8 +182,8 @@ class Canvas:
         return self.image.resize(size, Image.Resampling.LANCZOS)
 
 
-def _overlap(one: Rectangle, other: Rectangle) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _overlap(rectangle: Rectangle, other: Rectangle) -> bool:
+    return rectangle[0] < other[2] and other[0] < rectangle[2] and rectangle[1] < other[3] and other[1] < rectangle[3]
 
 
 def _dashed_polygon(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], colour: Colour) -> None:

@@ -44,12 +44,12 @@ def substitute_figure(result: Substitute, what: str) -> Figure:
         _draw_way(axes[0], result, what)
         _draw_series(axes[1], result, names)
         figure.suptitle(f"{found.role} {found.instance} on the recorded inputs of {what}", fontsize=9.0)
-        for one in axes:
-            one.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
-            one.ticklabel_format(axis="x", useOffset=one.get_xlim()[1] > LARGE)
-            handles, labels = one.get_legend_handles_labels()
+        for axis in axes:
+            axis.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
+            axis.ticklabel_format(axis="x", useOffset=axis.get_xlim()[1] > LARGE)
+            handles, labels = axis.get_legend_handles_labels()
             if handles:  # below the axes, where it hides nothing that is drawn
-                one.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
+                axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
     return figure
 
 

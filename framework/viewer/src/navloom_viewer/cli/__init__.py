@@ -1,1 +1,4 @@
-"""Command of the viewer."""
+"""The command `view`: shows a live robot or a recording.
+
+Begin with `view.py`.
+"""

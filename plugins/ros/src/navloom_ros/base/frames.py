@@ -29,16 +29,16 @@ class Frames:
 
     def add(self, message: Any) -> None:
         """Store the transforms of a TFMessage; invalid ones are ignored."""
-        for one in message.transforms:
-            child, moved = one.child_frame_id.lstrip("/"), one.transform.translation
-            turned = rotation(one.transform.rotation)
+        for transform in message.transforms:
+            child, moved = transform.child_frame_id.lstrip("/"), transform.transform.translation
+            turned = rotation(transform.transform.rotation)
             # Anyone on the network can publish transforms: names must not fill the memory.
             known = child in self._in_parent or len(self._in_parent) < MOST_FRAMES
             if turned is None or not known or not np.isfinite([moved.x, moved.y, moved.z]).all():
                 continue
             matrix = np.eye(4)
             matrix[:3, :3], matrix[:3, 3] = turned, (moved.x, moved.y, moved.z)
-            self._in_parent[child] = one.header.frame_id.lstrip("/"), matrix
+            self._in_parent[child] = transform.header.frame_id.lstrip("/"), matrix
 
     def find(self, target: str, frame: str) -> Floats | None:
         """The (4, 4) transform from `frame` to `target`; None if the tree does not connect them."""

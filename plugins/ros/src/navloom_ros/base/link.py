@@ -167,7 +167,7 @@ class Link:
         ours = self._publisher.entity
         listeners = node.graph.find(ours.name, ("MS",))
         # A subscriber of another type receives nothing, and says nothing about it.
-        if any((one.type_name, one.type_hash) == (ours.type_name, ours.type_hash) for one in listeners):
+        if any((listener.type_name, listener.type_hash) == (ours.type_name, ours.type_hash) for listener in listeners):
             return ""
         if not listeners:
             return f"no node subscribes to {ours.name}: is the base running?"

@@ -185,12 +185,14 @@ def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
 
     A range below min_range becomes min_range: something may be that close.
     """
-    least, most = min(one.min_range for one in readings), max(one.max_range for one in readings)
-    ranges = [math.inf if one.range > one.max_range else max(one.range, one.min_range) for one in readings]
+    least, most = min(reading.min_range for reading in readings), max(reading.max_range for reading in readings)
+    ranges = [
+        math.inf if reading.range > reading.max_range else max(reading.range, reading.min_range) for reading in readings
+    ]
     return Beams(
         np.array([mount[:2, 3] for mount in mounts]),
         np.array([heading_of(mount) for mount in mounts]),
-        np.array([0.5 * one.field_of_view for one in readings]),
+        np.array([0.5 * reading.field_of_view for reading in readings]),
         np.zeros(len(readings)),
         np.array(ranges, dtype=np.float64),
         float(least),

@@ -176,7 +176,11 @@ class Robot:
 
     def _move_by_frames(self, heard: Heard) -> None:
         """Odometry from /tf; the velocity is that between the last two poses."""
-        own = [one for one in heard.message.transforms if one.header.frame_id.lstrip("/") == self.odometry_frame]
+        own = [
+            transform
+            for transform in heard.message.transforms
+            if transform.header.frame_id.lstrip("/") == self.odometry_frame
+        ]
         found = self.frames.find(self.odometry_frame, self.frame)
         if not own or found is None:
             return

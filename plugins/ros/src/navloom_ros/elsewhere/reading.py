@@ -47,7 +47,7 @@ def points_of(path: Any, frame: str) -> NDArray[np.float64]:
     if not 2 <= len(path.poses) <= MOST_POINTS:
         raise Unusable(f"a path of {len(path.poses)} poses; expected 2 to {MOST_POINTS}")
     points: NDArray[np.float64] = np.array(
-        [(one.pose.position.x, one.pose.position.y) for one in path.poses], dtype=np.float64
+        [(pose.pose.position.x, pose.pose.position.y) for pose in path.poses], dtype=np.float64
     )
     if not np.isfinite(points).all():
         raise Unusable("a path with a point that is not finite")

@@ -92,7 +92,7 @@ class Goals:
                 self._put(Wanted([place_of(received.message.pose)], None, TO_POSE))
 
     def _starter(self, kind: str) -> Callable[[Goal], None]:
-        return lambda goal: self._put(Wanted([place_of(one.pose) for one in _poses_of(goal.request)], goal, kind))
+        return lambda goal: self._put(Wanted([place_of(pose.pose) for pose in _poses_of(goal.request)], goal, kind))
 
     def _put(self, wanted: Wanted) -> None:
         with self._news:

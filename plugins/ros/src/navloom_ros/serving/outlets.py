@@ -78,5 +78,5 @@ class Outlets:
     def _is_wanted_transform(self, made: Translated) -> bool:
         if made.topic != "/tf":
             return False
-        parents: set[Any] = {one.header.frame_id for one in made.message.transforms}
+        parents: set[Any] = {transform.header.frame_id for transform in made.message.transforms}
         return ("tf" in self._wanted and "map" in parents) or ("odometry" in self._wanted and "odom" in parents)

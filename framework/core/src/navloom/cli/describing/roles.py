@@ -51,4 +51,4 @@ def print_role(told: dict[str, Any], names: list[str]) -> None:
 
 def _fields(cls: Any) -> list[dict[str, str]]:
     told = meanings(inspect.getdoc(cls) or "")
-    return [{"name": one.name, "type": str(one.type), "meaning": told.get(one.name, "")} for one in fields(cls)]
+    return [{"name": field.name, "type": str(field.type), "meaning": told.get(field.name, "")} for field in fields(cls)]

@@ -220,9 +220,9 @@ def _fish_lines(command: CommandEntry, tree: Sequence[CommandEntry]) -> Iterator
     words = " ".join(command.path[1:])
     if command.inner:
         here = f"complete -c navloom -n '__navloom_in {words}'"
-        for one in tree:
-            if one.path[:-1] == command.path:
-                yield f"{here} -a {one.path[-1]} -d {_quoted(one.summary)}"
+        for entry in tree:
+            if entry.path[:-1] == command.path:
+                yield f"{here} -a {entry.path[-1]} -d {_quoted(entry.summary)}"
     else:
         here = f"complete -c navloom -n '__navloom_at {words}'"
         for word in command.arguments:

@@ -88,21 +88,21 @@ class Node(ABC):
         super().__init_subclass__()
         # Bases first, so that a subclass can replace a declaration; `cause` is only a second name for one of them.
         declared = {
-            name: one for base in reversed(cls.__mro__) for name, one in vars(base).items() if name != "cause"
+            name: var for base in reversed(cls.__mro__) for name, var in vars(base).items() if name != "cause"
         }.values()
         cls.declared_inputs = tuple(one for one in declared if isinstance(one, (Declared, Group)))
         cls.declared_outputs = tuple(one for one in declared if isinstance(one, (Output, SensorOutputs)))
-        for one in cls.declared_outputs:
-            if isinstance(one, Output) and one.port.role not in ("", cls.role):
-                raise TypeError(f"{cls.__name__}.{one.name} is the port {one.port}, expected one of {cls.role!r}")
+        for output in cls.declared_outputs:
+            if isinstance(output, Output) and output.port.role not in ("", cls.role):
+                raise TypeError(f"{cls.__name__}.{output.name} is the port {output.port}, expected one of {cls.role!r}")
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         node = super().__new__(cls)
         # In `__new__`, because a plugin's `__init__` need not call that of its base.
         node.made = []
-        for one in cls.declared_outputs:
-            if isinstance(one, Output):
-                node.__dict__[one.name] = Out(one.port.name, node)
+        for output in cls.declared_outputs:
+            if isinstance(output, Output):
+                node.__dict__[output.name] = Out(output.port.name, node)
         return node
 
     @classmethod
@@ -114,9 +114,9 @@ class Node(ABC):
     def ports(cls, wired: Wired) -> list[Port[Any]]:
         """What it publishes on."""
         ports: list[Port[Any]] = []
-        for one in cls.declared_outputs:
-            if isinstance(one, Output):
-                ports.append(one.port if one.port.role else one.port.of(wired.role))
+        for output in cls.declared_outputs:
+            if isinstance(output, Output):
+                ports.append(output.port if output.port.role else output.port.of(wired.role))
             else:
                 ports += wired.sensors.get(wired.role, ())
         return ports
@@ -124,25 +124,25 @@ class Node(ABC):
     @classmethod
     def spec(cls, wired: Wired) -> NodeSpec:
         """The node's wiring for a config."""
-        inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired))
+        inputs = tuple(given for declared_input in cls.declared_inputs for given in declared_input.inputs(wired))
         cause = "" if cls.cause is None else cls.cause.name
         return NodeSpec(wired.role, inputs, tuple(cls.ports(wired)), cause, cls.ticks)
 
     def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
         """Bind each input to its wire, by name, and create the output ports of its sensors."""
-        for one in self.declared_inputs:
-            if isinstance(one, Declared) and one.name not in wires:
-                self.__dict__[one.name] = Silence()
-            elif isinstance(one, Declared):
-                wires[one.name].bind(self.__dict__, one.name)
+        for declared_input in self.declared_inputs:
+            if isinstance(declared_input, Declared) and declared_input.name not in wires:
+                self.__dict__[declared_input.name] = Silence()
+            elif isinstance(declared_input, Declared):
+                wires[declared_input.name].bind(self.__dict__, declared_input.name)
             else:
                 group: dict[str, Any] = {}
-                self.__dict__[one.name] = group
+                self.__dict__[declared_input.name] = group
                 for given in spec.inputs:
-                    if one.has(given):
+                    if declared_input.has(given):
                         wires[given.name].bind(group, given.name.partition(".")[2])
         # What is left of the outputs are the ports of sensors, whose names only the config knows.
-        fixed = {one.port.name for one in self.declared_outputs if isinstance(one, Output)}
+        fixed = {output.port.name for output in self.declared_outputs if isinstance(output, Output)}
         for other in self.declared_outputs:
             if isinstance(other, SensorOutputs):
                 names = [name for name in spec.outputs if name not in fixed]
@@ -151,9 +151,9 @@ class Node(ABC):
     def outs(self) -> list[Out[Any]]:
         """All its ports."""
         found: list[Out[Any]] = []
-        for one in self.declared_outputs:
-            held = self.__dict__[one.name]
-            found += [held] if isinstance(one, Output) else held.values()
+        for output in self.declared_outputs:
+            held = self.__dict__[output.name]
+            found += [held] if isinstance(output, Output) else held.values()
         return found
 
     @abstractmethod

@@ -77,24 +77,24 @@ class NodePlugin(Role[P], Node):
             cls.cause = cls.paced_by  # type: ignore[attr-defined]
             cls.cause.__set_name__(cls, "paced_by")
         super().__init_subclass__()
-        inputs, outputs = cls.declared_inputs, [one for one in cls.declared_outputs if isinstance(one, Output)]
-        triggers = [one for one in inputs if getattr(one, "triggers", False)]
+        inputs, outputs = cls.declared_inputs, [output for output in cls.declared_outputs if isinstance(output, Output)]
+        triggers = [given for given in inputs if getattr(given, "triggers", False)]
         if hasattr(cls, "name") and not cls.ticks and not triggers:
             raise TypeError(f"{cls.__name__} never steps: set ticks = True, or triggers=True on one of its inputs")
         if cls.cause is None:
-            cls.cause = next((one for one in triggers if isinstance(one, Declared)), None)
+            cls.cause = next((trigger for trigger in triggers if isinstance(trigger, Declared)), None)
         if outputs:
             # By order, so that most nodes need not declare it.
             outputs[0].port.answers = True
         cls.accepts = tuple(
-            kind for one in inputs if isinstance(one, SensorGroup) for kind in one.carries or (Message,)
+            kind for given in inputs if isinstance(given, SensorGroup) for kind in given.carries or (Message,)
         )
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         node = super().__new__(cls, *args, **kwargs)
-        for one in cls.declared_outputs:
-            if isinstance(one, Output):
-                node.__dict__[one.name] = _CheckedOut(one.port, node)
+        for output in cls.declared_outputs:
+            if isinstance(output, Output):
+                node.__dict__[output.name] = _CheckedOut(output.port, node)
         return node
 
 

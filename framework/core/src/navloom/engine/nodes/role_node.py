@@ -47,7 +47,9 @@ def in_order(sensors: Mapping[str, News[Any]]) -> tuple[tuple[Any, ...], tuple[s
         values = news.values
         return tuple(values), (name,) * len(values)
     # By stamp and then by port (the sort is stable), so that shadows and replays see the same order.
-    found = sorted([(one.stamp_ns, one, name) for name, news in sensors.items() for one in news.values], key=_first)
+    found = sorted(
+        [(value.stamp_ns, value, name) for name, news in sensors.items() for value in news.values], key=_first
+    )
     return tuple([one for _, one, _ in found]), tuple([name for _, _, name in found])
 
 

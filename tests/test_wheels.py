@@ -19,7 +19,6 @@ from typing import Any
 
 import pytest
 from hatchling.builders.wheel import WheelBuilder
-from navloom.names import MODULE_OF
 from navloom.parts import PARTS
 
 TOP = Path(__file__).resolve().parents[1]
@@ -218,9 +217,9 @@ def test_what_the_core_alone_lacks_is_named_in_one_line_with_what_to_install(sit
             f"which is not installed: pip install {name}"
         )
         assert line.startswith(f"navloom: `navloom {given[0]}`" if len(given) == 1 else "navloom: "), line
-    for name in ("Navigator", "Panel"):
+    for name, package in (("Navigator", "navloom_live"), ("Panel", "navloom_viewer")):
         done = site.ended("python", "-c", f"from navloom import {name}")
-        part = PARTS[MODULE_OF[name].partition(".")[0]]
+        part = PARTS[package]
         said = f"navloom.{name} needs {part}, which is not installed: pip install {part}"
         assert done.stderr.splitlines()[-1] == f"navloom.parts.MissingPartError: {said}"
 

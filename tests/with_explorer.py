@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar
 
+import navloom
 import navloom.roles as roles
 from navloom.engine.node_ports import Latest, Output, Port, Ports, Quality
 from navloom.messages import MapUpdate, Message, Point2D, PoseEstimate
@@ -57,6 +58,7 @@ class ExplorerPorts(Ports, role="explorer"):
 roles.ROLES["explorer"], roles.ROLE_API["explorer"] = Explorer, 1
 vars(roles)["Explorer"], vars(roles)["ExplorerInput"] = Explorer, ExplorerInput
 roles.__all__ += ["Explorer", "ExplorerInput"]
+navloom.Explorer, navloom.ExplorerInput = Explorer, ExplorerInput
 
 from navloom.engine import catalogue  # noqa: E402
 from navloom.engine.answer_checks import TypeDoor  # noqa: E402

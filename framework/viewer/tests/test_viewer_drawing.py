@@ -251,14 +251,6 @@ def test_a_gate_stop_is_logged_once_with_its_reason_and_the_remedy() -> None:
     assert states == ["controller", "stopped", "controller"]
 
 
-def test_a_gate_stop_is_drawn_without_what_words_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("navloom_viewer.draw_behaviour.has_part", lambda package: False)
-    made, memory = drawing()
-    made.take(shown(GateStatus("none", "", True, True, "contact", ()), "gate", "status", tick=0))
-    (text,) = [component(line, "text")[0] for line in memory.at("/log/r1/gate")]
-    assert text == "r1: gate stops the robot: contact"
-
-
 def test_taking_over_and_handing_back_are_logged_and_not_driving_free() -> None:
     made, memory = drawing()
     for tick, engaged in enumerate([False, True, True, False, False]):

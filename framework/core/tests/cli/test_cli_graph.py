@@ -1,4 +1,4 @@
-"""`navloom graph` of a config; test_cli_looking.py tests that of a live robot."""
+"""`navloom graph` of a config; test_cli_introspection.py tests that of a live robot."""
 
 from __future__ import annotations
 

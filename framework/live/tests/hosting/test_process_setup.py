@@ -11,11 +11,11 @@ from navloom_live.hosting import process_setup
 
 STUCK = """
 import ctypes, threading
-from navloom_live.hosting import process
+from navloom_live.hosting import process_setup
 
-process.GRACE = 0.5
+process_setup.GRACE = 0.5
 ending = threading.Event()
-process.end_on_signal(ending)
+process_setup.end_on_signal(ending)
 print("ready", flush=True)
 ending.wait()
 print("ending", flush=True)
@@ -37,9 +37,9 @@ def test_a_process_ends_on_sigterm_even_while_code_holds_the_gil() -> None:
 
 SEIZED = """
 import re, signal, threading, time
-from navloom_live.hosting import process
+from navloom_live.hosting import process_setup
 
-alive = process.end_unless_called(0.5)
+alive = process_setup.end_unless_called(0.5)
 until = time.monotonic() + 1.0
 while time.monotonic() < until:  # computes for longer than that, but says so
     alive()

@@ -1,4 +1,4 @@
-"""Cost of the shortest path among boxes (`navloom.runs.optimal`), and how it grows with their number.
+"""Cost of the shortest path among boxes (`navloom_optimal`), and how it grows with their number.
 
     python benchmarks/shortest_way.py [--json]
 
@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.world import Box, Place
-from navloom.runs.optimal import shortest_path
-from navloom.runs.optimal.lazy_tangents import TangentSearch
-from navloom.runs.optimal.shape_space import ShapeSpace
-from navloom.runs.optimal.tangents import ShortestPath, shortest_among
+from navloom_optimal import shortest_path
+from navloom_optimal.lazy_tangents import TangentSearch
+from navloom_optimal.shape_space import ShapeSpace
+from navloom_optimal.tangents import ShortestPath, shortest_among
 
 __all__ = ["WORLDS", "measured"]
 

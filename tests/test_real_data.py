@@ -19,10 +19,10 @@ from navloom.engine.plugin_factory import make_plugins
 from navloom.geometry.world import Place, World
 from navloom.roles import PlannerInput
 from navloom.runs.episode import run_episode
-from navloom.runs.optimal.shortest_path import optimal_length
 from navloom.runs.single_plan import map_update
 from navloom_maps.movingai import scenario_place
 from navloom_maps.rosmap import load_raster, rosmap_world
+from navloom_optimal.shortest_path import optimal_length
 from navloom_study.recorded_sweeps import find_floor, map_sweep, read_recording, sweep_of
 from scipy.ndimage import distance_transform_edt
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from navloom.runs.optimal import shortest_path
+from navloom_optimal import shortest_path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from shortest_way import WORLDS, measured

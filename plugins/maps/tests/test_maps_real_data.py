@@ -10,10 +10,10 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Place
 from navloom.runs.map_files import rosmap_files
-from navloom.runs.optimal.shortest_path import optimal_length
 from navloom_maps import SCHEMES
 from navloom_maps.movingai import scenario_place
 from navloom_maps.rosmap import read_rosmap
+from navloom_optimal.shortest_path import optimal_length
 
 DATA = Path(os.environ.get("NAVLOOM_DATA", ""))
 pytestmark = pytest.mark.skipif("NAVLOOM_DATA" not in os.environ, reason="NAVLOOM_DATA names no folder of real data")

@@ -24,6 +24,7 @@ PARTS = {
     "navloom_check": "navloom-check",
     "navloom_live": "navloom-live",
     "navloom_maps": "navloom-maps",
+    "navloom_optimal": "navloom-optimal",
     "navloom_recording": "navloom-recording",
     "navloom_study": "navloom-study",
     "navloom_viewer": "navloom-viewer",

@@ -172,7 +172,7 @@ def test_a_stop_by_the_gate_counts_from_the_tick_in_which_it_acts(tmp_path: Path
 
 
 def test_the_shortest_way_is_computed_once_for_each_world(toy: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
-    from navloom.runs.optimal import shortest_path
+    from navloom_optimal import shortest_path
 
     calls: list[object] = []
     original = shortest_path.optimal_path

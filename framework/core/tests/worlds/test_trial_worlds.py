@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 from navloom.geometry.world import Box, Cylinder, World, position_at
-from navloom.runs.optimal.shortest_path import optimal_length
 from navloom.worlds import SCHEMES, WORLDS, WorldError
+from navloom_optimal.shortest_path import optimal_length
 
 HERE = Path()
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 from navloom.config import ConfigError, load_config
-from navloom.config.added import with_alternative
 from navloom.engine.build import assemble
 from navloom.engine.system import System
-from navloom.engine.system_extension import admit_part, extended
 from navloom.roles import Role
+from navloom_live.hosting.added_tables import with_alternative
 from navloom_live.hosting.addition_service import AdditionError, refuse_addition
 from navloom_live.hosting.node_process import JOINED
+from navloom_live.hosting.system_extension import admit_part, extended
 from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.node_placement import spread
 from navloom_live.operating.robot_lookup import FOLLOW

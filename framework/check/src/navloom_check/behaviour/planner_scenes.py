@@ -14,7 +14,7 @@ from navloom.geometry.world import Place, Raster, World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles import PlannerInput
 from navloom.roles.claims import Claim
-from navloom.runs.optimal.shortest_path import optimal_length
+from navloom_optimal.shortest_path import optimal_length
 
 from navloom_check.behaviour.measurements import Behaviour, Line, Maker, Measured, Unfit
 from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall

@@ -10,7 +10,7 @@ import typer
 
 from navloom.cli.output import LOG, print_table
 from navloom.cli.tracebacks import with_traceback_of
-from navloom.parts import part
+from navloom.parts import has_part, part
 
 __all__ = ["is_reached", "print_summary", "tell_faults"]
 
@@ -64,6 +64,8 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
         typer.echo("no ground truth: the robot's estimate of its pose is not checked")
     elif episode.system.world is None:
         typer.echo("the platform describes no world: the shortest path is unknown; start and goal were not checked")
+    elif not has_part("navloom_optimal"):
+        typer.echo("the shortest path is unknown: pip install navloom-optimal")
     print_table(("", ""), rows)
     if summary["shadows"]:
         _print_shadows(summary["shadows"])

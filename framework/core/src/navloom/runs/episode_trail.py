@@ -17,6 +17,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.overlap import overlap_depth
 from navloom.geometry.world import Place, World
 from navloom.messages import Goal, GoalResult
+from navloom.parts import has_part, part
 
 if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
@@ -265,6 +266,8 @@ def ways_of(system: System) -> WayLengths:
     world, goal, start = system.world, system.goal, system.true_start
     if world is None or goal is None:
         return WayLengths()
+    if not has_part("navloom_optimal"):
+        return WayLengths(reference=_reference(system, world, None))
     via = [Place(point.x, point.y) for point in system.config.navigation.via]
     places = [Place(start.x, start.y), *via, Place(goal.x, goal.y)]
     legs = [_leg(system, world, *ends) for ends in pairwise(places)]
@@ -277,14 +280,13 @@ def ways_of(system: System) -> WayLengths:
 
 def _leg(system: System, world: World, start: Place, goal: Place) -> tuple[float, float] | None:
     """Length of the shortest path, m, and of its part outside the goal's tolerance; None if there is no path."""
-    from navloom.runs.optimal.shortest_path import length_to_reach, optimal_path
-
+    shortest_path = part("navloom_optimal.shortest_path")
     radius, height, reach = inscribed_radius(system.robot.footprint), system.robot.height, system.goal_tolerance
     key = (start.x, start.y, goal.x, goal.y, radius, height, reach)
     found = _LEGS.setdefault(world, {})
     if key not in found:
-        path = optimal_path(world, start, goal, radius, height)
-        found[key] = None if path is None else (path.length, length_to_reach(path, reach))
+        path = shortest_path.optimal_path(world, start, goal, radius, height)
+        found[key] = None if path is None else (path.length, shortest_path.length_to_reach(path, reach))
     return found[key]
 
 

@@ -8,20 +8,20 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from navloom.config.added import with_alternative
 from navloom.config.schema import Config
 from navloom.engine.system import System
-from navloom.engine.system_extension import extended
 from navloom.errors import NavloomError
 from navloom.inputs.typed_json import from_json
 from navloom.plugins.registry import close_to, nearest
 from navloom.roles import FIXED
 
+from navloom_live.hosting.added_tables import with_alternative
 from navloom_live.hosting.network import Network
 from navloom_live.hosting.node_process import Share
 from navloom_live.hosting.process_tasks import NODE, node_task
 from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.hosting.supervisor import Supervisor
+from navloom_live.hosting.system_extension import extended
 from navloom_live.live.live_node import Source
 from navloom_live.live.requests import ADD, EXTEND, Add, Added, Alternative, Extend, Extended
 from navloom_live.live.service import reply, request_bytes

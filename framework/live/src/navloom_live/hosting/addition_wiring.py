@@ -6,10 +6,10 @@ import threading
 from collections.abc import Mapping
 from functools import partial
 
-from navloom.config.added import with_alternative
 from navloom.engine.system import System
-from navloom.engine.system_extension import admit_part
 
+from navloom_live.hosting.added_tables import with_alternative
+from navloom_live.hosting.system_extension import admit_part
 from navloom_live.live.live_node import Source
 from navloom_live.live.live_node_builder import Hosted, widen
 from navloom_live.live.live_runner import LiveRunner

@@ -9,7 +9,8 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import polygon
 from navloom.geometry.grid import world_to_grid
 from navloom.geometry.world import Box, Cylinder, Place, Raster, World
-from navloom.runs.optimal import (
+from navloom.worlds.paper_world import paper_gates, paper_gates_blocked_b, paper_gates_blocked_bc, paper_gates_open_a
+from navloom_optimal import (
     field_space,
     free_space,
     lazy_tangents,
@@ -19,8 +20,7 @@ from navloom.runs.optimal import (
     tangents,
     visible_tangents,
 )
-from navloom.runs.optimal.shortest_path import length_to_reach, optimal_length, optimal_path, warm_up
-from navloom.worlds.paper_world import paper_gates, paper_gates_blocked_b, paper_gates_blocked_bc, paper_gates_open_a
+from navloom_optimal.shortest_path import length_to_reach, optimal_length, optimal_path, warm_up
 
 START, GOAL = Place(0.0, 0.0), Place(10.0, 0.0)
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom.geometry.compiled import compiled
-from navloom.runs.optimal.free_space import TOLERANCE, to_segment_squared
-from navloom.runs.optimal.shape_space import Buckets, segment_is_free
+from navloom_optimal.free_space import TOLERANCE, to_segment_squared
+from navloom_optimal.shape_space import Buckets, segment_is_free
 
 __all__ = ["ANGLE_SLACK", "ARRIVES", "ENDS", "GOAL", "LEAVES", "LENGTH", "SIDE", "visible_tangents"]
 

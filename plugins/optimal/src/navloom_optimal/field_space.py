@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom.geometry.compiled import compiled
-from navloom.runs.optimal.free_space import TOLERANCE, Shapes, shape_gap
+from navloom_optimal.free_space import TOLERANCE, Shapes, shape_gap
 
 __all__ = ["Field", "FieldSpace", "segment_is_free_in_field"]
 

@@ -12,10 +12,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom.geometry.compiled import compiled
-from navloom.runs.optimal.free_space import Space
+from navloom_optimal.free_space import Space
 
 __all__ = ["Circles", "ShortestPath", "on_arc", "shortest_among"]
 

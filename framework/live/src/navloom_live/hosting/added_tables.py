@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from pydantic import ValidationError
-
 from navloom.config.config_errors import problems_of
 from navloom.config.loader import Loaded
 from navloom.config.schema import Config
+from pydantic import ValidationError
 
 __all__ = ["with_alternative"]
 

@@ -6,11 +6,11 @@ import heapq
 import math
 
 import numpy as np
+from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom.geometry.compiled import compiled
-from navloom.runs.optimal.field_space import Field, FieldSpace, segment_is_free_in_field
-from navloom.runs.optimal.free_space import TOLERANCE
+from navloom_optimal.field_space import Field, FieldSpace, segment_is_free_in_field
+from navloom_optimal.free_space import TOLERANCE
 
 __all__ = ["any_angle_path"]
 

@@ -11,18 +11,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.geometry.frames import inverse, transform
 from navloom.geometry.polylines import Polyline
 from navloom.geometry.solids import centre_at, is_fixed, overlaps
 from navloom.geometry.world import Box, Obstacle, Place, Raster, World
-from navloom.runs.optimal.field_space import FieldSpace
-from navloom.runs.optimal.free_space import Shapes, Space
-from navloom.runs.optimal.lazy_tangents import TangentSearch
-from navloom.runs.optimal.lazy_theta import any_angle_path
-from navloom.runs.optimal.shape_space import ShapeSpace
-from navloom.runs.optimal.tangents import Circles, ShortestPath, shortest_among
+from numpy.typing import NDArray
+
+from navloom_optimal.field_space import FieldSpace
+from navloom_optimal.free_space import Shapes, Space
+from navloom_optimal.lazy_tangents import TangentSearch
+from navloom_optimal.lazy_theta import any_angle_path
+from navloom_optimal.shape_space import ShapeSpace
+from navloom_optimal.tangents import Circles, ShortestPath, shortest_among
 
 __all__ = ["length_to_reach", "optimal_length", "optimal_path", "warm_up"]
 

@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom.geometry.compiled import compiled
-from navloom.runs.optimal.free_space import TOLERANCE, Shapes, gap_to, is_near_segment
+from navloom_optimal.free_space import TOLERANCE, Shapes, gap_to, is_near_segment
 
 __all__ = ["Buckets", "ShapeSpace", "arc_is_free", "bucket_span", "segment_is_free"]
 

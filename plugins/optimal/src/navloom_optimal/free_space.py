@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.geometry.compiled import compiled
+from numpy.typing import NDArray
 
 __all__ = ["TOLERANCE", "Shapes", "Space", "gap_to", "is_near_segment", "shape_gap", "to_segment_squared"]
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.runs.optimal.shape_space import ShapeSpace, arc_is_free
-from navloom.runs.optimal.tangents import Circles, ShortestPath, on_arc
-from navloom.runs.optimal.visible_tangents import (
+from navloom_optimal.shape_space import ShapeSpace, arc_is_free
+from navloom_optimal.tangents import Circles, ShortestPath, on_arc
+from navloom_optimal.visible_tangents import (
     ANGLE_SLACK,
     ARRIVES,
     ENDS,

@@ -1,8 +1,10 @@
-"""docs/architecture.md and decisions.md: the files that they name exist and contain the names that the text gives."""
+"""docs/architecture.md, decisions.md, READMEs and docstrings of packages: what they name exists."""
 
 from __future__ import annotations
 
+import ast
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -59,3 +61,53 @@ def test_each_class_named_on_the_way_of_a_sweep_and_a_command_exists() -> None:
     classes = set(re.findall(r"`([A-Z]\w+)", text))
     assert len(classes) > 12
     assert [name for name in sorted(classes) if f"class {name}" not in code] == []
+
+
+def test_each_module_in_the_table_of_the_live_packages_exists() -> None:
+    live, listed = next(part for part in PARTS if part.name == "navloom_live"), []
+    for row in rows("once per process. Readers in the publisher's process"):
+        package, modules = row.split("|")[1:3]
+        listed += [live / package.strip(" `") / f"{module}.py" for module in re.findall(r"`(\w+)`", modules)]
+    assert len(listed) > 30
+    assert [str(path.relative_to(live)) for path in listed if not path.is_file()] == []
+
+
+def test_the_page_gives_the_layers_that_are_enforced() -> None:
+    text = " ".join(PAGES[0].read_text("utf-8").split())
+    for contract in tomllib.loads((TOP / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]:
+        if contract["name"].startswith("Houses"):
+            layers = [layer.replace("navloom.", "").replace(" | ", ", ") for layer in contract["layers"]]
+            assert f"`{' -> '.join(layers)}`" in text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_each_attribute_of_a_class_that_the_page_names_exists(page: Path) -> None:
+    code = "".join(path.read_text("utf-8") for part in PARTS for path in part.rglob("*.py"))
+    named = re.findall(r"`([A-Z]\w+)\.(\w+)`", page.read_text("utf-8"))
+    assert named
+    assert [
+        f"{cls}.{name}"
+        for cls, name in named
+        if f"class {cls}" not in code or not re.search(rf"def {name}\b|\b{name}:|self\.{name} =|\b{name} =", code)
+    ] == []
+
+
+def named_files(text: str) -> list[str]:
+    return re.findall(r"`((?:\w+/)*\w+\.py)`", text)
+
+
+@pytest.mark.parametrize("readme", sorted(TOP.glob("*/*/README.md")), ids=lambda path: path.parent.name)
+def test_each_file_that_a_readme_names_exists(readme: Path) -> None:
+    files = [f"/{path.relative_to(TOP)}" for path in [*readme.parent.rglob("*.py"), *TOP.glob("tests/*.py")]]
+    named = named_files(readme.read_text("utf-8"))
+    assert [name for name in named if not any(file.endswith(f"/{name}") for file in files)] == []
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda path: path.name)
+def test_each_file_that_the_docstring_of_a_package_names_exists(part: Path) -> None:
+    wrong = []
+    for package in part.rglob("__init__.py"):
+        docstring = ast.get_docstring(ast.parse(package.read_text("utf-8"))) or ""
+        folders = (package.parent, part)
+        wrong += [name for name in named_files(docstring) if not any((folder / name).is_file() for folder in folders)]
+    assert wrong == []

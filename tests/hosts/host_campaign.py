@@ -29,7 +29,7 @@ CUT = 3.0
 """How long a cable stays cut, s."""
 FULL = 0.35
 """Speed from which the robot counts as at full speed, m/s; its reference is 0.4 on straights."""
-LOOK = 2.0
+STATUS_INTERVAL = 2.0
 """How long the motors are watched after a fault that must not stop them, s."""
 HOUR = 3600.0
 PLACES = ("0,7.6", "0,0")
@@ -98,7 +98,7 @@ class Campaign:
     def look_on(self) -> Fault:
         """Observe without a fault, to measure the disturbance of a shared machine."""
         began = time.monotonic()
-        time.sleep(LOOK)
+        time.sleep(STATUS_INTERVAL)
         self.motors.look()
         return self.motors.fault(began, began, time.monotonic())
 

@@ -29,7 +29,7 @@ from navloom_recording.reader import Recording
 from navloom_study.openloop import open_loop_of
 from navloom_study.study_methods import methods_of
 from navloom_viewer.drawing import Drawing
-from navloom_viewer.observe import Gathering
+from navloom_viewer.lockstep_viewing import Gathering
 from navloom_viewer.panels import panels_of
 from navloom_viewer.picture_setup import facts_of
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from navloom.config import ConfigError
+from navloom.misspelt import did_you_mean
 from navloom.plugins import PluginError
-from navloom.worlds.world_errors import did_you_mean
 
 from navloom_benchmarks.pairs import Effort, PeerError, Row
 

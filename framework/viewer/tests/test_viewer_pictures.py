@@ -19,7 +19,7 @@ from navloom_viewer.blueprint import camera
 from navloom_viewer.colours import CLOUD, DRIVEN, PLAN, TRAJECTORY
 from navloom_viewer.draw_sensing import FREE
 from navloom_viewer.drawing import Drawing
-from navloom_viewer.observe import Gathering
+from navloom_viewer.lockstep_viewing import Gathering
 from navloom_viewer.picture_setup import Facts, actors_of, facts_of
 from navloom_viewer.program import Program
 from navloom_viewer.rerun_stream import FileSink

@@ -16,10 +16,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from navloom.plugins.registry import NODE
+from navloom.roles import ROLES
+
 from navloom_check.check_bench import Bench
+from navloom_check.checked_plugin import CHECKED
 from navloom_check.findings import Finding, Remark
 
-__all__ = ["Check", "check"]
+__all__ = ["CLASSES", "EVERY", "PLAYED", "Check", "check"]
+
+EVERY = frozenset(CHECKED)
+CLASSES = frozenset((*ROLES, NODE))
+"""Kinds whose plugins are classes with parameters."""
+PLAYED = CLASSES
+"""Kinds whose plugins are played through scenes."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from navloom.crashes import crashed_at, dump_when_broken
 
 __all__ = ["dump_file", "is_watched", "watch_over"]
 
-LOOK = 0.5
+DUMP_CHECK_INTERVAL = 0.5
 """Time between two checks of the dump, s."""
 MOST = 1 << 20
 """Largest part of a dump that is read, bytes."""
@@ -65,7 +65,7 @@ def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
     seen = 0
     while True:
         # The pipe's other end closes when the command's process ends, whatever ended it.
-        is_over = bool(select.select([reading], [], [], LOOK)[0])
+        is_over = bool(select.select([reading], [], [], DUMP_CHECK_INTERVAL)[0])
         text = os.pread(dump, MOST, seen).decode("utf-8", "replace")
         # A dump is written line by line; half a line is read again with the rest.
         if text and (is_over or text.endswith("\n")):

@@ -86,7 +86,9 @@ def lazy_names(package: str, names: Mapping[str, str]) -> tuple[list[str], Calla
         if name in module_of:
             return getattr(part(module_of[name], f"{package}.{name}"), name)
         near = ""
+        # Tools look for dunder names by the dozen; a suggestion would only delay them.
         if not name.startswith("_"):
+            # `difflib` is imported only for a wrong name.
             from navloom.misspelt import close_to
 
             near = close_to(name, list(module_of))

@@ -106,6 +106,20 @@ def test_a_live_gate_waits_for_more_than_a_period(tmp_path: Path, changes: list[
     assert said in str(caught.value) and "give 0.1 s or more" in str(caught.value)
 
 
+@pytest.mark.parametrize(("timeout", "is_refused"), [(0.5, True), (1.49, True), (1.5, False), (2.0, False)])
+def test_a_live_node_may_wait_for_a_dead_reader_until_its_link_is_closed(
+    tmp_path: Path, timeout: float, is_refused: bool
+) -> None:
+    system = system_of(tmp_path, f"live.hang_timeout={timeout}")
+    check_task(system)
+    if not is_refused:
+        check_live(system)
+        return
+    with pytest.raises(ConfigError) as caught:
+        check_live(system)
+    assert str(caught.value).count(f"live.hang_timeout: is {timeout:g} s; expected 1.5 s or more") == 1
+
+
 # --- goals and real robots --------------------------------------------------------------------------------------------
 
 

@@ -7,13 +7,10 @@ from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
 from navloom.engine.system import System
 from navloom.roles import Role
-from navloom_live.hosting.added_tables import with_alternative
 from navloom_live.hosting.addition_service import AdditionError, refuse_addition
-from navloom_live.hosting.node_process import JOINED
-from navloom_live.hosting.system_extension import admit_part, extended
+from navloom_live.hosting.system_extension import admit_part, extended, with_alternative
 from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.node_placement import spread
-from navloom_live.operating.robot_lookup import FOLLOW
 
 VFF = ("avoider", "vff")
 TABLE = {"role": "avoider", "plugin": "vff", "name": "vff", "shadow": True}
@@ -58,7 +55,3 @@ def test_an_instance_that_makes_another_node_read_something_new_is_refused() -> 
     system = paper(f"sensor=[{sensors}]", 'avoider.sensors=["sonars"]')
     with pytest.raises(ConfigError, match=r"gate main would have to watch platform.lidar too"):
         extended(system, with_alternative(system.loaded, TABLE, "avoider-vff"), VFF)
-
-
-def test_a_process_that_joins_a_recorded_robot_waits_until_the_recorder_can_have_seen_it() -> None:
-    assert JOINED > 3 * FOLLOW

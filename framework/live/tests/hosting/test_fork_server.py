@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 from navloom_live.hosting.descendants import descendants, mark
-from navloom_live.hosting.fork_server import READY, Nursery
+from navloom_live.hosting.fork_server import Nursery
+from navloom_live.timing import FORK_SERVER_READY
 
 pytestmark = pytest.mark.skipif(not Nursery.is_possible(), reason="only Linux gives a child of a child away")
 CHILD = """
@@ -52,21 +53,21 @@ def spec(tmp_path: Path, text: str = "") -> Path:
 
 
 def test_a_process_is_a_child_of_the_caller_and_its_end_is_reported(nursery: Nursery, tmp_path: Path) -> None:
-    forked = nursery.fork("child", "child", spec(tmp_path, "7"), tmp_path / "log", READY)
+    forked = nursery.fork("child", "child", spec(tmp_path, "7"), tmp_path / "log", FORK_SERVER_READY)
     assert forked is not None and forked.wait(20) == 7
     assert (tmp_path / "log").read_text("utf-8") == f"forked by {os.getpid()} in its own group True\n"
     assert forked.poll() == 7  # asked again
 
 
 def test_forked_processes_outlive_the_nursery_which_is_replaced(nursery: Nursery, tmp_path: Path) -> None:
-    forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
+    forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", FORK_SERVER_READY)
     assert forked is not None
     assert nursery._process is not None
     nursery._process.kill()
     nursery._process.wait()
     assert nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", 0.0) is None  # it has just begun
     assert forked.poll() is None
-    again = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
+    again = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", FORK_SERVER_READY)
     assert again is not None and again.pid != forked.pid
     with pytest.raises(subprocess.TimeoutExpired):
         again.wait(0.01)
@@ -77,7 +78,7 @@ def test_forked_processes_outlive_the_nursery_which_is_replaced(nursery: Nursery
 
 
 def test_forked_processes_end_with_the_supervisor_even_stopped_ones(nursery: Nursery, tmp_path: Path) -> None:
-    forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
+    forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", FORK_SERVER_READY)
     assert forked is not None and nursery._line is not None and nursery._process is not None
     os.kill(forked.pid, signal.SIGSTOP)
     nursery._line.close()  # as its death would
@@ -89,7 +90,7 @@ def test_forked_processes_end_with_the_supervisor_even_stopped_ones(nursery: Nur
 
 
 def test_a_process_that_ignores_sigterm_is_killed_within_5_s(nursery: Nursery, tmp_path: Path) -> None:
-    forked = nursery.fork("child", "child", spec(tmp_path, "deaf"), tmp_path / "log", READY)
+    forked = nursery.fork("child", "child", spec(tmp_path, "deaf"), tmp_path / "log", FORK_SERVER_READY)
     assert forked is not None and nursery._line is not None
     log = tmp_path / "log"
     while not log.exists() or "deaf\n" not in log.read_text("utf-8"):

@@ -218,7 +218,7 @@ def test_of_two_that_start_together_exactly_one_goes_on(net: Net, apart: float) 
 
 
 def test_behind_a_router_that_comes_late_exactly_one_of_two_goes_on(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(node_claims, "FIND", 0.1)
+    monkeypatch.setattr(node_claims, "ROUTER_FIND_WAIT", 0.1)
     both = [net.claims(GATE), net.claims(GATE)]
     for one in both:
         one.take_on(net.link, now=True)

@@ -13,7 +13,7 @@ STUCK = """
 import ctypes, threading
 from navloom_live.hosting import process_setup
 
-process_setup.GRACE = 0.5
+process_setup.SHUTDOWN_LIMIT = 0.5
 ending = threading.Event()
 process_setup.end_on_signal(ending)
 print("ready", flush=True)

@@ -15,7 +15,7 @@ from navloom.engine.system import System
 from navloom.plugins.output_limit import LARGEST_OUTPUT
 from navloom_live.drives.live_warnings import LiveWarnings
 from navloom_live.hosting.process_warnings import MANY, ProcessWarnings
-from navloom_live.live.step_times import StepTimes
+from navloom_live.live.live_runner import StepTimes
 from navloom_live.transport.keyspace import KeySpace
 from toys import Bystander, discovery, toy_config
 

@@ -18,7 +18,7 @@ from cryptography import x509
 from navloom.messages import Command
 from navloom_live.hosting import router_replacement
 from navloom_live.hosting.router_replacement import Router
-from navloom_live.operating.client import AGAIN
+from navloom_live.operating.client import REQUEST_SPACING
 from navloom_live.operating.diagnosis import diagnose
 from navloom_live.operating.robot_lookup import join
 from navloom_live.transport import connection
@@ -82,10 +82,10 @@ class Net:
 
 @pytest.fixture
 def net(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Net]:
-    monkeypatch.setattr(connection, "CERTIFICATES", 0.05)
-    monkeypatch.setattr(connection, "SPREAD", 0.0)
-    monkeypatch.setattr(connection, "LINGER", 0.5)
-    monkeypatch.setattr(router_replacement, "LEAVE", 2.0)
+    monkeypatch.setattr(connection, "CERTIFICATE_CHECK_INTERVAL", 0.05)
+    monkeypatch.setattr(connection, "SESSION_SPREAD", 0.0)
+    monkeypatch.setattr(connection, "SESSION_LINGER", 0.5)
+    monkeypatch.setattr(router_replacement, "ROUTER_REPLACED_WITHIN", 2.0)
     with contextlib.ExitStack() as stack:
         short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # the path of a socket is limited
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
@@ -196,7 +196,7 @@ def test_a_query_is_answered_at_most_once_while_processes_change_over(net: Net) 
         answers.append([answer.data for answer in asker.ask(SERVICE, number, timeout=0.5)])
         assert answers[-1] in ([number], []), answers[-1]
         assert taken.count(number) <= 1
-        time.sleep(AGAIN)
+        time.sleep(REQUEST_SPACING)
     renewal.join()
     assert sum(not answer for answer in answers) <= 2, "one of them may be lost where either side changes over"
     assert [answer.data for answer in asker.ask(SERVICE, b"last")] == [b"last"]

@@ -24,7 +24,7 @@ class Runner:
 
 @pytest.fixture
 def runner(monkeypatch: pytest.MonkeyPatch) -> Runner:
-    monkeypatch.setattr("navloom_live.hosting.node_services.APPLY", 0.05)
+    monkeypatch.setattr("navloom_live.hosting.node_services.APPLY_WAIT", 0.05)
     return Runner()
 
 

@@ -89,7 +89,9 @@ def until(condition: object, keeper: Supervisor, timeout: float = 30.0) -> None:
 def test_a_crash_loop_ends_with_the_process_down_and_its_last_output(
     rig: tuple[RobotFolder, list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("navloom_live.hosting.supervisor.HEALTHY", 60.0)  # a loaded machine takes seconds to start one
+    monkeypatch.setattr(
+        "navloom_live.hosting.supervisor.HEALTHY_AFTER", 60.0
+    )  # a loaded machine takes seconds to start one
     keeper = supervisor(rig, LiveTable(restart_limit=2, restart_window=60.0), crashes=True)
     keeper.start()
     child = keeper.children["child"]

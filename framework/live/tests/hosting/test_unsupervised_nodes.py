@@ -28,7 +28,7 @@ SYSTEM = assemble(load_config("paper"))
 def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(unsupervised_nodes, "_refuse_doubles", lambda network, sources: None)
     monkeypatch.setattr(Claims, "take_on", lambda claims, link, now: None)
-    monkeypatch.setattr(unsupervised_nodes, "STAND", 0.01)
+    monkeypatch.setattr(unsupervised_nodes, "REPRESENT_CHECK_INTERVAL", 0.01)
     with TemporaryDirectory(
         prefix="nl", dir="/tmp"
     ) as folder:  # short: the path of a socket is limited to about a hundred characters

@@ -9,10 +9,10 @@ import pytest
 from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, last, rings
 from navloom.config import load_config
 from navloom.engine.build import assemble
-from navloom.engine.hold import held_rate, hold
 from navloom.messages import Command, Drive, Odometry, OperatorRequest, Pose2D, StopReason, Twist2D
 from navloom_live.live import live_gate, mailbox
 from navloom_live.live.live_node_builder import all_sources
+from navloom_live.timing import command_wait, rate_of_wait
 
 
 def test_an_instance_that_died_must_warm_up_again_before_it_takes_over() -> None:
@@ -70,14 +70,14 @@ def test_its_last_status_says_that_it_ends() -> None:
     ("period", "seconds"), [(0.05, 0.02), (0.02, 0.008), (0.0125, 0.008), (0.01, 0.008), (0.005, 0.004)]
 )
 def test_it_waits_two_fifths_of_a_period_but_8_ms_where_that_is_less(period: float, seconds: float) -> None:
-    assert hold(period) == pytest.approx(seconds)
+    assert command_wait(period) == pytest.approx(seconds)
 
 
 @pytest.mark.parametrize("seconds", [0.004, 0.008, 0.0081, 0.02])
 def test_the_rate_it_holds_is_the_highest_at_which_it_waits_long_enough(seconds: float) -> None:
-    rate = held_rate(seconds)
-    assert hold(1.0 / rate) >= seconds * (1.0 - 1e-9)
-    assert hold(1.0 / (1.01 * rate)) < seconds
+    rate = rate_of_wait(seconds)
+    assert command_wait(1.0 / rate) >= seconds * (1.0 - 1e-9)
+    assert command_wait(1.0 / (1.01 * rate)) < seconds
 
 
 def test_it_records_how_long_the_commands_of_a_tick_took() -> None:

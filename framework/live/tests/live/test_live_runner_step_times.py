@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from navloom_live.live.step_times import KEPT, StepTimes
+from navloom_live.live.live_runner import STEPS_KEPT, StepTimes
 
 
 def test_the_newest_steps_are_kept_oldest_first() -> None:
     times = StepTimes()
     assert times.newest() == []
-    for tick in range(KEPT + 2):
+    for tick in range(STEPS_KEPT + 2):
         times.note(tick, 10 * tick)
-    assert len(times.newest()) == KEPT and times.newest()[0] == (2, 20)
-    assert times.newest(2) == [(KEPT, 10 * KEPT), (KEPT + 1, 10 * KEPT + 10)]
+    assert len(times.newest()) == STEPS_KEPT and times.newest()[0] == (2, 20)
+    assert times.newest(2) == [(STEPS_KEPT, 10 * STEPS_KEPT), (STEPS_KEPT + 1, 10 * STEPS_KEPT + 10)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 
-from navloom_live.live.presence import AGAIN, LIVES, Presence
+from navloom_live.live.presence import LIVES, MEET_INTERVAL, Presence
 from navloom_live.transport.keyspace import KeySpace
 
 KEYS = KeySpace("lab", "r1")
@@ -50,10 +50,10 @@ def test_a_flapping_instance_is_greeted_rarely_and_delays_no_other() -> None:
         presence.change(KEYS.alive(*SHADOW, str(number)), False)
     presence.change(KEYS.alive("mapper", "m", "1"), True)
     assert other.wait(SOON)
-    presence.change(KEYS.alive(*SHADOW, "last"), True)  # the last appearance is greeted as well, AGAIN s later
+    presence.change(KEYS.alive(*SHADOW, "last"), True)  # the last appearance is greeted as well, MEET_INTERVAL s later
     limit = time.monotonic() + SOON
     while met.count(SHADOW) < 2 and time.monotonic() < limit:
-        time.sleep(AGAIN / 10)
+        time.sleep(MEET_INTERVAL / 10)
     assert met.count(SHADOW) >= 2
     ending.set()
     following.join(SOON)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from navloom.messages import Envelope
 from navloom_live.live import publisher_restarts
-from navloom_live.live.publisher_restarts import BACKWARDS, HELD, RestartWatch, RivalWatch
+from navloom_live.live.publisher_restarts import BACKWARDS, RestartWatch, RivalWatch
+from navloom_live.timing import RIVAL_WINDOW
 
 
 def at(sequence: int, tick: int) -> Envelope:
@@ -87,6 +88,6 @@ def test_once_only_one_is_heard_it_counts_as_the_only_one(monkeypatch: pytest.Mo
     for sequence, stamp in turns(500, 20, 4):
         watch.note(sequence, round(stamp * 1e9))
     assert watch.is_split
-    now[0] += HELD
+    now[0] += RIVAL_WINDOW
     watch.note(504, 200_000_000)
     assert not watch.is_split

@@ -153,7 +153,7 @@ def test_a_request_is_not_retried_at_a_process_that_restarted_meanwhile() -> Non
 
 
 def test_a_missing_service_is_not_queried(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client_module, "JOIN", 0.1)
+    monkeypatch.setattr(client_module, "TOOL_JOIN_WAIT", 0.1)
     bus = LossyBus()
     bus.lives = []
     with pytest.raises(ClientError, match=r"goal main does not answer \(submit\): it is not there") as caught:

@@ -36,9 +36,8 @@ from navloom_live.transport.links import LinkError
 @pytest.fixture(autouse=True)
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "rt"))
-    monkeypatch.setattr(
-        diagnosis, "ADVANCE", 0.01
-    )  # a node that does not step is queried twice, without the two seconds between
+    # A node that does not step is queried twice, without the two seconds between.
+    monkeypatch.setattr(diagnosis, "STEP_WAIT", 0.01)
     return tmp_path / "rt"
 
 

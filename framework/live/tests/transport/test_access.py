@@ -22,7 +22,7 @@ from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom_live.hosting.network import streams_of
 from navloom_live.live.live_node_builder import all_sources
-from navloom_live.operating.client import AGAIN
+from navloom_live.operating.client import REQUEST_SPACING
 from navloom_live.transport.access import (
     ACTING,
     COMMAND,
@@ -152,7 +152,7 @@ class Net:
             )
             if answered:
                 return answered
-            time.sleep(AGAIN)
+            time.sleep(REQUEST_SPACING)
         return []
 
 
@@ -327,7 +327,7 @@ def test_an_acting_query_passes_the_router_up_to_its_size_limit(net: Net) -> Non
 def test_a_command_passes_the_router_up_to_its_size_limit(net: Net, who: str, key: str) -> None:
     large, fits = f"{who} ".ljust(COMMAND + 1), f"{who} ".ljust(COMMAND)
     for text in (large, fits):
-        time.sleep(AGAIN)  # of two at once the router drops the second, whatever happens to the first
+        time.sleep(REQUEST_SPACING)  # of two at once the router drops the second, whatever happens to the first
         net.sessions[who].put(f"lab/r1/{key}", text)
     assert net.robot.heard(f"lab/r1/{key}", fits) and net.robot.keys(large) == []
 

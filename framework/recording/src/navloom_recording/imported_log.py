@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,23 @@ from navloom.config import ConfigError, Loaded
 from navloom.config.schema import Config
 from navloom.config.tables import RunTable
 from navloom.engine.streams import OWN_PORTS
+from navloom.entry_kinds import GROUP
 from navloom.geometry.frames import compose, inverse
-from navloom.messages import Envelope, Message, Pose2D
+from navloom.messages import Envelope, Message, Pose2D, RangeScan, Sweep
 from navloom.messages.codec import encode, schema_label
 from navloom.plugins import Discovery, PluginError
+from navloom.plugins.hooks import hookimpl
+from navloom.plugins.one_file import available_points
+from navloom.plugins.registry import Registry
+from navloom.roles import InputError, Platform, PlatformInput, PlatformOutput
 
 from navloom_recording.recording_header import RecordingError, header_of
 from navloom_recording.world_attachments import world_files
 from navloom_recording.writer import RecordingWriter, WriteError
 
 __all__ = [
-    "INSTANCE", "OWN_PORTS", "PERIOD", "RANGE_SCAN", "SWEEP", "ImportedLog", "imported_config", "mount_option",
-    "placed_in_map", "start_option", "writing",
+    "INSTANCE", "OWN_PORTS", "PERIOD", "RANGE_SCAN", "SWEEP", "ImportedLog", "RecordedPlatform", "discovery",
+    "imported_config", "mount_option", "navloom_register", "placed_in_map", "start_option", "writing",
 ]  # fmt: skip
 
 INSTANCE = "recorded"
@@ -181,3 +187,26 @@ def mount_option(text: str) -> tuple[str, tuple[float, float, float, float]]:
             "as in --mount scan=0.1,0,0"
         ) from None
     return name, (x, y, math.radians(yaw_deg), z)
+
+
+class RecordedPlatform(Platform):
+    """Placeholder for the robot of a log."""
+
+    name = INSTANCE
+    sensor_kinds = {RANGE_SCAN: RangeScan, SWEEP: Sweep}
+
+    def advance(self, given: PlatformInput) -> PlatformOutput:
+        """Raise InputError: a log cannot be driven."""
+        raise InputError("the platform of an imported log cannot drive: replay it instead")
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Register the platform."""
+    registry.add(RecordedPlatform)
+
+
+def discovery() -> Discovery:
+    """The installed plugins and this platform. It is not installed itself, as it would be offered for real robots."""
+    own = EntryPoint(f"platform.{INSTANCE}", "navloom_recording.imported_log", GROUP)
+    return Discovery((), [*available_points(), own])

@@ -33,9 +33,8 @@ from navloom.messages import (
 from navloom.runs.shadow_comparison import Disagreement
 from numpy.typing import NDArray
 
-from navloom_recording.imported_log import placed_in_map
+from navloom_recording.imported_log import discovery, placed_in_map
 from navloom_recording.reader import Recorded, Recording
-from navloom_recording.recorded_platform import discovery
 from navloom_recording.substitutes import Substitute
 
 __all__ = ["DRIVER", "LogReplay", "place_in_map", "replay_log"]

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 from navloom.config import ConfigError
 from navloom.engine.event_schedule import schedule
-from navloom.engine.hold import LEAD
 from navloom.engine.lockstep_builder import own_node
 from navloom.engine.nodes.executor_inputs import GateTold, GoalTold, gone_of
-from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.gate_node import LIVE_LEAD, GateNode
 from navloom.engine.nodes.goal_node import GoalNode
 from navloom.engine.nodes.localizer_node import LocalizerNode
 from navloom.engine.nodes.node_base import Node, Tick
@@ -212,7 +211,7 @@ class Replayer:
         own = own_node(self.system, role, lambda role, name: False, is_live=self.is_live)
         node = own if own is not None else role_nodes(self.system, {source})[source]
         if isinstance(node, GateNode) and self.is_live:
-            node.lead = LEAD
+            node.lead = LIVE_LEAD
         return ReplayNode(source, FedNode(spec, node))
 
     def _step(self, node: ReplayNode, step: Step) -> Stepped | None:
@@ -261,6 +260,7 @@ class Replayer:
         node.is_warm = lambda role, name: f"{role} {name}" in told.warm
         node.find_waiting = lambda: told.waiting
         if self.is_live:
+            # What the executor told the gate beside its inputs decides as they do.
             node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, gone_of(told.gone)
             node.has_new_platform, node.late = told.restarted, told.late
             for one in told.obeyed:

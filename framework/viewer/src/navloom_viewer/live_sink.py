@@ -21,7 +21,7 @@ __all__ = ["LiveSink"]
 
 MOST_BYTES, MOST_ITEMS = 64 * 2**20, 50_000
 """Most bytes, and most items, that wait for the viewer; beyond that the oldest are dropped."""
-LOOK = 0.25
+VIEWER_CHECK_INTERVAL = 0.25
 """Interval of checks for a viewer, s."""
 
 Send = Callable[[Any], None]
@@ -115,9 +115,9 @@ class LiveSink:
         while not self._is_done():
             try:
                 # The SDK does not tell when a viewer has gone; a plain socket to its port ends with it.
-                canary = socket.create_connection((self.host, self.port), LOOK)
+                canary = socket.create_connection((self.host, self.port), VIEWER_CHECK_INTERVAL)
             except OSError:
-                time.sleep(LOOK)
+                time.sleep(VIEWER_CHECK_INTERVAL)
                 continue
             with canary:
                 self._begin()
@@ -177,8 +177,8 @@ class LiveSink:
 
 
 def _has_ended(canary: socket.socket) -> bool:
-    """Whether the other end has closed; waits up to `LOOK` seconds."""
-    readable, _, _ = select.select([canary], [], [], LOOK)
+    """Whether the other end has closed; waits up to `VIEWER_CHECK_INTERVAL` seconds."""
+    readable, _, _ = select.select([canary], [], [], VIEWER_CHECK_INTERVAL)
     if not readable:
         return False
     # A connection that was reset has ended too.

@@ -15,7 +15,7 @@ from navloom.runs.episode import Episode, run_episode
 
 from navloom_viewer.bridge import BridgeCounts
 from navloom_viewer.drawing import Shown
-from navloom_viewer.observe import Gathering
+from navloom_viewer.lockstep_viewing import Gathering
 from navloom_viewer.picture_setup import facts_of
 from navloom_viewer.viewer_session import Showing, Where, showing
 

@@ -9,8 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from navloom_check.check_bench import Bench
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.contract.parameter_bounds import values_of
 from navloom_check.findings import NotRun, Remark
 from navloom_check.plugin_player import Fault

@@ -28,7 +28,6 @@ from navloom_check.contract import (
     plugin_declarations,
     recovery_attempts,
     resource_use,
-    used,
     verbless_plugins,
     world_schemes,
 )
@@ -52,7 +51,6 @@ CHECKS = (
     *determinism.CHECKS,
     *instance_isolation.CHECKS,
     *parameter_bounds.CHECKS,
-    *used.CHECKS,
     *resource_use.CHECKS,
     *long_drives.CHECKS,
     *late_start.CHECKS,

@@ -9,8 +9,7 @@ from navloom.messages import PlanFailure
 
 from navloom_check.check_bench import USUAL, Bench
 from navloom_check.check_scenes import IMPOSSIBLE
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.findings import Finding, NotRun
 
 __all__ = ["CHECKS"]

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from navloom_check.check_bench import Bench, alike
 from navloom_check.check_scenes import PlayedScene, made_scenes
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.findings import Finding, NotRun
 from navloom_check.plugin_player import Fault, digest, first_difference, loosened, through_codec
 from navloom_check.worker_process import digests_of

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from navloom_check.check_bench import Bench, alike
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.findings import Finding
 from navloom_check.process_state import PROCESS_STATE
 from navloom_check.side_effects import GUARD

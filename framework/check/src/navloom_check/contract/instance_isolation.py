@@ -13,9 +13,8 @@ from typing import Any
 
 from navloom_check.check_bench import Bench, alike
 from navloom_check.check_scenes import PlayedScene
-from navloom_check.checks import check
+from navloom_check.checks import PLAYED, check
 from navloom_check.contract.determinism import IN_SELF
-from navloom_check.contract.kinds import PLAYED
 from navloom_check.findings import Finding
 from navloom_check.plugin_player import Fault, Player, digest, first_difference
 

@@ -11,8 +11,7 @@ from navloom.messages import Message
 
 from navloom_check.check_bench import Bench, alike
 from navloom_check.check_scenes import PERIOD, PlayedScene
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.findings import Finding
 from navloom_check.plugin_player import Fault
 from navloom_check.shifted_inputs import restamped

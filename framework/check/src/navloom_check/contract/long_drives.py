@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from navloom_check import builders, messages, scenes
 from navloom_check.check_bench import Bench, alike
 from navloom_check.check_scenes import PERIOD, PlayedScene
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.contract.resource_use import COMMANDING, beyond
 from navloom_check.findings import Finding, NotRun
 from navloom_check.plugin_player import Fault, digest

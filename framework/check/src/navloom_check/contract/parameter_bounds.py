@@ -14,8 +14,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from navloom_check.check_bench import Bench, alike
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.findings import Finding, NotRun
 from navloom_check.plugin_player import Fault
 

@@ -21,8 +21,7 @@ from navloom.roles import ROLES, PlatformOutput, RobotSpec
 from navloom_check.captured_output import PRINTED
 from navloom_check.check_bench import Bench, alike
 from navloom_check.check_scenes import PERIOD, PlayedScene
-from navloom_check.checks import check
-from navloom_check.contract.kinds import PLAYED
+from navloom_check.checks import PLAYED, check
 from navloom_check.findings import Finding, NotRun
 from navloom_check.plugin_player import Fault, size_of
 from navloom_check.shifted_inputs import nudged, restamped

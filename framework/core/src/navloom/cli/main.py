@@ -1,4 +1,4 @@
-"""`navloom`: finds the command, and turns errors into one message and an exit code."""
+"""`navloom`: options before a command, the command, and errors as one message and an exit code."""
 
 from __future__ import annotations
 
@@ -7,14 +7,43 @@ import errno
 import logging
 import os
 import sys
+from typing import Annotated
 
-from navloom.cli import about, distribution_commands
+import typer
+
+from navloom.cli import distribution_commands
 from navloom.cli.command import App
 from navloom.cli.tracebacks import with_traceback
+from navloom.entry_kinds import TRACE_HOOKS
 from navloom.errors import NavloomError
+from navloom.installed import print_versions
 from navloom.logs import Level, set_up_logging
 
 __all__ = ["app", "main"]
+
+
+def _about(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the versions of navloom, Python and plugin distributions.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="With --version: print JSON.")] = False,
+    trace_hooks: Annotated[
+        bool, typer.Option("--trace-hooks", help="Print every call of a plugin's hook to standard error.")
+    ] = False,
+) -> None:
+    """Plugin-based navigation for mobile robots."""
+    if trace_hooks:
+        os.environ[TRACE_HOOKS] = "1"  # child processes inherit it
+    if version:
+        print_versions(as_json)
+        raise typer.Exit()
+    if as_json:
+        command = context.invoked_subcommand or "COMMAND"
+        raise typer.BadParameter(f"--json comes after the command: navloom {command} … --json")
+    if context.invoked_subcommand is None:
+        raise typer.BadParameter("expected a command; `navloom --help` lists them")
+
 
 app = App(
     cls=distribution_commands.Commands,
@@ -23,7 +52,7 @@ app = App(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.callback(invoke_without_command=True)(about.about)
+app.callback(invoke_without_command=True)(_about)
 
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}

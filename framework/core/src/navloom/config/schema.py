@@ -74,6 +74,7 @@ class Config(OptionalTables):
     @classmethod
     def _roles_have_plugins(cls, given: Any) -> Any:
         """A table that names no plugin gets the default one; an optional role without a table gets none."""
+        # pydantic refuses it with a message of its own.
         if not isinstance(given, dict):
             return given
         roles = {role: given.get(role, {}) for role in DEFAULT_PLUGINS if role in REQUIRED_ROLES or role in given}
@@ -96,11 +97,13 @@ class Config(OptionalTables):
             return given
         names = [table.get("name") for table in tables if isinstance(table, dict)]
         placed = {node for nodes in processes.values() for node in nodes}
+        # Those with a taken name are refused by `_wrong_nodes`; placed, they would be refused for the process instead.
         added = [(name, OWN_PROCESS) for name in names if isinstance(name, str) and name not in TAKEN]
         added += [(role, cls.facts.process) for role, cls in ROLES.items() if cls.facts.is_optional and role in given]
         left = [(name, process) for name, process in added if name not in placed]
         if not left:
             return given
+        # A new dict: the given one belongs to the caller, who may show or write it.
         spread = {process: list(nodes) for process, nodes in processes.items()}
         for name, process in left:
             spread.setdefault(process if process in spread else OWN_PROCESS, []).append(name)

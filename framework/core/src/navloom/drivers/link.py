@@ -11,7 +11,7 @@ from navloom.errors import NavloomError
 
 __all__ = ["DriverError", "Link"]
 
-FIRST, MOST = 0.05, 1.0
+RETRY_FIRST, RETRY_MOST = 0.05, 1.0
 """First and longest pause between attempts to open, s; the pause doubles from one to the other."""
 SLICE = 0.05
 """Longest wait of one read, s, and so the longest delay before the thread ends."""
@@ -98,7 +98,7 @@ class Link:
         self._leave("closed")
 
     def _run(self) -> None:
-        pause = FIRST
+        pause = RETRY_FIRST
         while not self._ends.is_set():
             try:
                 port = self._open_port()
@@ -109,9 +109,9 @@ class Link:
                 why = self._serve(port)
                 self._leave(why)
                 # A port that opens and fails at once must not be tried in a tight loop.
-                pause = FIRST if time.monotonic() - began > self._silence else pause
+                pause = RETRY_FIRST if time.monotonic() - began > self._silence else pause
             self._ends.wait(pause)
-            pause = min(2.0 * pause, MOST)
+            pause = min(2.0 * pause, RETRY_MOST)
 
     def _serve(self, port: Port) -> str:
         """Read until a failure, and return its reason."""

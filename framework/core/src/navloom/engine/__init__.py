@@ -1,6 +1,7 @@
 """The graph of nodes and its executor in lockstep. It has no thread, socket, file or clock of its own.
 
-Begin with `build.py`, `assemble`: from a config to a `System`; then `stepper.py`, one step, and `lockstep.py`.
+Begin with `build.py`, `assemble`: from a config to a `System`; then `stepper.py`, when a node steps
+and what comes of it, and `lockstep.py`.
 `streams.py` declares every stream once; `node_graph.py` orders the nodes; `wiring.py` carries messages by reference.
 `plugin_factory.py` makes the plugins, `answer_checks.py` checks what they return, `trace.py` makes runs comparable.
 """

@@ -49,9 +49,9 @@ from navloom.roles import (
 __all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor", "TypeDoor",
            "notes_of", "verb_place"]  # fmt: skip
 
-AHEAD_NS = 1_000_000_000
+STAMP_LEAD_NS = 1_000_000_000
 """Largest lead of a stamp over the run clock, ns: a driver's clock may differ a little."""
-BACK_NS = 1_000_000_000
+MAP_STEP_BACK_NS = 1_000_000_000
 """Largest step back of a map's stamp, ns: a map that was cleared restarts from older data."""
 FAR = 10.0
 """Multiple of a limit beyond which a command is reported: the cause is a wrong unit, not a high gain."""
@@ -88,7 +88,7 @@ class _Door:
 
     def check_ahead(self, name: str, stamp_ns: int, now_ns: int) -> None:
         """Refuse a stamp that is ahead of the run clock."""
-        if stamp_ns > now_ns + AHEAD_NS:
+        if stamp_ns > now_ns + STAMP_LEAD_NS:
             self.refuse(
                 f"gave {name} stamped {_seconds(stamp_ns)}",
                 f"run clock in ns, which is at {_seconds(now_ns)}; wall-clock time does not fit",
@@ -138,7 +138,7 @@ class PlatformDoor(_Door):
             # Requests are repeated under the same number when an answer is late.
             self._asked = max(self._asked, given.sweep_request.request_id)
         stamp_ns = answer.odometry.stamp_ns
-        if not self._odometry_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
+        if not self._odometry_ns <= stamp_ns <= self._now_ns + STAMP_LEAD_NS:
             self._refuse_stamp("odometry", stamp_ns, self._odometry_ns)
         self._odometry_ns = stamp_ns
         for name, scan in answer.scans.items():
@@ -171,7 +171,7 @@ class PlatformDoor(_Door):
         if not isinstance(scan, (RangeScan, Sweep)):
             return
         stamp_ns, before_ns = scan.stamp_ns, self._newest[name]
-        if not before_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
+        if not before_ns <= stamp_ns <= self._now_ns + STAMP_LEAD_NS:
             self._refuse_stamp(f"a scan of {name!r}", stamp_ns, before_ns)
         self._newest[name] = stamp_ns
         if scan.range_min > scan.range_max:
@@ -219,7 +219,7 @@ class MapperDoor(_Door):
             self.refuse_type(answer, "MapUpdate or None")
         self.check_ahead("a map", answer.stamp_ns, given.stamp_ns)
         # A mapper that was cleared restarts from older data.
-        if answer.stamp_ns < self._newest - BACK_NS:
+        if answer.stamp_ns < self._newest - MAP_STEP_BACK_NS:
             self.refuse(
                 f"gave a map stamped {_seconds(answer.stamp_ns)}",
                 f"the stamp of its newest data, which was {_seconds(self._newest)} in the map before",

@@ -193,6 +193,7 @@ def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[
             if table.kind not in platform.sensor_kinds:
                 hint = nearest(table.kind, list(platform.sensor_kinds))
                 raise ConfigError(f"sensor.{number}.kind: {platform.name} has no sensor of kind {table.kind!r}{hint}")
+            # A sensor's name becomes a port beside these.
             if table.name in OWN_PORTS:
                 raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port of every platform; choose another")
             if table.kind in platform.sensor_settings:

@@ -67,6 +67,8 @@ class Catalogue(PortTable):
         self.strangers = dict(strangers)
         self.absent = frozenset(ROLES).difference(roles)
         own = {node.role: node for node in NODES if node.role not in self.absent}
+        # Strangers last: nodes that do not depend on each other step in listed order, and a new one must not move the
+        # others.
         self.nodes: dict[str, type[Node]] = {**own, **strangers}
         super().__init__(port for role, node in self.nodes.items() for port in node.ports(Wired(role)))
         extra = [role for role in own if role in ROLES and ROLES[role].facts.is_optional]

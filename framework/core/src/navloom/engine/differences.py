@@ -71,6 +71,7 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
     if our_pose is not None and their_pose is not None:
         turned = abs(float(wrap(np.asarray(their_pose.heading - our_pose.heading))))
         return {"distance": math.hypot(their_pose.x - our_pose.x, their_pose.y - our_pose.y), "angle": turned}
+    # Of a role only the answer is compared, not what else its node publishes; nodes of strangers always are.
     is_compared = role not in ROLES or isinstance(ours, answers_of(role))
     return {"unequal": float(not _is_same(ours, theirs))} if is_compared else {}
 

@@ -25,7 +25,7 @@ from navloom.navigation.braking import Braking, Ending
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
-TELL_NS = 100_000_000
+PROGRESS_INTERVAL_NS = 100_000_000
 """Shortest wall time between two reports of progress, ns; slower ticks are each reported."""
 
 
@@ -185,7 +185,7 @@ class Lockstep:
                 now = perf_counter_ns()
                 self.log.tick_ns.append(now - before)
                 self.log.control_ns.append(sum(self._control_ns))
-                if progress is not None and now - told >= TELL_NS:
+                if progress is not None and now - told >= PROGRESS_INTERVAL_NS:
                     told = now
                     progress(number)
                 measured = odometry.message.twist if isinstance(odometry.message, Odometry) else None

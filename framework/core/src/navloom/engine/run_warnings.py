@@ -35,7 +35,7 @@ MOST_PER_SECOND = 100e6
 """Largest rate that one stream can carry on one host, bytes/s."""
 FEW = 20
 """Fewest steps for a verdict on a node: one that only loads something in its first steps is not slow."""
-SILENT = 1.0
+SENSOR_SILENCE = 1.0
 """Longest silence of a range sensor without a warning, s; or three of its own intervals if these are longer."""
 
 
@@ -224,7 +224,7 @@ def silent_sensors(warnings: RunWarnings, system: System, heard: Heard) -> None:
             continue  # a sensor of another kind may publish only when there is something to report
         count, tick = heard.scans[sensor.name]
         since = tick if count else heard.began - 1
-        allowed = max(SILENT, 3.0 * period * (tick - heard.began + 1) / max(1, count))
+        allowed = max(SENSOR_SILENCE, 3.0 * period * (tick - heard.began + 1) / max(1, count))
         if cls.scans_on_request(sensor):
             allowed = system.config.navigation.map_timeout
             # A sweep comes only when asked for: silence counts from the request on.

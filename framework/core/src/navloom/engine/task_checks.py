@@ -1,4 +1,4 @@
-"""Checks of a task before the first tick, against the true world where one is known."""
+"""Checks of a task before the first tick: sensors, limits, and places in the true world where one is known."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.engine.build import stride_of
-from navloom.engine.needs import needed_sensors
+from navloom.engine.plugin_instances import Part
 from navloom.engine.system import System
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
+from navloom.plugins import Discovery, PluginError
+from navloom.plugins.registry import NODE
+from navloom.roles import ROLES, Platform, Role
 
-__all__ = ["check_live", "check_task", "is_real", "place_problem"]
+__all__ = ["LEAST_HANG_TIMEOUT", "check_live", "check_task", "is_real", "place_problem"]
+
+LEAST_HANG_TIMEOUT = 1.5
+"""Shortest `live.hang_timeout`, s: a live node may wait so long for a reader until its link is closed."""
 
 
 def is_real(system: System) -> bool:
@@ -50,13 +56,13 @@ def check_task(system: System) -> None:
 
 def _check_drive(system: System, *more: str) -> None:
     """Refuse a robot that cannot drive. Raises ConfigError with one line for each problem, after those in `more`."""
-    problems = [*more, *_places(system), *needed_sensors(system), *_delays(system), *_robot(system)]
+    problems = [*more, *_places(system), *_needed_sensors(system), *_delays(system), *_robot(system)]
     if problems:
         raise system.loaded.error(*problems)
 
 
 def check_live(system: System) -> None:
-    """Refuse a live robot that cannot drive, as in `check_task`, or whose gate would stop it in every tick.
+    """Refuse a live robot that cannot drive, as in `check_task`, or whose limits would stop or end it in every drive.
 
     Raises:
         ConfigError: One line for each problem.
@@ -65,7 +71,7 @@ def check_live(system: System) -> None:
 
 
 def _limits(system: System) -> Iterator[str]:
-    """Limits of the gate that no live robot of this period can hold: lockstep has no time between two ticks."""
+    """Limits that no live robot can hold: lockstep has no time between two ticks, and waits for no reader."""
     config = system.config
     period, gate = config.run.period, config.gate
     for name, limit in (("stop_deadline", gate.stop_deadline), ("sensor_timeout", gate.sensor_timeout)):
@@ -75,6 +81,11 @@ def _limits(system: System) -> Iterator[str]:
                 f"gate.{name}: is {limit:g} s; expected more than run.period = {period:g} s, or a live robot stops in "
                 f"every tick; give {2.0 * period:g} s or more"
             )
+    if config.live.hang_timeout < LEAST_HANG_TIMEOUT:
+        yield (
+            f"live.hang_timeout: is {config.live.hang_timeout:g} s; expected {LEAST_HANG_TIMEOUT:g} s or more: a node "
+            "may wait so long for another process that does not answer, and would be ended for it"
+        )
 
 
 def _places(system: System) -> Iterator[str]:
@@ -158,3 +169,49 @@ def _disc(radius: float) -> NDArray[np.float64]:
     """(16, 2) corners of a polygon within a disc, m: the area that a robot covers at any heading."""
     angles = np.arange(16) * (math.tau / 16)
     return radius * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def _needed_sensors(system: System) -> Iterator[str]:
+    """One problem, with fixes, for each plugin that needs a sensor and has none that it accepts."""
+    for part in system.parts.values():
+        # An avoider that never drives may stay blind.
+        is_idle = part.role == "avoider" and system.config.navigation.handover == "never"
+        if part.cls.needs_sensor and part.cls.accepts and not part.sensors and not is_idle:
+            yield _without_sensor(system, part)
+
+
+def _without_sensor(system: System, part: Part) -> str:
+    messages = " or ".join(message.__name__ for message in part.cls.accepts)
+    key, default = "plugin", "" if system.loaded.gives(f"{part.place}.plugin") else ", the default,"
+    if part.table.sensors is not None:
+        key, has = "sensors", "this list names none"
+    else:
+        present = ", ".join(sorted({sensor.kind for sensor in system.sensors}))
+        has = f"there is none among {present}" if present else "there is no [[sensor]]"
+    platform = system.parts[("platform", system.config.platform.instance)].cls
+    assert issubclass(platform, Platform)
+    kinds = [kind for kind, message in platform.sensor_kinds.items() if issubclass(message, part.cls.accepts)]
+    fixes = [f"add a [[sensor]] of kind {' or '.join(kinds)}"] if kinds and part.table.sensors is None else []
+    if others := _others(system, part):
+        fixes.append(f"take another {part.role}, as {' or '.join(others)}")
+    if part.role == "avoider":
+        fixes.append('set navigation.handover = "never"')
+    helps = f": {', or '.join(fixes)}" if fixes else ""
+    return f"{part.place}.{key}: {part.cls.name}{default} needs a sensor that gives {messages}, and {has}{helps}"
+
+
+def _others(system: System, part: Part) -> list[str]:
+    """Plugins of the same role that can work with the configured sensors."""
+    platform = system.parts[("platform", system.config.platform.instance)].cls
+    assert issubclass(platform, Platform)
+    given = [platform.sensor_kinds[sensor.kind] for sensor in system.sensors]
+    discovery, found = Discovery(system.config.plugins.blocked), []
+    for name in discovery.names(part.role if part.role in ROLES else NODE):
+        try:
+            cls: type[Role] = discovery.plugin(part.role, name)
+        # A broken plugin is no fix; `navloom plugins` tells about it.
+        except PluginError:
+            continue
+        if not (cls.needs_sensor and cls.accepts) or any(issubclass(message, cls.accepts) for message in given):
+            found.append(name)
+    return found

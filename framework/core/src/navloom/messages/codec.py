@@ -230,6 +230,7 @@ def _classes_of(label: str) -> tuple[type[Message], type[Message]]:
         raise UnknownSchema(
             f"schema {brief(label)} is unknown here: the sender runs another set of plugins or versions"
         )
+    # Versions differ in meaning, not only in fields: guessing would drive a robot by wrong numbers.
     if version != str(cls.schema_version) and label not in OLDER:
         raise UnknownSchema(
             f"schema {brief(label)}: this side speaks version {cls.schema_version}; update the older side"

@@ -91,6 +91,7 @@ def message(version: Any = 1, now: type[Message] | None = None) -> Any:
             OLDER[f"{now.schema_name}/{version}"] = made
             return made
         other = SCHEMAS.setdefault(made.schema_name, made)
+        # A module may be loaded again, or run as a script: the same class of the same file is no conflict.
         if (_file_of(other), other.__qualname__) != (_file_of(made), made.__qualname__):
             raise TypeError(f"message {made.schema_name} is declared in {other.__module__} already: rename this one")
         SCHEMAS[made.schema_name] = made

@@ -156,6 +156,7 @@ class ActiveGoal:
 
     def is_blocked(self, seen: GoalView) -> bool:
         """Whether the gate has stopped the robot for an obstacle for too long."""
+        # Only stops for an obstacle count: a recovery cannot end a stop for silence or by an operator.
         if not (seen.gate is not None and seen.gate.stopped and seen.stop_kind in ("obstacle", "no_room")):
             self.free_at = seen.time
         return seen.time - self.free_at > BLOCKED
@@ -196,6 +197,7 @@ def feedback_of(active: ActiveGoal | None, state: GoalState, seen: GoalView) -> 
 def overdue(seen: GoalView) -> GoalEnd:
     """How a goal ends that is not reached at its deadline."""
     if _is_held(seen):
+        # The goal did not fail: an operator held the robot until the time was over.
         return GoalEnd("stopped", "not_resumed", "an operator's stop was not resumed")
     return GoalEnd("timeout", "overdue", f"not there after {seen.time:g} s")
 

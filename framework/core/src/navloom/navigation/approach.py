@@ -42,7 +42,9 @@ def slow_down(samples: Floats, braking: Braking, tolerance: float) -> Floats:
     if braking.way(float(np.interp(-tolerance, -left, samples[:, 5]))) <= ACROSS * tolerance:
         return samples
     v = max(SLOWEST, braking.speed_within(tolerance))
+    # The robot follows the reference late, by its delay: over that time it may fall by half of v at most.
     gentle = min(braking.robot.max_deceleration, 0.5 * v / braking.delay)
+    # Not down to zero: tracking laws need a moving reference, and the goal stops the robot.
     within = np.maximum(SLOWEST, 0.5 * v * (1.0 + left / tolerance))
     before = np.sqrt(v * v + 2.0 * gentle * np.maximum(left - tolerance, 0.0))
     # Copied, because the trajectory given may already be published.

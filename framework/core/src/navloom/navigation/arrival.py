@@ -87,6 +87,7 @@ class Arrival:
         is_near = active.distance(pose) <= self.rules.tolerance
         if is_near and active.heading_error(pose) <= self.rules.heading_tolerance:
             return Move(end=GoalEnd("succeeded", "reached", "the goal was reached"))
+        # A robot that cannot stop where it aims would otherwise turn and drive at its goal for ever.
         if active.misses >= MISSES:
             why = f"missed the goal {MISSES + 1} times, the last time by {active.off_by(pose)}"
             return Move(end=GoalEnd("stuck", "missed", why))

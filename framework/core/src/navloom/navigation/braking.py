@@ -46,6 +46,7 @@ class Braking:
     def patience(self) -> float:
         """Longest time until a robot stands: the ramp from the largest speed, and all delays, s."""
         robot = self.robot
+        # Every part is an upper bound: what ends too early would decide on a moving robot.
         return robot.max_linear / robot.max_deceleration + self.delay + SETTLING * robot.motor_lag + MORE
 
     def way(self, speed: float) -> float:
@@ -60,6 +61,7 @@ class Braking:
         """Speed, m/s, from which a distance, m, is enough to stop: the inverse of `way`."""
         deceleration = self.robot.max_deceleration
         free = deceleration * self.delay
+        # The positive root of way = v t + v² / 2a.
         return math.sqrt(free * free + 2.0 * deceleration * way) - free
 
 
@@ -71,6 +73,7 @@ class Standstill:
     """
 
     def __init__(self, braking: Braking) -> None:
+        # A robot with dead time may stand while a command to drive is still on its way to the wheels.
         self._held = braking.robot.dead_time + braking.period
         self._moved_at = -math.inf
 

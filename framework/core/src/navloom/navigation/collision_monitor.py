@@ -126,6 +126,7 @@ class CollisionMonitor:
         self.ignores_unseen = False
         self._outline = np.ascontiguousarray(robot.footprint, dtype=np.float64)
         self._radius = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max())
+        # Infinity times a time of 0 would be NaN in the kernel.
         turning = min(robot.max_angular_acceleration, 1e6)
         self._motor = np.array([limits.period, robot.max_deceleration, turning, robot.motor_lag, robot.dead_time])
         self._rolled, self._alone = np.empty((MOST_POSES, 3)), np.empty((MOST_POSES, 3))
@@ -319,6 +320,7 @@ class CollisionMonitor:
         """How far from the base the robot may come until it has stopped, m."""
         robot, limits = self.limits.robot, self.limits
         v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
+        # Generous by 0.1 s: a point too many costs time only, one too few is an obstacle that is not seen.
         lag = 5.0 * robot.motor_lag
         time = age + robot.dead_time + limits.period + lag + 0.5 * v / robot.max_deceleration + 0.1
         return self._radius + limits.margin + MOST_DRIFT + v * time

@@ -108,15 +108,18 @@ class CommandGate:
     def fault(self, sensed: Sensed) -> StopReason | None:
         """Why no source is allowed to drive; None if one is."""
         hindrance = self._hindrance(sensed)
+        # The hindrance is computed in either case, because it latches contacts.
         return StopReason("operator") if self._operator_stop else hindrance
 
     def _hindrance(self, sensed: Sensed) -> StopReason | None:
         """Contact or silence, which forbid a ramp too; None for neither."""
+        # Latched here and not by the goal: a stop for contact must not wait for the goal's turn in the next tick.
         self._contact = self._contact or sensed.touching
         if self._contact:
             return StopReason("contact")
         if sensed.is_silent:
             return StopReason("silent_platform")
+        # Against the platform's stamps, not a clock: hosts need no common time, and a paused simulation is not silent.
         for name, stamp in sensed.sensors_ns.items():
             if sensed.platform_ns - stamp > self.limits.sensor_timeout_ns:
                 return StopReason("silent_sensor", name)
@@ -154,6 +157,7 @@ class CommandGate:
 
     def latch(self, reason: StopReason | None) -> None:
         """Take over the stop of an earlier gate. A stop for a silent operator becomes an operator's stop."""
+        # The operator cannot know that the gate was restarted: nothing drives until a `resume`.
         latched = "" if reason is None else reason.stop.restores
         self._operator_stop, self._contact = latched == "operator", latched == "contact"
 
@@ -190,6 +194,7 @@ class CommandGate:
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
         if reason is not None and self.ramps(reason, sensed):
             return self._slow_down(reason, sensed, pending)
+        # A step to zero, not a ramp: the command that a ramp would continue is stale, missing or wrong.
         if reason is not None or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
         self._driver, self._ramp = source, None
@@ -228,6 +233,7 @@ class CommandGate:
         """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
         self._ramp, speed = reason, self.speed
         slower = braked(speed, self.limits.robot.max_deceleration * self.limits.period)
+        # The turn rate falls in proportion, so that the ramp follows the curvature that the monitor found free.
         verdict = Verdict(self._limit(Twist2D(slower, 0.0, self.turn * slower / speed if speed else 0.0)))
         if self.monitor is not None:
             verdict = self.monitor.judge(verdict.twist, speed, sensed.platform_ns * 1e-9)
@@ -277,30 +283,38 @@ class CommandGate:
         if offer is None:
             absent = self._absent(self._driver, sensed) if self.is_moving else None
             return absent or _waits(sensed) or StopReason("no_trajectory")
+        # An operator may drive a robot home whose planner or mapper has died.
         if sensed.gone and source != "operator":
             return sensed.gone
+        # Both, whoever drives: a silent avoider could no longer take over, and its hand-over would be stale.
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)
             if part is None:
                 return _waits(sensed) or StopReason("silent", role)
+            # `abs`: a command that claims to derive from the future is refused like a stale one.
             if abs(sensed.platform_ns - part.cause_ns) > self.limits.stop_deadline_ns:
                 return _stale(role, part.instance)
         if sensed.late and source != "operator":
             return StopReason("goal_late")
+        # A command of the previous selection may still be on its way after a swap; operators are never swapped.
         if offer.epoch < epoch and source != "operator":
             return StopReason("old_selection", f"{source} {offer.instance}")
         return None
 
     def _absent(self, driver: str, sensed: Sensed) -> StopReason | None:
         """A missing node or a late goal node as a reason; None for neither, or if an operator drives."""
+        # An operator drives without the nodes of autonomy, so that their absence ends no ramp either.
         if driver == "operator":
             return None
         return sensed.gone or (StopReason("goal_late") if sensed.late else None)
 
     def _limit(self, twist: Twist2D) -> Twist2D:
+        """The velocity within the robot's limits of speed and acceleration, which becomes the last command."""
         robot, period = self.limits.robot, self.limits.period
+        # Limited, not refused: a high gain exceeds a limit now and then. Wrong units are reported by the door.
         wanted = min(max(twist.vx, -robot.max_linear), robot.max_linear)
+        # Through zero counts as braking: only the part that leads away from zero is acceleration.
         speeding_up = abs(wanted) > abs(self.speed) and wanted * self.speed >= 0.0
         step = (robot.max_acceleration if speeding_up else robot.max_deceleration) * period
         speed = min(max(wanted, self.speed - step), self.speed + step)

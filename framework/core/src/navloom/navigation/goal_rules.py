@@ -50,6 +50,7 @@ class GoalRules:
     scans_on_request: bool
     feedback_ticks: int
     braking: Braking
+    # In lockstep no message is lost, so that no request is repeated, and a run has one deadline for all goals.
     is_live: bool = False
     replan: ReplanRules = field(default_factory=ReplanRules)
 

@@ -1,7 +1,8 @@
 """The roles that plugins fill: one abstract class, one input struct and one verb each.
 
 Begin with `base.py` (construction, parameters, context, errors), then any role, as `avoider.py`.
-A fact about a role (its verb, its patience, its purpose) is stated in its class and nowhere else.
+A fact about a role (its purpose, its process, who commands the wheels) is stated once, as its `facts` (`facts.py`).
+`engine/nodes` steps each role, and `engine/streams.py` declares what it publishes.
 `extra.py` declares messages that a plugin reads beyond its role, `claims.py` what it promises to do.
 """
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from navloom.engine.system import System
 from navloom.engine.task_checks import check_task
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
-from navloom.plugins import Discovery
+from navloom.plugins import Discovery, RunInfo
 from navloom.plugins.code_owners import Owned, Owners
 from navloom.plugins.output_limit import LARGEST_OUTPUT, bounded_output
 from navloom.plugins.run_observers import Onlookers
@@ -30,10 +30,9 @@ from navloom.plugins.thread_owners import keeping_alive, started_by, watched_thr
 from navloom.runs import metric_functions
 from navloom.runs.episode_recorder import Recorder
 from navloom.runs.episode_trail import Trail, trail_of, ways_of
-from navloom.runs.observed import run_info
 from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
 
-__all__ = ["Episode", "run_episode"]
+__all__ = ["Episode", "run_episode", "run_info"]
 
 POSE_ERRORS = {
     "rms": metric_functions.pose_error_rms,
@@ -181,3 +180,12 @@ def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:
 
 def _median_ms(steps: Sequence[int]) -> float | None:
     return float(np.median(steps)) * 1e-6 if steps else None
+
+
+def run_info(loaded: Loaded, kind: Literal["lockstep", "barrier", "live"]) -> RunInfo:
+    """Description of a run of this config, for observers."""
+    config = loaded.config
+    return RunInfo(
+        kind, loaded.name, config.model_dump(mode="json"), loaded.sha256(), config.robot.realm, config.robot.name,
+        config.run.seed,
+    )  # fmt: skip

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from navloom.engine.event_schedule import goal_at
 from navloom.geometry.angles import wrap
+from navloom.geometry.collision import overlap_depth
 from navloom.geometry.footprints import inscribed_radius
-from navloom.geometry.overlap import overlap_depth
 from navloom.geometry.world import Place, World
 from navloom.messages import Goal, GoalResult
 from navloom.parts import has_part, part

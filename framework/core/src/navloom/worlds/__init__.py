@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from navloom.geometry.world import World
+from navloom.misspelt import did_you_mean
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.registry import Registry
 from navloom.worlds.paper_world import (
@@ -23,7 +24,7 @@ from navloom.worlds.paper_world import (
 from navloom.worlds.rasters import length_of, raster_bounds, wall_height
 from navloom.worlds.tomlfile import toml_world
 from navloom.worlds.trial_worlds import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
-from navloom.worlds.world_errors import WorldError, did_you_mean, file_of, options_of, read_bytes, readable
+from navloom.worlds.world_errors import WorldError, file_of, options_of, read_bytes, readable
 
 __all__ = [
     "SCHEMES", "WORLDS", "WorldError", "did_you_mean", "file_of", "length_of", "navloom_register", "options_of",

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from navloom.inputs.texts import shortened
-from navloom.worlds.world_errors import WorldError, did_you_mean
+from navloom.misspelt import did_you_mean
+from navloom.worlds.world_errors import WorldError
 
 __all__ = ["FileTable"]
 

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from urllib.parse import parse_qsl
 
 from navloom.errors import NavloomError
 from navloom.inputs.bounds import read_file
+from navloom.misspelt import did_you_mean
 
-__all__ = ["WorldError", "did_you_mean", "file_of", "options_of", "read_bytes", "readable"]
-
-
-_SHOWN = 30
-"""Most names that an error lists."""
+__all__ = ["WorldError", "file_of", "options_of", "read_bytes", "readable"]
 
 
 class WorldError(NavloomError, ValueError):
     """A world cannot be made; the text names the file and place, the given value and the expectation."""
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """`did you mean 'x'?` with the known name closest to a wrong one, or the list of known names if none is close."""
-    names = sorted(known)
-    close = get_close_matches(name, names, n=1, cutoff=0.6)
-    if close:
-        return f"did you mean {close[0]!r}?"
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"known are {', '.join(names[:_SHOWN])}{more}" if names else "none is known"
 
 
 def file_of(text: str, base: Path) -> Path:

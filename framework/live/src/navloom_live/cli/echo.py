@@ -14,7 +14,7 @@ __all__ = ["echo"]
 
 ENTRIES = 6
 """Largest number of list entries in the text output."""
-PATIENCE = 2.0
+SILENCE_LOGGED_AFTER = 2.0
 """Longest silence before it is logged, s."""
 
 
@@ -85,7 +85,7 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
             if inlet.counts.malformed > malformed[stream]:
                 malformed[stream] = inlet.counts.malformed
                 LOG.warning(f"{stream}: malformed message: {inlet.counts.complaint}")
-        if silent_from is not None and time.monotonic() - silent_from > PATIENCE:
+        if silent_from is not None and time.monotonic() - silent_from > SILENCE_LOGGED_AFTER:
             silent_from = None
             LOG.info(f"nothing has come on {', '.join(taps)} so far")
         if not client.bus.neighbours():

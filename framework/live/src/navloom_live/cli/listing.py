@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from navloom.cli.options import AsJson, RobotOptions
 
+from navloom_live.timing import STUCK_AFTER
+
 if TYPE_CHECKING:
     from navloom_live.operating.robot_nodes import Node
 
 __all__ = ["list_nodes"]
 
-LONG = 0.5
-"""Duration of a step from which a node counts as busy, s."""
 QUIET = ("streams", "places", "hosts")
 """Parts of a description that are left out; `navloom graph` and `navloom hz` show them."""
 SILENT: dict[str, Any] = {
@@ -86,6 +86,6 @@ def state(node: Node) -> str:
         words += f", waits for {' and '.join(said.waits_for)}"
     if said.faulted:
         words += f", failed {said.faulted} times in a row"
-    if said.busy_s is not None and said.busy_s > LONG:
+    if said.busy_s is not None and said.busy_s > STUCK_AFTER:
         words += f", {said.busy_s:.1f} s in one step"
     return words

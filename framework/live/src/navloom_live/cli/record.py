@@ -12,7 +12,7 @@ from navloom.cli.output import LOG
 
 __all__ = ["record"]
 
-GONE = 5.0
+ROBOT_ABSENCE_LIMIT = 5.0
 """Longest absence of the robot before the recording ends, s."""
 
 
@@ -71,7 +71,7 @@ def _stay(recorder: Any, event: Any, until: float | None) -> str:
             break
         if recorder.client.bus.neighbours():
             heard = now
-        elif now - heard > GONE:
+        elif now - heard > ROBOT_ABSENCE_LIMIT:
             return f"robot {recorder.client.keys.prefix} has gone"
     return ""
 

@@ -13,12 +13,11 @@ import typer
 from navloom.cli.options import RobotOptions, a_number, seconds
 
 from navloom_live.cli.operate import NUMBERS
+from navloom_live.timing import TELEOP_INTERVAL
 
 __all__ = ["teleop", "teleop_line"]
 
-RATE = 0.05
-"""Interval of commands, s."""
-HOLD = 0.4
+KEY_HOLD = 0.4
 """Time that a key press holds, s; terminals repeat keys faster than that."""
 WAYS = {"w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0), "q": (1.0, 1.0), "e": (1.0, -1.0)}
 
@@ -62,7 +61,7 @@ def teleop(
             limit = time.monotonic() + duration
             while time.monotonic() < limit:
                 _send(driver, vx or 0.0, wz or 0.0, line)
-                time.sleep(RATE)
+                time.sleep(TELEOP_INTERVAL)
             driver.send(0.0, 0.0)
             return
         typer.echo("w s a d drive, q e in curves, space stops, x ends")
@@ -97,12 +96,12 @@ def _by_keys(driver: Any, speed: float, turn: float, line: Any) -> None:
     way, pressed = (0.0, 0.0), 0.0
     with _raw_terminal():
         while True:
-            key = _key(RATE)
+            key = _key(TELEOP_INTERVAL)
             if key in ("x", "\x03", "\x04"):
                 return
             if key:
                 way, pressed = WAYS.get(key, (0.0, 0.0)), time.monotonic()
-            elif time.monotonic() - pressed > HOLD:
+            elif time.monotonic() - pressed > KEY_HOLD:
                 way = (0.0, 0.0)
             _send(driver, way[0] * speed, way[1] * turn, line)
 

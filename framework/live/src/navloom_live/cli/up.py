@@ -15,11 +15,11 @@ from navloom.cli.options import Insecure, Record, RobotName, RunOptions
 from navloom.cli.output import log_of, say_so
 from navloom.cli.run_summary import is_reached, print_summary, tell_faults
 
+from navloom_live.timing import DOWN_LIMIT
+
 __all__ = ["down", "up"]
 
-DOWN = 15.0
-"""Longest shutdown of a robot, s."""
-LEFT = 2.0
+ORPHAN_END_WAIT = 2.0
 """Longest orderly shutdown of orphans before they are killed, s."""
 
 
@@ -106,7 +106,7 @@ def _end_left(robot: str | None) -> bool:
 
     names = sorted(strays(robot))
     for name in names:
-        ended = end_all(lambda name=name: strays(name).get(name, []), LEFT)  # type: ignore[misc]
+        ended = end_all(lambda name=name: strays(name).get(name, []), ORPHAN_END_WAIT)  # type: ignore[misc]
         typer.echo(f"{name}: ended orphaned processes: {', '.join(map(str, ended))}")
     return bool(names)
 
@@ -127,14 +127,14 @@ def _end(running: Any) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.kill(running.pid, signal.SIGTERM)
     folder = RobotFolder(running.realm, running.robot)
-    limit = time.monotonic() + DOWN
+    limit = time.monotonic() + DOWN_LIMIT
     while time.monotonic() < limit:
         now = folder.read()  # None once the robot's lock is free
         if now is None or now.pid != running.pid:
             return
         time.sleep(0.02)
     raise DirectoryError(
-        f"process {running.pid} did not end within {DOWN:g} s: `kill -9 {running.pid}` ends it at once"
+        f"process {running.pid} did not end within {DOWN_LIMIT:g} s: `kill -9 {running.pid}` ends it at once"
     )
 
 

@@ -12,15 +12,15 @@ from navloom.engine.event_schedule import schedule
 from navloom.engine.task_checks import check_task
 from navloom.engine.trace import TraceWriter
 from navloom.plugins.run_observers import Onlookers
-from navloom.runs.episode import Episode
+from navloom.runs.episode import Episode, run_info
 from navloom.runs.episode_recorder import Recorder
-from navloom.runs.observed import run_info
 
 from navloom_live.drives.live_warnings import LiveWarnings
-from navloom_live.hosting.live_robot import START, Beside, LiveRobot
+from navloom_live.hosting.live_robot import Beside, LiveRobot
 from navloom_live.hosting.network import network_of
 from navloom_live.live.conductor import BarrierError, Conductor
 from navloom_live.live.process_streams import Switchboard
+from navloom_live.timing import START_LIMIT
 
 __all__ = ["run_barrier"]
 
@@ -45,7 +45,7 @@ def run_barrier(
     check_task(system)
     recorder, run = Recorder(), loaded.config.run
     with LiveRobot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
-        robot.wait_complete(START, ends=ends)
+        robot.wait_complete(START_LIMIT, ends=ends)
         if beside is not None:
             attending.enter_context(beside(robot))
 

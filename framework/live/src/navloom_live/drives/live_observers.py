@@ -16,7 +16,7 @@ __all__ = ["LiveShow"]
 
 WAITING = 1024
 """Most messages of one stream that may wait for observers; beyond that the oldest are dropped."""
-ENDS = 2.0
+OBSERVER_END_WAIT = 2.0
 """Longest wait for an observer that still handles a message when the run has ended, s."""
 
 
@@ -52,7 +52,7 @@ class LiveShow:
         self._ends = True
         self._mailbox.ring()
         if self._streams:
-            self._thread.join(ENDS)
+            self._thread.join(OBSERVER_END_WAIT)
 
     def _run(self) -> None:
         seen, is_last = 0, False

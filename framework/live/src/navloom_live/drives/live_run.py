@@ -34,15 +34,14 @@ from navloom.messages import (
     StepReport,
 )
 from navloom.plugins.run_observers import Onlookers
-from navloom.runs.episode import Episode
+from navloom.runs.episode import Episode, run_info
 from navloom.runs.episode_recorder import Recorder
-from navloom.runs.observed import run_info
 from navloom_recording.excerpt import repeating
 
 from navloom_live.drives.live_observers import LiveShow
 from navloom_live.drives.live_shadows import LiveShadows
 from navloom_live.drives.live_warnings import LiveWarnings
-from navloom_live.hosting.live_robot import START, Beside, LiveRobot
+from navloom_live.hosting.live_robot import Beside, LiveRobot
 from navloom_live.hosting.network import network_of
 from navloom_live.live import requests
 from navloom_live.live.live_node_builder import all_sources
@@ -53,21 +52,22 @@ from navloom_live.live.service import GATE, Nothing
 from navloom_live.operating import operator_actions
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.operating.introspection import last
+from navloom_live.timing import START_LIMIT
 from navloom_live.transport.keyspace import FAULT
 
 __all__ = ["LiveRun"]
 
-ASK_AGAIN = 2.0
+LAST_MESSAGES_INTERVAL = 2.0
 """Interval of queries for the goal's last messages, s, in case they came while the network was down."""
-TELL_AGAIN = 10.0
+FAULT_REPORT_INTERVAL = 10.0
 """Shortest time between two reports of the same failing node, s."""
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
 """Ports that are subscribed to on every host, by role, also if the run is judged on another host."""
-LOOK = 0.1
+POLL_INTERVAL = 0.1
 """Polling interval for messages and processes, s: most messages do not wake this thread."""
 TELLING = ("goal", "gate")
 """Roles whose messages wake this thread immediately."""
-QUIET = 1.0
+NO_GOAL_LIMIT = 1.0
 """Time without a goal after which a run that ends with its goals ends, s."""
 
 
@@ -147,7 +147,7 @@ class LiveRun:
         network = network_of(self.loaded.config, self.host, self.insecure)
         attended = self.beside is not None and network.keys is None  # with certificates, observers announce nothing
         with LiveRobot(self.system, network, self.host, False, self.say, attended, self.ending.is_set) as robot:
-            robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
+            robot.wait_complete(START_LIMIT if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
                 show = self._listen(robot)
                 with ExitStack() as stack:
@@ -226,7 +226,11 @@ class LiveRun:
                 self._follow(robot.system)
             robot.warn_of_expiry()
             look(robot)
-            if self.feedback is not None and self.feedback.goal_id and time.monotonic() - asked > ASK_AGAIN:
+            if (
+                self.feedback is not None
+                and self.feedback.goal_id
+                and time.monotonic() - asked > LAST_MESSAGES_INTERVAL
+            ):
                 asked = time.monotonic()
                 self._catch_up(client)
             if self._ended or (self.feedback is not None and self.feedback.goal_id):
@@ -244,15 +248,15 @@ class LiveRun:
     def _has_come_to_rest(self, idle: float) -> bool:
         """Whether a robot without a goal for this long, s, may end: it no longer brakes, or never comes to rest."""
         brakes = self.status is not None and self.status.source == "none" and not self.status.stopped
-        return idle > (QUIET + self.system.braking.patience if brakes else QUIET)
+        return idle > (NO_GOAL_LIMIT + self.system.braking.patience if brakes else NO_GOAL_LIMIT)
 
     def _patience(self, requests: Sequence[tuple[int, Any]], first: int | None, tick: int) -> float:
         """Time until the next poll, s: short enough not to miss the tick of the config's next request by many."""
         if not requests:
-            return LOOK
+            return POLL_INTERVAL
         period = self.loaded.config.run.period
         left = 0 if first is None else requests[0][0] - (tick - first)
-        return min(LOOK, period * max(1, left))
+        return min(POLL_INTERVAL, period * max(1, left))
 
     def _give_up(self, robot: str) -> None:
         """End a goal in progress, because the robot shuts down."""
@@ -365,7 +369,7 @@ class LiveRun:
     def _tell_fault(self, source: tuple[str, str], fault: str, tick: int) -> None:
         """Report a node's exception; one that raises in each tick is not reported each time."""
         now = time.monotonic()
-        if now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
+        if now - self._told_faults.get(source, -math.inf) > FAULT_REPORT_INTERVAL:
             self._told_faults[source] = now
             traceback = "" if self._warnings is None else self._warnings.traceback_of(fault)
             self.say("\n".join([f"{' '.join(source)} failed: {fault}", *traceback.splitlines()]))

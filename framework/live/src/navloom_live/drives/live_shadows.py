@@ -29,7 +29,7 @@ WAITING = 1024
 """Most messages of one stream that may wait for the next look."""
 NOTABLE = 10.0
 """Differences that are reported as they occur, in tolerances: 0.1 m/s and 0.1 rad/s."""
-TELL_AGAIN = 10.0
+REPORT_INTERVAL = 10.0
 """Shortest time between two reports on the same shadow, s."""
 FEW = 20
 """Fewest compared ticks for such a report: a share of fewer says little."""
@@ -133,6 +133,6 @@ class LiveShadows:
         is_notable = any(abs(value) > NOTABLE * TOLERANCES[name] for name, value in last.items())
         if len(disagreement.ticks) < FEW or not is_notable or self._is_active(disagreement.role, disagreement.instance):
             return
-        if now - self._told.get((disagreement.role, disagreement.instance), -TELL_AGAIN) >= TELL_AGAIN:
+        if now - self._told.get((disagreement.role, disagreement.instance), -REPORT_INTERVAL) >= REPORT_INTERVAL:
             self._told[disagreement.role, disagreement.instance] = now
             self._say(f"{disagreement.role} {disagreement.instance} {differing_text(disagreement.so_far())}")

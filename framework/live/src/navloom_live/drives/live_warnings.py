@@ -16,9 +16,9 @@ from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["LiveWarnings"]
 
-EVERY = 5.0
+WARNING_QUERY_INTERVAL = 5.0
 """Interval of queries, s."""
-PATIENCE = 1.0
+ANSWER_WAIT = 1.0
 """Longest wait for the answers, s; a hanging process gives none."""
 
 
@@ -44,12 +44,12 @@ class LiveWarnings:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._ended.set()
-        self._thread.join(2 * PATIENCE)
+        self._thread.join(2 * ANSWER_WAIT)
 
     def look(self) -> list[RunWarning]:
         """Query once, report new warnings, and return all so far."""
         with self._asking:
-            for answer in self._bus.ask(self._keys.process("*", "warnings"), timeout=PATIENCE):
+            for answer in self._bus.ask(self._keys.process("*", "warnings"), timeout=ANSWER_WAIT):
                 for given in [] if answer.refusal else json.loads(answer.data or b"[]"):
                     one = RunWarning.from_json(given)
                     key = (one.kind, one.role, one.instance, one.about)
@@ -61,12 +61,12 @@ class LiveWarnings:
     def traceback_of(self, fault: str) -> str:
         """The traceback of a fault, from the process of the node; empty if none was kept."""
         if os.environ.get(TRACEBACK):
-            for answer in self._bus.ask(self._keys.process("*", "tracebacks"), timeout=PATIENCE):
+            for answer in self._bus.ask(self._keys.process("*", "tracebacks"), timeout=ANSWER_WAIT):
                 kept: dict[str, str] = {} if answer.refusal else json.loads(answer.data or b"{}")
                 if fault in kept:
                     return kept[fault]
         return ""
 
     def _run(self) -> None:
-        while not self._ended.wait(EVERY):
+        while not self._ended.wait(WARNING_QUERY_INTERVAL):
             self.look()

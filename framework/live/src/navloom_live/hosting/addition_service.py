@@ -15,27 +15,22 @@ from navloom.inputs.typed_json import from_json
 from navloom.plugins.registry import close_to, nearest
 from navloom.roles import FIXED
 
-from navloom_live.hosting.added_tables import with_alternative
 from navloom_live.hosting.network import Network
 from navloom_live.hosting.node_process import Share
 from navloom_live.hosting.process_tasks import NODE, node_task
 from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.hosting.supervisor import Supervisor
-from navloom_live.hosting.system_extension import extended
+from navloom_live.hosting.system_extension import extended, with_alternative
 from navloom_live.live.live_node import Source
 from navloom_live.live.requests import ADD, EXTEND, Add, Added, Alternative, Extend, Extended
 from navloom_live.live.service import reply, request_bytes
+from navloom_live.timing import ADDITION_ANSWER_WAIT, ADDITION_TRIES
 from navloom_live.transport.idempotent_requests import Once
 from navloom_live.transport.keyspace import ATTENDANT, GAINED, LINKED, SUPERVISOR, KeySpace
 from navloom_live.transport.query_limits import Desk, QuestionError
 from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["AdditionError", "Additions", "refuse_addition"]
-
-ANSWER = 2.0
-"""Longest wait for a process to take in an instance, s: it assembles no plugin for it."""
-TRIES = 4
-"""Number of times that a process is asked, which may be restarting."""
 
 
 class AdditionError(QuestionError):
@@ -110,6 +105,7 @@ class Additions:
         for child in self.supervisor.children.values():  # a process that restarts from now on knows the instance
             if child.task.module == NODE:
                 child.task = replace(child.task, given={**child.task.given, "loaded": loaded.to_json()})
+        # Before the process starts: its first messages must find readers.
         self._extend_processes(Extend(table, process), loaded.sha256())
         self.bus.bring_here("/".join(source), f"process/{process}")
         self.system, self.shares, self._added[source] = system, shares, process
@@ -122,6 +118,7 @@ class Additions:
         """Let every running process know of the instance. Raises AdditionError if one does not answer."""
         for process in self.shares:
             answer = self._ask(process, asked)
+            # All processes must compute the same config, since each derives its wiring from it.
             if isinstance(answer, str) or answer.config_sha256 != sha256:
                 why = answer if isinstance(answer, str) and answer else "it does not answer"
                 raise AdditionError(
@@ -132,8 +129,8 @@ class Additions:
     def _ask(self, process: str, asked: Extend) -> Extended | str:
         """The answer of a process, or the reason of its refusal, empty if it does not answer."""
         refusal, data = "", request_bytes(asked)
-        for _ in range(TRIES):
-            for answer in self.bus.ask(self.keys.process(process, EXTEND.name), data, ANSWER):
+        for _ in range(ADDITION_TRIES):
+            for answer in self.bus.ask(self.keys.process(process, EXTEND.name), data, ADDITION_ANSWER_WAIT):
                 if not answer.refusal:
                     return from_json(EXTEND.answered, answer.data)
                 refusal = answer.refusal

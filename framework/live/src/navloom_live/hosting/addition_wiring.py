@@ -8,8 +8,7 @@ from functools import partial
 
 from navloom.engine.system import System
 
-from navloom_live.hosting.added_tables import with_alternative
-from navloom_live.hosting.system_extension import admit_part
+from navloom_live.hosting.system_extension import admit_part, with_alternative
 from navloom_live.live.live_node import Source
 from navloom_live.live.live_node_builder import Hosted, widen
 from navloom_live.live.live_runner import LiveRunner

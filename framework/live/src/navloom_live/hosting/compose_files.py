@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from navloom_live.hosting.network import Network
+from navloom_live.timing import CONTAINER_STOP_LIMIT
 
 __all__ = ["Compose", "compose_files"]
 
@@ -21,8 +22,6 @@ CONFIGS, KEYS, CACHE = "/robot", "/keys", "/home/robot/.cache"
 HOST = "robot"
 """Name of the host of all processes, if the command names none."""
 PYTHON = "3.12"
-GRACE = "10s"
-"""How long a container may take to end."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ def _service(
         "restart": "unless-stopped",
         # A process that reaps orphans must be there: `navloom` is not always the subreaper.
         "init": True,
-        "stop_grace_period": GRACE,
+        "stop_grace_period": f"{CONTAINER_STOP_LIMIT:g}s",
         "read_only": True,
         # The root is read-only, and the runtime folder with the sockets is in /tmp.
         "tmpfs": ["/tmp"],

@@ -19,11 +19,11 @@ START is the start time of the supervisor, which distinguishes it from a later p
 """
 PROCESS = "NAVLOOM_PROCESS"
 """Environment variable with the name of the robot's process that started a program."""
-KILLED = 1.0
+KILL_WAIT = 1.0
 """Longest wait for processes that were sent SIGKILL, s."""
-ENDED = 1.0
+ZOMBIE_WAIT = 1.0
 """Longest wait for them to become zombies after that, s."""
-LOOK = 0.005
+END_CHECK_INTERVAL = 0.005
 """Interval of checking processes that are to end, s."""
 
 
@@ -81,7 +81,7 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
     # Searched again each time, since a process that is ending may still start others.
     while left := find():
         spent = time.monotonic() - began
-        if spent > patience + KILLED:
+        if spent > patience + KILL_WAIT:
             break
         for one in left:
             ended[one.pid] = one
@@ -92,11 +92,11 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
                     told.add((one.pid, number))
                     with contextlib.suppress(OSError):
                         os.kill(one.pid, number)
-        time.sleep(LOOK)
-    limit = time.monotonic() + ENDED
+        time.sleep(END_CHECK_INTERVAL)
+    limit = time.monotonic() + ZOMBIE_WAIT
     for pid in ended:  # `find` no longer finds a process that is ending, but it still holds its files and memory
         while _start(pid) and time.monotonic() < limit:
-            time.sleep(LOOK)
+            time.sleep(END_CHECK_INTERVAL)
         with contextlib.suppress(ChildProcessError):
             os.waitpid(pid, os.WNOHANG)
     return list(ended.values())

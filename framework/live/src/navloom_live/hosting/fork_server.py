@@ -27,15 +27,12 @@ from navloom.crashes import dump_when_broken
 from navloom_live.hosting.descendants import MARK, PROCESS, Descendant, descendants, end_all
 from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.hosting.shared_memory import remove_orphans
+from navloom_live.timing import ORPHAN_SHUTDOWN_LIMIT
 
-__all__ = ["READY", "ForkedProcess", "Nursery", "main"]
+__all__ = ["ForkedProcess", "Nursery", "main"]
 
 PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
-READY = 60.0
-"""How long the nursery may take to import everything, s."""
-LAST = 4.5
-"""How long forked processes may take to end after the supervisor's death, s; a little more than their own limit."""
-FORK = 5.0
+FORK_LIMIT = 5.0
 """Longest time of a fork, s; it normally takes some ms."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of the nursery: libraries must not start threads before the fork."""
@@ -137,7 +134,7 @@ class Nursery:
         order = {"name": name, "module": module, "spec": str(spec), "log": str(log)}
         try:
             # A nursery that hangs must not hold up the supervisor, which restarts processes.
-            self._line.settimeout(FORK)
+            self._line.settimeout(FORK_LIMIT)
             self._line.sendall(json.dumps(order).encode() + b"\n")
             return ForkedProcess(int(self._line.recv(32)))
         except (OSError, ValueError):
@@ -222,7 +219,7 @@ def _end(forked: Sequence[int]) -> None:
     """End processes: with SIGTERM (and SIGCONT, since a stopped process receives no signal), then with SIGKILL."""
     for number in (signal.SIGTERM, signal.SIGCONT):
         _send(forked, number)
-    limit = time.monotonic() + LAST
+    limit = time.monotonic() + ORPHAN_SHUTDOWN_LIMIT
     while any(map(_is_there, forked)) and time.monotonic() < limit:
         time.sleep(0.02)
     _send(forked, signal.SIGKILL)
@@ -273,7 +270,7 @@ def _fork_child(order: dict[str, str], line: socket.socket, supervisor: int) -> 
 
 def _run_child(order: dict[str, str], supervisor: int) -> None:
     """In the new process: run what was ordered, and exit."""
-    limit = time.monotonic() + FORK
+    limit = time.monotonic() + FORK_LIMIT
     # The first fork must be gone before the system hands this one to the subreaper; only then may `die_with_parent`
     # look at its parent.
     while os.getppid() != supervisor and time.monotonic() < limit:

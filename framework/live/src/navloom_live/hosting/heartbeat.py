@@ -11,18 +11,16 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from navloom_live.timing import HEART_CHECK_INTERVAL, STOPPED_GAP
+
 __all__ = ["Heart", "HeartMonitor", "StopDetector"]
 
 PAGE = mmap.PAGESIZE
-LOOK = 0.2
-"""Interval of checking a heartbeat, s."""
 FIGHTING = 5
 """Fewest wake-ups in that time of a thread that waits for the GIL: it tries every 0.5 ms. A stopped one has none."""
 UNREAD = -1
 """Marks that no wake-ups were counted yet. They are read only while a heartbeat is missing, because reading them costs
 more than the rest of the check."""
-STOPPED = 0.5
-"""Gap after which a thread that runs every 0.1 s must have waited for the GIL or been stopped, s."""
 
 
 class Heart:
@@ -87,10 +85,10 @@ class HeartMonitor:
         Only time in which the process ran counts, so that a process or host that was stopped does not count as hanging.
         """
         now = time.monotonic()
-        if not self.path or now - self._looked < LOOK:
+        if not self.path or now - self._looked < HEART_CHECK_INTERVAL:
             return self._silent
         # The supervisor itself may have been stopped: that time says nothing about the process.
-        spent, self._looked = min(now - self._looked, 2 * LOOK), now
+        spent, self._looked = min(now - self._looked, 2 * HEART_CHECK_INTERVAL), now
         beat, before = self._time[0], self._switches
         # No beat yet: the process still loads its plugins.
         if beat != self._last or not beat:
@@ -114,7 +112,7 @@ class StopDetector:
         """When the process continued after its last stop, ns, monotonic clock; 0 for never."""
         now, switches = time.monotonic_ns(), _own_switches()
         # Late without having tried for the GIL: nobody ran.
-        if now - self._before > STOPPED * 1e9 and switches - self._switches < FIGHTING:
+        if now - self._before > STOPPED_GAP * 1e9 and switches - self._switches < FIGHTING:
             self._went_on_ns = now
         self._before, self._switches = now, switches
         return self._went_on_ns

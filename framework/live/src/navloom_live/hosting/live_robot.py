@@ -31,15 +31,13 @@ from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.tool_sessions import expiring
 from navloom_live.transport.zenoh_bus import Bus
 
-__all__ = ["START", "Beside", "LiveRobot", "StartError"]
+__all__ = ["Beside", "LiveRobot", "StartError"]
 
-START = 180.0
-"""Longest startup of a robot, s; kernels may have to be compiled."""
-DAY = 86400.0
+EXPIRY_WARNING_INTERVAL = 86400.0
 """Interval of warnings about certificates that expire soon, s."""
-JOIN = 15.0
+OWN_ROUTER_WAIT = 15.0
 """Longest wait for a router that this host starts, s."""
-REACHABLE = 5.0
+ROUTER_SHOWS_WAIT = 5.0
 """Longest wait until the router shows the running processes, s."""
 
 
@@ -116,7 +114,7 @@ class LiveRobot:
             self.supervisor.start()
             self.folder.write(self.running())
             link, starts_router = self.network.outsider(self.folder, self._shares), self.network.starts_router
-            patience = JOIN if starts_router else math.inf  # another host's router may start at any time
+            patience = OWN_ROUTER_WAIT if starts_router else math.inf  # another host's router may start at any time
             self.bus = Bus(link, patience, self._say, lambda: not self._ends(), waits=starts_router)
             if not self.barrier:
                 self._remember()
@@ -135,7 +133,7 @@ class LiveRobot:
 
     def warn_of_expiry(self) -> None:
         """Warn once a day of certificates that expire soon: when they do, the robot's links fail, and it stops."""
-        if time.monotonic() - self._warned > DAY:
+        if time.monotonic() - self._warned > EXPIRY_WARNING_INTERVAL:
             self._warned = time.monotonic()
             for warning in expiring(self.network.folder):
                 self._say(warning)
@@ -232,7 +230,7 @@ class LiveRobot:
         if not self.network.router:
             return
         wanted = {f"{role}/{name}" for sources in self._shares.values() for role, name in sources}
-        limit = time.monotonic() + REACHABLE
+        limit = time.monotonic() + ROUTER_SHOWS_WAIT
         while self.bus.has_router() and time.monotonic() < limit and not ends():
             shown = {"/".join(self.keys.split(key)[:2]) for key in self.bus.shown(self.keys.alive("*", "*", "*"))}
             if wanted <= shown:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from navloom_live.hosting.runtime_folders import DirectoryError, runtime_folder
+from navloom_live.timing import DEAD_TOKEN_WAIT, TOKEN_SETTLE_WAIT
 from navloom_live.transport.connection import Connection
 from navloom_live.transport.keyspace import CLAIM, KeySpace, key_part
 from navloom_live.transport.link_faults import why_not
@@ -37,13 +38,9 @@ STARTING, RUNNING = "starting", "running"
 """States in a token. A running process keeps its nodes; of two that start at the same moment, the lower key wins."""
 USUAL = "usual"
 """Part of the names of sockets of robots without a NAVLOOM_RUNTIME_DIR."""
-FIND = 1.0
+ROUTER_FIND_WAIT = 1.0
 """Longest wait for a router before the start, s; longer than joining one takes that is there."""
-SETTLE = 0.5
-"""Time between declaring a token and looking at those of others, s: longer than two messages between hosts take."""
-LEFT = 3.0
-"""Longest wait for the tokens of a process that has died, s: longer than `links.LEASE` on both sides of a router."""
-LOOK = 0.05
+CLAIM_CHECK_INTERVAL = 0.05
 """Interval of looking, s."""
 
 
@@ -168,9 +165,9 @@ class Claims:
         """
         if not self._sources:  # of a host with nothing but the router
             return
-        limit = time.monotonic() + FIND
-        while (away := why_not(link, FIND)) and now and time.monotonic() < limit:
-            time.sleep(LOOK)
+        limit = time.monotonic() + ROUTER_FIND_WAIT
+        while (away := why_not(link, ROUTER_FIND_WAIT)) and now and time.monotonic() < limit:
+            time.sleep(CLAIM_CHECK_INTERVAL)
         if not away and (connection := self._joined(link)) is not None:
             if refusal := self._decide(connection):
                 raise DirectoryError(refusal)
@@ -184,14 +181,14 @@ class Claims:
         Without a router, no session is opened: one that waits for it when the process ends aborts the process.
         """
         connection = self._connection = self._connection or Connection(link, waits=False)
-        limit = time.monotonic() + FIND
-        while not connection.neighbours() and time.monotonic() < limit and not self._closing.wait(LOOK):
+        limit = time.monotonic() + ROUTER_FIND_WAIT
+        while not connection.neighbours() and time.monotonic() < limit and not self._closing.wait(CLAIM_CHECK_INTERVAL):
             pass
         return connection if connection.neighbours() else None
 
     def _take_later(self, link: Link) -> None:
-        while why_not(link, FIND) or (connection := self._joined(link)) is None:
-            if self._closing.wait(LOOK):
+        while why_not(link, ROUTER_FIND_WAIT) or (connection := self._joined(link)) is None:
+            if self._closing.wait(CLAIM_CHECK_INTERVAL):
                 return
         lost = self._decide(connection)
         if self._closing.is_set():
@@ -205,10 +202,10 @@ class Claims:
         """Declare the tokens, and look for those of others until it is clear who has the nodes; why not, or empty."""
         # The token first, then the look: of two that start together, at least one sees the other.
         self._announce(connection, STARTING)
-        limit = time.monotonic() + LEFT
-        self._closing.wait(SETTLE)
+        limit = time.monotonic() + DEAD_TOKEN_WAIT
+        self._closing.wait(TOKEN_SETTLE_WAIT)
         while found := next(self._prior(connection), None):
-            if time.monotonic() > limit or self._closing.wait(LOOK):
+            if time.monotonic() > limit or self._closing.wait(CLAIM_CHECK_INTERVAL):
                 return self._refusal(*found)
         self._announce(connection, RUNNING)
         # Two halves of a network that was cut may both have found nobody.

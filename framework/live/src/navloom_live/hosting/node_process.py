@@ -40,6 +40,7 @@ from navloom_live.live.replicated_state import Memory
 from navloom_live.live.replicated_state_reader import MemoryReader
 from navloom_live.live.requests import Extend, Extended
 from navloom_live.live.run_clock import RunClock
+from navloom_live.timing import PATIENT_STEP_LIMIT, RECORDER_WAIT, STATE_RECALL_WAIT, WATCH_INTERVAL
 from navloom_live.transport.keyspace import ATTENDANT, LINKED, KeySpace
 from navloom_live.transport.links import Link
 from navloom_live.transport.zenoh_bus import Bus, BusError
@@ -48,14 +49,7 @@ __all__ = ["HUNG", "NodeProcess", "Share", "leave", "longest_seizure", "longest_
 
 HUNG = 70
 """Exit code of a process that ended because a node hangs."""
-LONG = 30.0
-"""Longest step of a patient role, s."""
-RECOLLECT = 0.5
-"""How long to query other processes for the robot's memory while some do not answer, s."""
-JOINED = 2.0
-"""How long a process that joins a recorded robot waits for the recorder, s: longer than the recorder takes to see it,
-see `joining.FOLLOW`."""
-ATTENDED = 20.0
+RECORDER_START_LIMIT = 20.0
 """How long after the robot's start its platform may wait for a recorder, s."""
 
 
@@ -200,7 +194,7 @@ class NodeProcess:
             bus.watch(keys.alive("*", "*", "*"), lambda key, alive: self._change(presence, key, alive))
             fetching.start()
             if self.share.attended and self.share.joins:
-                self._heard.wait(JOINED)  # a recorder that is gone by now must not keep it from its work
+                self._heard.wait(RECORDER_WAIT)  # a recorder that is gone by now must not keep it from its work
         runs |= {" ".join(source): runner.run for source, runner in self.runners.items()}
         threads = [threading.Thread(target=run, name=name, daemon=True) for name, run in runs.items()]
         for thread in threads:
@@ -231,7 +225,7 @@ class NodeProcess:
 
     def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
         """Query all other processes for the robot's memory. Those behind a new link are known a moment after it."""
-        limit, link = time.monotonic() + RECOLLECT, self.share.link
+        limit, link = time.monotonic() + STATE_RECALL_WAIT, self.share.link
         peers = link.peers if link.mesh is None else link.mesh.link.peers
         # A process that has just started does not know the run clock yet; behind a router, others may appear later.
         needs_clock = link.is_spread and any(role == "platform" for role, _ in self.share.sources)
@@ -279,8 +273,8 @@ class NodeProcess:
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:
-        """Whether the recorder listens, or is late; a platform that restarts after ATTENDED does not wait."""
-        late = time.monotonic_ns() - self.share.start_ns > ATTENDED * 1e9
+        """Whether the recorder listens, or is late; a platform restarting after RECORDER_START_LIMIT does not wait."""
+        late = time.monotonic_ns() - self.share.start_ns > RECORDER_START_LIMIT * 1e9
         # A mapper with memory could not be replayed if the recorder missed its first scans.
         return not self.share.attended or late or self._heard.is_set()
 
@@ -331,7 +325,7 @@ class NodeProcess:
         """Wait for the end; give up if an active node hangs in its step or a thread died."""
         limit = self.system.config.live.hang_timeout
         stops = StopDetector()
-        while not self.ending.wait(0.1):
+        while not self.ending.wait(WATCH_INTERVAL):
             went_on_ns = stops.look()
             for source, runner in self.runners.items():
                 stepper = runner.cell.stepper
@@ -361,7 +355,7 @@ def _at(source: Source, node: Node) -> str:
 
 def longest_step(role: str, hang_timeout: float, catalogue: Catalogue = FRAMEWORK) -> float:
     """Longest step of a role before its process ends, s; from `live.hang_timeout`."""
-    return max(hang_timeout, LONG) if catalogue.is_patient(role) else hang_timeout
+    return max(hang_timeout, PATIENT_STEP_LIMIT) if catalogue.is_patient(role) else hang_timeout
 
 
 def longest_seizure(sources: Sequence[Source], hang_timeout: float) -> float:

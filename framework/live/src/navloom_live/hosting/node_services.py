@@ -42,6 +42,7 @@ from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.replicated_state import Memory
 from navloom_live.live.run_clock import RunClock
 from navloom_live.live.service import GATE, STOP, Answered, Asked, Nothing, Service, reply
+from navloom_live.timing import APPLY_WAIT
 from navloom_live.transport.idempotent_requests import Once
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.query_limits import Desk, KeptJson, QuestionError
@@ -49,8 +50,6 @@ from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["ServiceError", "Services"]
 
-APPLY = 2.0
-"""How long a node may take to begin with a change, s."""
 
 USUAL = 64
 """Number of steps whose median is reported as the usual duration."""
@@ -230,7 +229,7 @@ class Services:
         x, y = asked.x, asked.y
         heading = None if asked.heading is None else math.remainder(asked.heading, math.tau)
         via = tuple(Point2D(*point) for point in asked.via)
-        limit = time.monotonic() + APPLY
+        limit = time.monotonic() + APPLY_WAIT
         # A client may be faster than the first message of a platform that has just started.
         while not self._clock.is_known and time.monotonic() < limit:
             time.sleep(0.02)
@@ -286,11 +285,12 @@ class Services:
         return requests.Selected(tuple(runner.gate.pending), runner.gate.selected[role], runner.gate.epoch)
 
     def _gate(self, runner: LiveGate, do: str, asked: Nothing) -> Nothing:
+        # A stop is never withdrawn, however long the gate's step takes.
         self._apply(runner, lambda: runner.obey(OperatorRequest(do)), waits=do == STOP.name)  # type: ignore[arg-type]
         return asked
 
     def _apply(
-        self, runner: LiveRunner, change: Callable[[], None], waits: bool = False, patience: float = APPLY
+        self, runner: LiveRunner, change: Callable[[], None], waits: bool = False, patience: float = APPLY_WAIT
     ) -> None:
         """Run a change on a node's own thread, and wait for it.
 

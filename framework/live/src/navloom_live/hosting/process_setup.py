@@ -16,6 +16,7 @@ from typing import Any
 from navloom.crashes import dump_on
 
 from navloom_live.hosting.process_log import LARGEST_LOG
+from navloom_live.timing import SHUTDOWN_LIMIT
 from navloom_live.transport.links import Link, Mesh
 
 __all__ = [
@@ -29,8 +30,6 @@ __all__ = [
 ]
 
 PR_SET_PDEATHSIG = 1
-GRACE = 4.0
-"""How long a process may take to shut down after a signal, s; then the system ends it."""
 SEIZED = signal.SIGPROF
 """Signal that ends a process in which a thread computes without releasing the GIL."""
 
@@ -54,7 +53,7 @@ def end_on_signal(ending: threading.Event) -> None:
         if not ending.is_set():
             ending.set()
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.setitimer(signal.ITIMER_REAL, GRACE)
+            signal.setitimer(signal.ITIMER_REAL, SHUTDOWN_LIMIT)
 
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, end)

@@ -20,7 +20,7 @@ from navloom_live.live.live_runner import LiveRunner
 
 __all__ = ["ProcessWarnings"]
 
-WINDOW = 10.0
+OUTPUT_WINDOW = 10.0
 """Time window of the limit on a plugin's output, s."""
 NEWEST, MANY = 400, 100
 """Number of newest steps that are examined, and fewest steps for a verdict on a node."""
@@ -47,14 +47,13 @@ class ProcessWarnings:
     def watch(self) -> Iterator[None]:
         """Watch what plugins print and which threads they start, within a `with` statement."""
         with ExitStack() as stack:
-            stack.enter_context(bounded_output(self._owners, self._flooded, WINDOW))
+            stack.enter_context(bounded_output(self._owners, self._flooded, OUTPUT_WINDOW))
             self._started = stack.enter_context(watched_threads(self._owners))
             yield
 
     def _flooded(self, owned: Owned) -> None:
-        text = (
-            f"printed more than {LARGEST_OUTPUT // 1024} kB within {WINDOW:g} s: the rest is left out ({owned.place})"
-        )
+        most = f"{LARGEST_OUTPUT // 1024} kB within {OUTPUT_WINDOW:g} s"
+        text = f"printed more than {most}: the rest is left out ({owned.place})"
         self._found.add("output", owned.source, text)
 
     def listed(self, cells: Mapping[Source, Cell], live: Mapping[Source, LiveRunner]) -> list[RunWarning]:

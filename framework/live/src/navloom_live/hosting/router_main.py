@@ -17,7 +17,7 @@ from navloom_live.transport.links import Link
 __all__ = ["main", "route"]
 
 
-LOOK = 0.5
+ROUTER_ALIVE_INTERVAL = 0.5
 """Interval of calls of `alive` and of checks for new certificates, s."""
 
 
@@ -31,7 +31,7 @@ def route(
     """Run a router until `ending` is set; `alive` is called regularly."""
     with Router(link, say) as router:
         ready()
-        while not ending.wait(LOOK):
+        while not ending.wait(ROUTER_ALIVE_INTERVAL):
             alive()
             router.look(ending)
 

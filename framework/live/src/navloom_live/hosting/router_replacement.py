@@ -16,18 +16,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from navloom_live.hosting.runtime_folders import RobotFolder
+from navloom_live.timing import ROUTER_REPLACED_WITHIN
 from navloom_live.transport.access import HERE, IDENTITIES, MOVED
-from navloom_live.transport.connection import LINGER, SETTLE, SPREAD
 from navloom_live.transport.file_watch import FileWatch
 from navloom_live.transport.links import Endpoint, Link, LinkError, credential_files, settings
 from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["Router"]
 
-KNOWN = 2.0
+SUCCESSOR_WAIT = 2.0
 """Longest wait until the second router knows the streams of the first, s."""
-LEAVE = SPREAD + SETTLE + LINGER + 2.0
-"""Longest wait until the clients have left the first router, s; a revoked certificate works no longer than this."""
 
 
 class Router:
@@ -76,7 +74,7 @@ class Router:
         _await_streams(first, self._bus, link, ending)
         # Only when the second knows all streams: a client that moves must find the others there.
         first.tell(f"{link.realm}/{link.robot}/{MOVED}")
-        limit = time.monotonic() + LEAVE
+        limit = time.monotonic() + ROUTER_REPLACED_WITHIN
         while first.clients() and time.monotonic() < limit and not ending.wait(0.05):
             pass
         first.close()
@@ -97,7 +95,7 @@ def _await_streams(first: Bus, second: Bus, link: Link, ending: threading.Event)
     """Wait until the second router knows the first one's declarations: the token declared last arrives last."""
     token = f"{link.realm}/{link.robot}/{MOVED}"
     first.announce(token)
-    limit = time.monotonic() + KNOWN
+    limit = time.monotonic() + SUCCESSOR_WAIT
     while not second.alive(token) and time.monotonic() < limit and not ending.wait(0.01):
         pass
 

@@ -24,7 +24,7 @@ LONGEST_SOCKET = 100
 """Longest path of a socket that every system accepts, in characters."""
 ROBOT, STANDING = ("lock", "robot.json"), ("standing", "standing.json")
 """(lock file, description) of a supervised robot, and of a process that represents an unsupervised one."""
-CLAIMS, LOOK = 3, 0.005
+CLAIMS, LOCK_RETRY_INTERVAL = 3, 0.005
 """Number of attempts to lock a robot, and time between them, s: longer than another process's check of the lock."""
 
 
@@ -165,7 +165,7 @@ class RobotFolder:
                 self._lock = claim
                 return True
             if left:
-                time.sleep(LOOK)  # another process may only have checked the lock
+                time.sleep(LOCK_RETRY_INTERVAL)  # another process may only have checked the lock
         os.close(claim)
         return False
 

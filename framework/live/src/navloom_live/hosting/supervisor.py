@@ -19,7 +19,7 @@ from navloom.config.tables import LiveTable
 
 from navloom_live.hosting.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
 from navloom_live.hosting.folder_keeper import FolderKeeper
-from navloom_live.hosting.fork_server import READY, ForkedProcess, Nursery
+from navloom_live.hosting.fork_server import ForkedProcess, Nursery
 from navloom_live.hosting.heartbeat import HeartMonitor
 from navloom_live.hosting.node_process import HUNG
 from navloom_live.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
@@ -27,23 +27,23 @@ from navloom_live.hosting.process_setup import SEIZED
 from navloom_live.hosting.process_tasks import NODE, ProcessTask
 from navloom_live.hosting.runtime_folders import Fate, RobotFolder
 from navloom_live.hosting.shared_memory import remove_orphans
+from navloom_live.timing import (
+    DUMP_WAIT,
+    FORK_SERVER_READY,
+    GROUP_STOP_WAIT,
+    HEALTHY_AFTER,
+    RESTART_WAIT_FIRST,
+    RESTART_WAIT_MOST,
+)
 from navloom_live.transport.keyspace import SUPERVISOR
 
 __all__ = ["Supervisor", "Worker"]
 
 UNFIT = 2
 """Exit code of a process that cannot run what it is asked to."""
-FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
-"""Wait before the first restart, and longest wait before a later one, s."""
-HEALTHY = 5.0
-"""How long a process must run for its next crash to count as a first one, s."""
-STOP_WAIT = 1.0
-"""How long each group of processes may take to shut down before it is killed, s."""
-DUMPING = 0.5
-"""How long a process may take to print its traceback before it is killed, s."""
-CHORES = 0.5
+CHORE_INTERVAL = 0.5
 """Interval of checks that are not urgent: the folder and orphans, s."""
-WRITE_AGAIN = 1.0
+STATUS_RETRY_WAIT = 1.0
 """Wait before another attempt to write the status of the processes, s."""
 
 
@@ -71,7 +71,7 @@ class Worker:
     process: subprocess.Popen[bytes] | ForkedProcess | None = None
     started: float = 0.0
     again_at: float = 0.0
-    wait: float = FIRST_WAIT
+    wait: float = RESTART_WAIT_FIRST
     crashes: deque[float] = field(default_factory=deque)
     restarts: int = 0
     state: str = "starting"
@@ -117,13 +117,13 @@ class Supervisor:
     def start(self) -> None:
         """End what is left of an earlier supervisor's processes, then start all processes."""
         # They may hold sockets, ports and devices that the new processes need.
-        left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
+        left = end_all(lambda: left_of(self._folder.path), GROUP_STOP_WAIT)
         if left:
             self._say(f"ended processes left by an earlier robot of this name: {_listed(left)}")
         if self._nursery is not None:
             self._nursery.start()
         for child in self.children.values():
-            self._start(child, READY)
+            self._start(child, FORK_SERVER_READY)
 
     def add(self, task: ProcessTask) -> None:
         """Start one more process at the next `poll`, or one that stays down once more. From any thread."""
@@ -141,7 +141,7 @@ class Supervisor:
             elif child.state != "failed":
                 continue
             child.crashes.clear()
-            self._start(child, READY)
+            self._start(child, FORK_SERVER_READY)
 
     def poll(self, restarts: bool = True) -> list[Worker]:
         """Check all processes, and restart those whose wait is over. Returns those that ended since the last call."""
@@ -149,7 +149,7 @@ class Supervisor:
         self._start_added()
         now = time.monotonic()
         if now >= self._chores_at:
-            self._chores_at = now + CHORES
+            self._chores_at = now + CHORE_INTERVAL
             self._do_chores()
         for child in self.children.values():
             self._bound(child)
@@ -162,8 +162,8 @@ class Supervisor:
                 self._start(child, 0.0)
             elif child.state == "running":
                 self._watch(child)
-                if now - child.started > HEALTHY:
-                    child.wait = FIRST_WAIT
+                if now - child.started > HEALTHY_AFTER:
+                    child.wait = RESTART_WAIT_FIRST
         if now > self._write_again:
             self._write_down()
         return fallen
@@ -191,7 +191,7 @@ class Supervisor:
                       self._group(lambda roles: True)):  # fmt: skip
             for child in group:
                 _send(child, signal.SIGTERM)
-            limit = time.monotonic() + STOP_WAIT
+            limit = time.monotonic() + GROUP_STOP_WAIT
             for child in group:
                 self._await_end(child, limit)
         me, path = os.getpid(), self._folder.path
@@ -253,7 +253,7 @@ class Supervisor:
             return
         silence = child.heart.silence(process.pid)
         # It was told to end and print its traceback, but a thread that sleeps in C code handles no signal.
-        if silence > patience + DUMPING:
+        if silence > patience + DUMP_WAIT:
             process.kill()
         elif silence > patience and not child.verdict:
             child.verdict = f"was ended: a node held the GIL for {patience:g} s"
@@ -264,7 +264,7 @@ class Supervisor:
         before = child.log.cut
         child.log.bound()
         if child.log.cut > before:
-            self._write_again = min(self._write_again, time.monotonic() + WRITE_AGAIN)
+            self._write_again = min(self._write_again, time.monotonic() + STATUS_RETRY_WAIT)
             if not before:
                 self._say(
                     f"process {child.task.name} writes too much: the last {LARGEST_LOG >> 20} MB each are kept of "
@@ -318,7 +318,7 @@ class Supervisor:
         child.state, child.again_at = "waiting", now + child.wait
         self._say(f"process {name} {child.why}; it restarts in {child.wait:g} s. Its last message: {self.tail(child)}")
         # A process that crashes at once must not take the cores from those that drive.
-        child.wait = min(2 * child.wait, LONGEST_WAIT)
+        child.wait = min(2 * child.wait, RESTART_WAIT_MOST)
         self._write_down()
 
     def _write_down(self) -> None:
@@ -332,7 +332,7 @@ class Supervisor:
         try:
             self._folder.write_fates(fates)
         except OSError as error:
-            self._write_again = time.monotonic() + WRITE_AGAIN
+            self._write_again = time.monotonic() + STATUS_RETRY_WAIT
             if self._cannot_write != str(error):
                 self._cannot_write = str(error)
                 self._say(f"{error}; the robot continues, but `navloom doctor` does not see the state of its processes")

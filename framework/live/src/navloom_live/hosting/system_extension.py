@@ -1,16 +1,23 @@
-"""Adds an instance to the system of a running robot, whose other nodes go on as they are."""
+"""Adds an instance to the config and the system of a running robot, whose other nodes go on as they are."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
 from navloom.config import ConfigError, Loaded
+from navloom.config.config_errors import problems_of
+from navloom.config.schema import Config
 from navloom.engine.build import assemble
 from navloom.engine.node_ports import NodeSpec
 from navloom.engine.plugin_instances import Part
 from navloom.engine.system import System
 from navloom.engine.task_checks import check_live
 from navloom.roles import Role
+from pydantic import ValidationError
 
-__all__ = ["admit_part", "extended"]
+__all__ = ["admit_part", "extended", "with_alternative"]
 
 Source = tuple[str, str]
 
@@ -62,3 +69,26 @@ def admit_part(system: System, loaded: Loaded, source: Source) -> None:
     system.wiring = {**system.wiring, source: system.wiring[active]}
     system.parts = {**system.parts, source: part}
     system.loaded = loaded
+
+
+def with_alternative(loaded: Loaded, table: Mapping[str, Any], process: str) -> Loaded:
+    """The config with one more `[[alternative]]`, which runs in a process of its own.
+
+    Args:
+        loaded: The config.
+        table: The alternative's table: role, plugin and more.
+        process: Name of the new process.
+
+    Raises:
+        ConfigError: The table does not fit; one line a problem.
+    """
+    tree = loaded.config.model_dump(mode="json", exclude_unset=True)
+    tree["alternative"] = [*tree.get("alternative", []), dict(table)]
+    instance = table.get("name") or table["plugin"]
+    processes = {**loaded.config.live.processes, process: [f"{table['role']}.{instance}"]}
+    tree["live"] = {**tree.get("live", {}), "processes": processes}
+    try:
+        config = Config.model_validate(tree)
+    except ValidationError as error:
+        raise loaded.error(*problems_of(error, Config, given=tree)) from None
+    return replace(loaded, config=config)

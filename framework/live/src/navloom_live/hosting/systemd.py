@@ -19,12 +19,11 @@ from navloom_live.hosting.node_process import longest_step
 from navloom_live.live.live_node import Source
 from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.node_placement import goes_first, spread
+from navloom_live.timing import SERVICE_STOP_LIMIT, START_LIMIT
 
 __all__ = ["UnitCommand", "notify", "units"]
 
-START, STOP = 180, 5
-"""Longest time for a process to be ready, if kernels must be compiled, and to end, s."""
-AGAIN = 0.5
+SERVICE_RESTART_WAIT = 0.5
 """Wait before a process is restarted, s."""
 RUNTIME = "navloom"
 """Folder below /run that the processes of a host share."""
@@ -157,10 +156,10 @@ def _text(service: _Service, robot: str, stem: str, command: UnitCommand, live: 
         "RuntimeDirectoryPreserve=yes",
         f"Environment=NAVLOOM_RUNTIME_DIR=/run/{RUNTIME}",
         "Restart=always",
-        f"RestartSec={AGAIN:g}",
+        f"RestartSec={SERVICE_RESTART_WAIT:g}",
         f"WatchdogSec={service.watchdog:g}",
-        f"TimeoutStartSec={START}",
-        f"TimeoutStopSec={STOP}",
+        f"TimeoutStartSec={START_LIMIT:g}",
+        f"TimeoutStopSec={SERVICE_STOP_LIMIT:g}",
         *([f"Nice={CONTROL_PRIORITY}"] if service.is_control else []),
         "NoNewPrivileges=yes",
         "ProtectSystem=full",

@@ -21,6 +21,7 @@ from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder, Ru
 from navloom_live.live.live_node import Source
 from navloom_live.live.live_node_builder import all_sources
 from navloom_live.live.node_placement import spread
+from navloom_live.timing import DEAD_TOKEN_WAIT
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.links import peer_link
 from navloom_live.transport.tool_sessions import joined
@@ -28,9 +29,7 @@ from navloom_live.transport.zenoh_bus import BusError
 
 __all__ = ["chosen_sources", "share_by_hand"]
 
-LEFT = 3.0
-"""How long a node that died may still be shown as alive, s."""
-STAND = 0.5
+REPRESENT_CHECK_INTERVAL = 0.5
 """Interval of checking whether another process represents the robot, s."""
 
 
@@ -64,7 +63,7 @@ def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
         began = time.monotonic()
         # For a while: tokens of a node that has just died stay until its lease is over.
         while there := [source for source in sources if bus.alive(keys.alive(*source, "*"))]:
-            if time.monotonic() - began > LEFT:
+            if time.monotonic() - began > DEAD_TOKEN_WAIT:
                 raise DirectoryError(
                     f"{', '.join(' '.join(source) for source in there)} of robot {keys.prefix}: runs already, and "
                     "two would both publish; `navloom list` shows where it runs: end that one first"
@@ -169,7 +168,7 @@ def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
     def stand() -> None:
         # The lock is free as soon as its holder ends, whatever ended it.
         while not folder.lock():
-            if ended.wait(STAND):
+            if ended.wait(REPRESENT_CHECK_INTERVAL):
                 return
         with suppress(OSError):  # full disk: commands need --connect then
             folder.write(running)

@@ -18,7 +18,7 @@ from navloom_live.live.mailbox import Inlet, Mailbox
 
 __all__ = ["Barrier", "BarrierEnded", "InstanceProgress"]
 
-LOOK_UP = 0.2
+BARRIER_END_CHECK_INTERVAL = 0.2
 """Interval of checking for the end of the run while waiting, s."""
 
 
@@ -126,5 +126,5 @@ class Barrier:
                 stream.marks.append((envelope.tick, progress.marks[port]))
 
     def _wait(self) -> None:
-        self._seen = self._mailbox.wait(self._seen, LOOK_UP)
+        self._seen = self._mailbox.wait(self._seen, BARRIER_END_CHECK_INTERVAL)
         self._check()

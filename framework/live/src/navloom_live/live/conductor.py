@@ -35,7 +35,7 @@ from navloom_live.live.process_streams import Switchboard
 
 __all__ = ["BarrierError", "Conductor"]
 
-STALL = 30.0
+BARRIER_STALL_LIMIT = 30.0
 """Time without any progress after which the run has failed, s."""
 
 
@@ -183,7 +183,7 @@ class Conductor:
         now = time.monotonic()
         if reported != self._reported:
             self._reported, self._moved_at = reported, now
-        elif now - self._moved_at > STALL:
+        elif now - self._moved_at > BARRIER_STALL_LIMIT:
             # Reports of nodes that are not waited for at the moment may still be in their queues.
             self._barrier.hear_all()
             sources = [s for s in self._barrier.progress if self._chosen.get(s[0], s[1]) == s[1]]
@@ -191,5 +191,6 @@ class Conductor:
             behind = min(self._barrier.progress[source].done for source in sources)
             named = [f"{r} {n}" for r, n in sources if self._barrier.progress[(r, n)].done == behind]
             raise BarrierError(
-                f"tick {self._tick}: no progress for {STALL:g} s; not reported since tick {behind}: {', '.join(named)}"
+                f"tick {self._tick}: no progress for {BARRIER_STALL_LIMIT:g} s; not reported since tick {behind}: "
+                f"{', '.join(named)}"
             )

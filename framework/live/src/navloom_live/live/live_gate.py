@@ -7,9 +7,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from navloom.engine.build import stride_of
-from navloom.engine.hold import LEAD, hold
 from navloom.engine.nodes.executor_inputs import Obeyed
-from navloom.engine.nodes.gate_node import GateNode
+from navloom.engine.nodes.gate_node import LIVE_LEAD, GateNode
 from navloom.engine.nodes.node_base import Tick
 from navloom.engine.system import System
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport, StopReason
@@ -22,13 +21,16 @@ from navloom_live.live.node_placement import are_on_one_host
 from navloom_live.live.presence import Presence
 from navloom_live.live.publisher_restarts import RestartWatch, RivalWatch
 from navloom_live.live.run_clock import RunClock
+from navloom_live.timing import (
+    GATE_CHECK_INTERVAL,
+    PRESENCE_DOUBT_PERIODS,
+    REMOTE_GOAL_SILENCE,
+    STALE_CHECK_DELAY,
+    command_wait,
+)
 
-__all__ = ["BETWEEN", "CHECK", "LiveGate"]
+__all__ = ["BETWEEN", "LiveGate"]
 
-CHECK = 0.05
-"""Longest time between two checks, s."""
-AFTER = 0.0002
-"""Delay of the check after an input has gone stale, s, so that the check is not too early."""
 BETWEEN = "check"
 """Trigger in the step record of a stop between two ticks."""
 CHAINS = 1000
@@ -37,10 +39,6 @@ DECIDING = ("odometry", "controller", "avoider", "recovery")
 """Inputs of which two publishers stop the robot."""
 CHAIN = ("controller", "avoider")
 """Roles whose commands belong to each tick of a robot that follows a trajectory."""
-AFAR = 0.5
-"""Longest time without a step of a goal node on another host, s: its messages may cross a slow network."""
-DOUBT = 1.25
-"""Longest silence of a process whose liveliness tokens are lost before it counts as gone, in periods."""
 
 
 def _between_poses(system: System, period: float) -> float:
@@ -75,7 +73,7 @@ class LiveGate(LiveRunner):
         assert isinstance(self.cell.node, GateNode)
         self.gate = self.cell.node
         self.gate.is_warm = self._is_warm
-        self.gate.lead = LEAD
+        self.gate.lead = LIVE_LEAD
         self.deadline, self.presence = system.config.gate.stop_deadline, presence
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
@@ -85,9 +83,9 @@ class LiveGate(LiveRunner):
         self._needed = [source for source in all_sources(system) if source[0] in required]
         more = _between_poses(system, period)
         # The goal publishes no command that could go stale: its steps are timed instead.
-        near = self.deadline + hold(period) + more
-        self._goal_deadline = near if are_on_one_host(system.config, "goal", "gate") else max(near, AFAR)
-        self._doubt_ns = round((min(DOUBT * period, self.deadline) + more) * 1e9)
+        near = self.deadline + command_wait(period) + more
+        self._goal_deadline = near if are_on_one_host(system.config, "goal", "gate") else max(near, REMOTE_GOAL_SILENCE)
+        self._doubt_ns = round((min(PRESENCE_DOUBT_PERIODS * period, self.deadline) + more) * 1e9)
         # Never, as an integer: these times are compared with others in nanoseconds.
         self._goal_ends_ns = self._doubt_ends_ns = 2**62
         self._looked_ns = 0
@@ -117,6 +115,7 @@ class LiveGate(LiveRunner):
         """Run until the process ends, and then publish a last stop."""
         super().run()
         tick = self._tick(self.clock.tick)
+        # The wheels stop with the gate, without waiting until its silence is noticed.
         outputs = self.stepper.run(tick, lambda tick: self.gate.stop(StopReason("ending"), tick.time_ns))
         self.cell.publish(outputs, tick, self.cause_of(tick))
 
@@ -133,15 +132,17 @@ class LiveGate(LiveRunner):
     def wait_time(self) -> float:
         """Longest wait for a message, s: until an input that was fresh at the last check may have gone stale."""
         if not self.clock.is_known:
-            return CHECK
+            return GATE_CHECK_INTERVAL
         # Limits in the past were seen by the last check; they must not make this loop spin.
         coming = [limit_ns for limit_ns in self._limits_ns() if limit_ns >= self._looked_ns]
-        return min(CHECK, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + AFTER))
+        return min(
+            GATE_CHECK_INTERVAL, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + STALE_CHECK_DELAY)
+        )
 
     def _limits_ns(self) -> Iterator[int]:
         """Run clock up to which each input stays fresh, ns."""
         stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
-        held_ns = round(hold(self.period) * 1e9)
+        held_ns = round(command_wait(self.period) * 1e9)
         yield stamp_ns + round(self.deadline * 1e9)
         yield self._goal_ends_ns
         yield self._doubt_ends_ns
@@ -172,7 +173,7 @@ class LiveGate(LiveRunner):
             self._marks.pop(source, None)
         number = clock.tick
         self._time_chain(number)
-        if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= hold(self.period)):
+        if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= command_wait(self.period)):
             self.step("tick", number)
         else:
             self._look(number)

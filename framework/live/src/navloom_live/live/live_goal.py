@@ -13,15 +13,10 @@ from navloom_live.live.live_node_builder import Hosted
 from navloom_live.live.live_runner import LiveRunner
 from navloom_live.live.publisher_restarts import RestartWatch
 from navloom_live.live.run_clock import RunClock
+from navloom_live.timing import GOAL_CHECK_INTERVAL, GOAL_POSE_WAIT, PLATFORM_SILENCE
 
 __all__ = ["LiveGoal"]
 
-CHECK = 0.05
-"""Shortest wait between two checks while no pose arrives, s."""
-WITHOUT_POSE = 0.2
-"""Time without a pose after which the goal steps without one, s; at least two control periods."""
-PLATFORM_SILENCE = 1.0
-"""Silence of the platform after which a goal pauses, s; at least two control periods."""
 BROKEN = 20
 """Number of consecutive failed steps of a plugin after which the goal ends with an error."""
 
@@ -38,12 +33,12 @@ class LiveGoal(LiveRunner):
         self.faults: dict[Source, tuple[int, str]] = {}
         self._platform = RestartWatch()
         self._has_platform_restarted = self._is_asked = False
-        self._longest = max(WITHOUT_POSE, 2.0 * period)
+        self._longest = max(GOAL_POSE_WAIT, 2.0 * period)
 
     def wait_time(self) -> float:
         """Longest wait for a message, s."""
         left = self._longest + self._stepped_at - time.monotonic()
-        return min(super().wait_time(), max(CHECK, left))
+        return min(super().wait_time(), max(GOAL_CHECK_INTERVAL, left))
 
     def act(self) -> None:
         """Step with each pose; also without one when poses stay away, and once a tick after a request."""

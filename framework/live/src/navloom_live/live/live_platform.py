@@ -12,19 +12,14 @@ from navloom.messages import Command, InputRead, Twist2D
 
 from navloom_live.live.live_node import Feed, Source
 from navloom_live.live.live_node_builder import Hosted
-from navloom_live.live.live_runner import IDLE, LiveRunner
+from navloom_live.live.live_runner import LiveRunner
 from navloom_live.live.publisher_restarts import RivalWatch
 from navloom_live.live.run_clock import RunClock
+from navloom_live.timing import PLATFORM_RETRY_INTERVAL, RUNNER_IDLE, STALE_CHECK_DELAY, WHEELS_REFUSE_LIMIT
 
 __all__ = ["LivePlatform"]
 
-CHECK = 0.01
-"""Interval between two attempts to begin, or to repeat a command that the wheels refused, s."""
-AFTER = 0.0002
-"""Delay of the check after a command has gone stale, s, so that the check is not too early."""
 STILL = Twist2D(0.0, 0.0, 0.0)
-UNTOLD = 1.0
-"""How long commands to the wheels may fail before the process ends, s; its successor opens the driver again."""
 
 
 class LivePlatform(LiveRunner):
@@ -75,7 +70,7 @@ class LivePlatform(LiveRunner):
     def run(self) -> None:
         """Run until the process ends; then stop the wheels and close the platform."""
         while not self._may_begin() and not self.ends():
-            time.sleep(CHECK)
+            time.sleep(PLATFORM_RETRY_INTERVAL)
         # Rounded up: the first tick is a whole one.
         self._next = max(0, -(-self._now_ns() // self.period_ns))
         try:
@@ -90,10 +85,10 @@ class LivePlatform(LiveRunner):
         now_ns = self._now_ns()
         left = (self._next * self.period_ns - now_ns) * 1e-9
         if self._twist != STILL:
-            left = min(left, (self._cause_ns + self.deadline_ns - now_ns) * 1e-9 + AFTER)
+            left = min(left, (self._cause_ns + self.deadline_ns - now_ns) * 1e-9 + STALE_CHECK_DELAY)
         if self._untold_since is not None:
-            left = min(left, CHECK)
-        return min(IDLE, max(0.0, left))
+            left = min(left, PLATFORM_RETRY_INTERVAL)
+        return min(RUNNER_IDLE, max(0.0, left))
 
     def rings(self, feed: Feed) -> bool:
         """The gate's command wakes the node, so that it is passed on at once."""
@@ -106,8 +101,10 @@ class LivePlatform(LiveRunner):
             RuntimeError: Commands to the wheels have failed for too long.
         """
         self._follow_gate()
-        if self._untold_since is not None and time.monotonic() - self._untold_since > UNTOLD:
-            raise RuntimeError(f"commands to the wheels failed for {UNTOLD:g} s: {self._refusal or self.fault}")
+        if self._untold_since is not None and time.monotonic() - self._untold_since > WHEELS_REFUSE_LIMIT:
+            raise RuntimeError(
+                f"commands to the wheels failed for {WHEELS_REFUSE_LIMIT:g} s: {self._refusal or self.fault}"
+            )
         now_ns = self._now_ns()
         if now_ns < self._next * self.period_ns:
             return

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
+import numpy as np
 from navloom.engine.nodes.node_base import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 
@@ -14,17 +15,10 @@ from navloom_live.live.live_node_builder import Hosted, Widening
 from navloom_live.live.mailbox import Inlet
 from navloom_live.live.publisher_restarts import BACKWARDS
 from navloom_live.live.run_clock import RunClock
-from navloom_live.live.step_times import StepTimes
+from navloom_live.timing import RUNNER_IDLE, SIBLING_WAIT_FIRST, WAITING_REPORT_INTERVAL
 
-__all__ = ["Change", "LiveRunner"]
+__all__ = ["STEPS_KEPT", "Change", "LiveRunner", "StepTimes"]
 
-IDLE = 0.5
-"""Longest wait while no message arrives, s."""
-FIRST = 0.25
-"""Longest wait for other inputs of the same tick before the first step, s: a process that joins a robot during a drive
-gets the first message of each stream at another moment, within a few periods."""
-WAITING = 0.25
-"""Interval of the reports of a node that waits for the first message of an input, s."""
 
 Change = Callable[[], None]
 
@@ -97,7 +91,7 @@ class LiveRunner:
 
     def wait_time(self) -> float:
         """Longest wait for a message, s."""
-        return min(self._patience, IDLE) if self._waits_since[0] >= 0 else IDLE
+        return min(self._patience, RUNNER_IDLE) if self._waits_since[0] >= 0 else RUNNER_IDLE
 
     def act(self) -> None:
         """Step if a step is due."""
@@ -206,7 +200,7 @@ class LiveRunner:
     def _say_waiting(self) -> None:
         """Report, at intervals, which streams the node waits for."""
         now = time.monotonic()
-        if now - self._said_waiting > WAITING and self.clock.is_known:
+        if now - self._said_waiting > WAITING_REPORT_INTERVAL and self.clock.is_known:
             self._said_waiting = now
             time_ns = max(0, self.clock.now_ns())
             self.cell.report(Tick(max(0, self.clock.tick), time_ns * 1e-9, time_ns, self.cell.epoch))
@@ -227,7 +221,7 @@ class LiveRunner:
                     inlet.listen()
             # The first look may be early: the wake-up of the late input comes anyway.
             return True
-        patience = max(FIRST, self._patience) if self.stepper.stepped < 0 else self._patience
+        patience = max(SIBLING_WAIT_FIRST, self._patience) if self.stepper.stepped < 0 else self._patience
         if late and now - self._waits_since[1] < patience:
             return True
         if self._waits_since[0] >= 0:
@@ -291,3 +285,26 @@ class LiveRunner:
             if envelope is not None and envelope.tick == number:
                 return envelope.stamp_ns
         return max(0, self.clock.now_ns())
+
+
+STEPS_KEPT = 4096
+"""Number of recorded steps."""
+
+
+class StepTimes:
+    """Ticks and durations of the newest steps of one node. One thread writes, any may read."""
+
+    def __init__(self) -> None:
+        self._kept = np.zeros((STEPS_KEPT, 2), dtype=np.int64)
+        self._steps = 0
+
+    def note(self, tick: int, spent_ns: int) -> None:
+        """Record a step."""
+        self._kept[self._steps % STEPS_KEPT] = tick, spent_ns
+        # After the row, so that a reader never counts one that is not written.
+        self._steps += 1
+
+    def newest(self, most: int = STEPS_KEPT) -> list[tuple[int, int]]:
+        """(tick, ns) of at most `most` steps, oldest first."""
+        places = np.arange(max(0, self._steps - min(most, STEPS_KEPT)), self._steps) % STEPS_KEPT
+        return [(int(tick), int(spent)) for tick, spent in self._kept[places]]

@@ -12,6 +12,7 @@ from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError, decode
 
 from navloom_live.live.description import StreamSummary
+from navloom_live.timing import CLOCK_LEAD_LIMIT
 
 __all__ = ["LATEST", "Inlet", "Mailbox", "Misrouted", "Packet", "StreamCounts"]
 
@@ -178,10 +179,6 @@ class Mailbox:
         return self.news
 
 
-AHEAD = 0.5
-"""Largest lead of a message over the platform's clock as known here, s: a small lead is due to transport delays."""
-
-
 class Inlet:
     """One stream into one node.
 
@@ -302,7 +299,7 @@ class Inlet:
                 self.arrived_ns = time.monotonic_ns()
             if self._age is not None:
                 age = self._age(item[1].cause_ns)
-                if age is not None and age < -AHEAD and not self._tells_time:
+                if age is not None and age < -CLOCK_LEAD_LIMIT and not self._tells_time:
                     # If kept, it would count as the newest message until the clock catches up with it.
                     self.counts.malformed += 1
                     self.counts.complaint = f"it derives from a platform stamp {-age:.1f} s in the future"

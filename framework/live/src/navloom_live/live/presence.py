@@ -17,11 +17,11 @@ __all__ = ["Presence", "life_here"]
 
 LIVES = 16
 """Most tokens that one instance may have at once; further ones are ignored."""
-AGAIN = 0.5
+MEET_INTERVAL = 0.5
 """Shortest time between two calls of `meet` for one instance, s, even if it restarts all the time."""
-LOOK = 1.0
+ARRIVAL_CHECK_INTERVAL = 1.0
 """Interval of checking for the end while no instance comes up, s."""
-PAUSE = 0.2
+MEET_RETRY_INTERVAL = 0.2
 """Interval of looking for other instances while one has to wait, s."""
 
 
@@ -85,12 +85,12 @@ class Presence:
         met: dict[Source, float] = {}
         while not ends():
             with contextlib.suppress(queue.Empty):
-                source = self._arrivals.get(timeout=LOOK)
-                early = met.get(source, -AGAIN) + AGAIN - time.monotonic()
+                source = self._arrivals.get(timeout=ARRIVAL_CHECK_INTERVAL)
+                early = met.get(source, -MEET_INTERVAL) + MEET_INTERVAL - time.monotonic()
                 # A process that crashes at each start would otherwise be queried all the time.
                 if early > 0.0:
                     if self._arrivals.empty():
-                        time.sleep(min(early, PAUSE))
+                        time.sleep(min(early, MEET_RETRY_INTERVAL))
                     self._arrivals.put(source)
                     continue
                 self._queued.discard(source)

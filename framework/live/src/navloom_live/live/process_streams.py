@@ -17,7 +17,7 @@ from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
 
-PAUSE, TRIES = 0.03, 5
+RETAINED_RETRY_INTERVAL, RETAINED_RETRIES = 0.03, 5
 """Time between two queries for a retained message, s, and the number of retries if no answer comes or too many queries
 are made: a router drops queries that come too soon after another of their kind, see `access.PACES`."""
 
@@ -101,7 +101,7 @@ class Switchboard:
 
     def _fetch(self, key: str) -> None:
         """Query one stream's last message; retry a few times if there is no answer or there are too many queries."""
-        for pause in (*[PAUSE] * TRIES, 0.0):
+        for pause in (*[RETAINED_RETRY_INTERVAL] * RETAINED_RETRIES, 0.0):
             # Before the query: newer messages of the stream may overtake the answer.
             asked_ns, answers = time.monotonic_ns(), list(self.bus.ask(key))
             for answer in answers:

@@ -6,6 +6,8 @@ import time
 
 from navloom.messages import Envelope
 
+from navloom_live.timing import LATE_LIMIT, RIVAL_WINDOW
+
 __all__ = ["BACKWARDS", "RestartWatch", "RivalWatch"]
 
 BACKWARDS = 200
@@ -13,11 +15,10 @@ BACKWARDS = 200
 
 SWITCHES = 3
 """How often messages must change between two publishers that both go on: a restart is one change, without a return."""
-HELD = 2.0
-"""Time within which they do, s. It is also how long only one must have been heard until it counts as the only one."""
 
-LATE_NS, ANEW_NS = 250_000_000, 10_000_000_000
-"""Age against the newest message from which one is late, and from which it follows another run clock, ns."""
+OTHER_CLOCK_NS = 10_000_000_000
+"""Age against the newest message from which a message follows another run clock, ns."""
+_LATE_NS = round(LATE_LIMIT * 1e9)
 
 
 class RestartWatch:
@@ -51,15 +52,15 @@ class RivalWatch:
     def note(self, sequence: int, stamp_ns: int) -> None:
         """Take the sequence number and the stamp of a message."""
         behind_ns = self._latest_ns - stamp_ns
-        if LATE_NS < behind_ns < ANEW_NS:
+        if _LATE_NS < behind_ns < OTHER_CLOCK_NS:
             return
-        self._latest_ns = stamp_ns if behind_ns >= ANEW_NS else max(stamp_ns, self._latest_ns)
+        self._latest_ns = stamp_ns if behind_ns >= OTHER_CLOCK_NS else max(stamp_ns, self._latest_ns)
         newest, other = self._newest, 1 - self._of
         if sequence in newest:
             apart_ns = abs(stamp_ns - self._stamps_ns[newest.index(sequence)])
-            if 0 < apart_ns < LATE_NS:  # not the same message by two links, nor that of a process that has restarted
+            if 0 < apart_ns < _LATE_NS:  # not the same message by two links, nor that of a process that has restarted
                 self._switch()
-            if apart_ns < LATE_NS:
+            if apart_ns < _LATE_NS:
                 return
         ahead, other_ahead = sequence - newest[self._of], sequence - newest[other]
         goes_on = newest[other] > 0 and other_ahead > 0
@@ -75,4 +76,4 @@ class RivalWatch:
     @property
     def is_split(self) -> bool:
         """Whether two processes publish the stream."""
-        return len(self._switches) == SWITCHES and time.monotonic() - self._switches[0] < HELD
+        return len(self._switches) == SWITCHES and time.monotonic() - self._switches[0] < RIVAL_WINDOW

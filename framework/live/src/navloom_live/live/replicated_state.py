@@ -52,8 +52,10 @@ class Memory:
         if why is None:
             return ""
         if why.kind == "ending":
+            # A gate that ends in order always says "stopped", which is no operator's stop.
             return before or ("operator" if message.latched else "")
         if why.stop.hides and not message.latched:
+            # A silent platform hides why the gate was stopped before; that reason returns afterwards.
             return before
         return why.text if message.latched or why.stop.restores else ""
 

@@ -11,12 +11,9 @@ from navloom_live.live.mailbox import Inlet, Mailbox
 from navloom_live.live.process_streams import Switchboard
 from navloom_live.live.replicated_state import Memory
 from navloom_live.live.run_clock import RunClock
+from navloom_live.timing import CLOCK_READ_INTERVAL
 
 __all__ = ["MemoryReader"]
-
-
-LOOK = 0.25
-"""Interval of reading the platform's clock, s; other streams are read as they arrive."""
 
 
 class MemoryReader:
@@ -58,7 +55,7 @@ class MemoryReader:
         """Read until the process ends."""
         seen = 0
         while not self._ends():
-            seen = self._mailbox.wait(seen, LOOK)
+            seen = self._mailbox.wait(seen, CLOCK_READ_INTERVAL)
             for source, inlet in self._inlets:
                 for message, envelope in inlet.take():
                     if isinstance(message, Odometry) and self._clock is not None:

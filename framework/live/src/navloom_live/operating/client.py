@@ -11,6 +11,7 @@ from navloom.inputs.typed_json import from_json
 
 from navloom_live.hosting.runtime_folders import RobotFolder
 from navloom_live.live.service import STOP, Answered, Asked, Nothing, Service, request_bytes
+from navloom_live.timing import REQUEST_ATTEMPT, REQUEST_TIMEOUT, SUPERVISOR_TIMEOUT, TOOL_JOIN_WAIT
 from navloom_live.transport.keyspace import LINKED, SUPERVISOR, KeySpace
 from navloom_live.transport.query_limits import TOO_MANY
 from navloom_live.transport.zenoh_bus import TIMED_OUT, Answer, Bus
@@ -18,14 +19,10 @@ from navloom_live.transport.zenoh_bus import TIMED_OUT, Answer, Bus
 if TYPE_CHECKING:
     from navloom_live.live.description import Description
 
-__all__ = ["AGAIN", "Client", "ClientError", "Refused", "Unanswered"]
+__all__ = ["REQUEST_SPACING", "Client", "ClientError", "Refused", "Unanswered"]
 
-AGAIN = 0.1
+REQUEST_SPACING = 0.1
 """Shortest time between two requests of one kind, s: a router drops requests that come sooner, see `access.PACES`."""
-JOIN = 2.0
-"""Longest time in which a tool discovers the robot's processes, s."""
-ATTEMPT = 2.4
-"""Wait for an answer before a retry, s; longer than a service takes."""
 UNKNOWN = "it may or may not have been done: `navloom status` shows which, `navloom doctor` why there was no answer"
 
 
@@ -73,7 +70,12 @@ class Client:
         return {key.rpartition("/")[2] for key in self.bus.alive(self.keys.alive(role, instance, "*"))}
 
     def call(
-        self, role: str, instance: str, service: Service[Asked, Answered], asked: Asked, timeout: float = 5.0
+        self,
+        role: str,
+        instance: str,
+        service: Service[Asked, Answered],
+        asked: Asked,
+        timeout: float = REQUEST_TIMEOUT,
     ) -> Answered:
         """Call a service of an instance and return its answer, within `timeout` seconds.
 
@@ -86,7 +88,9 @@ class Client:
         key = self.keys.port(role, instance, service.name)
         return self._call(key, f"{role} {instance}", service, asked, timeout, lambda: self.lives(role, instance))
 
-    def call_supervisor(self, service: Service[Asked, Answered], asked: Asked, timeout: float = 10.0) -> Answered:
+    def call_supervisor(
+        self, service: Service[Asked, Answered], asked: Asked, timeout: float = SUPERVISOR_TIMEOUT
+    ) -> Answered:
         """Call a service of the robot's `navloom up`, like `call`.
 
         Raises:
@@ -114,9 +118,10 @@ class Client:
         began, told = time.monotonic(), frozenset[str]()
         while (left := began + timeout - time.monotonic()) > 0.0:
             lives = find()
+            # A later life does not know the request, and might carry it out a second time.
             if told and lives - told:
                 raise Unanswered(f"robot {self.keys.prefix}: {who} restarted during the request ({name}); {UNKNOWN}")
-            answer = self._asked_once(key, data, min(ATTEMPT, left)) if lives else None
+            answer = self._asked_once(key, data, min(REQUEST_ATTEMPT, left)) if lives else None
             if answer is not None:
                 try:
                     return from_json(service.answered, answer.data)
@@ -126,9 +131,10 @@ class Client:
                         "the same version of navloom on both"
                     ) from None
             told |= lives
-            if not told and time.monotonic() - began > JOIN:
+            # Not there: by now a node that is there has been discovered.
+            if not told and time.monotonic() - began > TOOL_JOIN_WAIT:
                 break
-            time.sleep(AGAIN)
+            time.sleep(REQUEST_SPACING)
         if told:
             raise Unanswered(
                 f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({name}); {UNKNOWN}; "
@@ -152,7 +158,7 @@ class Client:
         """All answers to a query; without any, the query is sent once more in case the first came too soon."""
         answers = list(self.bus.ask(key, timeout=timeout))
         if not answers:
-            time.sleep(AGAIN)
+            time.sleep(REQUEST_SPACING)
             answers = list(self.bus.ask(key, timeout=timeout))
         return answers
 

@@ -36,7 +36,7 @@ from navloom_live.transport.zenoh_bus import BusError
 
 __all__ = ["Diagnosis", "diagnose", "examine"]
 
-CLOCKS = 0.5
+CLOCK_OFFSET_LIMIT = 0.5
 """Largest difference of two hosts' wall clocks without a finding, s. It matters to logs and recordings, not driving."""
 # Kept by hand: who waits for whom is decided in `engine/nodes`, and a change there must be repeated here.
 FOLLOWS: Mapping[str, tuple[str, ...]] = {
@@ -47,7 +47,7 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "gate": ("platform",),
 }
 """Roles that step with the platform whether or not there is a goal, each with the roles it waits for."""
-ADVANCE = 2.0
+STEP_WAIT = 2.0
 """Time within which each of these roles must step, s."""
 
 
@@ -242,14 +242,14 @@ def _clocks(client: Client, nodes: Sequence[Description]) -> list[Finding]:
             "the robot is not affected, but logs and recordings are: set both with a time service such as chrony",
         )
         for host, offset in sorted(clock_offsets(client, nodes).items())
-        if abs(offset.seconds) - offset.uncertain > CLOCKS
+        if abs(offset.seconds) - offset.uncertain > CLOCK_OFFSET_LIMIT
     ]
 
 
 def _not_stepping(client: Client, nodes: Sequence[Description]) -> list[Description]:
     """Nodes that should step with every tick but do not."""
     left = {node.name: node for node in nodes if node.role in FOLLOWS and node.active}
-    limit, is_late = time.monotonic() + ADVANCE, False
+    limit, is_late = time.monotonic() + STEP_WAIT, False
     while left and not is_late:
         is_late = time.monotonic() > limit  # check once more after the limit: this process itself may have been delayed
         time.sleep(0.1)

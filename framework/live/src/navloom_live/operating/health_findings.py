@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from navloom.engine.hold import held_rate
 from navloom.messages import StopReason
 from navloom.roles import ROLES
 
 from navloom_live.live.description import Description, StreamSummary
+from navloom_live.timing import PLATFORM_SILENCE, STUCK_AFTER, STUCK_AFTER_PATIENT, rate_of_wait
 from navloom_live.transport import links
 
 __all__ = ["Finding", "LoopRate", "differing", "doubled", "failing", "flowing", "is_slow", "is_stuck", "lagging",
@@ -22,12 +22,8 @@ LOW = 8.0
 """Free shared memory below which a new process cannot join, MB."""
 POOL = links.POOL / 2**20
 """Shared memory that a process takes for large messages, MB."""
-BUSY, BUSY_LONG = 0.5, 5.0
-"""Time in one step after which a node counts as stuck, s: in general, and for a node whose steps may be long."""
-TOGETHER = 5.0
+SAME_START_TOLERANCE = 5.0
 """Largest difference between two answers about the start of one process, s; two robots differ by more, or in PID."""
-SILENT = 1.0
-"""Time without a platform message after which a process counts as cut off from the platform, s."""
 FEW = 20
 """Number of lost messages, or of late ticks, that is tolerated without a finding."""
 OLD = 0.05
@@ -73,7 +69,7 @@ def is_slow(node: Description) -> bool:
 
 def is_stuck(node: Description) -> bool:
     """Whether its current step has taken longer than its role may take."""
-    return (node.busy_s or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
+    return (node.busy_s or 0.0) > (STUCK_AFTER_PATIENT if _is_patient(node) else STUCK_AFTER)
 
 
 def failing(nodes: Sequence[Description]) -> list[Finding]:
@@ -148,7 +144,7 @@ def loop_rate(nodes: Sequence[Description]) -> LoopRate | None:
     """Loop rate measured by the gate in its last drives; None if it has measured too little."""
     for node in nodes:
         if node.chain_p50_s and node.chain_p99_s:
-            return LoopRate(node.chain_p50_s, node.chain_p99_s, held_rate(node.chain_p99_s))
+            return LoopRate(node.chain_p50_s, node.chain_p99_s, rate_of_wait(node.chain_p99_s))
     return None
 
 
@@ -214,12 +210,13 @@ def differing(nodes: Sequence[Description]) -> list[Finding]:
 def unheard(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for processes that do not receive the platform's messages while others do."""
     silent = {where(node): (node, node.silence_s) for node in nodes if node.silence_s is not None}
-    if not silent or min(silence for _, silence in silent.values()) > SILENT:
+    # If nobody hears the platform, the fault is the platform's, and reported as such.
+    if not silent or min(silence for _, silence in silent.values()) > PLATFORM_SILENCE:
         return []
     home = {node.host for node in nodes if node.role == "platform"}
     found = []
     for process, (node, silence) in silent.items():
-        if silence > SILENT:
+        if silence > PLATFORM_SILENCE:
             remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
             if node.host in home:
                 remedy = f"it hangs, or its host gives it no CPU time: `kill -KILL {node.pid}` restarts it"
@@ -253,7 +250,8 @@ def doubled(answers: Sequence[Description]) -> list[Finding]:
 
 
 def _is_same_process(description: Description, other: Description) -> bool:
-    is_near = abs(_started(description) - _started(other)) < TOGETHER
+    # Containers may share host name and process ID.
+    is_near = abs(_started(description) - _started(other)) < SAME_START_TOLERANCE
     return (description.host, description.pid) == (other.host, other.pid) and is_near
 
 

@@ -27,14 +27,14 @@ from navloom_live.transport.quality_of_service import retained_ports
 
 __all__ = ["LiveRecorder", "ask_header"]
 
-CLOSE_EVERY = 0.3
+CHUNK_INTERVAL = 0.3
 """Interval of closing chunks, s: a kill loses at most this, and the messages in transit."""
-COUNT_EVERY = 1.0
+COUNTER_INTERVAL = 1.0
 """Interval of counter records, s."""
 MOST_WAITING = 16384
 MOST_BYTES = 128 << 20
 """Most messages, and most bytes, that may wait to be written; further messages are dropped and counted."""
-ASK = 3.0
+CONFIG_WAIT = 3.0
 """Longest wait for a process of the robot to report its config, s."""
 
 
@@ -51,7 +51,7 @@ def ask_header(client: Client) -> RecordingHeader:
     Raises:
         ClientError: No process of the robot answers, or the answer cannot be read.
     """
-    limit = time.monotonic() + ASK
+    limit = time.monotonic() + CONFIG_WAIT
     while True:
         for answer in client.bus.ask(client.keys.process("*", "config"), timeout=1.0):
             if not answer.refusal:
@@ -183,15 +183,15 @@ class LiveRecorder:
         try:
             while not self._ends:
                 with self._condition:
-                    self._condition.wait(CLOSE_EVERY / 3.0)
+                    self._condition.wait(CHUNK_INTERVAL / 3.0)
                 self._drain()
                 if self.writer.header is not self._header:
                     self.writer.extend(self._header)
                 now = time.monotonic()
-                if now - counted >= COUNT_EVERY:
+                if now - counted >= COUNTER_INTERVAL:
                     counted = now
                     self.writer.add_counts(self._summary(), time.time_ns())
-                if now - closed >= CLOSE_EVERY:
+                if now - closed >= CHUNK_INTERVAL:
                     closed = now
                     self.writer.flush()
             self._drain()

@@ -14,9 +14,9 @@ from navloom_live.operating.stream_subscription import Listening
 
 __all__ = ["BindError", "MetricsServer"]
 
-PATIENCE = 2.0
+REQUEST_WAIT = 2.0
 """Longest wait for a request after its connection, s; the next request waits at most that long."""
-SLICE = 0.2
+STATUS_WAIT = 0.2
 """Longest wait for a message of the gate, s, and so the longest delay before the listening thread ends."""
 
 
@@ -42,7 +42,7 @@ class MetricsServer:
         server = self
 
         class Handler(BaseHTTPRequestHandler):
-            timeout = PATIENCE
+            timeout = REQUEST_WAIT
 
             def do_GET(self) -> None:
                 server.answer(self)
@@ -65,7 +65,7 @@ class MetricsServer:
     def run(self) -> None:
         """Serve until `close`, or Ctrl-C."""
         self._thread.start()
-        self._http.serve_forever(poll_interval=SLICE)
+        self._http.serve_forever(poll_interval=STATUS_WAIT)
 
     def close(self) -> None:
         """End `run`, from another thread or after it has returned."""
@@ -92,5 +92,5 @@ class MetricsServer:
 
     def _listen(self) -> None:
         while not self._ends.is_set():
-            for told in self._listening.take(SLICE):
+            for told in self._listening.take(STATUS_WAIT):
                 self._stops.take(told)

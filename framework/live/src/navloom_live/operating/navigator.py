@@ -20,16 +20,15 @@ from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.operating.introspection import last
 from navloom_live.operating.robot_lookup import join
 from navloom_live.operating.stream_subscription import Listening
+from navloom_live.timing import ROBOT_GONE_AFTER
 from navloom_live.transport.quality_of_service import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
 
-ASK_AGAIN = 1.0
+RESULT_QUERY_INTERVAL = 1.0
 """Interval of queries for the robot's last result, s, in case it came while the link was down."""
-FORGOTTEN = 3.0
+GOAL_LOST_AFTER = 3.0
 """Time after which a restarted goal node that has not mentioned a goal counts as having lost it, s."""
-GONE = 15.0
-"""Time without any node after which the robot counts as gone, s; a restart takes less."""
 
 
 class GoalStreams(NamedTuple):
@@ -87,7 +86,7 @@ class GoalHandle:
                     self.feedback = message
                     yield message
             now = time.monotonic()
-            if self.result is None and now - self._asked > ASK_AGAIN:
+            if self.result is None and now - self._asked > RESULT_QUERY_INTERVAL:
                 self._asked = now
                 self._note(last(self._client, "goal", "main", "result"))
                 if self.result is None:
@@ -122,15 +121,15 @@ class GoalHandle:
             self._seen = now
         elif client.was_ended:
             raise ClientError(f"robot {client.keys.prefix} went down, and goal {self.goal_id} with it")
-        elif now - self._seen > GONE:
+        elif now - self._seen > ROBOT_GONE_AFTER:
             raise ClientError(
-                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so the outcome of "
-                f"goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
+                f"robot {client.keys.prefix}: none of its nodes has been there for {ROBOT_GONE_AFTER:g} s, so the "
+                f"outcome of goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
             )
         self._lives = self._lives or lives
         if not lives or lives & self._lives:
             self._known = now
-        elif now - self._known > FORGOTTEN:
+        elif now - self._known > GOAL_LOST_AFTER:
             raise ClientError(
                 f"robot {client.keys.prefix}: its goal node restarted and does not know goal {self.goal_id}, "
                 "which ended with the previous node"

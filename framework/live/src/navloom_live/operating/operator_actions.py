@@ -9,19 +9,21 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from navloom_live.live.requests import (
+    ADD,
     CANCEL,
     GET_PARAMETERS,
     PLACE,
     REPLAN,
     SET_PARAMETERS,
     SWAP,
+    Add,
     Assignments,
     Place,
     Swap,
 )
 from navloom_live.live.service import RESUME, Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
-from navloom_live.operating.starting import start_in_shadow
+from navloom_live.timing import INSTANCE_START_LIMIT
 
 __all__ = ["cancel", "get_parameters", "place", "resume", "set_parameters", "swap"]
 
@@ -43,6 +45,7 @@ def place(client: Client, x: float, y: float, heading: float) -> str:
             raise Refused(f"{name} is {value}, expected a finite number")
     there = [node for node in client.describe() if node.role == "localizer"]
     warning = ""
+    # The active one first: if it refuses, nothing is changed.
     for node in sorted(there, key=lambda node: not node.active):
         try:
             answer = client.call("localizer", node.instance, PLACE, Place(x, y, heading))
@@ -66,7 +69,7 @@ def swap(
 ) -> int:
     """Make another instance active as soon as it is ready; see `Navigator.swap`."""
     if not client.lives(role, instance):
-        start_in_shadow(client, role, instance, say)
+        _start_in_shadow(client, role, instance, say)
     answer = client.call("gate", "main", SWAP, Swap(role, instance))
     limit = time.monotonic() + timeout
     while answer.selected != instance:
@@ -76,6 +79,7 @@ def swap(
                 f"{answer.selected} stays active until it has"
             )
         time.sleep(0.05)
+        # Asked again, since the gate answers at once and takes over when the instance is warm.
         answer = client.call("gate", "main", SWAP, Swap(role, instance))
     return answer.epoch
 
@@ -88,3 +92,44 @@ def get_parameters(client: Client, role: str, instance: str) -> dict[str, Any]:
 def set_parameters(client: Client, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
     """Change parameters between two ticks, all or none; see `Navigator.set_parameters`."""
     return client.call(role, instance, SET_PARAMETERS, Assignments(tuple(assignments))).values
+
+
+START_CHECK_INTERVAL = 0.1
+"""Interval of looking for the instance, s."""
+START_QUERY_INTERVAL = 1.0
+"""Interval of asking how its process is doing, s."""
+
+
+def _start_in_shadow(client: Client, role: str, name: str, say: Callable[[str], None]) -> None:
+    """Let the robot's supervisor start an instance, and wait until it is alive.
+
+    A robot whose nodes were started one by one has no supervisor; then this does nothing.
+
+    Args:
+        client: Client of the robot.
+        role: Its role.
+        name: Its plugin, or plugin@preset, which becomes its name.
+        say: Receives what happens.
+
+    Raises:
+        Refused: It cannot be added, or does not start, with the reason and a remedy.
+    """
+    try:
+        answer = client.call_supervisor(ADD, Add(role, name, again=True))
+    except ClientError:
+        return
+    if answer.is_new:
+        say(f"{role}: starting {name} in shadow")
+    limit, asked = time.monotonic() + INSTANCE_START_LIMIT, time.monotonic()
+    while not client.lives(role, name):
+        now = time.monotonic()
+        if now > limit:
+            why = f": its process {answer.why}" if answer.why else ""
+            raise Refused(
+                f"{role} {name} has not started within {INSTANCE_START_LIMIT:g} s{why}; `navloom doctor` says more"
+            )
+        if now - asked > START_QUERY_INTERVAL:
+            asked, answer = now, client.call_supervisor(ADD, Add(role, name))
+            if answer.state == "failed":
+                raise Refused(f"{role} {name} does not start: its process {answer.why}: {answer.last_words}")
+        time.sleep(START_CHECK_INTERVAL)

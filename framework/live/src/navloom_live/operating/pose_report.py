@@ -17,11 +17,11 @@ from navloom_live.operating.robot_nodes import Node, answering
 
 __all__ = ["pose_fields", "pose_now"]
 
-POSE = 1.0
+POSE_WAIT = 1.0
 """Longest wait for a pose, s: longer than a localizer's usual period."""
 
 
-def pose_now(client: Client, nodes: Sequence[Node], timeout: float = POSE) -> PoseEstimate | None:
+def pose_now(client: Client, nodes: Sequence[Node], timeout: float = POSE_WAIT) -> PoseEstimate | None:
     """The next pose of the active localizer; None if none comes within `timeout`, s."""
     name = next((one.instance for one in answering(nodes) if one.role == "localizer" and one.active), None)
     if name is None:

@@ -73,6 +73,7 @@ class Stops:
         status = told.message
         if not isinstance(status, GateStatus):
             return
+        # Only the kind, without the names in the text: each would be a time series of its own.
         reason = status.why.head if status.why is not None else status.limit or "unknown"
         if status.stopped and self.is_stopped is not None and reason != self._reason:
             is_known = reason in self.counts or len(self.counts) < MOST_REASONS

@@ -13,7 +13,7 @@ from navloom_recording.writer import WriteError
 
 __all__ = ["recorder_beside"]
 
-CLOSE = 15.0
+RECORDER_CLOSE_LIMIT = 15.0
 """Longest time that a recorder may take to close its file, s."""
 
 
@@ -40,7 +40,7 @@ def recorder_beside(
     # The first line says that it listens: the robot's first tick must not come before.
     first = child.stdout.readline().removeprefix("navloom: ").strip()
     if not first.startswith("recording "):
-        child.wait(CLOSE)
+        child.wait(RECORDER_CLOSE_LIMIT)
         raise WriteError(first or f"the recorder ended with code {child.returncode}")
     say(first)
     listener = threading.Thread(target=_listen, args=(child.stdout, say), daemon=True)
@@ -50,7 +50,7 @@ def recorder_beside(
     finally:
         child.terminate()
         try:
-            child.wait(CLOSE)
+            child.wait(RECORDER_CLOSE_LIMIT)
         except subprocess.TimeoutExpired:
             # A full or hanging disk: the robot has ended already.
             child.kill()

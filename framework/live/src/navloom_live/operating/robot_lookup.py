@@ -14,6 +14,7 @@ from navloom.misspelt import close_to
 from navloom_live.hosting.node_claims import elsewhere
 from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder, Running, robots
 from navloom_live.operating.client import Client
+from navloom_live.timing import FOLLOW_INTERVAL
 from navloom_live.transport.keyspace import KeySpace
 from navloom_live.transport.links import Link, certificate
 from navloom_live.transport.tool_sessions import expiring, joined
@@ -21,10 +22,9 @@ from navloom_live.transport.zenoh_bus import Bus, BusError
 
 __all__ = ["find_robot", "join", "split_name"]
 
-FOLLOW = 0.3
-"""Interval of looking for processes that the robot gains, s: shorter than one takes to start."""
-LEAVE = 2.0
-"""Longest wait for a session that is being opened when the tool leaves, s: longer than opening one takes (`GATHER`)."""
+SESSION_CLOSE_WAIT = 2.0
+"""Longest wait for a session that is being opened when the tool leaves, s: longer than opening one takes
+(`timing.GATHER_WAIT`)."""
 LOG = logging.getLogger("navloom_live.operating")
 
 
@@ -135,7 +135,7 @@ def _following(bus: Bus, home: RobotFolder | None, link: Link) -> Iterator[None]
 
     def follow(home: RobotFolder) -> None:
         known = set(link.connect)
-        while not ended.wait(FOLLOW):
+        while not ended.wait(FOLLOW_INTERVAL):
             running = home.told()
             for end in sorted({*running.endpoints} - known) if running is not None else ():
                 known.add(end)
@@ -150,4 +150,4 @@ def _following(bus: Bus, home: RobotFolder | None, link: Link) -> Iterator[None]
     finally:
         ended.set()
         if thread.is_alive():
-            thread.join(LEAVE)
+            thread.join(SESSION_CLOSE_WAIT)

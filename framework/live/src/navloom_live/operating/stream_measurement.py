@@ -12,7 +12,7 @@ from navloom.messages.codec import CodecError
 
 from navloom_live.live.description import Description, DescriptionError
 from navloom_live.live.mailbox import Mailbox, Packet
-from navloom_live.operating.client import AGAIN, Client
+from navloom_live.operating.client import REQUEST_SPACING, Client
 from navloom_live.operating.introspection import tap
 
 __all__ = ["Offset", "StreamMeter", "clock_offsets", "measure"]
@@ -133,7 +133,7 @@ def clock_offsets(client: Client, nodes: Sequence[Description]) -> dict[str, Off
     best: dict[str, Offset] = {}
     for host, source in asked.items():
         for _ in range(ROUNDS):
-            time.sleep(AGAIN)
+            time.sleep(REQUEST_SPACING)
             before, started = time.time_ns(), time.perf_counter_ns()
             for answer in client.bus.ask(client.keys.port(*source, "describe"), timeout=1.0):
                 if answer.refusal:

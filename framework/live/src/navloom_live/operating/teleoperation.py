@@ -19,7 +19,7 @@ from navloom_live.transport.quality_of_service import most_of, quality_of
 
 __all__ = ["Driver", "limit_in_words"]
 
-HEAR = 3.0
+PLATFORM_WAIT = 3.0
 """Longest wait for the platform, s."""
 
 
@@ -78,7 +78,7 @@ class Driver:
         self._key = keys.port("operator", "main", "command")
         self._publication = bus.publication(self._key, quality_of(Command))
         bus.subscribe(keys.port("platform", "*", "odometry"), self._hear, most_of(Odometry))
-        if not self._heard.wait(HEAR):
+        if not self._heard.wait(PLATFORM_WAIT):
             raise ClientError(f"robot {keys.prefix}: its platform is silent; `navloom doctor` says why")
         for port, kind in (("status", GateStatus), ("command", Command)):
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
@@ -103,7 +103,7 @@ class Driver:
             ClientError: The platform went silent, or the robot is stopped until `resume`.
         """
         stamp_ns, tick, heard = self._newest
-        if time.monotonic() - heard > HEAR:
+        if time.monotonic() - heard > PLATFORM_WAIT:
             raise ClientError("the platform has gone silent; the robot has stopped by itself")
         self._refuse_if_latched()
         self._sequence += 1

@@ -15,34 +15,29 @@ from typing import TYPE_CHECKING
 
 from navloom.errors import NavloomError
 
+from navloom_live.timing import GATHER_WAIT, SESSION_LINGER, SESSION_SETTLE, SESSION_SPREAD
 from navloom_live.transport.access import HERE, MOVED
 from navloom_live.transport.file_watch import FileWatch
 from navloom_live.transport.keyspace import LARGEST
 from navloom_live.transport.link_faults import why_not
-from navloom_live.transport.links import GATHER, Link, credential_files, settings
+from navloom_live.transport.links import Link, credential_files, settings
 from navloom_live.transport.sender import Sender
 from navloom_live.transport.zenoh_session import Publisher, Question, Receive, Replies, Session, SessionError
 
 if TYPE_CHECKING:  # without messages and numpy a router restarts in a moment
     from navloom_live.transport.quality_of_service import Quality
 
-__all__ = ["LINGER", "SETTLE", "SPREAD", "BusError", "Connection", "Way"]
+__all__ = ["BusError", "Connection", "Way"]
 
-CERTIFICATES = 1.0
+CERTIFICATE_CHECK_INTERVAL = 1.0
 """Interval of checking the certificate files for changes, s."""
-SPREAD = 1.0
-"""Time over which the processes of a host open their new sessions, s, so that they do not all load the CPU at once."""
-SETTLE = 0.3
-"""Wait from the opening of a new session until it is used, s: by then the network knows its streams."""
-LINGER = 2.5
-"""How long a session stays open after another has taken over, s: longer than a query waits for its answer."""
 RECENT = 64
 """Number of newest messages of a stream in which duplicates are detected while there are two sessions."""
-STARTING = 2.0
+ROUTER_REPORT_AFTER = 2.0
 """How long a router of the same host may take to listen, s; a longer wait is reported."""
-LOOK = 0.1
+ROUTER_CHECK_INTERVAL = 0.1
 """Interval at which a client checks for its router, s."""
-LEAVING = 0.5
+CLOSE_LIMIT = 0.5
 """Longest wait for a pending connection attempt when this process leaves, s."""
 
 
@@ -135,7 +130,7 @@ class Connection:
         for session in sessions:
             session.close()
         if self._thread is not None:
-            self._thread.join(LEAVING)
+            self._thread.join(CLOSE_LIMIT)
 
     # --- joining ----------------------------------------------------------------------------------------------------
 
@@ -149,11 +144,11 @@ class Connection:
             except SessionError as error:
                 if link.mode != "client" or time.monotonic() - began > patience or not goes_on():
                     raise BusError(_why(link, error)) from None
-                if not is_told and time.monotonic() - began > STARTING:
+                if not is_told and time.monotonic() - began > ROUTER_REPORT_AFTER:
                     is_told = True
                     self._say(f"{_why(link, error)}; waiting for it")
                 time.sleep(0.1)
-        limit = time.monotonic() + GATHER * 1e-3
+        limit = time.monotonic() + GATHER_WAIT
         while session.neighbours() < link.peers and time.monotonic() < limit:
             time.sleep(0.005)  # for neighbours that connect to this process; Zenoh itself waits for the others
         return session
@@ -164,15 +159,15 @@ class Connection:
         while not self._closing.is_set():
             if not self.neighbours():
                 self._join_anew()
-            elif self._credentials is not None and time.monotonic() - looked > CERTIFICATES:
+            elif self._credentials is not None and time.monotonic() - looked > CERTIFICATE_CHECK_INTERVAL:
                 looked = time.monotonic()
                 if self._credentials.has_changed():
                     self._is_to_move.set()
             if self._is_to_move.is_set():
-                self._stay(SPREAD * (os.getpid() % 8) / 8)
+                self._stay(SESSION_SPREAD * (os.getpid() % 8) / 8)
                 self._is_to_move.clear()
                 self._move()
-            self._closing.wait(LOOK)
+            self._closing.wait(ROUTER_CHECK_INTERVAL)
 
     def _join_anew(self) -> None:
         """Open a session to replace a lost one, or the first one, on this thread; no caller waits for it."""
@@ -184,10 +179,10 @@ class Connection:
             try:
                 session = Session(self._config)
             except SessionError as error:
-                if not is_told and time.monotonic() - began > STARTING:
+                if not is_told and time.monotonic() - began > ROUTER_REPORT_AFTER:
                     is_told = True
                     self._say(f"{_why(self._link, error)}; until then the robot cannot be reached from other hosts")
-                self._closing.wait(LOOK)
+                self._closing.wait(ROUTER_CHECK_INTERVAL)
             else:
                 self._take_over(session, lost)
                 return
@@ -225,7 +220,7 @@ class Connection:
             with suppress(SessionError):  # if the router is lost at once, the next check finds out
                 for declare in self._declared:
                     declare(second)
-        self._stay(SETTLE)
+        self._stay(SESSION_SETTLE)
         is_denied = bool([*first.alive(self._router, 1.0)]) and not [*second.alive(self._router, 1.0)]
         with self._lock:
             if is_denied:  # The router does not know the new certificate. Its successor will, and announces itself.
@@ -239,7 +234,7 @@ class Connection:
                 self._use()
                 self.moves += 1
         if not is_denied:
-            self._stay(LINGER)
+            self._stay(SESSION_LINGER)
         with self._lock:
             left = second if is_denied else first
             left.close()
@@ -250,7 +245,7 @@ class Connection:
     def _stay(self, seconds: float) -> None:
         """Wait, unless the newest session is lost or this process leaves."""
         limit = time.monotonic() + seconds
-        while self.neighbours() and time.monotonic() < limit and not self._closing.wait(LOOK):
+        while self.neighbours() and time.monotonic() < limit and not self._closing.wait(ROUTER_CHECK_INTERVAL):
             pass
 
     def _use(self) -> None:

@@ -10,32 +10,23 @@ from typing import Any
 
 from navloom.inputs.bounds import open_file
 
+from navloom_live.timing import GATHER_WAIT, LINK_CLOSE_WAIT, LINK_LEASE, LINK_RETRY_FIRST, LINK_RETRY_MOST
 from navloom_live.transport.access import AccessError, limits, read_identities, rules
 from navloom_live.transport.endpoints import Endpoint, LinkError
 from navloom_live.transport.keyspace import LARGEST
 
-__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "Mesh", "credential_files", "peer_link", "settings"]
+__all__ = ["Endpoint", "Link", "LinkError", "Mesh", "credential_files", "peer_link", "settings"]
 
-LEASE = 1000
-"""Silence after which a neighbour counts as gone (cut cable, stopped process), ms. A closed socket is seen at once."""
 FIND_WAIT, FIND_WAIT_FAR = 2000, 5000
 """How long a client tries to find its router, on this host and on another, ms: at 0.2 s round trip, TLS takes 1.3 s."""
-OPEN_WAIT = 5000
+HANDSHAKE_LIMIT = 5000
 """Longest handshake of a neighbour, ms, so that idle strangers cannot occupy connections for long."""
-GATHER = 500
-"""Longest wait at a peer's opening until it is linked to every running peer, ms. It must be linked then: a process that
-restarts queries the others for the robot's memory, such as a latched stop, as soon as it is open."""
-RETRY = 50, 200
-"""First and longest interval of connection attempts to a missing neighbour, ms: well below GATHER."""
 RETRY_GONE = 60_000
 """Longest interval of connection attempts to a router's predecessor, ms: once it has gone, it does not return."""
 DROP_WAIT = 1000
 """How long a droppable message waits for a place in the queue, µs: a twentieth of the shortest usual period."""
 DROP_WAIT_FRAGMENTS = 50_000
 """The same for all fragments of a large droppable message, µs: one period of 0.05 s; after that a newer one follows."""
-CLOSE_WAIT = 1_500_000
-"""How long a reliable message waits before the link is closed, µs: longer than LEASE, so that a link to a dead process
-ends by that, and shorter than live.hang_timeout, so that a writer does not count as hung because its reader is."""
 SEND_BUFFER = 65_536
 """Send buffer in the kernel of a link that leaves the host, bytes: priorities have no effect in it."""
 POOL = 16 * 2**20
@@ -60,7 +51,7 @@ class Link:
         identity: The NAME.
         insecure: Plain TCP to other hosts is allowed.
         realm, robot: Names of the robot, whose keys the rules of a TLS listener protect.
-        peers: Number of neighbours that opening waits for, at most for GATHER.
+        peers: Number of neighbours that opening waits for, at most for GATHER_WAIT.
         shared_memory: Large messages use shared memory, see POOL.
         door: For a router over TLS: socket of this host by which its successor connects when certificates change.
         predecessor: For a router that takes over from another: the door of that one.
@@ -156,7 +147,7 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
         "mode": link.mode,
         "scouting": {
             # A router waits for nobody; a peer is linked to all running ones when it opens.
-            "delay": 0 if link.mode == "router" else GATHER,
+            "delay": 0 if link.mode == "router" else _ms(GATHER_WAIT),
             # Robots of one network must not find each other by themselves.
             "multicast": {"enabled": False},
             # A peer would connect to every address that another one tells it.
@@ -168,8 +159,8 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
             "timeout_ms": _find_wait(connect) if is_client else -1,
             "exit_on_failure": is_client,
             "retry": {
-                "period_init_ms": RETRY[0],
-                "period_max_ms": RETRY_GONE if link.predecessor else RETRY[1],
+                "period_init_ms": _ms(LINK_RETRY_FIRST),
+                "period_max_ms": RETRY_GONE if link.predecessor else _ms(LINK_RETRY_MOST),
                 "period_increase_factor": 2,
             },
         },
@@ -223,6 +214,11 @@ def _refuse_open_folder(end: Endpoint) -> None:
         )
 
 
+def _ms(seconds: float) -> int:
+    """In ms, as Zenoh expects its times."""
+    return round(seconds * 1e3)
+
+
 def _find_wait(connect: list[Endpoint]) -> int:
     return FIND_WAIT_FAR if any(_leaves(end) for end in connect) else FIND_WAIT
 
@@ -243,18 +239,18 @@ def _transport(link: Link, ends: list[Endpoint], now: datetime) -> dict[str, Any
     queue = {
         "congestion_control": {
             "drop": {"wait_before_drop": DROP_WAIT, "max_wait_before_drop_fragments": DROP_WAIT_FRAGMENTS},
-            "block": {"wait_before_close": CLOSE_WAIT},
+            "block": {"wait_before_close": round(LINK_CLOSE_WAIT * 1e6)},
         }
     }
     return {
         "unicast": {
-            "open_timeout": OPEN_WAIT,
-            "accept_timeout": OPEN_WAIT,
+            "open_timeout": HANDSHAKE_LIMIT,
+            "accept_timeout": HANDSHAKE_LIMIT,
             "max_links": 2 if two else 1,
         },
         "link": {
             "protocols": sorted({end.protocol for end in ends}),
-            "tx": {"lease": LEASE, "keep_alive": 4, "queue": queue},
+            "tx": {"lease": _ms(LINK_LEASE), "keep_alive": 4, "queue": queue},
             # A little above the limit, so that a message of exactly LARGEST fits with its header.
             "rx": {"max_message_size": LARGEST + 2**20},
             "tcp": buffer,

@@ -46,7 +46,7 @@ REFUSALS = 20.0
 as much as an answer."""
 TOO_MANY = "too many requests: try again in 1 s"
 """Refusal of a query beyond the rate."""
-FRESH = 0.05
+CACHE_AGE = 0.05
 """How long an answer that only reads may be reused, s."""
 _BRACKETS = b"[]{}"
 _OTHERS = bytes(set(range(256)) - set(_BRACKETS))
@@ -134,7 +134,7 @@ class Desk:
 
 
 class KeptJson:
-    """A JSON object that is cached for FRESH, except for entries that are always new.
+    """A JSON object that is cached for CACHE_AGE, except for entries that are always new.
 
     Args:
         make: Makes the entries that may be cached.
@@ -148,7 +148,7 @@ class KeptJson:
     def to_bytes(self) -> bytes:
         """The JSON object."""
         time_now = time.monotonic()
-        if self._made < 0.0 or time_now - self._made > FRESH:
+        if self._made < 0.0 or time_now - self._made > CACHE_AGE:
             self._kept, self._made = json.dumps(self._make()).encode(), time_now
         # Joined as text: the cached part is large, and dumping it again would defeat the cache.
         return self._kept[:-1] + b", " + json.dumps(self._now()).encode()[1:]

@@ -8,13 +8,11 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
+from navloom_live.timing import TOOL_JOIN_WAIT
 from navloom_live.transport.links import Endpoint, Link
 from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["expiring", "joined"]
-
-FOUND = 2.0
-"""Longest wait for the robot's processes, s."""
 
 
 def expiring(folder: Path | None) -> tuple[str, ...]:
@@ -28,10 +26,10 @@ def expiring(folder: Path | None) -> tuple[str, ...]:
 
 @contextmanager
 def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
-    """A tool's session, linked to the listeners of its link as far as they answer within FOUND. Raises BusError."""
+    """A tool's session, linked to those listeners of its link that answer within TOOL_JOIN_WAIT. Raises BusError."""
     with Bus(link, patience) as bus:
-        limit = time.monotonic() + FOUND
-        # Robots that were killed leave sockets without a listener; waiting for all of them costs FOUND.
+        limit = time.monotonic() + TOOL_JOIN_WAIT
+        # Robots that were killed leave sockets without a listener; waiting for all of them costs TOOL_JOIN_WAIT.
         wanted = sum(_may_listen(end) for end in link.connect) if link.mode == "peer" else 1
         while bus.neighbours() < wanted and time.monotonic() < limit:
             time.sleep(0.01)

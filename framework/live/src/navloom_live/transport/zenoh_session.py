@@ -24,7 +24,7 @@ os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # Zenoh reads it when it is fir
 MEDIA = "application/x-navloom;"
 TIMED_OUT = "Timeout"
 """Zenoh's reply when an answer does not come in time; `Replies` yields it at most once."""
-OVERDUE = 0.5
+QUERY_END_MARGIN = 0.5
 """How long after its timeout a query ends in any case, s, even without word from Zenoh."""
 SessionError = zenoh.ZError
 """A session could not be opened, or is closed."""
@@ -148,10 +148,10 @@ class Publisher:
 
 
 class Replies:
-    """Answers to a query as they arrive, until Zenoh reports the end or the timeout plus OVERDUE has passed."""
+    """Answers to a query as they arrive, until Zenoh reports the end or QUERY_END_MARGIN after the timeout."""
 
     def __init__(self, timeout: float) -> None:
-        self._limit = time.monotonic() + timeout + OVERDUE
+        self._limit = time.monotonic() + timeout + QUERY_END_MARGIN
         # Unbounded, since Zenoh's thread must not block; the number of answers is that of the processes.
         self._came: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.handler = zenoh.handlers.Callback(self._came.put, self.end, indirect=False)

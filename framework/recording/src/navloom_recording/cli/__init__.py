@@ -1,4 +1,4 @@
-"""Commands on recordings: `record` and `replay`, one file each.
+"""The command `replay`; a live robot is recorded by `record` of navloom-live.
 
 Begin with `replay.py`: unchanged, with another plugin in one role, or republished for tools.
 """

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["view"]
 
-GONE = 5.0
+ROBOT_ABSENCE_LIMIT = 5.0
 """Longest absence of the robot before the command ends, s."""
 
 
@@ -122,7 +122,7 @@ def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
                 heard = now if client.bus.neighbours() else heard
                 if event.is_set() or shown.is_closed or (limit is not None and now > limit):
                     break
-                if now - heard > GONE:
+                if now - heard > ROBOT_ABSENCE_LIMIT:
                     say_so(f"robot {header.prefix} has gone")
                     break
     return shown.counts

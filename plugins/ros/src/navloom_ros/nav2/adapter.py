@@ -27,7 +27,7 @@ THERE = 5.0
 """Longest wait for the action server to be discovered, s."""
 LONGEST = 86_400.0
 """Longest duration of a goal, s; after it the result is an error."""
-LOOK = 0.1
+STATUS_CHECK_INTERVAL = 0.1
 """Interval at which a waiting caller checks whether the goal has ended, s."""
 WAITING = 64
 """Most feedback messages that are queued; the oldest is dropped."""
@@ -81,7 +81,7 @@ class Nav2Handle:
             left = (end_ns - monotonic_ns()) * 1e-9
             try:
                 # In short waits: the end of the goal comes by another way and does not wake this one.
-                message = self._told.get(timeout=min(LOOK, max(0.001, left)))
+                message = self._told.get(timeout=min(STATUS_CHECK_INTERVAL, max(0.001, left)))
             except queue.Empty:
                 pass
             else:

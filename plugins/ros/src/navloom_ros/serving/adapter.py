@@ -21,7 +21,7 @@ __all__ = ["TAKEN", "Serving", "serve"]
 
 TAKEN = ("goals", "pose")
 """Inputs that --take can allow."""
-LOOK = 0.1
+CHANGE_CHECK_INTERVAL = 0.1
 """Longest wait for messages of the robot in one iteration, s."""
 AGAIN = 1.0
 """Interval of diagnostics, of checks that the robot is up, and of attempts to connect to it, s."""
@@ -114,7 +114,7 @@ class _Session:
         missed, looked_ns = 0, monotonic_ns()
         try:
             while not ends() and missed < GONE:
-                for told in self._listening.take(LOOK):
+                for told in self._listening.take(CHANGE_CHECK_INTERVAL):
                     self._take(*told)
                 if self._poses is not None and (place := self._poses.take()) is not None:
                     self._place(place)

@@ -16,7 +16,7 @@ from navloom_ros.wire import epoch_ns, monotonic_ns
 __all__ = ["Goals", "Place", "Robot", "place_of"]
 
 TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
-LOOK = 0.1
+FEEDBACK_CHECK_INTERVAL = 0.1
 """Interval of checks whether the goal was cancelled or replaced, s."""
 PASSED = 0.7
 """Distance within which a pose counts as passed, m; that of RemovePassedGoals in Nav2's own behaviour tree."""
@@ -153,7 +153,7 @@ class Goals:
         began_ns, asked, left = monotonic_ns(), False, list(wanted.places)
         while handle.result is None:
             try:
-                for feedback in handle.updates(LOOK):
+                for feedback in handle.updates(FEEDBACK_CHECK_INTERVAL):
                     self._pass(left)
                     self._tell(wanted, feedback, monotonic_ns() - began_ns, len(left))
             except TimeoutError:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navloom.cli.describing.docstrings import meanings
 from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
 
@@ -81,18 +84,18 @@ def _list(discovery: Discovery, as_json: bool) -> None:
 
 def _show_role(role: str, discovery: Discovery, as_json: bool) -> None:
     """What the plugins of a role are given and answer."""
-    from navloom.cli.describing.roles import described, print_role
+    from navloom.cli.describing.plugins import _described, _print_role
     from navloom.cli.output import print_json
     from navloom.plugins.registry import PluginError, nearest
     from navloom.roles import ROLES
 
     if role not in ROLES:
         raise PluginError(f"{role}: expected a role or ROLE.NAME{discovery.meant(role) or nearest(role, list(ROLES))}")
-    told = described(role)
+    told = _described(role)
     if as_json:
         print_json({**told, "plugins": discovery.names(role)})
     else:
-        print_role(told, discovery.names(role))
+        _print_role(told, discovery.names(role))
 
 
 def _show(name: str, discovery: Discovery, as_json: bool) -> None:
@@ -211,3 +214,45 @@ def _allowed(field: dict[str, Any]) -> str:
     signs = (("minimum", ">="), ("exclusiveMinimum", ">"), ("maximum", "<="), ("exclusiveMaximum", "<"))
     bounds = [f"{sign} {field[key]:g}" for key, sign in signs if key in field]
     return ", ".join(bounds) or str(field.get("type", ""))
+
+
+def _described(role: str) -> dict[str, Any]:
+    """A role's verb with the type of its answer, and the fields of all that its plugins see."""
+    from navloom.messages import Message
+    from navloom.roles import ROLES, Context, RobotSpec, answers_of, given_of, verb_of
+
+    cls = ROLES[role]
+    verb = getattr(cls, verb_of(role))
+    answer = str(inspect.signature(verb).return_annotation)
+    seen = {"given": given_of(role)}
+    for kind in answers_of(role):
+        if not issubclass(kind, (Message, NoneType)):
+            seen["answer"] = kind
+    seen |= {"self.context": Context, "self.context.robot": RobotSpec}
+    return {
+        "role": role,
+        "about": inspect.getdoc(cls),
+        "verb": f"{verb.__name__}(self, given: {given_of(role).__name__}) -> {answer}",
+        "verb_about": inspect.getdoc(verb),
+        "fields": {what: _fields(one) for what, one in seen.items()},
+    }
+
+
+def _print_role(told: dict[str, Any], names: list[str]) -> None:
+    """The same for people, and which plugins of the role are installed."""
+    import typer
+
+    from navloom.cli.output import print_table
+
+    typer.echo(f"{told['role']}: {(told['about'] or '').splitlines()[0]}")
+    typer.echo(f"{told['verb']}\n    {told['verb_about']}\n")
+    for what, rows in told["fields"].items():
+        print_table((what, "type", "meaning"), [(row["name"], row["type"], row["meaning"]) for row in rows])
+        typer.echo()
+    typer.echo("the fields of a message: `navloom messages RangeScan`")
+    typer.echo(f"installed: {', '.join(names) or 'none'}; the parameters of one: `navloom plugins {told['role']}.NAME`")
+
+
+def _fields(cls: Any) -> list[dict[str, str]]:
+    told = meanings(inspect.getdoc(cls) or "")
+    return [{"name": field.name, "type": str(field.type), "meaning": told.get(field.name, "")} for field in fields(cls)]

@@ -32,7 +32,10 @@ from navloom.messages import (
 from navloom.messages.motion import Command
 from navloom.navigation.command_gate import STOPPED, CommandGate, Offer, Sensed
 
-__all__ = ["GateNode"]
+__all__ = ["LIVE_LEAD", "GateNode"]
+
+LIVE_LEAD = 2
+"""Ticks by which a live gate announces a selection, so that every host knows it when it begins to apply."""
 
 
 class GateNode(Node):
@@ -160,6 +163,7 @@ class GateNode(Node):
 
     def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
         """Continue from an earlier gate: its selection, under a newer epoch, and its latched stop, as a text."""
+        # A newer epoch, so that commands made under the earlier gate are refused.
         self.epoch = epoch + 1
         self.selected |= selected
         self.gate.latch(StopReason.parse(latched))

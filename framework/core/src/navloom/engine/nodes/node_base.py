@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Node", "NodeSettings", "Outputs", "Tick"]
 
 Outputs = list[tuple[Out[Any], Message]]
-PATIENCE = 0.005
+SIBLING_WAIT = 0.005
 
 
 class Tick(NamedTuple):
@@ -78,7 +78,7 @@ class Node(ABC):
     is_awaited: ClassVar[bool] = False
     hears: ClassVar[Literal["", "rivals", "faults"]] = ""
     answers_when_asked: ClassVar[bool] = False
-    patience: ClassVar[float] = PATIENCE
+    patience: ClassVar[float] = SIBLING_WAIT
     declared_inputs: ClassVar[tuple[Declared[Any, Any] | Group[Any], ...]] = ()
     declared_outputs: ClassVar[tuple[Output[Any] | SensorOutputs, ...]] = ()
     made: Outputs

@@ -93,6 +93,7 @@ class ReferenceNode(Node):
     def of(cls, config: Config, robot: RobotSpec, braking: Braking, tolerance: float) -> ReferenceNode:
         """The node that a config asks for, with the goal's tolerance, m."""
         rules = config.navigation
+        # A reference that is faster than the robot runs away from it.
         slowest, fastest = (min(speed, robot.max_linear) for speed in rules.speed)
         limits = SpeedLimits(robot, slowest, fastest, rules.lateral_acceleration)
         half_width = float(np.abs(robot.footprint[:, 1]).max())

@@ -148,7 +148,7 @@ class MujocoRobot(Platform[MujocoParams]):
         for beam, angle in enumerate(heading + bearings):
             way = np.array([math.cos(angle), math.sin(angle), 0.0])
             ranges[beam] = mujoco.mj_ray(self._model, self._data, origin, way, OBSTACLES, True, -1, hit)
-        ranges = np.where((ranges < 0.0) | (ranges > settings.range_max), np.inf, ranges)
+        ranges = np.where((ranges < 0.0) | (ranges >= settings.range_max), np.inf, ranges)
         zeros = np.zeros(settings.beams)
         return RangeScan(
             stamp_ns, np.zeros((settings.beams, 2)), bearings, zeros, zeros, ranges, 0.05, settings.range_max

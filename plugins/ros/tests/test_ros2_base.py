@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from navloom import Context, InputError, PlatformInput, Pose2D, RobotSpec, SensorSpec, Twist2D
-from navloom_ros.bag_conversion import laser_scan
+from navloom_ros.bag_conversion import laser_scan, range_reading
 from navloom_ros.base import sources as base_sources
 from navloom_ros.base.adapter import Ros2Base
 from navloom_ros.base.frames import Frames, heading_of, planar
@@ -293,12 +293,48 @@ def test_a_scan_with_too_few_or_too_many_ranges_for_its_angles_is_unusable():
             )
 
 
-def test_a_range_beyond_its_reach_is_no_echo():
-    one = SimpleNamespace(min_range=0.1, max_range=3.0, field_of_view=0.2, range=3.5)
-    assert math.isinf(beams_of_ranges([one], [planar(0, 0, 0)]).ranges[0])
-    one.range = math.nan
+STAMPED = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0))
+
+
+@pytest.mark.parametrize(("reading", "expected"), [(9.99, 9.99), (10.0, math.inf), (10.01, math.inf)])
+def test_a_laser_reading_of_range_max_is_no_echo_live_and_in_a_bag(reading, expected):
+    given = scan([reading], header=STAMPED)
+    live, imported = beams_of_laser(given, planar(0, 0, 0), False), laser_scan(given, Mount(np.eye(3), np.zeros(3)))
+    assert live.ranges.tolist() == imported.ranges.tolist() == [pytest.approx(expected)]
+
+
+def sonar(reading, **given):
+    values = {"min_range": 0.1, "max_range": 3.0, "field_of_view": 0.2, "header": STAMPED}
+    return SimpleNamespace(range=reading, **(values | given))
+
+
+@pytest.mark.parametrize(
+    ("reading", "expected"),
+    [(0.0, 0.1), (0.05, 0.1), (-math.inf, 0.1), (0.1, 0.1), (2.99, 2.99), (3.0, math.inf), (3.5, math.inf)],
+)
+def test_a_sonar_reads_the_same_live_and_in_a_bag(reading, expected):
+    live = beams_of_ranges([sonar(reading)], [planar(0.0, 0.0, 0.0)], False)
+    imported = range_reading(sonar(reading), Mount(np.eye(3), np.zeros(3)))
+    assert live.ranges.tolist() == imported.ranges.tolist() == [expected]
+
+
+@pytest.mark.parametrize(("reading", "expected"), [(0.0, math.inf), (-math.inf, 0.1), (0.1, 0.1)])
+def test_a_sonar_that_reports_0_for_nothing_can_be_read_so(reading, expected):
+    """-inf is an object that is too close (REP 117), whatever 0 means."""
+    assert beams_of_ranges([sonar(reading)], [planar(0, 0, 0)], True).ranges.tolist() == [expected]
+
+
+def test_a_sensor_of_fixed_distance_says_that_something_is_there():
+    """REP 117: min_range equals max_range, -inf is a detection, +inf is none."""
+    fixed = [sonar(reading, min_range=0.8, max_range=0.8) for reading in (-math.inf, math.inf)]
+    beams = beams_of_ranges(fixed, [planar(0, 0, 0)] * 2, False)
+    assert (beams.ranges < beams.range_max).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("wrong", [{"reading": math.nan}, {"reading": 1.0, "min_range": 0.0, "max_range": 0.0}])
+def test_a_range_that_means_nothing_is_unusable(wrong):
     with pytest.raises(Unusable):
-        check_range(one)
+        check_range(sonar(**wrong))
 
 
 def test_odometry_that_is_no_number_is_unusable():
@@ -381,7 +417,7 @@ def test_a_laser_that_starts_late_or_is_nowhere_is_left_out():
 def test_a_ring_is_silent_where_one_of_its_sonars_is():
     said = Said()
     robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
-    ring = base_sources.Ranges(("/a", "/b"), (planar(0.1, 0, 0), planar(0, 0.1, 1.0)), SECOND // 2)
+    ring = base_sources.Ranges(("/a", "/b"), (planar(0.1, 0, 0), planar(0, 0.1, 1.0)), SECOND // 2, False)
     for topic in ("/a", "/b"):
         said.say(topic, "sensor_msgs/msg/Range", 100 * SECOND, SECOND, min_range=0.1, max_range=3.0, range=1.0)
     assert ring.read(robot, SECOND)[0].bearings.tolist() == [0.0, 1.0]

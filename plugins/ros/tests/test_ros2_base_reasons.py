@@ -238,7 +238,7 @@ def test_the_reason_is_that_of_the_first_sonar_though_the_last_one_is_well(monke
 def test_an_invalid_range_does_not_replace_a_good_one():
     said = Said()
     robot = Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
-    ring = Ranges(("/a", "/b"), (planar(0, 0, 0), planar(0, 0, 1.0)), SECOND // 2)
+    ring = Ranges(("/a", "/b"), (planar(0, 0, 0), planar(0, 0, 1.0)), SECOND // 2, False)
     for topic, length in (("/a", 1.0), ("/b", 2.0), ("/a", math.nan)):
         said.say(topic, "sensor_msgs/msg/Range", 100 * SECOND, SECOND, min_range=0.1, max_range=3.0, range=length)
     assert ring.read(robot, SECOND)[0].ranges.tolist() == [1.0, 2.0]
@@ -262,7 +262,7 @@ def test_a_scan_that_was_measured_before_the_last_one_is_left_out(lasered):
 def test_a_range_that_was_measured_before_the_last_one_is_left_out():
     said = Said()
     robot = Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
-    ring = Ranges(("/a",), (planar(0, 0, 0),), SECOND)
+    ring = Ranges(("/a",), (planar(0, 0, 0),), SECOND, False)
     for measured_ns, length in ((100 * SECOND, 1.0), (100 * SECOND - SECOND // 2, 2.0)):
         given = {"header": {"stamp": stamp(measured_ns)}, "min_range": 0.1, "max_range": 3.0, "range": length}
         said.say("/a", "sensor_msgs/msg/Range", 100 * SECOND, 100 * SECOND, **given)

@@ -98,7 +98,7 @@ def test_a_sonar_is_one_wide_beam(tmp_path: Path) -> None:
     assert scans[0].half_angles.tolist() == pytest.approx([0.2]) and scans[0].origins.tolist() == [[0.1, 0.2]]
     assert scans[0].bearings.tolist() == pytest.approx([math.pi / 2])
     topic = next(topic for topic in found.topics if topic.name == "/sonar/front")
-    assert dict(topic.skipped) == {"its reading is no measurement (NaN or below min_range)": 1}
+    assert dict(topic.skipped) == {"it is a range that is NaN": 1}
 
 
 def cloud_points(rows: Any, columns: Any, distance: float = 3.0) -> Any:

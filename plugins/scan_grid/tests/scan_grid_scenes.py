@@ -82,13 +82,23 @@ RING = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
 HALF = math.radians(15.0)
 
 
-def ring(world: World, pose: Floats, stamp_ns: int, rng: np.random.Generator, sigma: float = 0.01) -> Beams:
-    """Eight sonars on a circle of 0.2 m, nearest of 13 rays over 30°, range 0.3 to 4 m."""
+def ring(
+    world: World, pose: Floats, stamp_ns: int, rng: np.random.Generator, sigma: float = 0.01, critical_deg: float = 90.0
+) -> Beams:
+    """Eight sonars on a circle of 0.2 m, nearest of 13 rays over 30°, range 0.3 to 4 m.
+
+    Args:
+        critical_deg: A ray that meets a surface at a larger angle of incidence gives no echo: smooth walls.
+    """
     mounts = 0.2 * np.column_stack([np.cos(RING), np.sin(RING)])
     c, s = math.cos(pose[2]), math.sin(pose[2])
     origins = pose[:2] + mounts @ np.array([[c, s], [-s, c]])
     fan = np.linspace(-HALF, HALF, 13)
-    true = cast(world, np.repeat(origins, 13, axis=0), (RING[:, None] + fan).ravel() + pose[2]).reshape(8, 13).min(1)
+    starts, angles, small = np.repeat(origins, 13, axis=0), (RING[:, None] + fan).ravel() + pose[2], 1e-4
+    true = cast(world, starts, angles)
+    with np.errstate(invalid="ignore"):
+        incidence = np.abs(np.arctan2(cast(world, starts, angles + small) - true, true * small))
+    true = np.where(np.degrees(incidence) > critical_deg, np.inf, true).reshape(8, 13).min(1)
     ranges = np.clip(true + sigma * rng.standard_normal(8), 0.3, None)
     ranges[~(ranges <= 4.0)] = np.inf
     return Beams(stamp_ns, mounts, RING, np.full(8, HALF), np.zeros(8), ranges, 0.3, 4.0)

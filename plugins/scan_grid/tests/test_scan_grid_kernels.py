@@ -138,6 +138,63 @@ def test_an_arc_hardly_occupies_cells_that_beams_have_passed() -> None:
     assert at(grid, 2.05, 0.25) == at(fresh, 2.05, 0.25)
 
 
+HALF_ANGLE = 0.26
+
+
+def cell_heard(*cones: list[float], times: int = 1) -> tuple[float, int]:
+    """Log odds of the cell at (2.05, 0.05), and its published value, after an echo from it and then other cones."""
+    grid = grid_of()
+    for cone in (beam(0.0, 0.05, 0.0, 2.05, HALF_ANGLE), *cones * times):
+        grid.insert(np.array([cone]), LIMITS, WEIGHTS)
+    row, column = math.floor(0.05 / CELL) - grid.bounds.row, math.floor(2.05 / CELL) - grid.bounds.column
+    return float(grid.odds[row, column]), int(grid.render(0.6, True)[row, column])
+
+
+def test_a_place_with_an_echo_is_unknown_until_it_is_occupied_or_seen_through() -> None:
+    """One echo gives 0.4 on its axis, less than the 0.6 of an occupied cell."""
+    odds, shown = cell_heard()
+    assert odds == pytest.approx(0.4, rel=0.01) and shown == -1
+
+
+@pytest.mark.parametrize("flank", [-0.2, 0.2])
+def test_a_flank_does_not_erase_what_another_cone_heard(flank: float) -> None:
+    assert cell_heard(beam(0.0, 0.05, flank, 3.5, HALF_ANGLE), times=40) == cell_heard()
+
+
+def test_six_cones_that_see_through_a_place_outweigh_one_echo() -> None:
+    through = beam(0.0, 0.05, 0.0, 3.5, HALF_ANGLE)
+    assert [cell_heard(through, times=count)[1] for count in (1, 5, 6)] == [-1, -1, 0]
+
+
+def test_a_silent_cone_speaks_only_against_echoes_of_its_own_direction() -> None:
+    """A smooth surface sends the sound of other directions away: here from (2.05, -1.95), a quarter turn beside."""
+    assert cell_heard(beam(2.05, -1.95, 0.5 * math.pi, math.inf, HALF_ANGLE), times=40) == cell_heard()
+    assert cell_heard(beam(0.0, 0.05, 0.0, math.inf, HALF_ANGLE), times=6)[1] == 0
+
+
+def test_a_silent_cone_clears_nothing_behind_a_place_with_an_echo() -> None:
+    grid = grid_of()
+    grid.insert(np.array([beam(0.0, 0.05, 0.0, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    grid.insert(np.array([beam(0.0, 0.05, 0.0, math.inf, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert math.isnan(at(grid, 2.55, 0.05)) and at(grid, 1.55, 0.05) < 0.0
+
+
+def test_a_silent_cone_clears_up_to_the_surface_that_another_one_hears() -> None:
+    """A wall 1 m to the left, heard across: along 45° it is 1.41 m away, and the oblique sonar hears nothing of it."""
+    grid, wall = grid_of(), beam(0.05, 0.05, 0.5 * math.pi, 1.0, HALF_ANGLE)
+    grid.insert(np.array([wall, beam(0.05, 0.05, 0.25 * math.pi, math.inf, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    along = [0.05 + length * math.sqrt(0.5) for length in (1.2, 1.6, 2.5)]
+    assert [at(grid, x, x) < 0.0 for x in along] == [True, False, False]
+
+
+def test_a_silent_cone_clears_a_cell_once() -> None:
+    """So the first echoes outweigh it. A cone clears at most -0.8, right before the sensor."""
+    grid = grid_of()
+    for _ in range(9):
+        grid.insert(np.array([beam(0.0, 0.05, 0.0, math.inf, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert np.nanmin(grid.odds) == pytest.approx(-0.8)
+
+
 BEAMS = st.lists(
     st.tuples(
         # Steps that do not meet borders of cells, where the side is a matter of rounding.

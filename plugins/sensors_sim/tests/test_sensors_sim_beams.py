@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from navloom import Box, Cylinder, position_at
-from navloom_sensors_sim.beams import cone_rays, fan, read_cones, ring_mounts
+from navloom_sensors_sim.beams import _reading, cone_rays, fan, read_cones, ring_mounts
 from navloom_sensors_sim.scene import Scene
 
 WALL = Box("wall", (2.4, 2.6), (-20.0, 20.0))
@@ -163,3 +163,10 @@ def test_rate_leaves_ticks_out(bench):
     robot = bench(sensors=laser(rate_hz=5.0))
     due = ["laser" in robot.step().scans for _ in range(8)]
     assert due == [False, False, False, True, False, False, False, True]
+
+
+@pytest.mark.parametrize(("error", "is_echo"), [(0.0, True), (0.09, True), (0.1, False), (0.2, False)])
+def test_noise_that_reaches_range_max_leaves_no_echo(error, is_echo):
+    reading = _reading(3.9, error, 0.3, 4.0)
+    assert math.isfinite(reading) == is_echo and reading != 4.0
+    assert _reading(0.31, -0.2, 0.3, 4.0) == 0.3

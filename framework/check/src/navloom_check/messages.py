@@ -67,7 +67,7 @@ def scan(
         half_angle: Half the opening of a beam, rad; 0 for a laser.
         mount: Pose of the sensor in the base frame.
         height: Height of the scan plane, m.
-        range_min, range_max: Range limits, m. Anything farther away gives no echo.
+        range_min, range_max: Range limits, m. Anything at range_max or farther gives no echo.
         stamp: Run clock, s.
     """
     given = None if isinstance(seen, World) else np.asarray(seen, dtype=np.float64)
@@ -81,7 +81,7 @@ def scan(
         origin[:, :2] = transform(base_to_map, np.array([placed.x, placed.y]))
         angles = bearings + base.heading
         ranges = cast(seen, origin, np.column_stack((np.cos(angles), np.sin(angles), np.zeros(count))))
-        ranges = np.where(ranges > range_max, math.inf, np.maximum(ranges, range_min))
+        ranges = np.where(ranges >= range_max, math.inf, np.maximum(ranges, range_min))
     else:
         assert given is not None
         ranges = np.full(count, given) if given.ndim == 0 else given
@@ -134,7 +134,7 @@ def sweep(
         ways = in_base.copy()
         ways[:, :2] = transform(np.array([0.0, 0.0, base.heading]), in_base[:, :2])
         ranges = cast(seen, np.full((len(ways), 3), (base.x, base.y, height)), ways, floor=True)
-        ranges = np.where(ranges > range_max, math.inf, np.maximum(ranges, range_min)).reshape(frames, beams)
+        ranges = np.where(ranges >= range_max, math.inf, np.maximum(ranges, range_min)).reshape(frames, beams)
     else:
         ranges = np.full((frames, beams), given) if given.ndim == 0 else given
     times = np.linspace(0.0, duration, frames)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+from dataclasses import replace
 from pathlib import PurePath
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
@@ -127,6 +128,18 @@ def test_a_scan_may_repeat_its_stamp_but_not_go_back_and_each_sensor_has_its_own
         platform.give(4 * S, eye=sweep(S // 2, 0))
 
 
+def test_a_reading_of_range_max_or_more_becomes_no_echo() -> None:
+    """Of the sonars the second and the third; of the sweep all. The rest of the answer is as it was given."""
+    none, readings = np.zeros(4), np.array([3.99, 4.0, 5.0, math.inf])
+    ears = RangeScan(S, np.zeros((4, 2)), none, none, none, readings, 0.1, 4.0)
+    eye = replace(sweep(S, 0), ranges=np.full((1, 1), 4.0))
+    answer = PlatformOutput(Odometry(S, ORIGIN, STILL), {"ears": ears, "eye": eye}, Contact(False), None)
+    let = Platform().door.check(answer, PlatformInput(STILL, None, S))
+    assert let.scans["ears"].ranges.tolist() == [3.99, math.inf, math.inf, math.inf]
+    assert let.scans["eye"].ranges.tolist() == [[math.inf]]
+    assert replace(let, scans=answer.scans) == answer
+
+
 def test_stamps_may_be_a_second_ahead_of_the_run_clock() -> None:
     platform = Platform()
     platform.give(2 * S, odometry_ns=3 * S, ears=scan(3 * S))
@@ -153,9 +166,10 @@ def test_the_first_stamps_may_be_0_at_the_start_and_after_a_restart() -> None:
         platform.give(now, ears=scan(now), eye=sweep(now, 0))
 
 
-def test_a_scan_may_have_a_range_of_one_value() -> None:
-    Platform().give(0, ears=scan(0, 4.0, 4.0))
-    with refused("gave a scan of 'ears' with range_min 4.5, expected at most 4 m"):
+def test_a_scan_whose_limits_are_equal_could_hold_no_echo() -> None:
+    with refused("range_min 4 and range_max 4, expected range_max above range_min"):
+        Platform().give(0, ears=scan(0, 4.0, 4.0))
+    with refused("range_min 4.5 and range_max 4, expected"):
         Platform().give(0, ears=scan(0, 4.5, 4.0))
 
 

@@ -283,7 +283,8 @@ CASES = {
     "range_min beyond range_max": Wrong(
         "platform",
         lambda right, given: heard(right, range_min=5.0, range_max=4.0),
-        "advance() gave a scan of 'ear' with range_min 5, expected at most 4 m",
+        "advance() gave a scan of 'ear' with range_min 5 and range_max 4, expected range_max above range_min: "
+        "a reading of range_max or more is no echo",
     ),
     "odometry for pose": Wrong(
         "localizer", lambda right, given: given.odometry, "localize() returned Odometry(", since=0.5

@@ -73,7 +73,7 @@ def range_scan(message: RangeScan, seen: Seen) -> Drawn:
 
     if not seen.is_alone or seen.actor.is_shadow:
         return
-    echo = np.isfinite(message.ranges)
+    echo = message.ranges < message.range_max
     is_cone = message.half_angles > 0.0
     if is_cone.any():
         # A cone without an echo is drawn to a third of its range, which is enough to show its direction.

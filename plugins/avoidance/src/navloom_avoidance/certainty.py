@@ -200,7 +200,7 @@ def place_beams(
     for i in range(ranges.size):
         ox, oy = origins_in_base[i, 0], origins_in_base[i, 1]
         reach = extent + math.hypot(ox, oy)
-        echo = ranges[i] if ranges[i] <= limits[i, 1] else np.inf
+        echo = ranges[i] if ranges[i] < limits[i, 1] else np.inf
         placed[i, 0], placed[i, 1] = x + ox * cos_t - oy * sin_t, y + ox * sin_t + oy * cos_t
         placed[i, 2], placed[i, 3] = math.cos(heading + bearings[i]), math.sin(heading + bearings[i])
         placed[i, 4] = min(reach, limits[i, 1], echo - clear_margin) if echo > limits[i, 0] else 0.0
@@ -274,7 +274,7 @@ def insert_beams(
         pose: x, y, m, and heading, rad, of the base in the pose frame.
         origins_in_base: (n, 2), m. bearings: (n,), rad, base frame. half_angles: (n,), rad.
         ranges: (n,), m, +inf for no echo.
-        limits: (n, 2), smallest and largest range of each beam, m. An echo beyond the largest counts as none.
+        limits: (n, 2), smallest and largest range of each beam, m. A reading of the largest or more is no echo.
         sensors: (n,), number of each beam's sensor: the part of an arc that another cone of the same sensor sees
             through is not drawn. With negative numbers every arc is drawn completely (the paper).
         clear_margin: Depth before the echo and along the flanks of a cone that is not cleared, m.

@@ -15,15 +15,15 @@ def smoothed(ranges: NDArray[np.float64], range_max: float, agreement: float) ->
     narrower. Echoes that differ by more than `agreement` are of another surface and are not averaged.
 
     Args:
-        ranges: (n,), m, by increasing bearing. range_max: m. agreement: m.
+        ranges: (n,), m, by increasing bearing. range_max: a reading of this or more is no echo, m. agreement: m.
     """
     found = ranges.copy()
     for i in range(ranges.size):
-        if not 0.0 < ranges[i] <= range_max:
+        if not 0.0 < ranges[i] < range_max:
             continue
         total, count = 0.0, 0
         for k in range(max(0, i - BEAMS), min(ranges.size, i + BEAMS + 1)):
-            if 0.0 < ranges[k] <= range_max and abs(ranges[k] - ranges[i]) <= agreement:
+            if 0.0 < ranges[k] < range_max and abs(ranges[k] - ranges[i]) <= agreement:
                 total += ranges[k]
                 count += 1
         found[i] = total / count

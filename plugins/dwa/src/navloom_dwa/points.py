@@ -93,7 +93,7 @@ def remember(
     for i in range(bearings.size):
         axes[i, 0], axes[i, 1] = math.cos(bearings[i]), math.sin(bearings[i])
     for i in range(ranges.size):
-        if not 0.0 < ranges[i] <= range_max:
+        if not 0.0 < ranges[i] < range_max:
             continue
         bx, by = origins[i, 0] + ranges[i] * axes[i, 0], origins[i, 1] + ranges[i] * axes[i, 1]
         if bx * bx + by * by > reach * reach or kept >= points.shape[0]:

@@ -79,7 +79,7 @@ def less_noisy(scan: RangeScan) -> NDArray[np.float64]:
     if not len(scan.ranges) or (scan.half_angles >= THIN).any():
         return scan.ranges
     beside = np.arange(-BESIDE, BESIDE + 1)[:, None] + np.arange(len(scan.ranges))
-    readings = scan.ranges[np.clip(beside, 0, len(scan.ranges) - 1)]
+    readings = np.where(scan.ranges < scan.range_max, scan.ranges, np.inf)[np.clip(beside, 0, len(scan.ranges) - 1)]
     with np.errstate(invalid="ignore"):  # a reading without an echo is infinite
         agree = np.abs(readings - scan.ranges) <= AGREEMENT
     count = agree.sum(axis=0)

@@ -12,7 +12,8 @@ import numpy as np
 from navloom import Odometry, Pose2D, RangeScan, Sweep, Twist2D
 from numpy.typing import NDArray
 
-from navloom_ros.errors import RosError
+from navloom_ros.base.readings import beams_of_ranges, check_range
+from navloom_ros.errors import RosError, Unusable
 from navloom_ros.frames import Mount, quaternion_matrix, wrap
 from navloom_ros.times import ns_of
 
@@ -60,23 +61,17 @@ def laser_scan(message: Any, mount: Mount) -> RangeScan:
 
 
 def range_reading(message: Any, mount: Mount) -> RangeScan:
-    """Converts a Range to one beam as wide as its field of view; ranges as in `laser_scan`. Raises ConversionError."""
-    ranges, is_kept = _ranges(np.array([float(message.range)]), float(message.min_range), float(message.max_range))
-    if not is_kept[0]:
-        raise ConversionError("its reading is no measurement (NaN or below min_range)")
+    """Converts a Range to one beam as wide as its field of view, as `ros2_base` reads it. Raises ConversionError."""
+    try:
+        check_range(message)
+    except Unusable as error:
+        raise ConversionError(f"it is {error}") from error
     axis = mount.rotation[:, 0]
     if math.hypot(axis[0], axis[1]) < math.cos(TILTED):
         raise ConversionError("its beam is not parallel to the floor")
-    return RangeScan(
-        ns_of(message.header.stamp),
-        mount.translation[None, :2],
-        np.array([math.atan2(axis[1], axis[0])]),
-        np.array([max(0.0, float(message.field_of_view)) / 2.0]),
-        np.zeros(1),
-        ranges,
-        float(message.min_range),
-        float(message.max_range),
-    )
+    base = np.eye(4)
+    base[:3, :3], base[:3, 3] = mount.rotation, mount.translation
+    return RangeScan(ns_of(message.header.stamp), *beams_of_ranges([message], [base]))
 
 
 def _ranges(ranges: Floats, range_min: float, range_max: float) -> tuple[Floats, NDArray[np.bool_]]:

@@ -186,13 +186,13 @@ class Translator:
             )
 
     def _echoes(self, message: Any, port: str, stamp: Any) -> Translated:
-        seen = np.isfinite(message.ranges)
+        seen = message.ranges < message.range_max
         along = np.column_stack([np.cos(message.bearings), np.sin(message.bearings)])[seen]
         flat = message.origins[seen] + along * message.ranges[seen, None]
         return self._cloud(f"/{port}/points", stamp, np.column_stack([flat, np.zeros(len(flat))]))
 
     def _sweep(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
-        yield self._cloud(f"/{port}/points", stamp, _sweep_points(message, np.isfinite(message.ranges)))
+        yield self._cloud(f"/{port}/points", stamp, _sweep_points(message, message.ranges < message.range_max))
         if self.kept is not None:
             yield self._cloud(f"/{port}/kept", stamp, _sweep_points(message, self.kept(message)))
 

@@ -17,6 +17,8 @@ __all__ = ["MAX_CELLS", "Bounds", "LogOddsGrid"]
 Box = tuple[float, float, float, float]
 """Lowest x, y, highest x, y, m, map frame."""
 MAX_CELLS = 64_000_000
+ECHOES = 32
+"""Last echoes of cones that are kept: those of some rounds of a ring, also if each sonar is a scan of its own."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class LogOddsGrid:
 
     Attributes:
         odds: (rows, columns) float32 log odds; NaN if unknown; row 0 has the lowest y.
+        heard: (rows, columns, 2) uint8 echoes of cones that are not outweighed, see `kernels.insert`.
         bounds: Position and size of the grid, in cells.
     """
 
@@ -90,6 +93,7 @@ class LogOddsGrid:
         self.cell, self.chunk = cell, chunk
         self.bounds = Bounds.of(box, cell, chunk)
         self.odds = self._unknown()
+        self.heard, self._echoes = self._unheard(), np.full((ECHOES, 6), np.inf)
         self._said = kernels.said_of(*self.odds.shape)
 
     @property
@@ -111,6 +115,8 @@ class LogOddsGrid:
         known, self.odds = self.odds, self._unknown()
         row, column = old.row - new.row, old.column - new.column
         self.odds[row : row + old.rows, column : column + old.columns] = known
+        heard, self.heard = self.heard, self._unheard()
+        self.heard[row : row + old.rows, column : column + old.columns] = heard
         self._said = kernels.said_of(*self.odds.shape)
 
     def forget(self, x: float, y: float, radius: float) -> None:
@@ -118,16 +124,22 @@ class LogOddsGrid:
         rows, columns = self.odds.shape
         dx = self.origin[0] + self.cell * (np.arange(columns) + 0.5) - x
         dy = self.origin[1] + self.cell * (np.arange(rows) + 0.5) - y
-        self.odds[np.hypot(dx[None, :], dy[:, None]) <= radius] = np.nan
+        is_near = np.hypot(dx[None, :], dy[:, None]) <= radius
+        self.odds[is_near], self.heard[is_near] = np.nan, 0
 
     def insert(self, placed: NDArray[np.float64], limits: tuple[float, float], weights: Weights) -> None:
         """Add one scan, which the grid must cover; arguments as in `kernels.insert`."""
-        kernels.insert(self.odds, self._said, *self.origin, self.cell, placed, limits, weights)
+        kernels.insert(
+            self.odds, self.heard, self._echoes, self._said, *self.origin, self.cell, placed, limits, weights
+        )
 
     def render(self, occupied_from: float, is_ternary: bool) -> NDArray[np.int8]:
         """(rows, columns) int8 values to publish, see `kernels.render`."""
-        cells: NDArray[np.int8] = kernels.render(self.odds, occupied_from, is_ternary)
+        cells: NDArray[np.int8] = kernels.render(self.odds, self.heard, occupied_from, is_ternary)
         return cells
 
     def _unknown(self) -> NDArray[np.float32]:
         return np.full((self.bounds.rows, self.bounds.columns), np.nan, np.float32)
+
+    def _unheard(self) -> NDArray[np.uint8]:
+        return np.zeros((self.bounds.rows, self.bounds.columns, 2), np.uint8)

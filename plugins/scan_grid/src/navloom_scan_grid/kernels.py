@@ -18,6 +18,18 @@ _PASSED, _HIT = 1, 2
 """Marks of a cell; 0 is none."""
 _WORD = 8
 """Cells in one 64-bit word, a byte each, so that empty ones are skipped together."""
+CORE = 0.5
+"""Share of a cone's opening round its axis in which it surely hears what is there."""
+PER_ECHO, MOST = 6, 24
+"""Readings that must see through a place to outweigh one echo from it, and all of its echoes."""
+SAME_WAY = 7
+"""Largest angle between two looks at a place that a smooth surface answers alike, in 1/256 of a turn: 10°."""
+SILENT_SHARE = 0.6
+"""Share of the reach up to which a cone without an echo is believed: weaker echoes come from farther."""
+NEAR = 1.0
+"""Distance, m, from where an echo was heard within which its surface bounds what other cones see."""
+SECTORS = 7
+"""Sectors of a cone, each with its own bound."""
 
 
 class Weights(NamedTuple):
@@ -198,16 +210,63 @@ def _tell_all(odds, words, said, reached, weights):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _insert_cone(odds, x, y, cos_axis, sin_axis, reading, half_angle, cell, limits, weights):  # type: ignore[no-untyped-def]
-    """Add the log odds of one cone to every cell whose centre lies in it; apex in cells, lengths in m.
+def _bounds(cone, echoes, reach, found):  # type: ignore[no-untyped-def]
+    """Distances, m, up to which a cone can show free space, by sector from its right flank to its left, into `found`.
+
+    A smooth surface answers only where the sound meets it squarely. So an echo shows a surface across its axis, and a
+    cone that meets the same surface at an angle would be silent, or hear something else behind the robot's room.
+
+    Args:
+        cone: (6,) as a row of `placed` in `insert`.
+        echoes: (k, 6) cones that had an echo lately; +inf where there is none.
+        reach: m.
+        found: (SECTORS,) filled.
+    """
+    x, y, cos_axis, sin_axis, reading, half_angle = cone
+    for sector in range(found.size):
+        found[sector] = SILENT_SHARE * reach if reading == np.inf else reach
+        turn = half_angle * ((2.0 * sector + 1.0) / found.size - 1.0)
+        way_x = cos_axis * math.cos(turn) - sin_axis * math.sin(turn)
+        way_y = sin_axis * math.cos(turn) + cos_axis * math.sin(turn)
+        for k in range(echoes.shape[0]):
+            dx, dy = echoes[k, 0] - x, echoes[k, 1] - y
+            toward = way_x * echoes[k, 2] + way_y * echoes[k, 3]
+            if dx * dx + dy * dy <= NEAR * NEAR and toward > 0.0:
+                away = dx * echoes[k, 2] + dy * echoes[k, 3] + echoes[k, 4]
+                found[sector] = min(found[sector], max(0.0, away) / toward)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _way(dx, dy):  # type: ignore[no-untyped-def]
+    """Direction of a vector in 1/256 of a turn."""
+    return math.floor(math.atan2(dy, dx) / math.tau * 256.0) % 256
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _speaks_against(heard_way, way, is_core, is_silent):  # type: ignore[no-untyped-def]
+    """Whether a cone that shows no echo at a place speaks against the echo that was heard from it.
+
+    Only its core does: flanks hear little. Silence does only in the direction of that echo, since a smooth surface
+    sends the sound of other directions away.
+    """
+    return is_core and (not is_silent or abs((way - heard_way + 128) % 256 - 128) <= SAME_WAY)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _insert_cone(odds, heard, bounds, x, y, cone, cell, limits, weights):  # type: ignore[no-untyped-def]
+    """Add the log odds of one cone to every cell whose centre lies in it; apex x, y in cells, lengths in m.
 
     An echo has one cause, somewhere on its arc, and not in a cell that other readings have shown to be free. So the
     value for a cell known to be free is multiplied by its odds and divided by those of the likeliest cell of the arc:
     the "cancel" and "normalize" of Moravec & Elfes 1985, in log odds. Without it, the arcs of a moving ring smear every
     post over metres.
+
+    A place with an echo is cleared only by what `_speaks_against` it. A silent cone clears nothing behind such a
+    place, and nothing more than once: cells beyond a surface that no sonar has heard yet must not count as surely free.
     """
-    range_min, reach = limits
-    rows, columns = odds.shape
+    (range_min, reach), (rows, columns) = limits, odds.shape
+    cos_axis, sin_axis, reading, half_angle = cone[2], cone[3], cone[4], cone[5]
+    is_silent = reading == np.inf
     far = (min(reading, reach) + weights.depth) / (cell * math.cos(half_angle))
     sin_h, cos_h = math.sin(half_angle), math.cos(half_angle)
     ex, ey = cos_axis * cos_h - sin_axis * sin_h, sin_axis * cos_h + cos_axis * sin_h
@@ -216,31 +275,45 @@ def _insert_cone(odds, x, y, cos_axis, sin_axis, reading, half_angle, cell, limi
     last_column = min(columns - 1, math.floor(x + far * max(0.0, ex, fx)))
     first_row = max(0, math.floor(y + far * min(0.0, ey, fy)))
     last_row = min(rows - 1, math.floor(y + far * max(0.0, ey, fy)))
-    likeliest = -np.inf
+    likeliest, nearest_heard = -np.inf, np.inf
     for is_adding in (False, True):
         for row in range(first_row, last_row + 1):
             dy = cell * (row + 0.5 - y)
             for column in range(first_column, last_column + 1):
                 dx = cell * (column + 0.5 - x)
-                along, across = dx * cos_axis + dy * sin_axis, abs(dy * cos_axis - dx * sin_axis)
-                if along * sin_h <= across * cos_h:
+                along, across = dx * cos_axis + dy * sin_axis, dy * cos_axis - dx * sin_axis
+                if along * sin_h <= abs(across) * cos_h:
                     continue
-                distance = math.sqrt(dx * dx + dy * dy)
-                is_on_arc = abs(distance - reading) < weights.depth
+                distance, place = math.sqrt(dx * dx + dy * dy), heard[row, column]
                 known_free = min(0.0, odds[row, column]) if odds[row, column] == odds[row, column] else 0.0
                 if not is_adding:
-                    likeliest = max(likeliest, known_free) if is_on_arc else likeliest
+                    likeliest = max(likeliest, known_free) if abs(distance - reading) < weights.depth else likeliest
+                    if is_silent and place[0] > 0:
+                        nearest_heard = min(nearest_heard, distance - weights.depth)
                     continue
-                value = cone_log_odds(distance, math.atan2(across, along), reading, half_angle, range_min, reach,
-                                      weights.depth, weights.cone_hit, weights.cone_passed)  # fmt: skip
+                angle = math.atan2(across, along)
+                value = cone_log_odds(distance, abs(angle), reading, half_angle, range_min, reach, weights.depth,
+                                      weights.cone_hit, weights.cone_passed)  # fmt: skip
+                is_core = abs(angle) < CORE * half_angle
                 if value > 0.0:
                     value *= math.exp(known_free - likeliest)
+                    if is_core:
+                        place[0], place[1] = min(MOST, place[0] + PER_ECHO), _way(dx, dy)
+                elif value < 0.0 and place[0] > 0:
+                    if _speaks_against(place[1], _way(dx, dy), is_core, is_silent):
+                        place[0] -= 1
+                    else:
+                        value = 0.0
+                else:
+                    sector = min(SECTORS - 1, int(0.5 * (angle / half_angle + 1.0) * SECTORS))
+                    value = value if distance <= min(nearest_heard, bounds[sector]) else 0.0
                 if value != 0.0:
-                    odds[row, column] = _added(odds[row, column], value, weights.lowest, weights.highest)
+                    once = min(weights.cone_passed, known_free) if is_silent else weights.lowest
+                    odds[row, column] = _added(odds[row, column], value, max(weights.lowest, once), weights.highest)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def insert(odds, words, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
+def insert(odds, heard, echoes, words, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
     """Add one scan to the grid.
 
     Each cell is changed once by all beams of a scan, and an echo outweighs beams that passed: neighbouring beams are
@@ -249,6 +322,9 @@ def insert(odds, words, corner_x, corner_y, cell, placed, limits, weights):  # t
 
     Args:
         odds: (rows, columns) float32 log odds, NaN for unknown, changed in place; must cover the whole scan.
+        heard: (rows, columns, 2) uint8, changed in place: how many readings of cones must see through a cell before its
+            echoes are outweighed, 0 without one, and the direction in which the last was heard, in 1/256 of a turn.
+        echoes: (k, 6) rows of `placed`, changed in place: the last echoes of cones, newest first; +inf for none.
         words: Work array of `said_of`; all 0 again afterwards, except in the margin.
         corner_x, corner_y: Lower left corner of the grid, m, map frame.
         cell: Edge of a cell, m.
@@ -259,20 +335,29 @@ def insert(odds, words, corner_x, corner_y, cell, placed, limits, weights):  # t
     said, reached = words.view(np.uint8), np.array([odds.shape[0], -1, odds.shape[1], -1])
     _say_beams(said.reshape(-1), reached, odds.shape, corner_x, corner_y, cell, placed, limits, weights)
     _tell_all(odds, words, said, reached, weights)
-    for i in range(placed.shape[0]):
-        if placed[i, 5] > 0.0 and (placed[i, 4] < np.inf or weights.no_echo_clears):
+    is_cone = placed[:, 5] > 0.0
+    for i in np.flatnonzero(is_cone & (placed[:, 4] <= limits[1])):
+        echoes[1:] = echoes[:-1].copy()
+        echoes[0] = placed[i]
+    bounds = np.empty(SECTORS)
+    for i in np.flatnonzero(is_cone):
+        if placed[i, 4] < np.inf or weights.no_echo_clears:
+            _bounds(placed[i], echoes, limits[1], bounds)
             x, y = (placed[i, 0] - corner_x) / cell, (placed[i, 1] - corner_y) / cell
-            _insert_cone(odds, x, y, placed[i, 2], placed[i, 3], placed[i, 4], placed[i, 5], cell, limits, weights)
+            _insert_cone(odds, heard, bounds, x, y, placed[i], cell, limits, weights)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def render(odds, occupied_from, is_ternary):  # type: ignore[no-untyped-def]
-    """(rows, columns) int8 values to publish: -1 unknown, else percent, or 100 from `occupied_from` on and 0 below."""
+def render(odds, heard, occupied_from, is_ternary):  # type: ignore[no-untyped-def]
+    """(rows, columns) int8 values to publish: -1 unknown, else percent, or 100 from `occupied_from` on and 0 below.
+
+    A place with an echo that is neither sure nor outweighed, see `insert`, is unknown: it must not look free.
+    """
     cells = np.empty(odds.shape, np.int8)
     for row in range(odds.shape[0]):
         for column in range(odds.shape[1]):
             value = odds[row, column]
-            if value != value:
+            if value != value or (heard[row, column, 0] > 0 and value < occupied_from):
                 cells[row, column] = -1
             elif is_ternary:
                 cells[row, column] = 100 if value >= occupied_from else 0

@@ -100,11 +100,12 @@ def cone_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _reading(true, error, low, high):  # type: ignore[no-untyped-def]
-    """Reported range, m: +inf beyond `high`, otherwise with the error and clipped to low..high."""
+    """Reported range, m: with the error and at least `low`; +inf if it or the true range is `high` or more."""
     # Written so that NaN is no echo.
-    if not true <= high:
+    if not true < high:
         return np.inf
-    return min(max(true + error, low), high)
+    measured = max(true + error, low)
+    return measured if measured < high else np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -70,8 +70,6 @@ def read_frames(track, times, mount, directions, obstacles, options, normals, ra
         to_map(x, y, heading, directions[f], False, ways)
         cast_block(starts, ways, obstacles, True, options[1], ranges[f], hits)
         for i in range(count):
-            if ranges[f, i] <= options[1]:
-                measured = ranges[f, i] + options[3] + options[2] * normals[f, i]
-                ranges[f, i] = min(max(measured, options[0]), options[1])
-            else:
-                ranges[f, i] = np.inf
+            measured = max(ranges[f, i] + options[3] + options[2] * normals[f, i], options[0])
+            is_echo = ranges[f, i] < options[1] and measured < options[1]
+            ranges[f, i] = measured if is_echo else np.inf

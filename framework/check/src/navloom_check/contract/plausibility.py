@@ -36,8 +36,6 @@ TICK_NS = 50_000_000
 """Greatest lead of the stamp of a reading over the run clock, ns."""
 UNITS = 500
 """A stamp that is this many times smaller than the run clock is not in ns."""
-FURTHEST = 1.1
-"""Greatest ratio of a range to range_max: ranges have noise."""
 FULL_TURN = math.tau + 1e-6
 
 
@@ -131,7 +129,7 @@ def covariance(bench: Bench) -> Iterator[Finding]:
         return
 
 
-@check("contract", {"platform"}, "Bearings and half angles of scans are in rad, ranges at most range_max, and "
+@check("contract", {"platform"}, "Bearings and half angles of scans are in rad, ranges below range_max, and "
        "beams begin within 10 m of base.")  # fmt: skip
 def scan_geometry(bench: Bench) -> Iterator[Finding]:
     """Larger values mean wrong units: no sensor has them."""
@@ -146,11 +144,11 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
                 said, expected = f"gives a scan of {name!r} with an angle of {widest:.3g} rad", "rad, not degrees"
             elif farthest > 10.0:
                 said, expected = f"gives a scan of {name!r} whose beams begin {farthest:.3g} m from base", "m, not mm"
-            elif longest > FURTHEST * scan.range_max + 0.3:
+            elif longest >= scan.range_max:
                 said = (
                     f"gives a scan of {name!r} with a range of {longest:.3g} m, and range_max = {scan.range_max:.3g} m"
                 )
-                expected = "ranges up to range_max, in m, and +inf for no echo"
+                expected = "ranges below range_max, in m, and +inf for no echo; a reading of range_max or more is none"
             else:
                 continue
             yield Finding(said, expected, given=bench.at(scene, step), scene=scene.name)

@@ -11,9 +11,12 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import PurePath
 from types import NoneType
 from typing import Any, Generic, NoReturn, TypeVar
+
+import numpy as np
 
 from navloom.errors import NavloomError
 from navloom.messages import (
@@ -112,6 +115,9 @@ class TypeDoor(_Door):
 class PlatformDoor(_Door):
     """Checks the answers of a platform: declared message types, stamps that do not go back, only requested sweeps.
 
+    It is also the one place where a reading of `range_max` or more becomes +inf, no echo: many drivers report the limit
+    where nothing is, and each reader would otherwise decide by itself whether that is an obstacle.
+
     Args:
         plugin: The platform.
         sensors: Those it is to provide.
@@ -125,7 +131,7 @@ class PlatformDoor(_Door):
         self._asked = 0
 
     def check(self, answer: object, given: PlatformInput) -> PlatformOutput:
-        """The answer as it is. Raises AnswerError."""
+        """The answer, in which readings of `range_max` or more are +inf. Raises AnswerError."""
         if not isinstance(answer, PlatformOutput):
             self.refuse_type(answer, "PlatformOutput")
         self._check_types(answer)
@@ -141,9 +147,12 @@ class PlatformDoor(_Door):
         if not self._odometry_ns <= stamp_ns <= self._now_ns + STAMP_LEAD_NS:
             self._refuse_stamp("odometry", stamp_ns, self._odometry_ns)
         self._odometry_ns = stamp_ns
+        limited = {}
         for name, scan in answer.scans.items():
             self._check_scan(name, scan)
-        return answer
+            if isinstance(scan, (RangeScan, Sweep)) and _reads_its_limit(scan):
+                limited[name] = replace(scan, ranges=np.where(scan.ranges < scan.range_max, scan.ranges, np.inf))
+        return replace(answer, scans={**answer.scans, **limited}) if limited else answer
 
     def _check_types(self, answer: PlatformOutput) -> None:
         if not isinstance(answer.odometry, Odometry):
@@ -174,11 +183,19 @@ class PlatformDoor(_Door):
         if not before_ns <= stamp_ns <= self._now_ns + STAMP_LEAD_NS:
             self._refuse_stamp(f"a scan of {name!r}", stamp_ns, before_ns)
         self._newest[name] = stamp_ns
-        if scan.range_min > scan.range_max:
-            self.refuse(f"gave a scan of {name!r} with range_min {scan.range_min:g}", f"at most {scan.range_max:g} m")
+        if not scan.range_min < scan.range_max:
+            self.refuse(
+                f"gave a scan of {name!r} with range_min {scan.range_min:g} and range_max {scan.range_max:g}",
+                "range_max above range_min: a reading of range_max or more is no echo",
+            )
         if isinstance(scan, Sweep) and not 0 <= scan.request_id <= self._asked:
             asked = f"{self._asked}, the newest request, or " if self._asked else ""
             self.refuse(f"gave a sweep for request {scan.request_id}", f"{asked}0 for a continuous sweep")
+
+
+def _reads_its_limit(scan: RangeScan | Sweep) -> bool:
+    """Whether a reading is finite and at least `range_max`."""
+    return int(np.count_nonzero(scan.ranges >= scan.range_max)) != int(np.count_nonzero(scan.ranges == np.inf))
 
 
 class LocalizerDoor(_Door):

@@ -35,13 +35,13 @@ def beam_ends(origins: Floats, bearings: Floats, ranges: Floats) -> Floats:
 
 def scan_points(scan: RangeScan) -> Floats:
     """Echoes of a scan: (n, 2) m, base frame. Beams without an echo are left out."""
-    heard = np.isfinite(scan.ranges)
+    heard = scan.ranges < scan.range_max
     return beam_ends(scan.origins[heard], scan.bearings[heard], scan.ranges[heard])
 
 
 def scan_points_in_map(scan: RangeScan, track: PoseTrack) -> Floats:
     """Echoes of a scan: (n, 2) m, map frame, each from where the robot was when its beam was taken."""
-    times_ns = scan.stamp_ns + 1e9 * scan.time_offsets[np.isfinite(scan.ranges)]
+    times_ns = scan.stamp_ns + 1e9 * scan.time_offsets[scan.ranges < scan.range_max]
     return transform(poses_at(track, times_ns), scan_points(scan)[:, None])[:, 0]
 
 
@@ -55,7 +55,7 @@ def sweep_points(sweep: Sweep, geometry: Geometry | None = None) -> Floats:
     """
     sin_a, cos_a = np.sin(sweep.pitches)[:, None], np.cos(sweep.pitches)[:, None]
     sin_b, cos_b = np.sin(sweep.bearings)[None, :], np.cos(sweep.bearings)[None, :]
-    ranges = np.where(np.isfinite(sweep.ranges), sweep.ranges, np.nan)
+    ranges = np.where(sweep.ranges < sweep.range_max, sweep.ranges, np.nan)
     if (geometry or sweep.geometry) == "rigid_pitch":
         forward, left, up = ranges * (cos_a * cos_b), ranges * sin_b, ranges * (sin_a * cos_b)
     else:
@@ -65,7 +65,7 @@ def sweep_points(sweep: Sweep, geometry: Geometry | None = None) -> Floats:
 
 def sweep_points_in_map(sweep: Sweep, track: PoseTrack) -> Floats:
     """Echoes of a sweep: (n, 3) m, map frame, z above the floor, each from where the robot was in its frame."""
-    points, heard = sweep_points(sweep), np.isfinite(sweep.ranges)
+    points, heard = sweep_points(sweep), sweep.ranges < sweep.range_max
     flat = transform(poses_at(track, sweep.stamp_ns + 1e9 * sweep.frame_times), points[..., :2])
     return np.column_stack([flat[heard], points[heard, 2]])
 

@@ -24,7 +24,7 @@ class RangeScan(Message):
         bearings: (n,) direction of each beam's axis, rad, base frame.
         half_angles: (n,) half the opening angle of each beam, rad; 0 for a laser.
         time_offsets: (n,) time of each beam, s after the stamp.
-        ranges: (n,) distance along the beam, m; +inf means no echo.
+        ranges: (n,) distance along the beam, m; +inf, and any reading of range_max or more, means no echo.
         range_min, range_max: Limits of the sensor, m. An object nearer than range_min may read as range_min.
     """
 
@@ -45,7 +45,7 @@ class Sweep(Message):
     Attributes:
         stamp_ns: Run clock at which the sweep began.
         request_id: Number of the request that it answers; 0 for continuous sweeps.
-        ranges: (frames, beams) distance along the beam, m; +inf means no return.
+        ranges: (frames, beams) distance along the beam, m; +inf, and any reading of range_max or more, means no return.
         pitches: (frames,) α, rad, up positive.
         frame_times: (frames,) s after the stamp.
         bearings: (beams,) rad in the scan plane, 0 ahead, counter-clockwise: the paper's β - 90°.

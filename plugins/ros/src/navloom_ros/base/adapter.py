@@ -190,7 +190,7 @@ def _sensor(spec: SensorSpec) -> Laser | Ranges:
         return Laser(laser.topic, None if laser.mount is None else _mount(laser.mount), laser.short_is_nothing)
     ranges = RangeSettings.model_validate(dict(spec.settings))
     mounts = None if ranges.mounts is None else tuple(map(_mount, ranges.mounts))
-    return Ranges(tuple(ranges.topics), mounts, round(ranges.stale_after * 1e9))
+    return Ranges(tuple(ranges.topics), mounts, round(ranges.stale_after * 1e9), ranges.short_is_nothing)
 
 
 def _mount(mount: Mount) -> Any:

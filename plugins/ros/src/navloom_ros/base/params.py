@@ -93,6 +93,9 @@ class RangeSettings(Params):
     )
     mounts: list[Mount] | None = Field(None, description="Pose on the base for each topic; by default from /tf.")
     stale_after: float = Field(0.5, gt=0.0, le=5.0, description="Age from which a reading is stale, s.")
+    short_is_nothing: bool = Field(
+        False, description="A range below min_range, as 0, means no echo; otherwise something may be that close."
+    )
 
     @model_validator(mode="after")
     def _mounts_fit(self) -> RangeSettings:

@@ -128,8 +128,8 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     with np.errstate(invalid="ignore"):  # a signalling NaN is no more than a NaN
         ranges = np.asarray(scan.ranges, dtype=np.float64)
     limits = (scan.range_min, scan.range_max, scan.angle_min, scan.angle_increment, scan.time_increment)
-    if not all(map(math.isfinite, limits)) or not 0.0 <= scan.range_min <= scan.range_max:
-        raise Unusable("a laser scan with limits that are not finite, or range_min above range_max")
+    if not all(map(math.isfinite, limits)) or not 0.0 <= scan.range_min < scan.range_max:
+        raise Unusable("a laser scan with limits that are not finite, or range_max not above range_min")
     span = abs(scan.angle_increment) * len(ranges)
     has_angles = span <= 2.0 * math.tau and (span > 0.0 or len(ranges) < 2)
     if len(ranges) > MOST_BEAMS or not has_angles or scan.time_increment < 0:
@@ -142,7 +142,7 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     if is_far_below:
         ranges = np.where(ranges < scan.range_min, np.inf, ranges)
     says = ranges >= scan.range_min  # false for NaN
-    ranges = np.where(ranges > scan.range_max, np.inf, ranges)[says]
+    ranges = np.where(ranges >= scan.range_max, np.inf, ranges)[says]
     angles: Floats = scan.angle_min + scan.angle_increment * np.flatnonzero(says)
     along: Floats = mount[:2, :2] @ np.vstack([np.cos(angles), np.sin(angles)])
     count = len(ranges)
@@ -173,22 +173,27 @@ def _check_last_angle(scan: Any, count: int) -> None:
 def check_range(reading: Any) -> None:
     """Check that a sensor_msgs/msg/Range is a measurement. Raises Unusable."""
     limits = (reading.min_range, reading.max_range, reading.field_of_view)
-    are_ordered = 0.0 <= reading.min_range <= reading.max_range
+    # Both are equal for a sensor of fixed distance, which says with -inf that something is there.
+    are_ordered = 0.0 <= reading.min_range <= reading.max_range and reading.max_range > 0.0
     if not all(map(math.isfinite, limits)) or not are_ordered or reading.field_of_view < 0.0:
-        raise Unusable("a range with limits that are not finite, or min_range above max_range")
+        raise Unusable("a range with limits that are not finite, min_range above max_range, or max_range 0")
     if math.isnan(reading.range):
         raise Unusable("a range that is NaN")
 
 
-def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
+def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats], is_far_below: bool = False) -> Beams:
     """One beam for each sensor_msgs/msg/Range that `check_range` accepts, along the x axis of its frame.
 
-    A range below min_range becomes min_range: something may be that close.
+    Args:
+        readings, mounts: The messages, and (4, 4) from the frame of each to base.
+        is_far_below: A range below min_range, as 0, means no echo. Otherwise it becomes min_range, as -inf always does
+            (REP 117): something may be that close.
     """
     least, most = min(reading.min_range for reading in readings), max(reading.max_range for reading in readings)
-    ranges = [
-        math.inf if reading.range > reading.max_range else max(reading.range, reading.min_range) for reading in readings
-    ]
+    if any(reading.min_range == reading.max_range for reading in readings):
+        # A sensor of fixed distance says only that something is there, with -inf: its echo must stay below the limit.
+        most = math.nextafter(most, math.inf)
+    ranges = [_range_of(reading, is_far_below) for reading in readings]
     return Beams(
         np.array([mount[:2, 3] for mount in mounts]),
         np.array([heading_of(mount) for mount in mounts]),
@@ -198,6 +203,14 @@ def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats]) -> Beams:
         float(least),
         float(most),
     )
+
+
+def _range_of(reading: Any, is_far_below: bool) -> float:
+    """The reading of a sensor_msgs/msg/Range, m; +inf for no echo."""
+    if reading.range == -math.inf:
+        return float(reading.min_range)
+    is_nothing = reading.range >= reading.max_range or (is_far_below and reading.range < reading.min_range)
+    return math.inf if is_nothing else max(reading.range, reading.min_range)
 
 
 def check_field(types: Types, kind: str, path: str) -> None:

@@ -273,16 +273,19 @@ class Ranges:
         topics: One for each sensor.
         mounts: (4, 4) from each sensor's frame to base; None to take them from /tf.
         stale_ns: Age from which a reading is stale.
+        short_is_nothing: `is_far_below` of `beams_of_ranges`.
 
     Attributes:
         feeds: The topics.
     """
 
-    def __init__(self, topics: Sequence[str], mounts: Sequence[Floats] | None, stale_ns: int) -> None:
+    def __init__(
+        self, topics: Sequence[str], mounts: Sequence[Floats] | None, stale_ns: int, short_is_nothing: bool
+    ) -> None:
         self.feeds = tuple(
             Feed(topic, None if mounts is None else mounts[number]) for number, topic in enumerate(topics)
         )
-        self._stale_ns = stale_ns
+        self._stale_ns, self._short_is_nothing = stale_ns, short_is_nothing
         self._last: dict[str, tuple[Any, Floats, int]] = {}
 
     def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
@@ -304,7 +307,7 @@ class Ranges:
         if not has_news or len(fresh) < len(self.feeds):
             return None
         ordered = [self._last[feed.topic] for feed in self.feeds]
-        beams = beams_of_ranges([one[0] for one in ordered], [one[1] for one in ordered])
+        beams = beams_of_ranges([one[0] for one in ordered], [one[1] for one in ordered], self._short_is_nothing)
         return beams, max(one[2] for one in ordered)
 
 

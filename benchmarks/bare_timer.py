@@ -14,8 +14,8 @@ import sys
 import time
 from collections.abc import Callable
 
+from navloom.parent_process import die_with_parent
 from navloom_live.hosting.node_main import go_first
-from navloom_live.hosting.process_setup import die_with_parent
 
 __all__ = ["late_ticks"]
 

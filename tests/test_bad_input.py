@@ -76,6 +76,23 @@ def test_a_value_that_does_not_fit_names_place_value_and_fix(
 
 def test_an_unknown_config_is_refused(navloom: Navloom, tmp_path: Path) -> None:
     assert "did you mean 'paper'?" in refused(navloom, tmp_path, "papper")
+    near = write(tmp_path, "")
+    assert f"did you mean '{near}'?" in refused(navloom, tmp_path, near.replace("robot", "robott"))
+    assert "a map of ROS is a world, as in --set world.ref=m.yaml" in refused(navloom, tmp_path, "m.yaml")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("runn",), "No such command 'runn'; did you mean 'run'?"),
+        (("help",), "Write `navloom --help`."),
+        (("help", "plan"), "Write `navloom plan --help`."),
+        (("qqqq",), "No such command 'qqqq'."),
+    ],
+)
+def test_an_unknown_command_is_refused_with_the_nearest(navloom: Navloom, words: tuple[str, ...], said: str) -> None:
+    code, _, error = navloom(*words)
+    assert code == 2 and error.endswith(f"{said}\n")
 
 
 def ros_map(folder: Path, image: bytes | None) -> str:

@@ -153,6 +153,16 @@ def test_plan_takes_a_map_file_with_and_without_its_scheme(in_process: CommandLi
         assert said.startswith("4.2")  # 3 m along both axes: 4.243 m
 
 
+def test_plan_tells_an_unknown_place_from_an_obstacle(in_process: CommandLine, tmp_path: Path) -> None:
+    (tmp_path / "m.pgm").write_bytes(b"P5\n100 100\n255\n" + bytes([205]) * 10000)
+    text = "image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    (tmp_path / "m.yaml").write_text(text, "utf-8")
+    ends = ("--from", "1,1", "--to", "4,4")
+    code, said, _ = in_process("plan", str(tmp_path / "m.yaml"), *ends)
+    assert code == 1 and "m.yaml is unknown there, which counts as an obstacle; m.yaml?unknown=free" in said
+    assert in_process("plan", f"{tmp_path / 'm.yaml'}?unknown=free", *ends)[0] == 0
+
+
 def test_plan_prints_few_corners_and_json_has_every_point(in_process: CommandLine) -> None:
     code, said, _ = in_process("plan", "paper_gates", "--from", "0,0", "--to", "0,7.6")
     assert code == 0

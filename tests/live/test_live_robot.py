@@ -108,7 +108,7 @@ def test_an_operator_sets_parameters_swaps_stops_drives_and_cancels(tmp_path: Pa
 
         # rejected at once, with the reason
         done = robot.run("goal", "-500", "0")
-        assert done.returncode == 1 and "rejected: (-500, 0) is outside the world empty" in done.stdout
+        assert done.returncode == 2 and "rejected: (-500, 0) is outside the world empty" in done.stdout
         # parameters are set all together or not at all
         before = robot.json("params", "get", "avoider.other")
         assert robot.run("params", "set", "controller", "k3=1.25", "k1=0.8").returncode == 0

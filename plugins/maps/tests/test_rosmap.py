@@ -1,5 +1,8 @@
+import logging
 import math
 import shutil
+from collections.abc import Callable, Iterator
+from logging.handlers import BufferingHandler
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +69,31 @@ def test_raw_takes_levels_up_to_100_as_they_are(tmp_path: Path) -> None:
 )
 def test_all_kinds_of_pgm_give_the_same_map(tmp_path: Path, image: bytes) -> None:
     assert read_rosmap(written(tmp_path, image)).cells.tolist() == [[0, 0, 0], [100, -1, -1]]
+
+
+@pytest.mark.parametrize(
+    ("header", "trailer"),
+    [
+        (b"P5\r\n3 2\r\n255\r\n", b""),
+        (b"P5\r\n3 2\r\n255\r\n", b"\r\n"),
+        (b"P5\n3 2\n255\n# by a script, floor 2\n", b""),
+        (b"P5\r\n3 2\r\n255\r\n# by\r\n# a script\r\n", b""),
+        (b"P5 3 2 255 # by a script\n", b""),
+        (b"P5\n3 2\n255\n\n", b""),
+        (b"P5\n3 2\n255\n", b"\n"),
+    ],
+)
+@pytest.mark.parametrize("last", [0, 206])
+def test_a_pgm_whose_header_or_end_is_longer_than_the_format_says_is_not_shifted(
+    tmp_path: Path, header: bytes, trailer: bytes, last: int
+) -> None:
+    path = written(tmp_path, header + bytes([0, 100, 205, 254, 255, last]) + trailer)
+    assert read_rosmap(path).cells.tolist() == [[0, 0, 100 if last == 0 else 0], [100, -1, -1]]
+
+
+def test_pixels_that_are_white_space_begin_after_one_white_space(tmp_path: Path) -> None:
+    # Levels 10, 13 and 32 are black enough; the file has the length that the format demands.
+    assert read_rosmap(written(tmp_path, b"P5\n3 1\n255\n\n\r ")).cells.tolist() == [[100, 100, 100]]
 
 
 def png(folder: Path, image: Image.Image, **keys: str) -> list[list[int]]:
@@ -138,13 +166,91 @@ def test_a_turned_origin_turns_the_bounds(tmp_path: Path) -> None:
         ({"origin": "[0, 0, left]"}, "origin = 'left'"),
         ({"negate": "2"}, "negate = 2: expected 0 or 1"),
         ({"occupied_thresh": "65"}, "occupied_thresh = 65: expected a number from 0 to 1"),
-        ({"free_thresh": "0.7"}, "free_thresh = 0.7: expected less than occupied_thresh = 0.65"),
-        ({"mode": "ternary"}, "mode = 'ternary': expected one of trinary, scale, raw"),
+        ({"free_thresh": None}, "key 'free_thresh' is missing; add it, as in free_thresh: 0.196"),
+        ({"free_thresh": None, "free_treshold": "0.2"}, "'free_thresh' is missing; did you mean 'free_treshold'"),
+        ({"image": "/home/ann/maps/m.pgm"}, "one of this name lies beside .*m.yaml: write image: m.pgm"),
+        ({"image": r"C:\maps\m.pgm"}, "one of this name lies beside .*m.yaml: write image: m.pgm"),
+        ({"image": "maps/m.pgm"}, "one of this name lies beside .*m.yaml: write image: m.pgm"),
+        ({"image": "maps/n.pgm"}, "there is no folder"),
+        ({"mode": "ternary"}, "mode = 'ternary': expected one of trinary, scale, raw; did you mean 'trinary'"),
+        ({"mode": "1"}, "mode = 1: expected one of trinary, scale, raw"),
     ],
 )
 def test_a_wrong_key_is_named(tmp_path: Path, keys: dict[str, str | None], message: str) -> None:
     with pytest.raises(WorldError, match=message):
         read_rosmap(written(tmp_path, **keys))
+
+
+@pytest.mark.parametrize("keys", [{"mode": "Trinary"}, {"negate": "'0'"}])
+def test_what_map_server_reads_is_read(tmp_path: Path, keys: dict[str, str | None]) -> None:
+    assert read_rosmap(written(tmp_path, **keys)).cells.tolist() == [[0, 0, 0], [100, -1, -1]]
+
+
+@pytest.fixture
+def warnings_of() -> Iterator[Callable[[Path], list[str]]]:
+    """Reads a map twice; gives the warnings, without its name."""
+    handler = BufferingHandler(100)  # pytest's own hears nothing once a command has set up logging
+    log = logging.getLogger("navloom.maps")
+
+    def warnings(path: Path) -> list[str]:
+        read_rosmap(path)
+        read_rosmap(path)
+        return [record.getMessage().removeprefix(f"{path}: ") for record in handler.buffer]
+
+    log.addHandler(handler)
+    yield warnings
+    log.removeHandler(handler)
+
+
+def test_grey_205_is_free_above_0_196_with_one_warning(
+    tmp_path: Path, warnings_of: Callable[[Path], list[str]]
+) -> None:
+    path = written(tmp_path, free_thresh="0.25")
+    (warning,) = warnings_of(path)
+    assert warning.startswith("1 of 6 cells are grey 205")
+    assert "write free_thresh: 0.196 (now 0.25)" in warning
+    assert read_rosmap(path).cells.tolist() == [[0, 0, 0], [100, -1, 0]]
+
+
+def test_opaque_grey_205_of_a_transparent_image_is_warned_of(
+    tmp_path: Path, warnings_of: Callable[[Path], list[str]]
+) -> None:
+    # Opacity counts as a white colour: p = 1 - (3 * 205 + 255) / 1020 = 0.147.
+    Image.fromarray(np.array([[(205, 255), (0, 255)]], dtype=np.uint8), mode="LA").save(tmp_path / "m.png")
+    (warning,) = warnings_of(written(tmp_path, image="m.png"))
+    assert "1 of 2 cells are grey 205" in warning
+    assert warning.endswith("save the image without transparency")
+
+
+def test_thresholds_the_wrong_way_round_are_read_as_map_server_reads_them(
+    tmp_path: Path, warnings_of: Callable[[Path], list[str]]
+) -> None:
+    # p = 1, 0.608, 0.196 above: occupied beyond 0.3, else free below 0.7.
+    path = written(tmp_path, occupied_thresh="0.3", free_thresh="0.7")
+    assert warnings_of(path)[0].startswith("free_thresh = 0.7 is not below occupied_thresh = 0.3")
+    assert read_rosmap(path).cells.tolist() == [[0, 0, 0], [100, 100, 0]]
+
+
+def test_scale_with_equal_thresholds_leaves_the_level_between_unknown(tmp_path: Path) -> None:
+    path = written(tmp_path, b"P5\n3 1\n1\n\0\1\0", mode="scale", occupied_thresh="1.0", free_thresh="1.0")
+    assert read_rosmap(path).cells.tolist() == [[-1, 0, -1]]
+
+
+def test_a_yaw_of_more_than_a_turn_is_read_in_radians_with_a_warning(
+    tmp_path: Path, warnings_of: Callable[[Path], list[str]]
+) -> None:
+    path = written(tmp_path, origin="[0, 0, 90.0]")
+    (warning,) = warnings_of(path)
+    assert warning == "origin: a yaw of 90 is read in radians, as 14.3 turns; if it is in degrees, write 1.5708"
+    assert read_rosmap(path).origin.heading == pytest.approx(90.0 - 14 * math.tau)
+
+
+def test_a_yaw_beyond_half_a_turn_is_wrapped_without_a_warning(
+    tmp_path: Path, warnings_of: Callable[[Path], list[str]]
+) -> None:
+    path = written(tmp_path, origin="[0, 0, 4.0]")
+    assert warnings_of(path) == []
+    assert read_rosmap(path).origin.heading == pytest.approx(4.0 - math.tau)
 
 
 def test_a_number_without_a_point_is_read_as_map_server_reads_it(tmp_path: Path) -> None:
@@ -157,6 +263,9 @@ def test_a_number_without_a_point_is_read_as_map_server_reads_it(tmp_path: Path)
         (b"P5\n3 2\n255\n12345", "truncated: 5 bytes of pixels, expected 6"),
         (b"P2\n3 2\n255\n1 2 3 4 5", "truncated: 5 pixels, expected 6"),
         (b"P2\n3 2\n255\n1 2 3 4 5 x", "expected numbers"),
+        (b"P2\n3 2\n255\n1 2 3 4 5 6 7", "more than the 6 pixels"),
+        (b"P5\n3 2\n255\n1234567", "1 bytes more than the 6 of its pixels"),
+        (b"P5\n3 2\n255\n\n12345\n", "uncertain where the pixels begin"),
         (b"P2\n3 2\n200\n1 2 3 4 5 201", "a pixel of 201, expected at most the 200"),
         (b"P5\n99999 99999\n255\n", "99999 x 99999 pixels, expected 1 to 64000000"),
         (b"P5\n0 2\n255\n", "0 x 2 pixels"),

@@ -53,6 +53,14 @@ def test_graph_for_scripts(network):
     assert scan["publishers"][0]["hash"] == KILTED.hash_of("sensor_msgs/msg/LaserScan") and scan["matches"]
 
 
+def test_a_line_end_in_a_name_forges_no_line_of_the_graph(network):
+    with Wire(network.endpoint, 1 << 20) as stranger:
+        withdraw = stranger.token("@ros2_lv/0/abc/0/0/NN/%/%/evil\n  fake")
+        lines = run(network, "graph").output.splitlines()
+        assert "  fake" not in lines and r"  /evil\n  fake" in lines
+        withdraw()
+
+
 def test_graph_says_what_it_cannot_read(network):
     with Wire(network.endpoint, 1 << 20) as stranger:
         withdraw = stranger.token("@ros2_lv/0/what")

@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterable
@@ -27,6 +28,7 @@ from typing import Any
 from navloom.errors import NavloomError
 from navloom.messages import MessageError
 from navloom.messages.codec import CodecError
+from navloom.parent_process import die_with_parent
 
 from navloom_check.captured_output import PRINTED
 from navloom_check.check_bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
@@ -53,6 +55,7 @@ Tell = Callable[[dict[str, Any]], None]
 def main() -> None:
     """Do the job that standard input describes."""
     job = json.loads(sys.stdin.read())
+    die_with_parent(job["parent"], signal.SIGKILL)
     out = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     PRINTED.capture()
     with open(job["mark"], "r+b") as file:

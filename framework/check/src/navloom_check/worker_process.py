@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path, PurePath
 from queue import Empty, Queue
 from threading import Thread
@@ -53,14 +55,17 @@ class Process:
             env={**os.environ, "PYTHONHASHSEED": str(hash_seed)},
         )
         assert self._child.stdin is not None
-        self._child.stdin.write(json.dumps({**job, "mark": str(self.mark), "crash": str(self.crash)}))
+        order = {**job, "parent": os.getpid(), "mark": str(self.mark), "crash": str(self.crash)}
+        self._child.stdin.write(json.dumps(order))
         self._child.stdin.close()
 
     def __enter__(self) -> Process:
         return self
 
     def __exit__(self, *given: object) -> None:
-        self._child.kill()
+        # The session, since a plugin may have started processes of its own.
+        with suppress(ProcessLookupError):
+            os.killpg(self._child.pid, signal.SIGKILL)
         self._child.wait()
         self._errors.close()
         self._folder.cleanup()

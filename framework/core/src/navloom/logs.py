@@ -10,6 +10,8 @@ import enum
 import logging
 import sys
 
+from navloom.inputs.texts import printable
+
 __all__ = ["Level", "set_up_logging"]
 
 ROOT = logging.getLogger("navloom")
@@ -29,7 +31,7 @@ class TextFormatter(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
-        told = record.getMessage()
+        told = printable(record.getMessage(), kept="\n\t")
         if record.exc_info:
             told = f"{told}\n{self.formatException(record.exc_info)}"
         lines = [f"navloom: {line}" for line in told.splitlines() or [""]]

@@ -13,7 +13,7 @@ _SHOWN = 30
 
 def did_you_mean(name: str, known: Iterable[str], nothing: str = "none is known") -> str:
     """`did you mean 'x'?` with the known name closest to a wrong one, or the list of known names if none is close."""
-    names = sorted(known)
+    names = sorted(set(known))
     if close := close_to(name, names):
         return close.removeprefix("; ")
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""

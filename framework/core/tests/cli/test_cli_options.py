@@ -75,6 +75,17 @@ def test_a_distributions_command_keeps_its_own_option_of_the_same_name() -> None
     assert done.exit_code == 0 and given == ["mine"]
 
 
+def test_what_moves_the_cursor_is_escaped_in_the_log_and_in_tables(capsys: pytest.CaptureFixture[str]) -> None:
+    from navloom.cli.output import print_table, say_so
+    from navloom.logs import Level, set_up_logging
+
+    set_up_logging(Level.INFO, False)
+    say_so("node \x1b[2J of \u202eevil")
+    assert capsys.readouterr().err == "navloom: node \\x1b[2J of \\u202eevil\n"
+    print_table(("node", "state"), [("one\ntwo", "fine")])
+    assert capsys.readouterr().out.splitlines()[1:] == [r"one\ntwo  fine"]
+
+
 @pytest.mark.parametrize("text", ["100 %d of it", "two\nlines"])
 def test_a_logged_text_is_not_read_as_a_format(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     from navloom.cli.output import say_so

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom.geometry.collision import clearance, overlap_depth
+from navloom.geometry.collision import clearance, overlap_depth, unknown_remedy
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Box, Cylinder, Place, Raster, World
@@ -77,6 +77,19 @@ def test_the_nearest_cell_of_a_turned_raster_counts() -> None:
 def test_a_robot_off_an_empty_raster_meets_nothing() -> None:
     world = World("map", raster=Raster("office", np.zeros((4, 4), dtype=np.bool_), 0.1))
     assert clearance(SQUARE, Place(30.0, 40.0), world, height=1.2)[0] == math.inf
+
+
+def test_only_a_pose_that_touches_nothing_but_unknown_cells_has_that_remedy() -> None:
+    # Column 0 is a wall, columns 10 to 19 are unknown; the square reaches 0.5 m from its middle.
+    occupied, unknown = np.zeros((10, 20), dtype=np.bool_), np.zeros((10, 20), dtype=np.bool_)
+    occupied[:, 0] = occupied[:, 10:] = unknown[:, 10:] = True
+    world = World("map", raster=Raster("office.yaml", occupied, 0.25, unknown=unknown))
+
+    def remedy(x: float) -> str:
+        return unknown_remedy(SQUARE, Place(x, 1.25), world, height=1.2)
+
+    assert remedy(2.1).endswith("office.yaml?unknown=free leaves it free")
+    assert remedy(1.25) == remedy(0.6) == ""
 
 
 PLACES = st.builds(Place, st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))

@@ -5,6 +5,7 @@ import pytest
 from navloom.geometry.footprints import (
     FootprintError,
     circumscribed_radius,
+    disc,
     inscribed_radius,
     polygon,
     rectangle,
@@ -58,6 +59,45 @@ def test_a_clockwise_outline_is_turned() -> None:
     clockwise = [(1.0, 0.5), (1.0, -0.5), (-0.5, -0.5), (-0.5, 0.5)]
     assert polygon(clockwise).tolist() == [list(corner) for corner in reversed(clockwise)]
     assert inscribed_radius(polygon(clockwise)) == 0.5
+
+
+def test_a_disc_is_enclosed_to_half_a_percent() -> None:
+    assert inscribed_radius(disc(0.2)) == pytest.approx(0.2)
+    assert circumscribed_radius(disc(0.2)) == pytest.approx(0.201, abs=5e-5)
+    assert np.array_equal(polygon(disc(0.2)), disc(0.2))
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, 100.5, math.nan])
+def test_a_disc_has_a_positive_radius_of_at_most_100_m(radius: float) -> None:
+    with pytest.raises(FootprintError, match="radius"):
+        disc(radius)
+
+
+SQUARE = [(0.3, -0.3), (0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3)]
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(0.3, -0.3), (0.3, 0.0), *SQUARE[1:]],
+        [(0.3, -0.3), (0.3, -0.1), (0.3, 0.1), (0.3, 0.3), (0.1, 0.3), *SQUARE[2:]],
+        [*SQUARE, (0.0, -0.3)],
+        [(0.3, -0.3), (0.2995, 0.0), *SQUARE[1:]],
+        [(0.0, -0.3), *reversed(SQUARE)],
+    ],
+)
+def test_corners_on_a_straight_edge_are_left_out(corners: list[tuple[float, float]]) -> None:
+    assert sorted(polygon(corners).tolist()) == sorted(map(list, SQUARE))
+
+
+def test_a_corner_on_a_slanted_edge_is_left_out_although_rounded() -> None:
+    # A third of the way from (0.3, -0.3) to (0.4, 0.4), to three digits.
+    assert len(polygon([(0.3, -0.3), (0.333, -0.067), (0.4, 0.4), (-0.3, 0.3), (-0.3, -0.3)])) == 4
+
+
+def test_a_dent_of_2_mm_is_not_a_straight_edge() -> None:
+    with pytest.raises(FootprintError, match=r"not convex at the corner \[0\.298, 0\.0\]"):
+        polygon([(0.3, -0.3), (0.298, 0.0), *SQUARE[1:]])
 
 
 @pytest.mark.parametrize("side", [0.0, -1.0, 100.5, math.nan, math.inf])

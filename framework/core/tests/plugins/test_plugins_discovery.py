@@ -34,6 +34,7 @@ def navloom_register(registry):
     registry.world("hall", lambda: World("hall"))
     registry.world_scheme("file", lambda argument, base: World(f"{base.name}/{argument}"))
     registry.world_scheme("toml", lambda argument, base: World(f"toml {argument}"))
+    registry.world_scheme("rosmap", lambda argument, base: World(f"rosmap {argument}"))
 """
 
 Write = Callable[[str, str], str]
@@ -211,12 +212,14 @@ def test_blocking_one_of_two_twins_of_other_roles_leaves_the_other() -> None:
     assert [(info.role, info.name) for info in found.infos()] == [("mapper", "same")]
 
 
-def test_worlds_come_by_name_by_scheme_and_by_toml_file(module: Write) -> None:
+def test_worlds_come_by_name_by_scheme_and_by_file(module: Write) -> None:
     target = module("fake_worlds", WORLDS)
-    found = Discovery(found=[point(n, target) for n in ("world.hall", "scheme.file", "scheme.toml")])
+    found = Discovery(found=[point(n, target) for n in ("world.hall", "scheme.file", "scheme.toml", "scheme.rosmap")])
     assert found.world("hall", Path()).name == "hall"
     assert found.world("file:a.yaml#3", Path("/maps")).name == "maps/a.yaml#3"
     assert found.world("rooms/one.toml", Path()).name == "toml rooms/one.toml"
+    assert found.world("rooms/m.yaml?unknown=free", Path()).name == "rosmap rooms/m.yaml?unknown=free"
+    assert found.world("m.yml", Path()).name == "rosmap m.yml"
 
 
 def test_a_node_comes_by_name(module: Write) -> None:
@@ -243,7 +246,10 @@ def test_unknown_worlds_and_schemes_are_refused_with_the_nearest(module: Write) 
         ("x.toml", "unknown scheme 'toml'; known are file, net"),
         ("barn:3", "world 'barn:3': scheme 'barn' is not installed: pip install navloom-maps"),
         ("attic", r"the entry point world\.attic registers world\.hall, expected world\.attic"),
-        ("net:x", r"the entry point scheme\.net registers scheme\.file, scheme\.toml, expected scheme\.net"),
+        (
+            "net:x",
+            r"the entry point scheme\.net registers scheme\.file, scheme\.rosmap, scheme\.toml, expected scheme\.net",
+        ),
     ):
         with pytest.raises(PluginError, match=text):
             found.world(reference, Path())

@@ -31,6 +31,8 @@ NUMBER, SECONDS = "expected a finite number", "expected a number of seconds abov
         (["goal", "0", "1", "--via", "nan,1"], "--via nan,1: expected two finite numbers"),
         (["goal", "0", "1", "--timeout", "-3"], SECONDS),
         (["goal", "0", "1", "--timeout", "nan"], SECONDS),
+        (["goal", "0", "1", "900"], "got 900, expected degrees of -360 to 360"),
+        (["place", "0", "1", "-361"], "got -361, expected degrees of -360 to 360"),
         (["swap", "avoider", "idle", "--timeout", "0"], SECONDS),
         (["teleop", "--vx", "nan"], NUMBER),
         (["teleop", "--wz=-inf"], NUMBER),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 
 import pytest
 from navloom.messages import Feedback, GateStatus, GoalResult, Point2D, StopReason, Twist2D
@@ -13,6 +14,7 @@ from navloom_live.cli.teleop import teleop_line
 from navloom_live.operating.teleoperation import limit_in_words
 
 DRIVES = GateStatus("controller", "law", False, False, None, ())
+BLOCKED = GateStatus("controller", "law", False, False, None, (), 0.0, "obstacle", Point2D(0.4, 0.0), 0.4)
 OPERATOR = GateStatus("operator", "main", False, False, None, ())
 
 
@@ -36,6 +38,12 @@ def test_on_a_terminal_the_line_is_rewritten_within_its_width(monkeypatch: pytes
     assert stream.getvalue() == "\r\x1b[Kdriving, 3.00 m and\r\x1b[Kdriving\n"
 
 
+def test_a_text_from_outside_cannot_start_a_line_of_its_own() -> None:
+    stream = io.StringIO()
+    LiveLine(stream).show("searching, localizer lost: \n\x1b[2Jsucceeded", "searching")
+    assert stream.getvalue() == "searching, localizer lost: \\n\\x1b[2Jsucceeded\n"
+
+
 def test_elsewhere_a_line_comes_with_each_change_and_every_five_seconds() -> None:
     stream, now = io.StringIO(), [0.0]
     line = LiveLine(stream, lambda: now[0])
@@ -54,13 +62,19 @@ def test_elsewhere_a_line_comes_with_each_change_and_every_five_seconds() -> Non
         (Feedback(2, "driving", 3.6, 9.0, 0.04, 1), DRIVES, None,
          "driving, 3.60 m and 9 s left, by controller, recoveries 1, cross-track +0.04 m"),
         (Feedback(2, "driving", 0.0, 0.0, 0.0, 0), DRIVES, 0.4, "planning"),
-        (Feedback(2, "planning", 0.0, 0.0, 0.0, 0), stop("no_trajectory"), 0.0, "planning"),
+        (Feedback(2, "planning", 0.0, 0.0, 0.0, 0), stop("no_trajectory"), 0.0, "planning; it waits for a path"),
+        (Feedback(2, "driving", 3.6, 9.0, -0.004, 0), BLOCKED, -0.001,
+         "driving, 3.60 m and 9 s left, 0.00 m/s by controller, cross-track +0.00 m; "
+         "blocked: obstacle 0.40 m away, ahead"),
+        (Feedback(2, "driving", 3.6, 9.0, 0.0, 0), replace(BLOCKED, share=0.5), 0.2,
+         "driving, 3.60 m and 9 s left, 0.20 m/s by controller, cross-track +0.00 m; "
+         "slowed: obstacle 0.40 m away, ahead"),
         (Feedback(2, "driving", 3.6, 9.0, 0.04, 0), stop("operator", True), 0.0,
          "driving, 3.60 m and 9 s left, cross-track +0.04 m; stopped: by an operator; "
          "`navloom resume` lets it drive again"),
         (Feedback(2, "mapping", 0.0, 0.0, 0.0, 0), None, None, "mapping"),
     ],
-    ids=["driving", "no speed yet", "old path", "planning", "stopped", "no gate"],
+    ids=["driving", "no speed yet", "old path", "planning", "blocked", "slowed", "stopped", "no gate"],
 )  # fmt: skip
 def test_the_line_of_a_goal(feedback: Feedback, gate: GateStatus | None, speed: float | None, text: str) -> None:
     assert goal_line(feedback, gate, speed)[0] == text

@@ -14,7 +14,8 @@ from navloom.engine.run_warnings import LARGEST_MESSAGE, RunWarning
 from navloom.engine.system import System
 from navloom.plugins.output_limit import LARGEST_OUTPUT
 from navloom_live.drives.live_warnings import LiveWarnings
-from navloom_live.hosting.process_warnings import MANY, ProcessWarnings
+from navloom_live.hosting import process_warnings
+from navloom_live.hosting.process_warnings import LARGE, MANY, ProcessWarnings
 from navloom_live.live.live_runner import StepTimes
 from navloom_live.transport.keyspace import KeySpace
 from toys import Bystander, discovery, toy_config
@@ -101,6 +102,23 @@ def test_a_flood_is_named_while_the_process_runs(system: System, capsys: pytest.
     assert sys.stdout is before and len(capsys.readouterr().out) == LARGEST_OUTPUT + 1
     (warning,) = found.listed({}, {})
     assert "avoider toy_bystander printed more than 64 kB within 10 s" in str(warning)
+
+
+def test_a_process_that_eats_memory_is_named_once(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = ProcessWarnings(system, [AVOIDER])
+    for used in (LARGE, LARGE + LARGE // 2, 4 * LARGE):
+        monkeypatch.setattr(process_warnings, "resident_bytes", lambda used=used: used)
+        listed = [str(one) for one in found.listed({}, {})]
+        assert len(listed) == (used > LARGE)
+    assert listed[0].startswith("avoider toy_bystander runs in a process that uses 1.5 GiB of memory; if it grows on")
+
+
+def test_of_a_process_that_eats_memory_the_shadow_is_named(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    shadow = SimpleNamespace(role=AVOIDER[0], name=AVOIDER[1], shadow=True)
+    monkeypatch.setattr(System, "config", SimpleNamespace(alternative=[shadow]))
+    monkeypatch.setattr(process_warnings, "resident_bytes", lambda: 2 * LARGE)
+    (warning,) = ProcessWarnings(system, [PLATFORM, AVOIDER]).listed({}, {})
+    assert "toy_bystander runs in a process that uses 2.0 GiB of memory, with platform toy_robot" in str(warning)
 
 
 def test_each_warning_of_a_live_robot_is_printed_once() -> None:

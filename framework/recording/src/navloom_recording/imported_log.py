@@ -148,13 +148,11 @@ def placed_in_map(
     """
     tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
     if map_ref is not None:
-        is_yaml = map_ref.endswith((".yaml", ".yml")) and ":" not in map_ref
-        reference = f"rosmap:{map_ref}" if is_yaml else map_ref
         try:
-            Discovery().world(reference, loaded.base_of("map.ref"))
+            Discovery().world(map_ref, loaded.base_of("map.ref"))
         except (PluginError, ValueError) as error:
             raise ConfigError(f"--map {map_ref}: {error}") from None
-        tree["map"] = {"ref": reference}
+        tree["map"] = {"ref": map_ref}
     if start is not None:
         x, y, heading = compose(np.array(start), inverse(np.array([first.x, first.y, first.heading]))).tolist()
         place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}

@@ -10,6 +10,7 @@ from navloom.config import Loaded
 from navloom.config.schema import Config
 from navloom.inputs.bounds import YAML_MB, read_file
 from navloom.parts import part
+from navloom.plugins.discovery import scheme_of
 
 from navloom_recording.reader import Recording
 from navloom_recording.recording_header import RecordingError
@@ -77,7 +78,5 @@ def _file(loaded: Loaded, place: str) -> Path | None:
 
 def _argument(reference: str) -> str:
     """Path within a reference; empty if it names no file."""
-    scheme, colon, argument = reference.partition(":")
-    if colon:
-        return argument.partition("#")[0]
-    return scheme if scheme.endswith(".toml") else ""
+    _, argument = scheme_of(reference)
+    return argument.partition("#")[0].partition("?")[0]

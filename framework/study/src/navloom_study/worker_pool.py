@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import multiprocessing
 import os
 import signal
@@ -13,13 +14,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from tempfile import NamedTemporaryFile
 from time import monotonic
 from typing import IO, Any
 
 from navloom.crashes import crashed_at, dump_when_broken
 from navloom.errors import NavloomError
+from navloom.memory import resident_bytes
+from navloom.parent_process import die_with_parent
 
 from navloom_study.episode_rows import EpisodeTask, Row, episode_row, lost_row
 
@@ -276,6 +278,12 @@ def _one_thread() -> Iterator[None]:
 
 def serve(connection: Connection, dump: str) -> None:
     """Main function of a worker: take tasks and return rows until there are none left or the parent is gone."""
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        # The pipe ends too, but an episode that compiles or hangs does not look at it.
+        die_with_parent(parent.pid, signal.SIGKILL)
+    # The parent has read the same worlds and has logged their warnings.
+    logging.getLogger("navloom").addHandler(logging.NullHandler())
     # Ctrl-C reaches the whole process group, but only the parent handles it. Output of plugins must not break --json.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # At the level of the descriptor: C libraries print past `sys.stdout`.
@@ -302,15 +310,7 @@ def serve(connection: Connection, dump: str) -> None:
             if count == SETTLED:
                 # Objects that have lived this long are modules and kernels; later collections can skip them.
                 gc.freeze()
-            connection.send(("row", row, _resident()))
-
-
-def _resident() -> int:
-    """Resident memory of this process, bytes; 0 if it is not known."""
-    try:
-        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:
-        return 0
+            connection.send(("row", row, resident_bytes()))
 
 
 def run_on_processes(

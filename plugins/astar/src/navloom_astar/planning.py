@@ -208,14 +208,14 @@ class GridPlanner:
         """Plan with one inflation. Leaving the cells of `wide`, if given, has an extra cost."""
         start, goal = ends
         if not traversable[cells[1]]:
-            return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(occupied, cells[1])}")
+            return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(grid, occupied, cells[1])}")
         way = [cells[0]]
         if not traversable[cells[0]]:
             away = _OUT_OF_A_CORNER * (float(reach[0]) + 1.0) * grid.resolution
             away = away if self.settings.escape is None else self.settings.escape
             found = None if occupied[cells[0]] else way_out(occupied, traversable, *cells, away / grid.resolution)
             if found is None:
-                return StartOccupied(start, f"the start {_at(start)} is {_where(occupied, cells[0])}")
+                return StartOccupied(start, f"the start {_at(start)} is {_where(grid, occupied, cells[0])}")
             way = found
         return self._connect(grid, traversable, way, cells[1], ends, wide)
 
@@ -302,7 +302,9 @@ def _open_way(traversable: Bools, way: list[Cell]) -> None:
         traversable[low : high + 1, left : right + 1] = True
 
 
-def _where(occupied: Bools, cell: Cell) -> str:
+def _where(grid: PlanningGrid, occupied: Bools, cell: Cell) -> str:
+    if occupied[cell] and not grid.occupied[cell]:
+        return "in unknown space, which is blocked"
     return "in an obstacle" if occupied[cell] else "too near to an obstacle for the robot"
 
 

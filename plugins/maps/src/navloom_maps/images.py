@@ -30,6 +30,8 @@ _PGM = re.compile(
     rb"P([25])(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})"
 )
 _SPACE = re.compile(rb"\s")
+_FILLER = re.compile(rb"\s|#[^\n]*+\n")
+"""What some programs write, against the format, before the pixels: CR LF, empty lines, comments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,18 +105,48 @@ def _plain_values(content: bytes, start: int, count: int, top: int, path: Path) 
         left, at = left - values.size, end
     if left > 0:
         raise WorldError(f"{path}: truncated: {count - left} pixels, expected {count}; copy the file again")
+    if left < 0 or body[at:].strip():
+        raise WorldError(f"{path}: more than the {count} pixels of the PGM header; save the image again")
     return np.concatenate(pieces)
 
 
 def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
     kind = np.dtype(np.uint8) if top < 256 else np.dtype(">u2")
-    # Exactly one white space separates the header from the pixels.
-    present = len(content) - start - 1
-    if present < count * kind.itemsize:
+    # One white space separates the header from the pixels.
+    begin, size = start + 1, count * kind.itemsize
+    surplus = len(content) - begin - size
+    if surplus < 0:
         raise WorldError(
-            f"{path}: truncated: {max(present, 0)} bytes of pixels, expected {count * kind.itemsize}; copy it again"
+            f"{path}: truncated: {max(size + surplus, 0)} bytes of pixels, expected {size}; copy the file again"
         )
-    return np.frombuffer(content, dtype=kind, count=count, offset=start + 1).astype(kind.newbyteorder("="))
+    if surplus:
+        begin += _header_surplus(content, begin, size, path)
+    return np.frombuffer(content, dtype=kind, count=count, offset=begin).astype(kind.newbyteorder("="))
+
+
+def _header_surplus(content: bytes, begin: int, size: int, path: Path) -> int:
+    """How many of a file's surplus bytes precede the pixels. The others must be white space at its end.
+
+    Args:
+        content: The file.
+        begin: Offset of the pixels if the header is as the format demands.
+        size: Length of the pixels, bytes.
+        path: Name of the file in errors.
+    """
+    surplus, trailing = len(content) - begin - size, len(content) - len(content.rstrip())
+    # Pixels can be any bytes, white space too: the length of the file must leave one possibility.
+    fits = [0] if surplus <= trailing else []
+    end = begin
+    while filler := _FILLER.match(content, end, begin + min(surplus, _HEADER)):
+        end = filler.end()
+        if begin + surplus - end <= trailing:
+            fits.append(end - begin)
+    if len(fits) != 1:
+        raise WorldError(
+            f"{path}: {surplus} bytes more than the {size} of its pixels, and it is uncertain where the pixels begin;"
+            " save the image again, as PNG or as PGM without a comment after the highest value"
+        )
+    return fits[0]
 
 
 def _png(content: bytes, path: Path) -> Shades:

@@ -2,20 +2,26 @@
 
 A pixel's occupancy is p = 1 - shade (p = shade with `negate`), the image's top row has the highest y. Modes:
 
-- trinary: 100 where p > occupied_thresh, 0 where p < free_thresh, -1 between. Transparency counts as a fourth colour.
+- trinary: 100 where p > occupied_thresh, else 0 where p < free_thresh, else -1. Transparency counts as a fourth colour.
 - scale: as trinary, but 0 to 100 in proportion between the thresholds, and -1 where not opaque.
 - raw: the level from 0 to 255 itself, -1 above 100.
+
+map_saver writes unknown cells as grey 205, p = 0.196. With `free_thresh: 0.25`, Nav2's default, map_server reads them
+as free, and so do we; a warning tells how many.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cache
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
+from navloom.geometry.angles import wrap
 from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
 from navloom.geometry.world import Place, Raster, World
 from navloom.inputs import YAML_MB, shortened
@@ -29,12 +35,19 @@ __all__ = ["load_raster", "read_rosmap", "rosmap_world"]
 
 _MODES = ("trinary", "scale", "raw")
 _UNKNOWNS = ("occupied", "free")
+_EXAMPLES = {
+    "image": "image: map.pgm", "resolution": "resolution: 0.05", "origin": "origin: [0.0, 0.0, 0.0]",
+    "negate": "negate: 0", "occupied_thresh": "occupied_thresh: 0.65", "free_thresh": "free_thresh: 0.196",
+}  # fmt: skip
+_GREY = 205
+"""Level of unknown cells in the images of map_saver, of 255."""
 
 
 @dataclass(frozen=True)
 class _Description:
     """The checked YAML file of a map."""
 
+    path: Path
     image: Path
     resolution: float
     origin: Place
@@ -72,9 +85,10 @@ def load_raster(path: Path, unknown: str = "occupied", z: tuple[float, float] = 
     grid = _grid(description)
     least = math.ceil(100.0 * description.occupied_thresh) if description.mode == "raw" else OCCUPIED
     occupied = grid.cells >= least
-    if unknown == "occupied":
-        occupied |= grid.cells == UNKNOWN
-    return Raster(path.name, occupied, grid.resolution, grid.origin, z)
+    unseen = grid.cells == UNKNOWN if unknown == "occupied" else None
+    if unseen is not None:
+        occupied |= unseen
+    return Raster(path.name, occupied, grid.resolution, grid.origin, z, unseen)
 
 
 def read_rosmap(path: Path) -> GridMap:
@@ -92,7 +106,27 @@ def read_rosmap(path: Path) -> GridMap:
 def _grid(description: _Description) -> GridMap:
     shades = read_image(description.image)
     cells = np.ascontiguousarray(_cells(shades, description)[::-1])
+    _warn_of_free_grey(cells, shades, description)
     return GridMap(cells, description.resolution, description.origin)
+
+
+def _warn_of_free_grey(cells: NDArray[np.int8], shades: Shades, description: _Description) -> None:
+    """Warn if cells, row 0 at the bottom, are free that the map's saver probably meant as unknown."""
+    if description.mode == "raw":
+        return
+    grey = shades.levels[::-1] == round(shades.top * _GREY / 255)
+    if count := int(np.count_nonzero(grey & (cells == FREE))):
+        _warn(
+            f"{description.path}: {count} of {cells.size} cells are grey {_GREY}, map_saver's shade of unknown, and"
+            f" are read as free, as map_server reads them: write free_thresh: 0.196 (now {description.free_thresh:g})"
+            " if they are unknown" + ("" if shades.opaque is None else ", and save the image without transparency")
+        )
+
+
+@cache
+def _warn(text: str) -> None:
+    """Log a warning, once a process however often a map is read."""
+    logging.getLogger("navloom.maps").warning(text)
 
 
 def _cells(shades: Shades, description: _Description) -> NDArray[np.int8]:
@@ -107,7 +141,9 @@ def _cells(shades: Shades, description: _Description) -> NDArray[np.int8]:
         level = np.floor(shade * 255.0 + 0.5)
         table = np.where(level <= 100.0, level, UNKNOWN)
     else:
-        between = np.rint(100.0 * (p - free) / (occupied - free)) if description.mode == "scale" else UNKNOWN
+        # Without a gap between the thresholds no level is scaled.
+        is_scaled = description.mode == "scale" and free < occupied
+        between = np.rint(100.0 * (p - free) / (occupied - free)) if is_scaled else UNKNOWN
         table = np.where(p > occupied, OCCUPIED, np.where(p < free, FREE, between))
     cells: NDArray[np.int8] = table.astype(np.int8)[levels]
     if description.mode == "scale" and shades.opaque is not None:
@@ -125,7 +161,9 @@ def _describe(path: Path) -> _Description:
 def _checked(document: dict[Any, Any], path: Path) -> _Description:
     def value(key: str) -> Any:
         if key not in document:
-            raise WorldError(f"{path}: key {key!r} is missing; {did_you_mean(key, [str(k) for k in document])}")
+            others = [str(other) for other in document if other not in _EXAMPLES and other != "mode"]
+            hint = did_you_mean(key, others) if others else f"add it, as in {_EXAMPLES[key]}"
+            raise WorldError(f"{path}: key {key!r} is missing; {hint}")
         return document[key]
 
     def number(key: str, given: Any, fits: Callable[[float], bool], expected: str) -> float:
@@ -147,14 +185,34 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
     if not isinstance(origin, list) or len(origin) != 3:
         raise WorldError(f"{path}: origin = {shortened(origin)}: expected [x, y, yaw] in metres and radians")
     x, y, yaw = (number("origin", v, lambda v: abs(v) <= 1e7, "[x, y, yaw] in metres and radians") for v in origin)
-    if negate not in (0, 1):
+    if abs(yaw) > math.tau:
+        _warn(
+            f"{path}: origin: a yaw of {yaw:g} is read in radians, as {yaw / math.tau:.1f} turns;"
+            f" if it is in degrees, write {math.radians(yaw):.6g}"
+        )
+    if negate not in (0, 1, "0", "1"):
         raise WorldError(f"{path}: negate = {shortened(negate)}: expected 0 or 1")
-    if mode not in _MODES:
-        raise WorldError(f"{path}: mode = {shortened(mode)}: expected one of {', '.join(_MODES)}")
+    if not isinstance(mode, str) or mode.lower() not in _MODES:
+        near = f"; {did_you_mean(mode.lower(), _MODES)}" if isinstance(mode, str) else ""
+        raise WorldError(f"{path}: mode = {shortened(mode)}: expected one of {', '.join(_MODES)}{near}")
     resolution = number(
         "resolution", value("resolution"), lambda v: 1e-4 <= v <= 1e4, "metres a pixel, 0.0001 to 10000"
     )
     occupied, free = share("occupied_thresh"), share("free_thresh")
-    if not free < occupied:
-        raise WorldError(f"{path}: free_thresh = {free}: expected less than occupied_thresh = {occupied}")
-    return _Description(file_of(image, path.parent), resolution, Place(x, y, yaw), bool(negate), occupied, free, mode)
+    if free >= occupied:
+        _warn(
+            f"{path}: free_thresh = {free:g} is not below occupied_thresh = {occupied:g}: as map_server reads it,"
+            " every cell that is not occupied is free"
+        )
+    place, inverted = Place(x, y, float(wrap(yaw))), bool(int(negate))
+    return _Description(path, _image_of(image, path), resolution, place, inverted, occupied, free, mode.lower())
+
+
+def _image_of(image: str, path: Path) -> Path:
+    """The image's file; an error for one that is missing where a file of that name lies beside the YAML file."""
+    file = file_of(image, path.parent)
+    # A path of another computer, which may have had Windows.
+    name = PureWindowsPath(image).name
+    if name and name != image and not file.exists() and (path.parent / name).is_file():
+        raise WorldError(f"{file}: there is no such file; one of this name lies beside {path}: write image: {name}")
+    return file

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import typer
 from navloom.cli import App, AsJson, MapOptions, RobotOptions
+from navloom.inputs import printable
 
 from navloom_ros.errors import BadDefinition, BadName, RosError, UnknownType
 from navloom_ros.graph import Graph, Listed
@@ -65,9 +66,9 @@ def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) 
     for kind, entries in found.items():
         typer.echo(f"{kind}:" if entries else f"{kind}: none")
         for entry in entries:
-            typer.echo(f"  {entry if isinstance(entry, str) else _line(entry)}")
+            typer.echo(printable(f"  {entry if isinstance(entry, str) else _line(entry)}"))
     if unread:
-        typer.echo(f"not listed: {unread} entries that cannot be read, such as {node.graph.reason}")
+        typer.echo(printable(f"not listed: {unread} entries that cannot be read, such as {node.graph.reason}"))
 
 
 @app.command()
@@ -209,7 +210,7 @@ def import_(
     for topic in found.topics:
         taken = f"{topic.messages} messages as {topic.sensor}" if topic.sensor else "not taken"
         reasons = "; ".join(f"{count}: {why}" if count else why for why, count in topic.skipped.most_common(3))
-        typer.echo(f"{topic.name}  {topic.type}  {taken}{f'  (left out: {reasons})' if reasons else ''}")
+        typer.echo(printable(f"{topic.name}  {topic.type}  {taken}{f'  (left out: {reasons})' if reasons else ''}"))
     typer.echo(f"{out}: {sum(topic.messages for topic in found.topics)} messages over {span:.1f} s")
 
 
@@ -254,7 +255,7 @@ def _refusals() -> Iterator[None]:
     try:
         yield
     except RosError as error:
-        typer.echo(f"navloom ros: {error}", err=True)
+        typer.echo(printable(f"navloom ros: {error}", kept="\n"), err=True)
         wrong = isinstance(error, (BadDefinition, BadName, UnknownType))
         raise typer.Exit(WRONG if wrong else FAILED) from None
     except BrokenPipeError:  # as when the output is piped to head
@@ -315,7 +316,7 @@ def _lines(values: dict[str, Any], depth: int = 0) -> Iterator[str]:
                 yield f"{'  ' * (depth + 1)}- {inner[0].lstrip()}"
                 yield from inner[1:]
         else:
-            yield f"{start} {json.dumps(value, ensure_ascii=False)}"
+            yield f"{start} {printable(json.dumps(value, ensure_ascii=False))}"
 
 
 def _finite(value: Any) -> Any:

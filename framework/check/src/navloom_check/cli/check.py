@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from navloom.cli.interrupts import terminate_as_interrupted
 from navloom.cli.options import AsJson, PluginFiles
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def check(
     if name is None:
         raise ConfigError("ROLE.NAME is missing, as in navloom check avoider.vff; --list lists the checks")
     _refuse_missing(name)
+    terminate_as_interrupted()
     if drive and hardware is None:
         raise ConfigError("--drive: moves real hardware, so it needs --hardware CONFIG")
     if hardware is not None:

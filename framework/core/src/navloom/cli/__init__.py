@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from navloom.cli.options import Shadows as Shadows
     from navloom.cli.options import ViewerOptions as ViewerOptions
     from navloom.cli.options import ViewOptions as ViewOptions
+    from navloom.cli.options import a_heading as a_heading
     from navloom.cli.options import a_number as a_number
     from navloom.cli.options import seconds as seconds
     from navloom.cli.output import json_line as json_line
@@ -47,7 +48,7 @@ else:
             "navloom.cli.main": "main",
             "navloom.cli.options": (
                 "AsJson Changes ConfigName ConfigOptions MapOptions PluginFiles Record RobotOptions RunOptions "
-                "Shadows ViewerOptions ViewOptions a_number seconds"
+                "Shadows ViewerOptions ViewOptions a_heading a_number seconds"
             ),
             "navloom.cli.output": "json_line log_of paced print_json print_table progress_line say_so stage",
             "navloom.entry_kinds": "CommandPoint added_commands",

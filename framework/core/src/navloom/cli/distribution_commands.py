@@ -11,6 +11,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from navloom.cli.command import App, with_groups_within
 from navloom.entry_kinds import GROUP, CommandPoint, added_commands
+from navloom.misspelt import close_to
 from navloom.parts import OF_FRAMEWORK
 
 if TYPE_CHECKING:
@@ -39,6 +40,15 @@ class Commands(TyperGroup):
                     f"pip install {distribution}"
                 )
         return found
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command of the first word. Refuses an unknown one with a suggestion; typer's own knows none of ours."""
+        name, *rest = args
+        if not name.startswith("-") and self.get_command(ctx, name) is None:
+            if name == "help":
+                ctx.fail(f"No such command 'help'. Write `navloom {' '.join([*rest[:1], '--help'])}`.")
+            ctx.fail(f"No such command {name!r}{close_to(name, self.list_commands(ctx)) or '.'}")
+        return super().resolve_command(ctx, args)
 
     def whole(self) -> dict[str, Any]:
         """Every command, imported, with its options. A broken one appears as in the help."""

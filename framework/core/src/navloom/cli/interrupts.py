@@ -8,7 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["ending"]
+__all__ = ["ending", "terminate_as_interrupted"]
+
+
+def terminate_as_interrupted() -> None:
+    """Raise KeyboardInterrupt on SIGTERM too, so that a command ends its workers."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 @contextmanager

@@ -53,6 +53,14 @@ def a_number(value: float | None) -> float | None:
     return value
 
 
+def a_heading(value: float | None) -> float | None:
+    """Check of an argument: degrees within a turn to either side."""
+    value = a_number(value)
+    if value is not None and abs(value) > 360.0:
+        raise typer.BadParameter(f"got {value:g}, expected degrees of -360 to 360")
+    return value
+
+
 def seconds(value: float | None) -> float | None:
     """Check of an option: a time above 0 s."""
     if value is not None and not 0.0 < value < math.inf:

@@ -40,10 +40,8 @@ def plan(
     from navloom.cli.output import print_json
     from navloom.runs.single_plan import plan_once
 
-    is_file = map_.endswith((".yaml", ".yml")) and not map_.startswith("rosmap:")
-    reference = f"rosmap:{map_}" if is_file else map_
     answer: dict[str, Any] = plan_once(
-        reference,
+        map_,
         FilePath.cwd(),
         _pair(start, "--from", "X,Y"),
         _pair(goal, "--to", "X,Y"),
@@ -69,7 +67,7 @@ def _print_path(answer: dict[str, Any]) -> None:
 
     points = answer["points"]
     typer.echo(f"{answer['length_m']:.3f} m in {answer['planner_ms']:.2f} ms, {len(points)} points")
-    turns = [f"({x:.2f}, {y:.2f})" for x, y in corners(np.array(points), STRAIGHT)]
+    turns = [f"({x:z.2f}, {y:z.2f})" for x, y in corners(np.array(points), STRAIGHT)]
     if len(turns) > 2 * FEW:
         turns = [*turns[:FEW], f"… {len(turns) - 2 * FEW} corners …", *turns[-FEW:]]
     hint = "" if len(turns) == len(points) else "; --json has every point"

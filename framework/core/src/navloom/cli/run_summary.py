@@ -59,7 +59,7 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
     told = f"{summary['outcome']}: {summary['reason']}"
     if summary["outcome"] == "succeeded" and summary["truly_reached"] is False:
         told = episode.trail.reason
-    typer.echo(f"{told}, at ({end.x:.2f}, {end.y:.2f})")
+    typer.echo(f"{told}, at ({end.x:z.2f}, {end.y:z.2f})")
     if summary["truly_reached"] is None:
         typer.echo("no ground truth: the robot's estimate of its pose is not checked")
     elif episode.system.world is None:

@@ -24,7 +24,7 @@ from navloom.inputs.assignments import brief, read_assignment
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import shortened, toml_of
 from navloom.plugins import Discovery, PluginError
-from navloom.plugins.registry import nearest
+from navloom.plugins.registry import close_to, nearest
 from navloom.roles import FIXED
 from navloom.roles.base import RESERVED_KEYS
 from navloom.roles.presets import named_plugin
@@ -198,12 +198,16 @@ def _read(reference: str) -> tuple[str, Path]:
     if reference in shipped:
         return shipped[reference], Path.cwd()
     path = Path(reference)
+    if path.suffix in (".yaml", ".yml"):
+        raise ConfigError(
+            f"config {reference!r}: expected a .toml file; a map of ROS is a world, as in --set world.ref={reference}"
+        )
     try:
         return read_file(path, TEXT_MB, ConfigError).decode("utf-8"), path.parent
     except (FileNotFoundError, NotADirectoryError):
-        raise ConfigError(
-            f"config {reference!r}: no such file, and no shipped config of that name{nearest(reference, list(shipped))}"
-        ) from None
+        files = [str(path.with_name(file.name)) for file in path.parent.glob("*.toml")]
+        near = close_to(reference, files) or nearest(reference, list(shipped))
+        raise ConfigError(f"config {reference!r}: no such file, and no shipped config of that name{near}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"config {reference!r} cannot be read: {error}") from None
 

@@ -46,6 +46,7 @@ __all__ = [
 ]
 
 Positive = Annotated[float, Field(gt=0.0)]
+Heading = Annotated[float, Field(ge=-360.0, le=360.0)]
 ROLE_TABLES = ROLES.keys()
 """Roles; each has a table of its name in every config."""
 REQUIRED_ROLES = tuple(role for role, cls in ROLES.items() if not cls.facts.is_optional)
@@ -89,18 +90,19 @@ class RunTable(Table):
 
 
 class FootprintTable(Table):
-    """A rectangle centred on base, or a convex polygon."""
+    """A rectangle or a disc centred on base, or a convex polygon."""
 
     length: Positive | None = Field(default=None, description="m, along x")
     width: Positive | None = Field(default=None, description="m, along y")
+    radius: Positive | None = Field(default=None, description="m")
     polygon: list[tuple[float, float]] | None = Field(default=None, description="m, base frame, convex")
 
     @model_validator(mode="after")
     def _is_one_or_the_other(self) -> FootprintTable:
-        rectangle = self.length is not None and self.width is not None
-        # The second part refuses half a rectangle beside a polygon.
-        if rectangle == (self.polygon is not None) or (self.length is None) != (self.width is None):
-            raise ValueError("expected either length and width, or polygon")
+        # Half a rectangle beside another shape is refused too.
+        shapes = {name for name in ("length", "width", "radius", "polygon") if getattr(self, name) is not None}
+        if shapes not in ({"length", "width"}, {"radius"}, {"polygon"}):
+            raise ValueError("expected either length and width, or radius, or polygon")
         return self
 
 
@@ -140,7 +142,7 @@ class OffsetTable(Table):
 
     x: float = Field(default=0.0, description="m")
     y: float = Field(default=0.0, description="m")
-    heading_deg: float = Field(default=0.0, description="degrees, counter-clockwise")
+    heading_deg: Heading = Field(default=0.0, description="degrees, counter-clockwise")
 
 
 class WorldTable(Table):
@@ -232,7 +234,7 @@ class PlaceTable(Table):
 
     x: float
     y: float
-    heading_deg: float | None = None
+    heading_deg: Heading | None = None
 
 
 class NavigationTable(Table):
@@ -285,11 +287,11 @@ class GateTable(Table):
 class EventTable(Table):
     """An operator's action at a given time."""
 
-    at: float = Field(ge=0.0, description="robot time, s")
+    at: float = Field(ge=0.0, description="s after the first tick")
     do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place"]
     x: float | None = None
     y: float | None = None
-    heading_deg: float | None = None
+    heading_deg: Heading | None = None
     role: str | None = None
     name: str | None = Field(default=None, description="instance, for swap and set")
     values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")

@@ -19,7 +19,7 @@ from navloom.engine.platform_world import world_of_platform
 from navloom.engine.plugin_instances import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
 from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
-from navloom.geometry.footprints import FootprintError, polygon, rectangle
+from navloom.geometry.footprints import FootprintError, disc, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.inputs.assignments import assignments
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
@@ -37,6 +37,8 @@ def robot_spec(table: RobotTable) -> RobotSpec:
     try:
         if shape.polygon is not None:
             outline = polygon(shape.polygon)
+        elif shape.radius is not None:
+            outline = disc(shape.radius)
         else:
             assert shape.length is not None and shape.width is not None
             outline = rectangle(shape.length, shape.width)

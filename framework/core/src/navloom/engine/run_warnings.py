@@ -26,7 +26,9 @@ __all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Heard", "Kind", "RunWarning", 
            "far_commands", "large_messages", "silent_sensors", "slow_steps", "staying_thread", "volumes_of",
            "waiting_nodes", "who"]  # fmt: skip
 
-Kind = Literal["slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "repeat"]
+Kind = Literal[
+    "slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "memory", "repeat"
+]
 Source = tuple[str, str]
 
 LARGEST_MESSAGE = 16 * 2**20

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navloom.engine.build import stride_of
 from navloom.engine.plugin_instances import Part
 from navloom.engine.system import System
-from navloom.geometry.collision import clearance
+from navloom.geometry.collision import clearance, unknown_remedy
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 from navloom.plugins import Discovery, PluginError
@@ -161,8 +161,13 @@ def place_problem(system: System, x: float, y: float, heading: float | None) -> 
         )
     # Without a heading the planner may choose any: only what is covered at every heading must be free.
     shape = outline if heading is not None else _disc(inscribed_radius(outline))
-    gap, name = clearance(shape, Place(x, y, heading or 0.0), world, height=system.robot.height)
-    return "" if gap > 0.0 else f"the robot does not fit at ({x:g}, {y:g}): occupied by {name}"
+    place, height = Place(x, y, heading or 0.0), system.robot.height
+    gap, name = clearance(shape, place, world, height=height)
+    if gap > 0.0:
+        return ""
+    return f"the robot does not fit at ({x:g}, {y:g}): " + (
+        unknown_remedy(shape, place, world, height) or f"occupied by {name}"
+    )
 
 
 def _disc(radius: float) -> NDArray[np.float64]:

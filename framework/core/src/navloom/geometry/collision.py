@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from navloom.geometry.frames import compose, inverse, transform
 from navloom.geometry.solids import box_corners, centre_at, is_present, overlaps
 from navloom.geometry.world import Box, Place, Raster, World
 
-__all__ = ["clearance", "overlap_depth"]
+__all__ = ["clearance", "overlap_depth", "unknown_remedy"]
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +54,20 @@ def clearance(
         if distance < best:
             best, nearest = distance, name
     return best, nearest
+
+
+def unknown_remedy(footprint: Floats, pose: Place, world: World, height: float) -> str:
+    """What to do about a pose where only unknown cells of a map touch the robot; empty at any other pose.
+
+    For the arguments see `clearance`.
+    """
+    raster = world.raster
+    if raster is None or raster.unknown is None or clearance(footprint, pose, world, height=height)[0] > 0.0:
+        return ""
+    seen = replace(world, raster=replace(raster, occupied=raster.occupied & ~raster.unknown, unknown=None))
+    if clearance(footprint, pose, seen, height=height)[0] == 0.0:
+        return ""
+    return f"{raster.name} is unknown there, which counts as an obstacle; {raster.name}?unknown=free leaves it free"
 
 
 def _distances(

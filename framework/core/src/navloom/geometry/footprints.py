@@ -7,11 +7,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from navloom.errors import NavloomError
 
-__all__ = ["FootprintError", "circumscribed_radius", "inscribed_radius", "polygon", "rectangle"]
+__all__ = ["FootprintError", "circumscribed_radius", "disc", "inscribed_radius", "polygon", "rectangle"]
 
 Floats = NDArray[np.float64]
 
 _MAX_CORNERS = 64
+_DISC_CORNERS = 32
+_ROUNDING = 1e-9
+"""Largest turn that counts as none, rad."""
+_STRAIGHT = 1e-3
+"""Largest distance of a corner from the line between its neighbours that is on it, m: one rounded to mm."""
 _LARGEST = 100.0
 """Largest side and largest coordinate of a corner, m; larger ones are probably in millimetres."""
 
@@ -42,15 +47,35 @@ def rectangle(length: float, width: float) -> Floats:
     return outline
 
 
+def disc(radius: float) -> Floats:
+    """Corners of a regular polygon around a disc centred on the base frame's origin.
+
+    Args:
+        radius: m, > 0, at most 100; the polygon's inscribed radius. Its corners are 0.5 % farther away.
+
+    Returns:
+        (32, 2) m, base frame, counter-clockwise; read-only.
+
+    Raises:
+        FootprintError: The radius is not a positive number, or too large.
+    """
+    if not 0.0 < radius <= _LARGEST:
+        raise FootprintError(f"footprint radius = {radius}: expected a length > 0 in metres, at most {_LARGEST:g}")
+    angles = (np.arange(_DISC_CORNERS) + 0.5) * (2.0 * np.pi / _DISC_CORNERS)
+    outline: Floats = radius / np.cos(np.pi / _DISC_CORNERS) * np.column_stack((np.cos(angles), np.sin(angles)))
+    outline.flags.writeable = False
+    return outline
+
+
 def polygon(corners: ArrayLike) -> Floats:
     """A checked copy of a footprint's corners.
 
     Args:
         corners: (n, 2) m, base frame: convex, around the origin, in either direction, 3 to 64 corners, all within
-            100 m of the axes.
+            100 m of the axes. Corners on a straight edge, to 1 mm, are left out.
 
     Returns:
-        (n, 2) float64, counter-clockwise, read-only.
+        (m, 2) float64, counter-clockwise, read-only.
 
     Raises:
         FootprintError: Anything else, naming the corner.
@@ -71,6 +96,7 @@ def polygon(corners: ArrayLike) -> Floats:
         )
     if _is_clockwise(outline):
         outline = outline[::-1].copy()
+    outline = _without_straight_corners(outline)
     _check_turns(outline)
     if _edge_distances(outline).min() <= 0.0:
         raise FootprintError(f"footprint {outline.tolist()} does not contain the base frame's origin (0, 0): shift it")
@@ -84,14 +110,29 @@ def _is_clockwise(outline: Floats) -> bool:
     return bool((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0)
 
 
-def _check_turns(outline: Floats) -> None:
+def _without_straight_corners(outline: Floats) -> Floats:
+    """The outline without corners at which it goes straight on, or turns right within `_STRAIGHT`."""
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     if not lengths.all():
         raise FootprintError(f"footprint corner {_first(lengths == 0.0)} is there twice: leave the second out")
+    turns, forward = _turns(edges)
+    chords = edges + np.roll(edges, -1, axis=0)
+    is_near = -turns <= _STRAIGHT * np.hypot(chords[:, 0], chords[:, 1])
+    # A left turn of an exactly straight edge is rounding; a larger one may be a corner of a fine round outline.
+    is_right = turns <= _ROUNDING * lengths * np.roll(lengths, -1)
+    kept: Floats = outline[~np.roll(is_near & is_right & (forward > 0.0), 1)]
+    return kept if len(kept) >= 3 else outline
+
+
+def _turns(edges: Floats) -> tuple[Floats, Floats]:
+    """(n,) cross and dot product of each edge with the next, m²."""
     following = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
-    forward = (edges * following).sum(axis=1)
+    return edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0], (edges * following).sum(axis=1)
+
+
+def _check_turns(outline: Floats) -> None:
+    turns, forward = _turns(np.roll(outline, -1, axis=0) - outline)
     total = np.arctan2(turns, forward).sum()
     # An outline that turns left everywhere but winds around twice is a star, not convex.
     if (turns <= 0.0).any() or not np.isclose(total, 2.0 * np.pi):

@@ -107,6 +107,7 @@ class Raster:
         resolution: Edge of a cell, m.
         origin: Pose of the lower left corner of cell (0, 0) in the map frame.
         z: Height interval of its walls, m.
+        unknown: (rows, cols) bool, read-only: cells of `occupied` that nobody has seen; None if there is none.
     """
 
     name: str
@@ -114,9 +115,12 @@ class Raster:
     resolution: float
     origin: Place = field(default_factory=lambda: Place(0.0, 0.0))
     z: Interval = (0.0, 2.4)
+    unknown: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "occupied", read_only(self.occupied))
+        if self.unknown is not None:
+            object.__setattr__(self, "unknown", read_only(self.unknown))
 
 
 @dataclass(frozen=True, eq=False)

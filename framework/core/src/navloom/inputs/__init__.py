@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from navloom.inputs.npz import Arrays as Arrays
     from navloom.inputs.texts import first_words as first_words
     from navloom.inputs.texts import json_of as json_of
+    from navloom.inputs.texts import printable as printable
     from navloom.inputs.texts import shortened as shortened
     from navloom.inputs.texts import toml_of as toml_of
 else:
@@ -38,6 +39,6 @@ else:
                 "too_large"
             ),
             "navloom.inputs.npz": "Arrays",
-            "navloom.inputs.texts": "first_words json_of shortened toml_of",
+            "navloom.inputs.texts": "first_words json_of printable shortened toml_of",
         },
     )

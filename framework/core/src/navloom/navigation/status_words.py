@@ -43,7 +43,7 @@ def progress(feedback: Feedback, pace: str = "") -> str:
     if feedback.recoveries:
         parts.append(f"recoveries {feedback.recoveries}")
     if has_way:
-        parts.append(f"cross-track {feedback.cross_track:+.2f} m")
+        parts.append(f"cross-track {feedback.cross_track:+z.2f} m")
     return ", ".join(parts)
 
 

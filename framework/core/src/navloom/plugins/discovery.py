@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
 from navloom.entry_kinds import OTHERS
@@ -21,9 +21,11 @@ from navloom.plugins.registry import Named, PluginError, Registry, close_to, nea
 from navloom.plugins.shipped_plugins import distribution_of, shipped_names
 from navloom.roles import ROLES, Role
 
-__all__ = ["Discovery", "PluginInfo"]
+__all__ = ["Discovery", "PluginInfo", "scheme_of"]
 
 T = TypeVar("T")
+SCHEME_OF_ENDING = {".toml": "toml", ".yaml": "rosmap", ".yml": "rosmap"}
+"""World scheme of a file that is named without one."""
 
 
 @dataclass(frozen=True)
@@ -113,16 +115,14 @@ class Discovery:
         return self._given(role, name, {n: cls for (r, n), cls in self.load(role, name).roles.items() if r == role})
 
     def world(self, reference: str, base: Path) -> World:
-        """The world of a reference: a name, `scheme:argument`, or a `.toml` file relative to a base folder.
+        """The world of a reference: a name, `scheme:argument`, or a `.toml` or `.yaml` file relative to a base folder.
 
         Raises:
             PluginError: No world or scheme of that name, or its plugin is broken.
             ValueError: Raised by the scheme for a file that it cannot use.
         """
-        scheme, colon, argument = reference.partition(":")
-        if not colon and reference.endswith(".toml"):
-            scheme, colon, argument = "toml", ":", reference
-        if colon:
+        scheme, argument = scheme_of(reference)
+        if scheme:
             schemes = self.names("scheme")
             if scheme not in schemes and f"scheme.{scheme}" not in self.blocked:
                 if distribution_of(f"scheme.{scheme}"):
@@ -257,6 +257,15 @@ def _key(point: EntryPoint) -> str:
     """Key of an entry point: its name. A message's key includes the package, since two packages may share a name."""
     kind, _, name = point.name.partition(".")
     return f"{kind}.{module_of(point).partition('.')[0]}.{name}" if kind == "message" else point.name
+
+
+def scheme_of(reference: str) -> tuple[str, str]:
+    """Scheme and argument of a world's reference; two empty texts for a world's name."""
+    scheme, colon, argument = reference.partition(":")
+    if colon:
+        return scheme, argument
+    scheme = SCHEME_OF_ENDING.get(PurePath(reference.partition("?")[0]).suffix, "")
+    return scheme, reference if scheme else ""
 
 
 def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: Any) -> World:

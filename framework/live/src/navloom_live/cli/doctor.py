@@ -8,6 +8,7 @@ import textwrap
 
 import typer
 from navloom.cli.options import AsJson, RobotOptions
+from navloom.inputs import printable
 
 __all__ = ["doctor"]
 
@@ -41,16 +42,17 @@ def doctor(
     else:
         if found.is_healthy:
             typer.echo(f"{found.robot}: {found.nodes} nodes, nothing is wrong")
-        if found.rate is not None:
-            typer.echo(_lines(str(found.rate)))
         for finding in found.findings:
             typer.echo(_lines(f"{finding.severity}: {finding.what}"))
             typer.echo(_lines(f"    {finding.remedy}"))
+        if found.rate is not None:
+            typer.echo(_lines(str(found.rate)))
     raise typer.Exit(0 if found.is_healthy else 1)
 
 
 def _lines(text: str) -> str:
     """A finding wrapped between words for a terminal; continuation lines are indented."""
+    text = printable(text)
     if not sys.stdout.isatty():
         return text
     width = shutil.get_terminal_size().columns

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from navloom.cli.options import AsJson, PluginFiles, RobotOptions
 from navloom.cli.output import LOG
+from navloom.inputs import printable
 
 __all__ = ["echo"]
 
@@ -141,7 +142,7 @@ def _value(value: Any) -> str:
         return "[" + ", ".join(_value(part) for part in value[:ENTRIES]) + more + "]"
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "-"}[value]
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return f"{value:.5g}" if isinstance(value, float) else printable(str(value))
 
 
 def _array(summary: Mapping[str, Any]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import typer
+from navloom.inputs import printable
 
 if TYPE_CHECKING:
     from navloom_live.operating.robot_nodes import Node
@@ -51,14 +52,15 @@ def print_nodes(nodes: Sequence[Mapping[str, Any]], edges: Sequence[Mapping[str,
     """Print for each node the streams that it has and has not received, and the ports that it publishes."""
     for node in nodes:
         name = f"{node['role']}/{node['instance']}"
-        typer.echo(f"{name} ({node['state']}; {_place(node)})")
+        typer.echo(printable(f"{name} ({node['state']}; {_place(node)})"))
         into = [edge for edge in edges if edge["to"] == name]
         for words, is_received in (("receives", True), ("has not received", False)):
             streams = [f"{edge['from']}/{edge['port']}" for edge in into if bool(edge["received"]) is is_received]
             if streams:
-                typer.echo(f"  {words} {', '.join(streams)}")
+                typer.echo(printable(f"  {words} {', '.join(streams)}"))
         if node["published"]:
-            typer.echo(f"  publishes {', '.join(_with_type(port, node['carries']) for port in node['published'])}")
+            ports = ", ".join(_with_type(port, node["carries"]) for port in node["published"])
+            typer.echo(printable(f"  publishes {ports}"))
 
 
 def print_dot(nodes: Sequence[Mapping[str, Any]], edges: Sequence[Mapping[str, Any]]) -> None:

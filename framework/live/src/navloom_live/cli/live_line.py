@@ -7,8 +7,14 @@ import time
 from collections.abc import Callable
 from typing import IO, Any
 
+from navloom.inputs import printable
+
 __all__ = ["LiveLine", "goal_line"]
 
+LIMITING = ("obstacle", "unseen")
+"""Limits of the gate's monitor that slow or stop the robot."""
+STANDS = 0.05
+"""Share of the commanded velocity below which the monitor lets nothing through that an operator would see."""
 SPARSE = 5.0
 """Interval of lines of the same kind if the output is not a terminal, s."""
 
@@ -29,6 +35,7 @@ class LiveLine:
 
     def show(self, text: str, kind: str) -> None:
         """Show the line. Without a terminal, a change of `kind` prints it immediately."""
+        text = printable(text)
         if self._is_terminal:
             print(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}", end="", file=self._stream, flush=True)
             self._is_open = True
@@ -51,7 +58,7 @@ def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
         gate: The gate's newest status, or None.
         speed: Speed that the platform measures, m/s, or None.
     """
-    from navloom.navigation.status_words import progress, why_stopped
+    from navloom.navigation.status_words import progress, what_limits, why_stopped
 
     way = progress(feedback)
     kind = f"{way.partition(',')[0]} {feedback.recoveries}"
@@ -60,7 +67,13 @@ def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
     why, remedy = why_stopped(gate, feedback)
     if remedy:
         return f"{way}; stopped: {why}; {remedy}", f"{kind} {why}"
-    if why or way.startswith("planning"):  # the state already says what it waits for
+    if why:
+        return f"{way}; {why}", kind
+    if way.startswith("planning"):
         return way, kind
-    pace = f"by {gate.source}" if speed is None else f"{speed:.2f} m/s by {gate.source}"
-    return progress(feedback, pace), f"{kind} {gate.source}"
+    pace = f"by {gate.source}" if speed is None else f"{speed:z.2f} m/s by {gate.source}"
+    way, kind = progress(feedback, pace), f"{kind} {gate.source}"
+    if gate.limit not in LIMITING:
+        return way, kind
+    word = "blocked" if gate.share < STANDS else "slowed"
+    return f"{way}; {word}: {what_limits(gate)}", f"{kind} {word} {gate.limit}"

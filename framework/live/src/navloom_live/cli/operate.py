@@ -8,8 +8,9 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 from navloom.cli.command import App, made_with
-from navloom.cli.options import AsJson, RobotOptions, a_number, seconds
+from navloom.cli.options import AsJson, RobotOptions, a_heading, a_number, seconds
 from navloom.cli.output import LOG
+from navloom.inputs import printable
 
 __all__ = ["cancel", "goal", "params", "place", "resume", "stop", "swap"]
 
@@ -24,7 +25,7 @@ def goal(
     y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
     heading: Annotated[
         float | None,
-        typer.Argument(metavar="[HEADING]", help="Heading at the goal, deg; default: any.", callback=a_number),
+        typer.Argument(metavar="[HEADING]", help="Heading at the goal, deg; default: any.", callback=a_heading),
     ] = None,
     via: Annotated[list[str] | None, typer.Option(metavar="X,Y", help="Point to pass on the way; repeats.")] = None,
     timeout: Annotated[
@@ -38,7 +39,7 @@ def goal(
 ) -> None:
     """Send a live robot to a goal and show its progress.
 
-    Exit 0: the goal was reached.
+    Exit 0: the goal was reached; 2: it was rejected before the robot moved.
     """
     from navloom.cli.output import print_json
 
@@ -85,7 +86,7 @@ def cancel(robot: RobotOptions) -> None:
 def place(
     x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
     y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
-    heading: Annotated[float, typer.Argument(metavar="HEADING", help="deg, map frame.", callback=a_number)],
+    heading: Annotated[float, typer.Argument(metavar="HEADING", help="deg, map frame.", callback=a_heading)],
     *,
     robot: RobotOptions,
 ) -> None:
@@ -255,8 +256,8 @@ def _end(result: Any, as_json: bool) -> NoReturn:
         told = {"goal_id": result.goal_id, "outcome": result.outcome, "reason": result.reason, "code": result.code}
         print_json({**told, "place": [place.x, place.y]})
     else:
-        typer.echo(f"{result.outcome}: {result.reason}, at ({place.x:.2f}, {place.y:.2f})")
-    raise typer.Exit(0 if result.outcome == "succeeded" else 1)
+        typer.echo(printable(f"{result.outcome}: {result.reason}, at ({place.x:z.2f}, {place.y:z.2f})"))
+    raise typer.Exit({"succeeded": 0, "rejected": 2}.get(result.outcome, 1))
 
 
 def _end_unknown(goal_id: int, reason: str, as_json: bool) -> NoReturn:
@@ -266,5 +267,5 @@ def _end_unknown(goal_id: int, reason: str, as_json: bool) -> NoReturn:
     if as_json:
         print_json({"goal_id": goal_id, "outcome": "error", "reason": reason, "place": None})
     else:
-        typer.echo(f"error: {reason}")
+        typer.echo(printable(f"error: {reason}"))
     raise typer.Exit(1)

@@ -135,7 +135,7 @@ def _knows_goal(nodes: Sequence[Node]) -> bool:
 def _result(result: Any) -> str:
     if result is None:
         return ""
-    return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
+    return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:z.2f}, {result.place.y:z.2f})"
 
 
 def _pose(estimate: Any) -> str:
@@ -145,7 +145,7 @@ def _pose(estimate: Any) -> str:
     if estimate is None:
         return ""
     at = pose_fields(estimate)
-    text = f"({at['x']:.2f}, {at['y']:.2f}), {at['heading_deg']:.0f}°, {at['speed']:.2f} m/s"
+    text = f"({at['x']:z.2f}, {at['y']:z.2f}), {at['heading_deg']:z.0f}°, {at['speed']:z.2f} m/s"
     if at["position_std"] is None:
         return f"{text}, uncertainty not known"
     return f"{text}, ± {at['position_std']:.2f} m, ± {at['heading_std_deg']:.1f}°"

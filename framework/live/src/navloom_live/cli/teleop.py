@@ -87,8 +87,8 @@ def _send(driver: Any, vx: float, wz_deg: float, line: Any) -> None:
 
 def teleop_line(asked: Any, granted: Any, measured: Any, limit: str) -> tuple[str, str]:
     """Line with the operator's command, the gate's command and the measured velocity, and its kind: see `LiveLine`."""
-    shown = [f"{one.vx:+.2f} {math.degrees(one.wz):+.0f}" for one in (granted, measured)]
-    text = f"asked {asked.vx:+.2f} m/s {math.degrees(asked.wz):+.0f} deg/s | gate {shown[0]} | robot {shown[1]}"
+    shown = [f"{one.vx:+z.2f} {math.degrees(one.wz):+z.0f}" for one in (granted, measured)]
+    text = f"asked {asked.vx:+z.2f} m/s {math.degrees(asked.wz):+z.0f} deg/s | gate {shown[0]} | robot {shown[1]}"
     return text + (f" | {limit}" if limit else ""), limit
 
 

@@ -319,6 +319,8 @@ class LiveRun:
                 operator_actions.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
             else:
                 client.call("gate", "main", GATE[request.do], Nothing())
+            if request.do != "goal":  # a goal is printed with its number
+                self.say(" ".join(filter(None, ("[[event]]:", request.do, request.role, request.instance))))
         except (Refused, ClientError) as error:
             if request.do == "goal" and request.goal is not None:
                 outcome: Literal["rejected", "error"] = "rejected" if isinstance(error, Refused) else "error"

@@ -12,11 +12,11 @@ from typing import Any
 from navloom.config.loader import Loaded
 from navloom.crashes import dump_when_broken
 from navloom.engine.build import assemble
+from navloom.parent_process import die_with_parent
 
 from navloom_live.hosting.heartbeat import Heart
 from navloom_live.hosting.node_process import NodeProcess, Share, leave, longest_seizure
 from navloom_live.hosting.process_setup import (
-    die_with_parent,
     end_on_signal,
     end_unless_called,
     link_from_json,

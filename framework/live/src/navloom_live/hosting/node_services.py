@@ -225,7 +225,7 @@ class Services:
         return self._get(source, Nothing())
 
     def _submit(self, runner: LiveGoal, asked: requests.Submit) -> requests.GoalNumber:
-        _refuse_infinite(x=asked.x, y=asked.y, heading=asked.heading or 0.0)
+        _refuse_wrong(x=asked.x, y=asked.y, heading=asked.heading or 0.0)
         x, y = asked.x, asked.y
         heading = None if asked.heading is None else math.remainder(asked.heading, math.tau)
         via = tuple(Point2D(*point) for point in asked.via)
@@ -252,7 +252,7 @@ class Services:
         """Set a localizer's pose."""
         node = runner.cell.node
         assert isinstance(node, LocalizerNode)
-        _refuse_infinite(x=asked.x, y=asked.y, heading=asked.heading)
+        _refuse_wrong(x=asked.x, y=asked.y, heading=asked.heading)
         problem = place_problem(self._system, asked.x, asked.y, asked.heading)
         if "outside" in problem:
             raise ServiceError(problem)
@@ -358,10 +358,16 @@ def shared_memory_mb() -> float | None:
     return status.f_bavail * status.f_frsize / 2**20
 
 
-def _refuse_infinite(**numbers: float) -> None:
+def _refuse_wrong(**numbers: float) -> None:
+    """Refuse a place in the map, m, with a heading, rad, that no one can mean."""
     for name, value in numbers.items():
         if not math.isfinite(value):
             raise ServiceError(f"rejected: {name} is {value!r}, expected a finite number")
+    turn = numbers["heading"]
+    if abs(turn) > math.tau + 1e-9:
+        raise ServiceError(
+            f"rejected: heading is {turn:g} rad, more than a turn; if it is in degrees, give {math.radians(turn):.4g}"
+        )
 
 
 def _name(assignment: str) -> str:

@@ -1,11 +1,9 @@
-"""Set-up of every process of a robot: ends with its parent, shuts down on signals, and survives a full disk."""
+"""Set-up of every process of a robot: it shuts down on signals and survives a full disk."""
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import io
-import os
 import signal
 import sys
 import threading
@@ -21,7 +19,6 @@ from navloom_live.transport.links import Link, Mesh
 
 __all__ = [
     "SEIZED",
-    "die_with_parent",
     "end_on_signal",
     "end_unless_called",
     "link_from_json",
@@ -29,18 +26,8 @@ __all__ = [
     "tolerate_write_errors",
 ]
 
-PR_SET_PDEATHSIG = 1
 SEIZED = signal.SIGPROF
 """Signal that ends a process in which a thread computes without releasing the GIL."""
-
-
-def die_with_parent(parent: int) -> None:
-    """Have the system send this process SIGTERM when its parent dies, whatever the cause."""
-    if sys.platform == "linux":
-        # The kernel tells it: a supervisor that is killed can tell nobody.
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:  # the parent died before the call
-        os._exit(1)
 
 
 def end_on_signal(ending: threading.Event) -> None:

@@ -11,6 +11,7 @@ from navloom.engine import run_warnings
 from navloom.engine.build import stride_of
 from navloom.engine.run_warnings import Heard, RunWarning, RunWarnings, Volume
 from navloom.engine.system import System
+from navloom.memory import resident_bytes
 from navloom.plugins.code_owners import Owned, Owners
 from navloom.plugins.output_limit import LARGEST_OUTPUT, bounded_output
 from navloom.plugins.thread_owners import keeping_alive, started_by, watched_threads
@@ -22,6 +23,8 @@ __all__ = ["ProcessWarnings"]
 
 OUTPUT_WINDOW = 10.0
 """Time window of the limit on a plugin's output, s."""
+LARGE = 2**30
+"""Memory of a process above which its plugins are named, bytes: several times that of one with a large map."""
 NEWEST, MANY = 400, 100
 """Number of newest steps that are examined, and fewest steps for a verdict on a node."""
 LATE = 0.1
@@ -38,8 +41,8 @@ class ProcessWarnings:
 
     def __init__(self, system: System, sources: Sequence[Source]) -> None:
         self._system, self._found = system, RunWarnings.of(system)
-        parts = {source: system.parts[source] for source in sources if source in system.parts}
-        self._owners = Owners({source: part.cls for source, part in parts.items()})
+        self._sources = [source for source in sources if source in system.parts]
+        self._owners = Owners({source: system.parts[source].cls for source in self._sources})
         self._started: Sequence[threading.Thread] = ()
         self._began = time.monotonic()
 
@@ -73,7 +76,21 @@ class ProcessWarnings:
             owned = started_by(thread)
             if owned is not None:
                 run_warnings.staying_thread(self._found, owned, thread.name)
+        self._look_at_memory(resident_bytes())
         return self._found.listed()
+
+    def _look_at_memory(self, used: int) -> None:
+        """Name the plugins of a process that is large, before the system ends it: its shadows, if it has any."""
+        if used <= LARGE:
+            return
+        shadows = {(one.role, one.name) for one in self._system.config.alternative if one.shadow}
+        for source in [one for one in self._sources if one in shadows] or self._sources:
+            beside = ", ".join(" ".join(other) for other in self._sources if other != source)
+            text = (
+                f"runs in a process that uses {used / 2**30:.1f} GiB of memory{f', with {beside}' if beside else ''};"
+                " if it grows on, the system ends the process: bound what the plugin keeps"
+            )
+            self._found.add("memory", source, text, {"bytes": used})
 
     def _look_at_times(self, source: Source, runner: LiveRunner) -> None:
         spent = [took_ns for _, took_ns in runner.times.newest(NEWEST)]

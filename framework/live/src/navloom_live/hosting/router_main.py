@@ -9,8 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from navloom.crashes import dump_when_broken
+from navloom.parent_process import die_with_parent
 
-from navloom_live.hosting.process_setup import die_with_parent, end_on_signal, link_from_json
+from navloom_live.hosting.process_setup import end_on_signal, link_from_json
 from navloom_live.hosting.router_replacement import Router
 from navloom_live.transport.links import Link
 

@@ -25,6 +25,8 @@ __all__ = ["UnitCommand", "notify", "units"]
 
 SERVICE_RESTART_WAIT = 0.5
 """Wait before a process is restarted, s."""
+MEMORY, TASKS = "4G", 512
+"""Most memory of a process, and its most threads and child processes."""
 RUNTIME = "navloom"
 """Folder below /run that the processes of a host share."""
 
@@ -161,6 +163,9 @@ def _text(service: _Service, robot: str, stem: str, command: UnitCommand, live: 
         f"TimeoutStartSec={START_LIMIT:g}",
         f"TimeoutStopSec={SERVICE_STOP_LIMIT:g}",
         *([f"Nice={CONTROL_PRIORITY}"] if service.is_control else []),
+        # A node that grows is ended and restarted alone, before the system chooses another process.
+        f"MemoryMax={MEMORY}",
+        f"TasksMax={TASKS}",
         "NoNewPrivileges=yes",
         "ProtectSystem=full",
     ]

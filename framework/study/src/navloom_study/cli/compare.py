@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from navloom.cli.command import SectionedCommand, made_with
-from navloom.cli.interrupts import ending
+from navloom.cli.interrupts import ending, terminate_as_interrupted
 from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 from navloom.parts import part
@@ -115,6 +115,7 @@ def compare(
     from navloom_study.study_worlds import seeds_of
     from navloom_study.worker_pool import PoolError
 
+    terminate_as_interrupted()
     if live:
         _refuse_beside_live(jobs, scheduler, open_loop, twice, view)
     seeds_asked = seeds_of(seeds) if seeds else ()

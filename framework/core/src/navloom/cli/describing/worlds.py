@@ -24,4 +24,8 @@ def worlds(
         print_json({"worlds": names, "schemes": schemes})
         return
     typer.echo("worlds: " + ", ".join(names))
-    typer.echo("schemes: " + ", ".join(f"{scheme}:…" for scheme in schemes) + "; and any file that ends in .toml")
+    typer.echo(
+        "schemes: "
+        + ", ".join(f"{scheme}:…" for scheme in schemes)
+        + "; and any file that ends in .toml, or .yaml as a map of ROS"
+    )

@@ -283,7 +283,7 @@ def read_journal(path: Path) -> None:
 def read_metadata(bag: Path) -> Callable[[Path], object]:
     def read(path: Path) -> None:
         shutil.copy(path, bag / "metadata.yaml")
-        with opened(bag):
+        with opened(bag, frozenset()):
             pass
 
     return read

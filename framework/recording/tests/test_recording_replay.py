@@ -6,15 +6,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.wiring import runs
-from navloom.messages import Command, Envelope, StepReport, Twist2D
+from navloom.messages import Command, Envelope, Pose2D, PoseEstimate, StepReport, Twist2D
 from navloom.messages.codec import decode, encode
 from navloom.plugins import PluginError
 from navloom.runs.episode import run_episode
 from navloom.runs.shadow_comparison import shadow_table
+from navloom_recording.localizer_track import LocalizerTrack
 from navloom_recording.lockstep_recorder import LockstepRecorder
 from navloom_recording.message_comparison import first_difference
 from navloom_recording.missing_plugins import refuse_missing
@@ -231,3 +233,30 @@ def test_the_first_differing_field_of_two_values_is_found() -> None:
     )  # fmt: skip
     assert first_difference((1, 2), (1,)) == ("", "2 entries", "1 entries")
     assert first_difference(Command(at), at) == ("", "Command", "Twist2D")
+
+
+def test_a_localizer_that_is_lost_is_told_with_its_times_and_its_covariance() -> None:
+    states = ["tracking", "searching", "tracking", "searching", "lost", "lost"]
+    covariance = np.diag([0.04, 0.09, 0.01])
+    here, still = Pose2D(1.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
+    estimates = [PoseEstimate(number, here, still, covariance, state) for number, state in enumerate(states)]
+    poses = np.zeros((6, 7))
+    poses[:, 0], poses[:, 4] = np.arange(6.0), 1.0
+    track = LocalizerTrack(poses, estimates)
+    found = track.summary()
+    assert (found["searching_s"], found["lost_s"], found["not_tracking_from_s"]) == (2.0, 1.0, 3.0)
+    row = track.table().splitlines()[5].split(",")
+    assert row[-1] == "lost" and [float(value) for value in row[7:13]] == [0.04, 0.0, 0.0, 0.09, 0.0, 0.01]
+
+
+def test_a_recording_that_joined_a_running_robot_does_not_differ_at_what_was_published_before(tmp_path: Path) -> None:
+    """The mapper published its map in tick 0 only; a recorder that joins at tick 10 receives that map."""
+    path, _ = record(tmp_path)
+
+    def change(message: Any, at: Envelope) -> Any:
+        return message if at.tick >= 10 or at.key.endswith("mapper/toy_blank/map") else None
+
+    late = rewritten(path, change)
+    assert [one.envelope.tick for one in Recording(late).messages(["mapper/*/map"])] == [0]
+    mapper = replayed(late)["mapper toy_blank"]
+    assert (mapper.steps, mapper.messages, mapper.differing, mapper.unrecorded) == (149, 0, 0, 0)

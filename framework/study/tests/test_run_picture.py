@@ -144,7 +144,8 @@ def test_the_poses_of_a_localizer_are_drawn_on_the_edges_of_its_map(texts: dict[
     poses = np.zeros((9, 7))
     poses[:, 1], poses[:, 2] = np.linspace(2.0, 20.0, 9), 3.0  # odometry leaves the map
     poses[:, 4], poses[:, 5] = 2.0, np.linspace(2.0, 4.0, 9)
-    picture = np.asarray(draw_poses(poses, OccupancyGrid(cells, 0.2, Pose2D(-1.0, -1.0, 0.0))))
+    is_tracking = np.ones(9, dtype=np.bool_)
+    picture = np.asarray(draw_poses(poses, OccupancyGrid(cells, 0.2, Pose2D(-1.0, -1.0, 0.0)), is_tracking))
     assert {"odometry", "localizer", "edges of the map's occupied space"} <= set(texts)
     height, width = picture.shape[:2]
     room = picture[height // 4 : 3 * height // 4, width // 4 : 3 * width // 4].reshape(-1, 3).astype(int)
@@ -153,5 +154,9 @@ def test_the_poses_of_a_localizer_are_drawn_on_the_edges_of_its_map(texts: dict[
     share = (picture == BLACK).all(axis=2).mean()
     assert 0.01 < share < 0.2  # an edge of one cell, and the legend
     texts.clear()
-    draw_poses(poses, None)
+    draw_poses(poses, None, is_tracking)
     assert {"odometry", "localizer"} <= set(texts) and "edges of the map's occupied space" not in texts
+    assert "localizer while not tracking" not in texts
+    is_tracking[5:] = False
+    draw_poses(poses, None, is_tracking)
+    assert "localizer while not tracking" in texts

@@ -181,3 +181,63 @@ def test_the_command_imports_a_log_and_names_the_distribution_for_bags(tmp_path:
     assert code == 2 and errors.startswith("navloom: --map nowhere: ")
     code, _, errors = in_process("import", "drive.bag", "--out", str(out))
     assert code == 2 and "use navloom ros import drive.bag" in errors
+
+
+def turning_log(turn: float) -> list[str]:
+    """A corrected log that begins with a scan; the robot turns before the first odometry, and then drives straight."""
+    start, place = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, turn])
+    lines = [laser(start, start, 1.0), odom(place, 1.5), "NEFF 12.5"]
+    for number in range(20):
+        place = compose(place, np.array([0.1, 0.0, 0.0]))
+        lines.append(odom(place, 2.0 + 0.1 * number))
+        if number % 5 == 4:
+            lines += [laser(place, place, 2.0 + 0.1 * number), odom(place, 0.0)]
+    return lines
+
+
+def test_a_turn_between_the_first_scan_and_the_first_odometry_is_a_step_of_the_odometry(tmp_path: Path) -> None:
+    odometry, scans = imported(tmp_path, turning_log(math.radians(80.0)))
+    assert (odometry[0].stamp_ns, odometry[0].pose.heading) == (scans[0].stamp_ns, 0.0)
+    assert math.degrees(odometry[1].pose.heading) == pytest.approx(80.0) and len(odometry) == 22
+
+
+def test_the_filters_step_stands_for_odometry_that_a_scan_lacks(tmp_path: Path) -> None:
+    lines = turning_log(0.0)
+    for number in range(20):
+        before, place = (2.0 + 0.1 * number, 0.0, 0.0), (2.1 + 0.1 * number, 0.0, 0.0)
+        lines += [
+            odom(before, 4.9 + number),
+            odom(place, 5.0 + number),
+            laser(place, place, 5.1 + number),
+            odom(place, 0),
+        ]
+    odometry, _ = imported(tmp_path, [*lines, laser((4.0, 0.7, 0), (4.0, 0.7, 0), 40.0)])
+    last = odometry[-1]
+    assert (last.pose.x, last.pose.y, last.stamp_ns) == (pytest.approx(4.0), pytest.approx(0.7), 40 * 10**9)
+
+
+def test_times_with_six_digits_are_those_of_no_clock(tmp_path: Path) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = []
+    for number in range(30):
+        time = float(f"{976052857.0 + number:.6g}")
+        lines += [odom((0.1 * number, 0, 0), time), laser(zero, (0.1 * number, 0, 0), time)]
+    with pytest.raises(
+        RecordingError, match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; number the scans"
+    ):
+        imported(tmp_path, lines)
+    assert len(imported(tmp_path, lines, period=0.2)[1]) == 30
+
+
+def test_a_step_of_the_odometry_that_no_robot_drives_is_named(tmp_path: Path, in_process: Command) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = [odom((0.1 * n + (2.0 if n > 5 else 0.0), 0, 0), 1.0 + 0.1 * n) for n in range(12)]
+    log = written(tmp_path, [*lines, laser(zero, (3.1, 0, 0), 2.15)])
+    _, said, _ = in_process("import", str(log), "--out", str(tmp_path / "b.mcap"))
+    assert "odometry: 1 step is beyond a robot's reach; the largest is 2.10 m and 0° in 0.10 s, at 0.6 s" in said
+
+
+def test_a_log_can_be_imported_without_its_odometry(tmp_path: Path) -> None:
+    odometry, scans = imported(tmp_path, turning_log(0.5), poses="none")
+    assert [one.stamp_ns for one in odometry] == [scan.stamp_ns for scan in scans]
+    assert {(one.pose.x, one.pose.y, one.pose.heading) for one in odometry} == {(0.0, 0.0, 0.0)}

@@ -164,7 +164,7 @@ def mounted(bench, frame, **transform):
     ("turned", "values", "why"),
     [
         (LEANING, {"ranges": [1.0]}, "a laser that is tilted by 29°: expected at most 10°"),
-        ({}, {"ranges": [1.0], "range_max": math.nan}, "a laser scan with limits that are not finite"),
+        ({}, {"ranges": [1.0], "range_max": math.nan}, "a laser scan with the limits 0.1 to nan m"),
         ({}, {"ranges": [0.0, 0.0]}, "set short_is_nothing = true"),
         ({}, {"ranges": [1.0, 1.0], "angle_increment": 0.0}, "a laser scan of 2 beams, 0 rad apart"),
         (None, {"ranges": [1.0]}, "no transform from its frame 'laser' to 'base_link': publish it, give the sensor a"),

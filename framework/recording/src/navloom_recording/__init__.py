@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from navloom_recording.imported_log import mount_option as mount_option
     from navloom_recording.imported_log import placed_in_map as placed_in_map
     from navloom_recording.imported_log import start_option as start_option
+    from navloom_recording.imported_log import too_coarse as too_coarse
     from navloom_recording.imported_log import writing as writing
     from navloom_recording.reader import RawRecorded as RawRecorded
     from navloom_recording.reader import Recorded as Recorded
@@ -37,7 +38,7 @@ else:
             "navloom_recording.recording_header": "RecordingError RecordingHeader header_of",
             "navloom_recording.imported_log": (
                 "OWN_PORTS PERIOD RANGE_SCAN SWEEP ImportedLog imported_config mount_option placed_in_map "
-                "start_option writing"
+                "start_option too_coarse writing"
             ),
             "navloom_recording.reader": "RawRecorded Recorded Recording",
             "navloom_recording.writer": "RecordingWriter WriteError",

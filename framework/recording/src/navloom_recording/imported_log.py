@@ -19,13 +19,14 @@ from navloom.config.tables import RunTable
 from navloom.engine.streams import OWN_PORTS
 from navloom.entry_kinds import GROUP
 from navloom.geometry.frames import compose, inverse
-from navloom.messages import Envelope, Message, Pose2D, RangeScan, Sweep
+from navloom.messages import Envelope, Message, Odometry, Pose2D, RangeScan, Sweep
 from navloom.messages.codec import encode, schema_label
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.one_file import available_points
 from navloom.plugins.registry import Registry
 from navloom.roles import InputError, Platform, PlatformInput, PlatformOutput
+from numpy.typing import NDArray
 
 from navloom_recording.recording_header import RecordingError, header_of
 from navloom_recording.world_attachments import world_files
@@ -33,7 +34,8 @@ from navloom_recording.writer import RecordingWriter, WriteError
 
 __all__ = [
     "INSTANCE", "OWN_PORTS", "PERIOD", "RANGE_SCAN", "SWEEP", "ImportedLog", "RecordedPlatform", "discovery",
-    "imported_config", "mount_option", "navloom_register", "placed_in_map", "start_option", "writing",
+    "imported_config", "mount_option", "navloom_register", "placed_in_map", "start_option", "too_coarse",
+    "writing",
 ]  # fmt: skip
 
 INSTANCE = "recorded"
@@ -41,6 +43,12 @@ INSTANCE = "recorded"
 REALM = "imported"
 PERIOD = RunTable().period
 """Period of the ticks assigned to messages, s."""
+FASTEST, FASTEST_TURN = 5.0, math.pi
+"""Speed, m/s, and turn rate, rad/s, that no robot indoors exceeds; odometry that does has restarted."""
+SLACK, SLACK_TURN = 0.3, 0.9
+"""Step, m and rad, that is allowed at once: importers put odometry whose stamps run back at a scan's stamp."""
+FEW = 3
+"""Most messages of a stream that do not tell whether their stamps are a clock's."""
 RANGE_SCAN, SWEEP = "range_scan", "sweep"
 """Kinds of sensors of an imported log."""
 
@@ -57,6 +65,17 @@ class ImportedLog:
         self._writer = writer
         self._sequences: Counter[str] = Counter()
         self._origin_ns: int | None = None
+        self._odometry: Odometry | None = None
+        self._jumps = 0
+        self._largest = (0.0, "")
+
+    @property
+    def odometry_jumps(self) -> str:
+        """What the user must know of steps of the odometry that no robot drives; empty if there is none."""
+        if not self._jumps:
+            return ""
+        steps = "1 step is" if self._jumps == 1 else f"{self._jumps} steps are"
+        return f"odometry: {steps} beyond a robot's reach; the largest is {self._largest[1]}"
 
     def put(self, port: str, message: Message, stamp_ns: int, received_ns: int | None = None) -> None:
         """Write a message.
@@ -67,6 +86,8 @@ class ImportedLog:
             stamp_ns: Stamp on the log's clock, ns, >= 0.
             received_ns: Time at which the log received it, ns; None if it is not known.
         """
+        if isinstance(message, Odometry):
+            self._judge_step(message)
         # Ticks count from the first message, stamps stay those of the log.
         self._origin_ns = stamp_ns if self._origin_ns is None else self._origin_ns
         self.first_ns = min(self.first_ns or stamp_ns, stamp_ns)
@@ -78,6 +99,20 @@ class ImportedLog:
         data = encode(message, Envelope(key, number, tick, stamp_ns, stamp_ns, 0))
         received_ns = stamp_ns if received_ns is None else received_ns
         self._writer.add(key, schema_label(type(message)), data, received_ns, stamp_ns, number)
+
+    def _judge_step(self, odometry: Odometry) -> None:
+        before, self._odometry = self._odometry, odometry
+        if before is None:
+            return
+        seconds = max(0, odometry.stamp_ns - before.stamp_ns) * 1e-9
+        away = math.hypot(odometry.pose.x - before.pose.x, odometry.pose.y - before.pose.y)
+        turn = abs(math.remainder(odometry.pose.heading - before.pose.heading, math.tau))
+        excess = max(away / (SLACK + FASTEST * seconds), turn / (SLACK_TURN + FASTEST_TURN * seconds))
+        if excess > 1.0:
+            self._jumps += 1
+            at = (odometry.stamp_ns - self.first_ns) * 1e-9
+            step = f"{away:.2f} m and {math.degrees(turn):.0f}° in {seconds:.2f} s, at {at:.1f} s"
+            self._largest = max(self._largest, (excess, step))
 
 
 @contextmanager
@@ -158,6 +193,23 @@ def placed_in_map(
         place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}
         tree["navigation"] = {**tree.get("navigation", {}), "start": place}
     return replace(loaded, config=Config.model_validate(tree))
+
+
+def too_coarse(stamps: NDArray[Any], share: float = 0.3) -> str:
+    """Why the stamps of a stream, (n,), are those of no clock; empty if they can be.
+
+    A clock moves between messages. Unset stamps are equal, and so are many rounded ones; up to three sensors of one
+    topic may measure at the same time.
+
+    Args:
+        stamps: In any unit, in the order of the log.
+        share: Least share of stamps that differ from the one before.
+    """
+    changes = int((np.diff(stamps) != 0).sum())
+    if len(stamps) <= FEW or changes > share * (len(stamps) - 1):
+        return ""
+    seen = f"have {changes + 1} different stamps" if changes else f"all have the stamp {stamps[0]:g}"
+    return f"its {len(stamps)} messages {seen}"
 
 
 def start_option(text: str) -> tuple[float, float, float]:

@@ -15,7 +15,6 @@ from navloom.engine.nodes.node_base import Tick
 from navloom.engine.nodes.reference_node import ReferenceNode
 from navloom.engine.open_loop_node import FedNode
 from navloom.engine.plugin_factory import make_plugins, role_nodes
-from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose
 from navloom.geometry.polylines import Polyline
 from navloom.messages import (
@@ -34,6 +33,7 @@ from navloom.runs.shadow_comparison import Disagreement
 from numpy.typing import NDArray
 
 from navloom_recording.imported_log import discovery, placed_in_map
+from navloom_recording.localizer_track import LocalizerTrack
 from navloom_recording.reader import Recorded, Recording
 from navloom_recording.substitutes import Substitute
 
@@ -62,8 +62,7 @@ class LogReplay:
         avoider: Comparison with the driver; None without an avoider.
         has_mapper: Whether a mapper was stepped.
         localizer: Name of the requested localizer; empty for none.
-        poses: (n, 7) time, s, then x, y, m, heading, rad, by recorded odometry and by the localizer, both in the map
-            frame; None if no localizer was requested.
+        poses: The localizer's poses beside the recorded odometry; None if no localizer was requested.
         known: Map that the localizer was given; None for none.
         faults: Exceptions of plugins, with their ticks.
     """
@@ -76,7 +75,7 @@ class LogReplay:
     avoider: Substitute | None = None
     has_mapper: bool = False
     localizer: str = ""
-    poses: Floats | None = None
+    poses: LocalizerTrack | None = None
     known: OccupancyGrid | None = None
     faults: list[str] = field(default_factory=list)
 
@@ -102,29 +101,10 @@ class LogReplay:
                 "segments": len(self.map.segments),
             }
         if self.poses is not None:
-            found["localizer"] = {"instance": self.localizer, "poses": len(self.poses), **self._offsets(self.poses)}
+            found["localizer"] = {"instance": self.localizer, **self.poses.summary()}
         if self.avoider is not None:
             found["avoider"] = self.avoider.summary()
         return found
-
-    def _offsets(self, poses: Floats) -> dict[str, dict[str, float | None]]:
-        """Difference of the localizer's poses from odometry, m and rad."""
-        away = np.hypot(*(poses[:, 4:6] - poses[:, 1:3]).T)
-        turned = np.abs(wrap(poses[:, 6] - poses[:, 3]))
-        return {
-            name: {
-                "rms": float(np.sqrt((values**2).mean())) if values.size else None,
-                "max": float(values.max()) if values.size else None,
-                "end": float(values[-1]) if values.size else None,
-            }
-            for name, values in (("position", away), ("heading", turned))
-        }
-
-    def pose_table(self) -> str:
-        """The poses as CSV."""
-        names = "time_s,odometry_x,odometry_y,odometry_heading,localizer_x,localizer_y,localizer_heading"
-        rows = [] if self.poses is None else self.poses.tolist()
-        return "\n".join([names, *(",".join(f"{value:.6f}" for value in row) for row in rows)]) + "\n"
 
 
 def place_in_map(
@@ -270,7 +250,8 @@ class _Runner:
                 found = estimate.pose
                 rows.append(((stamps[-1] - stamps[0]) * 1e-9, *seen, found.x, found.y, found.heading))
         if self.result.localizer:
-            self.result.poses = np.array(rows).reshape(-1, 7)
+            estimates = [estimate for estimate in self.estimates if estimate is not None]
+            self.result.poses = LocalizerTrack(np.array(rows).reshape(-1, 7), estimates)
         self.driven_line = Polyline(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2))
         self._at: list[tuple[int, float, float]] = []
         return np.array(stamps, dtype=np.int64), poses

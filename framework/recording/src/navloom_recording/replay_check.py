@@ -112,6 +112,9 @@ class _Checker:
         for port, wanted in numbers.items():
             given = [message for name, message in stepped.outputs if name == port]
             entries = [self.outcomes.entry(step, port, number, shelf) for number in wanted]
+            if not stepped.follows and not all(_is_of(entry, step.at.tick) for entry in entries):
+                # The node made it in a step before the recording, as a map that the recorder received when it joined.
+                continue
             self._compare(found, step.at.tick, port, given, entries)
 
     def _compare(
@@ -132,6 +135,12 @@ class _Checker:
     def _differs(self, node_check: NodeCheck, difference: ReplayDifference) -> None:
         node_check.differing += 1
         node_check.first = node_check.first or difference
+
+
+def _is_of(entry: Entry | None, tick: int) -> bool:
+    """Whether a message was published in the step of a tick."""
+    opened = entry.open() if entry is not None else None
+    return opened is not None and opened.envelope.tick == tick
 
 
 def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str, str] | None:

@@ -17,12 +17,12 @@ from navloom_recording import RANGE_SCAN, ImportedLog, RecordingError, imported_
 from numpy.typing import NDArray
 
 from navloom_carmen.carmen import LASERS, ODOM, BeamPattern, Survey, scans, survey
-from navloom_carmen.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of
+from navloom_carmen.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of, standing
 
 __all__ = ["CarmenLog", "import_carmen"]
 
 Floats = NDArray[np.float64]
-Poses = Literal["odometry", "corrected"]
+Poses = Literal["odometry", "corrected", "none"]
 SENSORS = {"FLASER": "laser", "ROBOTLASER1": "laser", "RLASER": "rear_laser", "ROBOTLASER2": "rear_laser"}
 """Name of the sensor by the first word of its lines."""
 OFFSETS = {"laser": "robot_frontlaser_offset", "rear_laser": "robot_rearlaser_offset"}
@@ -46,6 +46,7 @@ class CarmenLog:
         mounts: x, y, m, yaw, rad, by sensor.
         skipped: Number of lines left out, by reason.
         first_ns, last_ns: First and last stamp, ns.
+        note: What else a user must know; empty for nothing.
     """
 
     is_corrected: bool
@@ -55,6 +56,7 @@ class CarmenLog:
     skipped: Counter[str] = field(default_factory=Counter)
     first_ns: int = 0
     last_ns: int = 0
+    note: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """The result as `import --json` prints it."""
@@ -65,6 +67,7 @@ class CarmenLog:
             "scans": dict(self.scans),
             "mounts": {name: [x, y, math.degrees(yaw)] for name, (x, y, yaw) in self.mounts.items()},
             "skipped": dict(self.skipped),
+            "note": self.note,
         }
 
 
@@ -83,7 +86,8 @@ def import_carmen(
     Args:
         log: Text file, or text in gzip.
         out: Recording to write.
-        poses: "odometry" is the wheel odometry, recovered if the log is corrected; "corrected" is the log's poses.
+        poses: "odometry" is the wheel odometry, recovered if the log is corrected; "corrected" is the log's poses,
+            "none" is a robot that stands still.
         period: Time between two scans, s, if the log's times are unusable.
         range_max: Readings from this limit on are no echo, m; None for the log's own limit or `RANGE_MAX`.
         mounts: x, y, m, yaw, rad, by sensor, where the log is wrong.
@@ -103,13 +107,15 @@ def import_carmen(
     result.mounts = {name: (mounts or {}).get(name) or _mount(found, word, name) for word, name in named.items()}
     try:
         is_scan = found.events[:, 1] != ODOM
-        if poses == "corrected":
+        if poses != "odometry":
             found.events = found.events[is_scan]
         times = stamps_of(found.events, found.is_corrected, period)
         if poses == "corrected":
             word = next(word for word, name in named.items() if name == "laser")
             is_front = found.events[:, 1] == LASERS.index(word) + 1
             way = corrected_odometry(found.events[is_front], times[is_front], np.array(result.mounts["laser"]))
+        elif poses == "none":
+            way = standing(times)
         else:
             way = raw_odometry(found.events, times, found.is_corrected)
     except RecordingError as error:
@@ -122,7 +128,9 @@ def import_carmen(
         _write(written, log, found, times, way, named, range_max, result)
         if not result.scans:
             raise RecordingError(f"{log}: no scan can be used: {next(iter(result.skipped), 'it holds none')}")
-    result.first_ns, result.last_ns = written.first_ns, written.last_ns
+    if way.left_out:
+        result.skipped["odometry: at the time of a later line"] = way.left_out
+    result.first_ns, result.last_ns, result.note = written.first_ns, written.last_ns, written.odometry_jumps
     return result
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
-from navloom_recording import RecordingError
+from navloom_recording import RecordingError, too_coarse
 from numpy.typing import NDArray
 
 from navloom_carmen.carmen import ODOM
 
-__all__ = ["Timeline", "corrected_odometry", "raw_odometry", "stamps_of", "twists"]
+__all__ = ["Timeline", "corrected_odometry", "raw_odometry", "stamps_of", "standing", "twists"]
 
 Floats = NDArray[np.float64]
 _KIND, _POSE, _ROBOT, _SPEED, _IPC, _LOGGER = 1, slice(2, 5), slice(5, 8), slice(5, 7), 8, 9
@@ -22,6 +22,8 @@ LATE = 2.0
 """Largest backward jump of a log's times, s; a log may contain the clocks of two computers."""
 LACKING = 0.05
 """Share of scans without preceding odometry from which the odometry of a corrected log counts as missing."""
+REPEATED = 0.02
+"""Largest difference, m and rad, of odometry that repeats the pose of the scan before it."""
 SPAN = 0.2
 """Time over which a velocity is computed if the log gives none, s; stamps of a log scatter by less."""
 
@@ -34,11 +36,13 @@ class Timeline:
         stamps: (n,) ns, strictly increasing.
         poses: (n, 3) x, y, m, heading, rad.
         twists: (n, 2) forward speed, m/s, and turn rate, rad/s.
+        left_out: Number of poses at the stamp of a later one.
     """
 
     stamps: NDArray[np.int64]
     poses: Floats
     twists: Floats
+    left_out: int = 0
 
 
 def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Floats:
@@ -55,10 +59,16 @@ def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Float
     is_scan = events[:, _KIND] != ODOM
     if period is not None:
         return _counted(is_scan, period)
-    is_timed = ~_behind_scan(is_scan) if is_corrected else np.ones(len(events), dtype=np.bool_)
+    is_timed = ~_corrections(events) if is_corrected else np.ones(len(events), dtype=np.bool_)
     columns = [events[:, place] for place in (_IPC, _LOGGER)]
-    times = next((column for column in columns if _rises(column[is_timed])), None)
+    coarse = [_coarse(column, is_scan, is_timed) for column in columns]
+    usable = (place for place in range(2) if _rises(columns[place][is_timed]) and not coarse[place])
+    times = next((columns[place] for place in usable), None)
     if times is None:
+        if coarse[0]:
+            raise RecordingError(
+                f"its times are no clock's: {coarse[0]}; number the scans instead, as with --period 0.2"
+            )
         worst = _where_back(columns[0][is_timed])
         line = int(events[is_timed][worst, 0])
         raise RecordingError(
@@ -91,7 +101,7 @@ def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
     """
     is_scan = events[:, _KIND] != ODOM
     is_odometry = ~is_scan
-    is_correction = _behind_scan(is_scan) & is_corrected
+    is_correction = _corrections(events) & is_corrected
     if is_corrected and not (is_odometry & ~is_correction).any():
         raise RecordingError("it holds no odometry, only corrected poses: take these, with --poses corrected")
     if not is_odometry.any():
@@ -107,13 +117,15 @@ def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
             f"{lacking} of {is_scan.sum()} scans have no odometry before them: it cannot be recovered; take the "
             "corrected poses instead, with --poses corrected"
         )
-    rows = np.flatnonzero(is_odometry)
-    given = events[rows, _POSE]
+    # Without odometry before a scan, the filter's step to it is all that is known of the motion.
+    is_lone = is_scan & np.concatenate([[True], (is_scan | is_correction)[:-1]])
+    given = np.where(is_scan[:, None], events[:, _ROBOT], events[:, _POSE])
     steps = compose(inverse(given[:-1]), given[1:])
-    steps[is_correction[rows[1:]]] = 0.0
+    steps[((is_scan & ~is_lone) | is_correction)[1:]] = 0.0
     poses = _chained(given[0], steps)
-    kept = ~is_correction[rows]
-    return _timeline(times[rows[kept]], poses[kept], events[rows[kept], _SPEED])
+    kept = (is_odometry & ~is_correction) | is_lone
+    speeds = np.where(is_scan[:, None], 0.0, events[:, _SPEED])
+    return _timeline(times[kept], poses[kept], _held(speeds, is_odometry)[kept])
 
 
 def corrected_odometry(events: Floats, times: Floats, laser_to_base: Floats) -> Timeline:
@@ -126,6 +138,11 @@ def corrected_odometry(events: Floats, times: Floats, laser_to_base: Floats) -> 
     """
     poses = compose(events[:, _POSE], inverse(laser_to_base))
     return _timeline(times, poses, np.zeros((len(poses), 2)))
+
+
+def standing(times: Floats) -> Timeline:
+    """Odometry of a robot that stands still, at (n,) times, s, for logs whose motion only the scans tell."""
+    return _timeline(times, np.zeros((len(times), 3)), np.zeros((len(times), 2)))
 
 
 def twists(stamps: NDArray[np.int64], poses: Floats) -> Floats:
@@ -153,7 +170,7 @@ def _timeline(times: Floats, poses: Floats, speeds: Floats) -> Timeline:
     is_last = np.append(stamps[1:] > stamps[:-1], True)
     stamps, poses = stamps[is_last], np.column_stack([poses[is_last, :2], wrap(poses[is_last, 2])])
     found = speeds[is_last] if np.any(speeds) else twists(stamps, poses)
-    return Timeline(stamps, poses, found)
+    return Timeline(stamps, poses, found, int((~is_last).sum()))
 
 
 def _chained(start: Floats, steps: Floats) -> Floats:
@@ -172,8 +189,27 @@ def _held(values: Floats, is_given: NDArray[np.bool_]) -> Floats:
     return held
 
 
-def _behind_scan(is_scan: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    return np.concatenate([[False], is_scan[:-1]]) & ~is_scan
+def _corrections(events: Floats) -> NDArray[np.bool_]:
+    """(n,) Whether an event is odometry that repeats the corrected pose of the scan directly before it.
+
+    Odometry after the scans with which a log begins is one only if it repeats the pose: it may be a step of the wheels.
+    """
+    is_scan = events[:, _KIND] != ODOM
+    found: NDArray[np.bool_] = np.concatenate([[False], is_scan[:-1]]) & ~is_scan
+    first = int(np.argmin(is_scan))
+    if found[first] and is_scan[:first].all():
+        step = compose(inverse(events[first - 1, _ROBOT]), events[first, _POSE])
+        found[first] = bool(max(abs(step[0]), abs(step[1]), abs(wrap(step[2]))) <= REPEATED)
+    return found
+
+
+def _coarse(times: Floats, is_scan: NDArray[np.bool_], is_timed: NDArray[np.bool_]) -> str:
+    """Why the times of the scans or of the odometry are those of no clock; empty if they can be."""
+    for name, is_one in (("scans", is_scan), ("odometry", ~is_scan & is_timed)):
+        why = too_coarse(times[is_one])
+        if why:
+            return f"{name}: {why}"
+    return ""
 
 
 def _counted(is_scan: NDArray[np.bool_], period: float) -> Floats:

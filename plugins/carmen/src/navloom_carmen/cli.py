@@ -17,6 +17,7 @@ class Poses(StrEnum):
 
     odometry = "odometry"
     corrected = "corrected"
+    none = "none"
 
 
 def import_log(
@@ -24,7 +25,7 @@ def import_log(
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
     place: MapOptions,
     poses: Annotated[
-        Poses, typer.Option("--poses", help="Raw odometry of the wheels, or the log's corrected poses.")
+        Poses, typer.Option("--poses", help="Raw odometry, the log's corrected poses, or none.")
     ] = Poses.odometry,
     period: Annotated[
         float | None,
@@ -67,6 +68,8 @@ def import_log(
         rows.append((name, count, f"at {x:.3f}, {y:.3f} m, {yaw_deg:.1f}°"))
     rows += [("skipped", count, reason) for reason, count in found.skipped.most_common(5)]
     print_table(("", "messages", ""), rows)
+    if found.note:
+        typer.echo(found.note)
     taken = ", its poses corrected: odometry recovered" if found.is_corrected and poses is Poses.odometry else ""
     typer.echo(f"{out}: {(found.last_ns - found.first_ns) * 1e-9:.1f} s{taken}")
 

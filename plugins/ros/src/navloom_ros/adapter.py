@@ -13,7 +13,8 @@ from navloom_recording import Recording, RecordingError, mount_option
 from navloom_viewer import KEPT, classify_sweep, sweep_rule
 from numpy.typing import NDArray
 
-from navloom_ros.bag_import import Imported, import_bag
+from navloom_ros.bag_import import Choice, import_bag
+from navloom_ros.bag_outcome import Imported
 from navloom_ros.errors import BadName, RosError
 from navloom_ros.frames import Mount, quaternion_matrix
 from navloom_ros.mcap_file import McapFile
@@ -76,6 +77,7 @@ def import_from(
     odometry: str | None,
     map_ref: str | None,
     start: tuple[float, float, float] | None,
+    choice: Choice,
 ) -> Imported:
     """Parse the options of the command and import a bag; see `import_bag`.
 
@@ -94,4 +96,4 @@ def import_from(
     for name, (x, y, yaw, z) in map(mount_option, mounts):
         rotation = quaternion_matrix(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
         places[name] = Mount(rotation, np.array([x, y, z]))
-    return import_bag(bag, out, names, places, odometry, map_ref, start)
+    return import_bag(bag, out, names, places, odometry, map_ref, start, choice)

@@ -1,40 +1,35 @@
 """Reads ROS bags with `rosbags`, for `bag_import`.
 
-A bag may be hostile, and `rosbags` has no limits. So this module limits its memory and the size of what it unpacks, and
-refuses databases that compute their rows.
+A bag may be hostile, and `rosbags` has no limits. So this module limits its memory. `bag_files` checks its files.
 """
 
 from __future__ import annotations
 
-import json
 import resource
-import sqlite3
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
-from pathlib import Path, PurePath
-from typing import Any
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any, cast
 
-from navloom.inputs import BAG_MB, YAML_MB, bytes_of, open_file, read_file, too_large
-from navloom_maps import yaml_of
+from navloom.inputs import BAG_MB, bytes_of, too_large
 from navloom_recording import RecordingError
+
+from navloom_ros.bag_files import BagFiles, bag_files
 
 __all__ = ["check_definitions", "deserialized", "messages", "opened"]
 
 STANDARD = "ros2_humble"
 """ROS release whose message types apply to a bag without definitions. Later releases write them into each bag."""
-INFORMATION = "rosbag2_bagfile_information"
-"""Top-level key of a ROS 2 bag's metadata.yaml."""
-PIECE = 1 << 20
-"""Bytes to unpack at once."""
 
 
 @contextmanager
-def opened(bag: Path) -> Iterator[Any]:
+def opened(bag: Path, types: frozenset[str]) -> Iterator[tuple[Any, BagFiles]]:
     """Open a bag as a `rosbags` reader. Within the context the process may allocate only up to the limit.
 
     Args:
         bag: A `.bag` file, the folder of a ROS 2 bag, or the data file in it.
+        types: Message types to read; the definitions of others are not parsed.
 
     Raises:
         RecordingError: Not a readable bag, or one that exceeds the limit on memory or on unpacked files.
@@ -47,11 +42,12 @@ def opened(bag: Path) -> Iterator[Any]:
     path = bag.parent if bag.suffix in (".db3", ".mcap") and (bag.parent / "metadata.yaml").exists() else bag
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="navloom-bag-")))
-        path = _checked(path, folder)
-        # After unpacking, whose size is bounded by itself.
         stack.enter_context(_bounded_memory(bag))
+        files = bag_files(path, folder, types)
         try:
-            reader = AnyReader([path], default_typestore=get_typestore(Stores(STANDARD)))
+            reader = AnyReader(files.paths, default_typestore=get_typestore(Stores(STANDARD)))
+            # One definition that cannot be parsed would refuse the whole bag.
+            reader.readers = [cast("Any", _Defined(one, types)) for one in reader.readers]
             stack.enter_context(reader)
             if not all(
                 isinstance(text, str)
@@ -65,7 +61,44 @@ def opened(bag: Path) -> Iterator[Any]:
             raise RecordingError(
                 f"{bag}: not a bag that can be read ({_words(error)}); expected F.bag or a ROS 2 bag's folder"
             ) from None
-        yield reader
+        yield reader, files
+
+
+class _Defined:
+    """A reader of `rosbags` whose connections have definitions only of some types.
+
+    Args:
+        reader: The reader.
+        types: Names of the types.
+    """
+
+    def __init__(self, reader: Any, types: frozenset[str]) -> None:
+        self._reader, self._types = reader, types
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._reader, name)
+
+    def __enter__(self) -> Any:
+        self._reader.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> Any:
+        return self._reader.__exit__(*exception)
+
+    @property
+    def connections(self) -> list[Any]:
+        return [self._with_definition(connection) for connection in self._reader.connections]
+
+    def _with_definition(self, connection: Any) -> Any:
+        from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+
+        if connection.msgtype not in self._types:
+            return connection._replace(msgdef=MessageDefinition(MessageDefinitionFormat.NONE, ""), digest="")
+        text = connection.msgdef.data
+        if "roslib/Header" in text:  # its name before ROS Electric
+            renamed = text.replace("roslib/Header", "std_msgs/Header")
+            return connection._replace(msgdef=connection.msgdef._replace(data=renamed), digest="")
+        return connection
 
 
 def check_definitions(reader: Any, types: Iterable[str]) -> None:
@@ -145,85 +178,6 @@ def _bounded_memory(bag: Path) -> Iterator[None]:
         ) from None
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
-
-
-def _checked(path: Path, folder: Path) -> Path:
-    """Check the files of a bag. Returns the bag, or a copy in `folder` with unpacked files if they are compressed."""
-    if not path.is_dir():
-        with _readable(path), open_file(path, RecordingError):
-            pass
-        if path.suffix == ".db3":
-            _refuse_queries(path)
-        return path
-    described = path / "metadata.yaml"
-    with _readable(described):
-        tree = yaml_of(read_file(described, YAML_MB, RecordingError), str(described), RecordingError)
-    try:
-        about = tree[INFORMATION]
-        # Only names: a hostile description must not lead to files elsewhere.
-        files = [path / PurePath(name).name for name in about["relative_file_paths"]]
-        is_packed = str(about.get("compression_mode", "")).lower() == "file"
-        is_sqlite = about["storage_identifier"] == "sqlite3"
-    except (KeyError, TypeError, AttributeError):
-        raise RecordingError(f"{described}: not the description of a ROS 2 bag; copy the bag again") from None
-    if is_packed:
-        files = _unpacked(files, folder)
-        about = {**about, "compression_mode": "", "compression_format": "",
-                 "relative_file_paths": [one.name for one in files]}  # fmt: skip
-        (folder / "metadata.yaml").write_text(json.dumps({INFORMATION: about}, default=str), "utf-8")
-        path = folder
-    for file in files:
-        with _readable(file), open_file(file, RecordingError):
-            pass
-        if is_sqlite:
-            _refuse_queries(file)
-    return path
-
-
-def _unpacked(files: Sequence[Path], folder: Path) -> list[Path]:
-    """Unpack the files of a bag that are compressed as a whole; together they must not exceed the limit."""
-    import zstandard
-
-    left = limit = bytes_of(BAG_MB, RecordingError)
-    out = []
-    for path in files:
-        target = folder / path.stem
-        with _readable(path), open_file(path, RecordingError) as packed, target.open("wb") as file:
-            source = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
-            try:
-                # In pieces, so that a bomb is noticed before it fills memory or disk.
-                while piece := source.read(PIECE):
-                    left -= len(piece)
-                    if left < 0:
-                        raise RecordingError(too_large(f"{path}: unpacks to more than {limit / 1e6:g} MB", limit))
-                    file.write(piece)
-            except zstandard.ZstdError as error:
-                raise RecordingError(f"{path}: damaged: {error}; copy the bag again") from None
-        out.append(target)
-    return out
-
-
-def _refuse_queries(path: Path) -> None:
-    """Refuse a database with views or computed columns: reading one row of them may never end."""
-    try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
-            # Expressions of the schema may call functions of SQLite.
-            database.execute("PRAGMA trusted_schema = OFF")
-            for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master LIMIT 1000"):
-                is_plain = kind == "index" or (kind == "table" and str(text).upper().startswith("CREATE TABLE"))
-                columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,)) if is_plain else ()
-                if not is_plain or any(hidden for (hidden,) in columns):
-                    raise RecordingError(f"{path}: {kind} {str(name)[:40]!r} is computed, expected plain tables")
-    except (sqlite3.Error, UnicodeError) as error:
-        raise RecordingError(f"{path}: not the database of a bag: {error}; copy the bag again") from None
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _words(error: Exception) -> str:

@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -173,6 +174,13 @@ def _listed(text: str, option: str, known: tuple[str, ...]) -> list[str]:
     return names
 
 
+class Stamps(StrEnum):
+    """Source of the stamps of an import."""
+
+    header = "header"
+    received = "received"
+
+
 @app.command("import")
 def import_(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="A .bag file, or the folder of a ROS 2 bag.")],
@@ -191,8 +199,23 @@ def import_(
         ),
     ] = None,
     odom: Annotated[
-        str | None, typer.Option("--odom", metavar="TOPIC", help="Odometry topic, if the bag has several.")
+        str | None,
+        typer.Option("--odom", metavar="TOPIC", help="Odometry topic, if the bag has several; none for scans alone."),
     ] = None,
+    stamps: Annotated[
+        Stamps, typer.Option("--stamps", help="Stamps of the messages' headers, or the times of receipt.")
+    ] = Stamps.header,
+    run: Annotated[
+        int | None,
+        typer.Option("--run", metavar="N", min=1, help="Run to take if the clock jumps; by default the longest."),
+    ] = None,
+    namespace: Annotated[
+        str, typer.Option("--namespace", metavar="NAME", help="Take only the topics of this robot, as /r1.")
+    ] = "",
+    base_frame: Annotated[
+        str,
+        typer.Option("--base-frame", metavar="FRAME", help="The robot's frame, if not base_link or base_footprint."),
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Import a ROS 1 or ROS 2 bag.
@@ -200,18 +223,24 @@ def import_(
     Laser scans, ranges, point clouds, odometry and mounts are imported, with their ROS stamps.
     """
     from navloom_ros.adapter import import_from
+    from navloom_ros.bag_import import Choice
 
+    choice = Choice(namespace, base_frame, stamps is Stamps.received, run)
     with _refusals():
-        found = import_from(bag, out, map_topic or (), mount or (), odom, place.map_, place.pose())
+        found = import_from(bag, out, map_topic or (), mount or (), odom, place.map_, place.pose(), choice)
     span = (found.last_ns - found.first_ns) * 1e-9
     if as_json:
-        typer.echo(json.dumps({"file": str(out), "seconds": span, "topics": [one.to_json() for one in found.topics]}))
+        topics = [topic.to_json() for topic in found.topics]
+        typer.echo(json.dumps({"file": str(out), "seconds": span, "topics": topics, "notes": found.notes}))
         return
     for topic in found.topics:
         taken = f"{topic.messages} messages as {topic.sensor}" if topic.sensor else "not taken"
         reasons = "; ".join(f"{count}: {why}" if count else why for why, count in topic.skipped.most_common(3))
         typer.echo(printable(f"{topic.name}  {topic.type}  {taken}{f'  (left out: {reasons})' if reasons else ''}"))
-    typer.echo(f"{out}: {sum(topic.messages for topic in found.topics)} messages over {span:.1f} s")
+    for note in found.notes:
+        typer.echo(printable(note))
+    written = sum(topic.messages for topic in found.topics if topic.sensor != "mounts")
+    typer.echo(f"{out}: {written} messages over {span:.1f} s")
 
 
 def _publisher_of(node: Node, name: str, patience: float) -> Entity:

@@ -9,13 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BASES", "FrameTree", "Mount", "heading_of", "is_unit", "quaternion_matrix", "wrap"]
+__all__ = [
+    "BASES",
+    "SAME_HEADING",
+    "SAME_PLACE",
+    "FrameTree",
+    "Mount",
+    "heading_of",
+    "is_unit",
+    "quaternion_matrix",
+    "wrap",
+]
 
 Floats = NDArray[np.float64]
 BASES = ("base_link", "base_footprint")
 """Usual names of the robot's frame, the preferred one first (REP 105)."""
 FLOOR = "base_footprint"
 """Frame whose origin is on the floor."""
+SAME_PLACE, SAME_HEADING = 0.01, 0.02
+"""Largest distance, m, and turn, rad, between two poses that count as one: of frames, or of a fixed mount."""
 UNIT = 0.05
 """Largest deviation of a unit quaternion's length from 1."""
 
@@ -28,9 +40,11 @@ class Mount:
     translation: Floats
 
     @property
-    def tilt(self) -> float:
-        """Angle between the sensor's plane and the floor, rad; 0 for a sensor mounted upside down."""
-        return float(np.arccos(np.clip(abs(self.rotation[2, 2]), 0.0, 1.0)))
+    def matrix(self) -> Floats:
+        """(4, 4) transform from the sensor's frame to base."""
+        found = np.eye(4)
+        found[:3, :3], found[:3, 3] = self.rotation, self.translation
+        return found
 
 
 def is_unit(quaternion: Any) -> bool:
@@ -68,41 +82,67 @@ def wrap(angles: Floats) -> Floats:
     return np.where((turned >= math.pi) | (turned < -math.pi), -math.pi, turned)
 
 
+@dataclass(eq=False)
+class _Link:
+    """A frame in its parent: (4, 4) transform, the topic that gave it, and why it is in doubt; empty if it is not."""
+
+    parent: str
+    motion: Floats
+    is_static: bool
+    topic: str
+    doubt: str = ""
+
+
 class FrameTree:
-    """The static transforms of a bag, and the first transform of each moving frame."""
+    """The static transforms of a bag, and the first transform of each moving frame. Invalid ones are ignored."""
 
     def __init__(self) -> None:
-        self._up: dict[str, tuple[str, Floats, bool]] = {}
+        self._up: dict[str, _Link] = {}
 
-    def add(self, message: Any, is_static: bool) -> None:
+    def add(self, message: Any, is_static: bool, topic: str = "") -> None:
         """Store the transforms of a TFMessage. A static transform replaces a moving one of the same frame."""
         for transform in message.transforms:
             child, parent = transform.child_frame_id.lstrip("/"), transform.header.frame_id.lstrip("/")
-            known = self._up.get(child)
-            if known is not None and (known[2] or not is_static):
-                continue
             at, turn = transform.transform.translation, transform.transform.rotation
+            if not is_unit(turn) or not np.isfinite([at.x, at.y, at.z]).all():
+                continue
             motion = np.eye(4)
             motion[:3, :3] = quaternion_matrix(turn.x, turn.y, turn.z, turn.w)
             motion[:3, 3] = at.x, at.y, at.z
-            self._up[child] = (parent, motion, is_static)
+            known = self._up.get(child)
+            if known is None or (is_static and not known.is_static):
+                self._up[child] = _Link(parent, motion, is_static, topic)
+            elif known.is_static == is_static and not known.doubt:
+                known.doubt = _doubt(child, known, _Link(parent, motion, is_static, topic))
+
+    def doubt(self, frame: str, base: str) -> str:
+        """Why the pose of `frame` in `base` is not one fixed pose; empty if it is, or is unknown."""
+        above, over_base = self._climb(frame.lstrip("/"))[0], self._climb(base)[0]
+        own = [name for name in above if name not in over_base] + [name for name in over_base if name not in above]
+        return next((self._up[name].doubt for name in own if name in self._up and self._up[name].doubt), "")
+
+    def names(self) -> set[str]:
+        """All frames."""
+        return set(self._up) | {link.parent for link in self._up.values()}
 
     def knows(self, frame: str) -> bool:
         """Whether a frame appears in any transform."""
-        return frame in self._up or any(parent == frame for parent, _, _ in self._up.values())
+        return frame in self._up or any(link.parent == frame for link in self._up.values())
 
     def parent(self, frame: str) -> str:
         """The parent of a frame; empty if it has none."""
-        return self._up[frame][0] if frame in self._up else ""
+        return self._up[frame].parent if frame in self._up else ""
 
     def base(self, child_of_odometry: str) -> str:
-        """The robot's frame: the first of BASES in the tree, else the child frame of the odometry, else base_link."""
-        return next((name for name in BASES if self.knows(name)), child_of_odometry.lstrip("/") or BASES[0])
+        """The robot's frame: the first of BASES in the tree, else the odometry's child, else a prefixed one."""
+        known = [name for name in BASES if self.knows(name)]
+        prefixed = [name for end in BASES for name in sorted(self.names()) if name.endswith(f"/{end}")]
+        return next(filter(None, [*known, child_of_odometry.lstrip("/"), *prefixed]), BASES[0])
 
-    def between(self, frame: str, base: str) -> Floats | None:
-        """(4, 4) transform of points from `frame` to `base`; None if the tree does not connect them."""
+    def find(self, target: str, frame: str) -> Floats | None:
+        """(4, 4) transform of points from `frame` to `target`; None if the tree does not connect them."""
         root_of_frame, from_frame = self._climb(frame.lstrip("/"))
-        root_of_base, from_base = self._climb(base)
+        root_of_base, from_base = self._climb(target.lstrip("/"))
         shared = next((name for name in root_of_frame if name in root_of_base), None)
         if shared is None:
             return None
@@ -110,11 +150,11 @@ class FrameTree:
 
     def mount(self, frame: str, base: str) -> Mount | None:
         """Pose of a sensor's frame in base; None if unknown. Its height is from the floor if the bag has that frame."""
-        motion = self.between(frame, base)
+        motion = self.find(base, frame)
         if motion is None:
             return None
         if self.knows(FLOOR) and base != FLOOR:
-            floor = self.between(frame, FLOOR)
+            floor = self.find(FLOOR, frame)
             if floor is not None:
                 motion = motion.copy()
                 motion[2, 3] = floor[2, 3]
@@ -124,7 +164,21 @@ class FrameTree:
         """A frame and its ancestors, nearest first, and the (4, 4) transform from the frame to each."""
         names, motions = [frame], [np.eye(4)]
         while names[-1] in self._up and len(names) < 64:
-            parent, motion, _ = self._up[names[-1]]
-            names.append(parent)
-            motions.append(motion @ motions[-1])
+            link = self._up[names[-1]]
+            names.append(link.parent)
+            motions.append(link.motion @ motions[-1])
         return names, motions
+
+
+def _doubt(child: str, known: _Link, other: _Link) -> str:
+    """Why a frame has no fixed pose in its parent; empty if two transforms of it agree."""
+    moved = np.linalg.inv(known.motion) @ other.motion
+    away = float(np.linalg.norm(moved[:3, 3]))
+    turn = math.acos(max(-1.0, min(1.0, (float(np.trace(moved[:3, :3])) - 1.0) / 2.0)))
+    if known.parent == other.parent and away <= SAME_PLACE and turn <= SAME_HEADING:
+        return ""
+    if known.topic != other.topic or known.parent != other.parent:
+        where = f"in {known.parent} by {known.topic}, in {other.parent} by {other.topic}"
+        return f"two poses of the frame {child}, {where}; take one robot's topics with --namespace NAME"
+    kind = "has two poses" if known.is_static else "moves"
+    return f"the frame {child} {kind} in {known.parent}, by {away:.2f} m and {math.degrees(turn):.0f}°"

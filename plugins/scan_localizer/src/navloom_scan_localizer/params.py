@@ -106,6 +106,12 @@ class ScanOdometryParams(Params):
     heading_per_turn_deg: float = Field(
         3.0, gt=0.0, le=30.0, description="Spread of its heading after a turn of 1 rad, degrees/sqrt(rad)."
     )
+    rest_noise: float = Field(
+        0.002, ge=0.0, le=2.0, description="Spread of odometry in 1 s at rest, m/sqrt(s); 0.3 if there is none."
+    )
+    rest_turn_noise_deg: float = Field(
+        0.1, ge=0.0, le=90.0, description="Spread of its heading in 1 s at rest, degrees/sqrt(s); 30 if there is none."
+    )
     drift: float = Field(0.01, ge=0.0, le=0.5, description="Spread of the scan matching after 1 m, m/sqrt(m).")
     drift_deg: float = Field(0.2, ge=0.0, le=30.0, description="The same of the heading, degrees/sqrt(m).")
     sigma: float = Field(0.03, gt=0.0, le=1.0, description="Standard deviation of a beam's end, m.")
@@ -143,6 +149,8 @@ class ScanOdometryParams(Params):
             way_noise=self.way_noise,
             turn_per_way=math.radians(self.heading_per_way_deg),
             turn_noise=math.radians(self.heading_per_turn_deg),
+            rest_noise=self.rest_noise,
+            rest_turn_noise=math.radians(self.rest_turn_noise_deg),
             sigma=self.sigma,
             redundancy=self.redundancy,
             robust_scale=self.robust_scale,

@@ -87,6 +87,13 @@ def _tell(found: Any, summary: dict[str, Any]) -> None:
             ("difference", "unit", "rms", "max", "at the end"),
             [(name, unit, *given[name].values()) for name, unit in (("position", "m"), ("heading", "rad"))],
         )
+        away = given["searching_s"] + given["lost_s"]
+        if away or given["not_tracking_from_s"] is not None:
+            since = given["not_tracking_from_s"]
+            end = "" if since is None else f", and from {since:.1f} s to the end"
+            typer.echo(
+                f"not tracking for {away:.1f} s of {summary['seconds']:.1f} s (lost for {given['lost_s']:.1f} s{end})"
+            )
     if found.avoider is not None:
         tell_substitute(found.avoider, DRIVER)
     if found.faults:
@@ -106,11 +113,12 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
         if draws:
             files["avoider.png"] = part("navloom_study.report.substitute_figure").draw_substitute(found.avoider, DRIVER)
     if found.poses is not None:
-        files["poses.csv"] = found.pose_table().encode()
+        files["poses.csv"] = found.poses.table().encode()
     if has_part("navloom_study"):
         picture = part("navloom_study.report.run_picture")
         if found.map is not None:
             files["map.png"] = picture.png_of(picture.draw_map_update(found.map, found.way))
-        if found.poses is not None and len(found.poses):
-            files["poses.png"] = picture.png_of(picture.draw_poses(found.poses, found.known))
+        if found.poses is not None and len(found.poses.poses):
+            drawn = picture.draw_poses(found.poses.poses, found.known, found.poses.is_tracking)
+            files["poses.png"] = picture.png_of(drawn)
     return files

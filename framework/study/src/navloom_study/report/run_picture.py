@@ -239,7 +239,7 @@ def png_of(picture: Image.Image) -> bytes:
     return file.getvalue()
 
 
-def draw_poses(poses: Floats, known: OccupancyGrid | None) -> Image.Image:
+def draw_poses(poses: Floats, known: OccupancyGrid | None, is_tracking: NDArray[np.bool_]) -> Image.Image:
     """Draw the tracks of odometry and of a localizer on the map that it was given; odometry is cut off beyond the map.
 
     Of the map it draws the edges of occupied space only, because large maps are mostly occupied or unknown.
@@ -247,9 +247,14 @@ def draw_poses(poses: Floats, known: OccupancyGrid | None) -> Image.Image:
     Args:
         poses: (n, 7) time, s, then x, y, m, heading, rad, by odometry and by the localizer, map frame.
         known: The map; None for none.
+        is_tracking: (n,) whether the localizer was tracking.
     """
     odometry, localizer = poses[:, 1:3], poses[:, 4:6]
     keys, shown = [Key("odometry", BLUE, "line"), Key("localizer", VERMILION, "line")], odometry
+    places = np.flatnonzero(~is_tracking)
+    stretches = [part for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(part) > 1]
+    if stretches:
+        keys.append(Key("localizer while not tracking", ORANGE, "line"))
     if known is not None:
         occupied = known.cells >= 50
         edges = occupied & binary_dilation(~occupied)
@@ -263,6 +268,8 @@ def draw_poses(poses: Floats, known: OccupancyGrid | None) -> Image.Image:
         canvas.cells(edges, corner, known.resolution, BLACK)
     canvas.line(odometry, BLUE, 1.5)
     canvas.line(localizer, VERMILION, 2.5)
+    for stretch in stretches:
+        canvas.line(localizer[stretch], ORANGE, 5.0)
     canvas.frame()
     return canvas.finished()
 

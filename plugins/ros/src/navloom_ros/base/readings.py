@@ -1,7 +1,4 @@
-"""Converts live ROS messages to arrays in the base frame. Pure: imports neither the framework nor the network.
-
-`bag_conversion` does the same for bags, without the checks for a robot that is being driven.
-"""
+"""Converts ROS messages to arrays in the base frame, live and from bags. Imports neither framework nor network."""
 
 from __future__ import annotations
 
@@ -9,14 +6,15 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
-from navloom_ros.base.frames import Frames, heading_of, rotation
+from navloom_ros.base.frames import heading_of, rotation
 from navloom_ros.errors import BadName, Unusable
+from navloom_ros.frames import SAME_HEADING, SAME_PLACE
 from navloom_ros.message_types import Types
 
 __all__ = [
@@ -26,6 +24,7 @@ __all__ = [
     "beams_of_ranges",
     "check_child",
     "check_field",
+    "check_level",
     "check_range",
     "is_set",
     "motion_of",
@@ -45,8 +44,11 @@ FASTER = 3.0
 """Largest speed of the odometry, in multiples of the robot's; a pose that moves faster counts as a restart."""
 UNSTEADY, UNSTEADY_NS = 4, 2_000_000_000
 """Restarts and changes of publisher within 2 s, ns, after which the odometry is unusable."""
-SAME_PLACE, SAME_HEADING = 0.01, 0.02
-"""Largest distance, m, and turn, rad, between the base and a frame whose odometry counts as the base's."""
+MOST_METRES = 100.0
+"""Largest median of the different readings of a scan, m; more is another unit, as mm."""
+FEW = 3
+"""Most different readings of a scan that may be codes for no echo, as 65.533."""
+BASE_FRAME = "correct child_frame_id where it is published, or set base_frame"
 FARTHEST = 1e6
 """Largest coordinate of a pose, m; beyond, the rounding errors of a restart would move the robot's pose."""
 
@@ -90,20 +92,27 @@ def motion_of(message: Any) -> Motion:
     return Motion((values[0], values[1], heading_of(turned)), values[2:])
 
 
-def check_child(child: str, base: str, frames: Frames) -> None:
+class Tree(Protocol):
+    """The transforms of a robot or of a bag."""
+
+    def find(self, target: str, frame: str) -> Floats | None:
+        """The (4, 4) transform from `frame` to `target`; None if unknown."""
+
+
+def check_child(child: str, base: str, frames: Tree, fix: str = BASE_FRAME) -> None:
     """Check that odometry is that of the base, or of a frame at its place, as base_footprint below base_link.
 
     Args:
         child: child_frame_id of the odometry; empty counts as the base.
         base: The base frame.
         frames: Transforms of /tf.
+        fix: What the user can do.
 
     Raises:
         Unusable: The odometry is that of another frame.
     """
     if child.lstrip("/") in ("", base.lstrip("/")):
         return
-    fix = "correct child_frame_id where it is published, or set base_frame"
     found = frames.find(base, child)
     if found is None:
         raise Unusable(f"odometry of the frame {child!r}, which /tf does not connect to {base!r}: {fix}")
@@ -127,13 +136,18 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     """
     with np.errstate(invalid="ignore"):  # a signalling NaN is no more than a NaN
         ranges = np.asarray(scan.ranges, dtype=np.float64)
-    limits = (scan.range_min, scan.range_max, scan.angle_min, scan.angle_increment, scan.time_increment)
-    if not all(map(math.isfinite, limits)) or not 0.0 <= scan.range_min < scan.range_max:
-        raise Unusable("a laser scan with limits that are not finite, or range_max not above range_min")
+    angles_and_time = (scan.angle_min, scan.angle_increment, scan.time_increment)
+    if not all(map(math.isfinite, angles_and_time)):
+        raise Unusable("a laser scan with angles or times that are not finite")
+    _check_limits("a laser scan", scan.range_min, scan.range_max)
+    _check_unit(ranges)
     span = abs(scan.angle_increment) * len(ranges)
     has_angles = span <= 2.0 * math.tau and (span > 0.0 or len(ranges) < 2)
-    if len(ranges) > MOST_BEAMS or not has_angles or scan.time_increment < 0:
-        raise Unusable(f"a laser scan of {len(ranges)} beams, {scan.angle_increment:g} rad apart")
+    if len(ranges) > MOST_BEAMS or not has_angles:
+        in_degrees = "; are the angles in degrees?" if span > 2.0 * math.tau else ""
+        raise Unusable(f"a laser scan of {len(ranges)} beams, {scan.angle_increment:g} rad apart{in_degrees}")
+    if scan.time_increment < 0.0:
+        raise Unusable(f"a laser scan with a time_increment of {scan.time_increment:g} s: expected 0 or more")
     _check_last_angle(scan, len(ranges))
     if abs(mount[2, 2]) < TILTED:
         tilt = math.degrees(math.acos(min(1.0, abs(mount[2, 2]))))
@@ -157,6 +171,21 @@ def beams_of_laser(scan: Any, mount: Floats, is_far_below: bool) -> Beams:
     )
 
 
+def _check_limits(what: str, least: float, most: float, may_be_equal: bool = False) -> None:
+    """Check the limits of a sensor, m; a sensor of fixed distance has equal ones. Raises Unusable."""
+    # With 0 as the highest, which drivers leave unset, every reading would count as no echo.
+    is_ordered = 0.0 <= least < most or (may_be_equal and 0.0 < least == most)
+    if not (is_ordered and math.isfinite(most)):
+        raise Unusable(f"{what} with the limits {least:g} to {most:g} m: expected 0 <= lowest < highest, both finite")
+
+
+def _check_unit(ranges: Floats) -> None:
+    """Check that the readings of a scan are in m. Raises Unusable."""
+    different = np.unique(ranges[np.isfinite(ranges) & (ranges > 0.0)])
+    if len(different) > FEW and float(np.median(different)) > MOST_METRES:
+        raise Unusable(f"a laser scan with readings above {MOST_METRES:g} m: expected m; are they in mm?")
+
+
 def _check_last_angle(scan: Any, count: int) -> None:
     """Check that the last beam is at angle_max, which is 0 where a driver leaves it unset. Raises Unusable."""
     if not count or not scan.angle_max:
@@ -172,13 +201,23 @@ def _check_last_angle(scan: Any, count: int) -> None:
 
 def check_range(reading: Any) -> None:
     """Check that a sensor_msgs/msg/Range is a measurement. Raises Unusable."""
-    limits = (reading.min_range, reading.max_range, reading.field_of_view)
-    # Both are equal for a sensor of fixed distance, which says with -inf that something is there.
-    are_ordered = 0.0 <= reading.min_range <= reading.max_range and reading.max_range > 0.0
-    if not all(map(math.isfinite, limits)) or not are_ordered or reading.field_of_view < 0.0:
-        raise Unusable("a range with limits that are not finite, min_range above max_range, or max_range 0")
+    _check_limits("a range", reading.min_range, reading.max_range, may_be_equal=True)
+    if not 0.0 <= reading.field_of_view < math.inf:
+        raise Unusable(f"a range with a field of view of {reading.field_of_view:g} rad")
     if math.isnan(reading.range):
         raise Unusable("a range that is NaN")
+    if reading.max_range > MOST_METRES:
+        raise Unusable(f"a range with readings up to {reading.max_range:g} m: expected m; are they in mm?")
+
+
+def check_level(mount: Floats) -> None:
+    """Check that the beam of a range sensor, along the x axis of its frame, is parallel to the floor. Raises Unusable.
+
+    Args:
+        mount: (4, 4) from the sensor's frame to base.
+    """
+    if math.hypot(mount[0, 0], mount[1, 0]) < TILTED:
+        raise Unusable("a range whose beam is tilted by more than 10°")
 
 
 def beams_of_ranges(readings: Sequence[Any], mounts: Sequence[Floats], is_far_below: bool = False) -> Beams:

@@ -21,6 +21,7 @@ from navloom_ros.base.readings import (
     beams_of_laser,
     beams_of_ranges,
     check_child,
+    check_level,
     check_range,
     is_set,
     motion_of,
@@ -295,6 +296,7 @@ class Ranges:
             for message, mount, at_ns in feed.take(robot):
                 try:
                     check_range(message)
+                    check_level(mount)
                 except Unusable as error:
                     feed.judge(str(error), now_ns)
                 else:

@@ -1,0 +1,203 @@
+"""Bags that were never closed, renamed or cut, or whose definitions cannot be read: nothing is lost silently."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+import ros_bags as bags
+import zstandard
+from mcap.writer import Writer as McapWriter
+from navloom_recording.recording_header import RecordingError
+from navloom_ros.bag_import import import_bag
+from navloom_ros.bag_outcome import Imported
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+
+ALL = {"/odom": 40, "/scan": 40}
+
+
+def room(folder: Path, storage: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+    """The drive through the room, 40 scans and 40 odometry messages, and a topic of another package."""
+    with bags.Bag(folder / "room", 2) as bag:
+        pass
+    shutil.rmtree(folder / "room")
+    bag = bags.Bag(folder / "room", 2)
+    bag.writer = Writer2(folder / "room", version=9, storage_plugin=storage)
+    bag.store.register(bags.get_types_from_msg("int32 a", "my_msgs/msg/Odd"))
+    with bag:
+        bag.put("/tf_static", bag.transform("base_link", "laser", bags.MOUNT_X, bags.MOUNT_YAW, bags.START_NS),
+                bags.START_NS)  # fmt: skip
+        bag.put("/odd", bag.type("my_msgs/msg/Odd")(3), bags.START_NS)
+        for x, stamp_ns in bags.times():
+            bag.put("/odom", bag.odometry(x, stamp_ns), stamp_ns)
+            bag.put("/scan", bag.scan(bags.ranges_at(x), stamp_ns), stamp_ns)
+    return folder / "room"
+
+
+def imported(bag: Path) -> Imported:
+    return import_bag(bag, bag.with_name("a.mcap"))
+
+
+def taken(found: Imported) -> dict[str, int]:
+    return {topic.name: topic.messages for topic in found.topics if topic.sensor not in ("", "mounts")}
+
+
+def data(bag: Path) -> Path:
+    (path,) = (path for path in bag.iterdir() if path.suffix in (".db3", ".mcap"))
+    return path
+
+
+def into_wal(bag: Path) -> None:
+    """Move the second half of a bag's messages to the write-ahead log, as if its recorder had been killed."""
+    database = data(bag)
+    with closing(sqlite3.connect(database)) as writer:
+        writer.execute("PRAGMA journal_mode = WAL")
+        writer.execute("PRAGMA wal_autocheckpoint = 0")
+        rows = writer.execute("SELECT * FROM messages WHERE id > 40").fetchall()
+        writer.execute("DELETE FROM messages WHERE id > 40")
+        writer.commit()
+        writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        writer.executemany(f"INSERT INTO messages VALUES ({', '.join('?' * len(rows[0]))})", rows)
+        writer.commit()
+        # Closing it would empty the log.
+        kept = {end: database.with_name(database.name + end).read_bytes() for end in ("", "-wal")}
+    for end, content in kept.items():
+        database.with_name(database.name + end).write_bytes(content)
+
+
+def test_messages_in_the_write_ahead_log_are_imported_and_the_bag_stays_as_it_is(tmp_path: Path) -> None:
+    bag = room(tmp_path)
+    into_wal(bag)
+    before = {path.name: path.read_bytes() for path in bag.iterdir()}
+    assert taken(imported(bag)) == ALL
+    assert {path.name: path.read_bytes() for path in bag.iterdir()} == before
+
+
+def test_messages_that_the_description_counts_and_the_bag_lacks_are_noted(tmp_path: Path) -> None:
+    bag = room(tmp_path)
+    with closing(sqlite3.connect(data(bag))) as database, database:
+        database.execute("DELETE FROM messages WHERE id > 42")  # of 82, of which 2 are neither scan nor odometry
+    assert imported(bag).notes == [f"{name}: the bag counts 40 messages, and has 20" for name in ALL]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "text"),
+    [("unknown", ""), ("", ""), ("ros2msg", "wstring w"), ("ros2msg", "other_msgs/Thing t"), ("ros2msg", ""),
+     ("ros2idl", "IDL: nonsense {")],
+)  # fmt: skip
+def test_a_definition_that_cannot_be_read_costs_only_its_own_topic(tmp_path: Path, encoding: str, text: str) -> None:
+    bag = room(tmp_path)
+    with closing(sqlite3.connect(data(bag))) as database, database:
+        database.execute(
+            "UPDATE message_definitions SET encoding = ?, encoded_message_definition = ? WHERE topic_type LIKE '%Odd'",
+            (encoding, text),
+        )
+    found = imported(bag)
+    assert taken(found) == ALL
+    assert [dict(topic.skipped) for topic in found.topics if topic.name == "/odd"] == [{"not a type that is read": 1}]
+
+
+@pytest.mark.parametrize("encoding", ["jsonschema", "protobuf", "unknown", "ros1msg"])
+def test_a_schema_of_another_kind_in_an_mcap_file_costs_only_its_own_topic(tmp_path: Path, encoding: str) -> None:
+    from mcap.reader import make_reader
+
+    source, target = data(room(tmp_path, StoragePlugin.MCAP)), tmp_path / "odd.mcap"
+    with source.open("rb") as file, target.open("wb") as out:
+        writer = McapWriter(out)
+        writer.start("ros2", "test")
+        for schema, channel, message in make_reader(file).iter_messages():
+            is_odd = channel.topic == "/odd"
+            number = writer.register_schema(
+                schema.name, encoding if is_odd else schema.encoding, b"\xff" if is_odd else schema.data
+            )
+            way = writer.register_channel(channel.topic, channel.message_encoding, number, channel.metadata)
+            writer.add_message(way, message.log_time, message.data, message.publish_time)
+        writer.finish()
+    found = imported(target)
+    assert taken(found) == ALL and [topic.type for topic in found.topics if topic.name == "/odd"] == ["my_msgs/msg/Odd"]
+
+
+def unnamed(bag: Path) -> Path:
+    (bag / "metadata.yaml").unlink()
+    return bag
+
+
+def renamed(bag: Path) -> Path:
+    data(bag).rename(bag / "my drive.db3")
+    return bag
+
+
+def without_storage(bag: Path) -> Path:
+    described = bag / "metadata.yaml"
+    described.write_text(described.read_text("utf-8").replace("storage_identifier: sqlite3", 'storage_identifier: ""'))
+    return bag
+
+
+def packed_alone(bag: Path) -> Path:
+    path = bag.with_name("drive.db3.zstd")
+    path.write_bytes(zstandard.ZstdCompressor().compress(data(bag).read_bytes()))
+    return path
+
+
+@pytest.mark.parametrize("change", [unnamed, renamed, without_storage, packed_alone])
+def test_a_bag_without_its_description_or_with_a_wrong_one_is_read_whole(
+    tmp_path: Path, change: Callable[[Path], Path]
+) -> None:
+    assert taken(imported(change(room(tmp_path)))) == ALL
+
+
+def test_a_part_that_is_missing_is_noted(tmp_path: Path) -> None:
+    bag = room(tmp_path)
+    described = bag / "metadata.yaml"
+    described.write_text(described.read_text("utf-8").replace("- room.db3", "- room.db3\n  - room_1.db3", 1))
+    assert imported(bag).notes[0] == "room_1.db3 is missing: what it holds is lost; copy the bag again"
+
+
+def test_an_mcap_file_of_a_recorder_that_was_killed_is_read_up_to_its_end(tmp_path: Path) -> None:
+    path = data(room(tmp_path, StoragePlugin.MCAP))
+    cut = tmp_path / "cut.mcap"
+    with path.open("rb") as file, cut.open("wb") as out:
+        from mcap.reader import make_reader
+        from mcap.writer import CompressionType
+
+        writer = McapWriter(out, chunk_size=4000, compression=CompressionType.NONE)
+        writer.start("ros2", "test")
+        for schema, channel, message in make_reader(file).iter_messages():
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            way = writer.register_channel(channel.topic, channel.message_encoding, number, channel.metadata)
+            writer.add_message(way, message.log_time, message.data, message.publish_time)
+        writer.finish()
+    raw = cut.read_bytes()
+    cut.write_bytes(raw[: len(raw) // 2])
+    found = imported(cut)
+    assert 15 < taken(found)["/scan"] < 40 and "cut.mcap cannot be opened" in found.notes[0]
+
+
+def test_a_ros_1_bag_of_a_recorder_that_was_killed_is_read_up_to_its_end(tmp_path: Path) -> None:
+    whole = bags.room_bag(tmp_path / "room.bag", 1)
+    raw = whole.read_bytes()
+    index = raw.index(b"index_pos=") + 10
+    cut = tmp_path / "drive.bag.active"
+    cut.write_bytes(raw[:index] + bytes(8) + raw[index + 8 : len(raw) * 98 // 100])
+    found = imported(cut)
+    assert taken(found) == ALL and "drive.bag.active cannot be opened" in found.notes[0]
+
+
+def test_the_header_of_early_ros_1_is_that_of_today(tmp_path: Path) -> None:
+    raw = bags.room_bag(tmp_path / "room.bag", 1).read_bytes()
+    old = raw.replace(b"MSG: std_msgs/Header", b"MSG: roslib/Header  ")
+    assert old != raw
+    (tmp_path / "old.bag").write_bytes(old)
+    assert taken(imported(tmp_path / "old.bag")) == ALL
+
+
+def test_a_bag_before_the_format_2_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    path = tmp_path / "old.bag"
+    path.write_bytes(b"#ROSRECORD V1.2\n" + bytes(40))
+    with pytest.raises(RecordingError, match=r"format before V2\.0; rewrite it with ROS 1.s `rosbag fix`"):
+        imported(path)

@@ -274,6 +274,8 @@ def python_page() -> str:
         "A name without another package is imported from `navloom`. Messages are on their [own page](../messages.md).",
         "## A live robot",
         public("Navigator", "GoalHandle"),
+        "`Navigator.listen` gives a `Listening`, which receives streams; each of its messages is a `Told`.",
+        shown(*(f"navloom_live.operating.stream_subscription.{name}" for name in ("Listening", "Told"))),
         "## Roles and verbs",
         public("verb_of"),
         "## Worlds and arrays",

@@ -14,7 +14,8 @@ __all__ = ["FAULTS", "ODD", "SOUND", "install"]
 HERE = Path(__file__).parent
 FAULTY = ("planted.avoiders", "planted.planners", "planted.movers", "planted.mappers", "planted.others",
           "planted.surroundings", "planted.scenes", "planted.seeing", "planted.lasting",
-          "planted.importing", "planted.agreeing")  # fmt: skip
+          "planted.importing", "planted.agreeing", "planted.hearing",
+          "planted.claiming")  # fmt: skip
 
 
 def _entries(*modules: str) -> dict[str, tuple[Entry, str]]:

@@ -100,6 +100,14 @@ def test_every_planted_fault_is_caught_by_the_named_check() -> None:
 
 
 @pytest.mark.slow
+def test_a_module_that_keeps_answers_is_not_blamed_on_the_order_of_sets() -> None:
+    results = results_of([("avoider.cached_by_place", "fresh_process"), ("avoider.order_of_sets", "fresh_process")])
+    cached, ordered = (results[name]["result"]["findings"][0] for name in results)
+    assert cached["problem"].endswith("in which other scenes were played before")
+    assert ordered["problem"].endswith("with another PYTHONHASHSEED")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, (entry, _) in FAULTS.items() if entry.caught_by in DEADLY])
 def test_a_plugin_that_ends_or_hangs_its_process_is_named(name: str) -> None:
     report = check_plugin(name, only=(FAULTS[name][0].caught_by,))

@@ -7,15 +7,58 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from navloom import Claim, OccupancyGrid
+from navloom import (
+    Avoidance,
+    Avoider,
+    AvoiderInput,
+    Claim,
+    Extra,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Reference,
+    Twist2D,
+)
+from navloom import message as declared
 from navloom.geometry.world import Place
 from navloom_check.behaviour.avoider_scenes import blocked_scene, closed_scene
-from navloom_check.behaviour.measurements import Behaviour, Maker, Measured, shrunk
-from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall
+from navloom_check.behaviour.measurements import Behaviour, Maker, Measured, Unfit, scan_from, shrunk
+from navloom_check.behaviour.obstacle_scene import SONARS, Post, Scene, Wall
 from navloom_check.behaviour.planner_scenes import grid_of, shortest
 from navloom_check.tiers import TIERS
 
 PLAIN = Scene(Place(0.0, 0.0), (5.0, 0.0), (Post(2.0, 0.0, 0.5),), (Wall(0.0, 1.0, 4.0, 1.0),))
+
+
+@declared()
+class Crowd(Message):
+    """Who is near: `count` of them."""
+
+    count: int
+
+
+@declared()
+class Load(Message):
+    """A measured mass, kg."""
+
+    mass: float
+
+
+class Reads(Avoider):
+    """An avoider that cannot step without streams of other nodes."""
+
+    name = "reads"
+    reference = Extra(Reference)
+    map = Extra(MapUpdate)
+    crowd = Extra(Crowd)
+    load = Extra(Load, optional=True)
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        return Avoidance(Twist2D(0.0, 0.0, 0.0), "clear")
+
+
+class Waits(Reads):
+    load = Extra(Load)
 
 
 def test_beams_meet_a_post_and_a_wall_at_their_places() -> None:
@@ -92,3 +135,33 @@ def test_each_check_of_all_tiers_has_a_unique_name() -> None:
     names = [check.name for checks in TIERS.values() for check in checks]
     assert len(names) == len(set(names))
     assert {claim.value for claim in Claim} <= set(names)
+
+
+def test_a_scene_gives_the_streams_of_the_framework_that_an_extra_input_reads() -> None:
+    given = Maker(Reads).extra(PLAIN, 7, (1.0, 0.2, 0.1))
+    reference = given[Reads.reference]
+    # The way is the straight line of 5 m along the x axis, and the robot is 0.2 m to its left.
+    assert (reference.progress, reference.cross_track) == pytest.approx((1.0, 0.2), abs=1e-6)
+    assert (reference.target.x, reference.remaining) == pytest.approx((2.0, 4.0), abs=1e-6)
+    assert (given[Reads.map].grid.cells == grid_of(PLAIN).cells).all()
+
+
+def test_a_message_of_another_plugin_says_that_there_is_nothing_and_an_optional_one_is_missing() -> None:
+    given = Maker(Reads).extra(PLAIN, 7, (0.0, 0.0, 0.0))
+    assert given[Reads.crowd] == Crowd(0) and given[Reads.load] is None
+
+
+def test_a_measured_number_of_another_plugin_cannot_be_made_up() -> None:
+    with pytest.raises(Unfit, match=r"load \(Load\)"):
+        Maker(Waits).extra(PLAIN, 7, (0.0, 0.0, 0.0))
+
+
+def test_a_sonar_reads_the_nearest_thing_in_its_cone() -> None:
+    scan = scan_from(
+        Scene(Place(0.0, 0.0), (5.0, 0.0), walls=(Wall(2.0, -3.0, 2.0, 3.0),)), SONARS[0], (0.0, 0.0, 0.0), 0
+    )
+    ahead, aside = (int(np.abs(scan.bearings - math.radians(deg)).argmin()) for deg in (11.25, 56.25))
+    # Its cone of +-15 deg reaches across the axis of the robot, where the wall is 2 m less the rim of 0.1 m away.
+    assert scan.ranges[ahead] == pytest.approx(2.0 - 0.1 * math.cos(math.radians(11.25)), abs=0.001)
+    away = 2.0 - 0.1 * math.cos(math.radians(56.25))
+    assert scan.ranges[aside] == pytest.approx(away / math.cos(math.radians(41.25)))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom import Avoidance, Avoider, Params, Twist2D
+from navloom import Avoidance, Avoider, Box, Cylinder, Extra, GateStatus, Params, Place, Raster, Twist2D, World
 from navloom.testing import (
     avoider_input,
     box,
@@ -78,3 +78,39 @@ def test_every_role_has_an_input_of_one_line():
     assert recovery_input(trail=[(0.0, 0.0), (0.1, 0.0)]).trail.shape == (2, 3)
     on = controller_input((1.0, 0.2)).reference
     assert (on.progress, on.cross_track, on.speed) == pytest.approx((1.0, 0.2, 0.3))
+
+
+def test_a_scan_sees_the_cells_of_a_raster_in_its_own_frame():
+    cells = np.zeros((20, 40), dtype=bool)
+    cells[:, 30] = True
+    # Cells of 0.1 m from (-1, -1) on: the column of walls begins at x = -1 + 3 = 2.
+    world = World("raster", raster=Raster("wall", cells, 0.1, Place(-1.0, -1.0)))
+    assert scan(world, beams=3, field_of_view=math.pi).ranges == pytest.approx([math.inf, 2.0, math.inf])
+    assert scan(world, (0.0, 0.0, 0.4), beams=1).ranges[0] == pytest.approx(2.0 / math.cos(0.4))
+    assert scan(world, (3.0, 0.0, math.pi), beams=1).ranges[0] == pytest.approx(0.9)
+    turned = World("raster", raster=Raster("wall", cells, 0.1, Place(1.0, -1.0, 0.5 * math.pi)))
+    assert scan(turned, (0.0, 0.0, 0.5 * math.pi), beams=1).ranges[0] == pytest.approx(2.0)
+    above = World("raster", raster=Raster("girder", cells, 0.1, Place(-1.0, -1.0), (1.0, 2.0)))
+    assert scan(above, beams=1).ranges[0] == math.inf
+
+
+def test_a_scan_sees_an_obstacle_where_it_is_at_its_stamp():
+    way = ((0.0, 2.0, 0.0), (10.0, 4.0, 0.0))
+    world = World(
+        "moving", (Cylinder("cart", 9.0, 0.0, 0.5, waypoints=way), Box("late", (1.0, 2.0), (-1, 1), appears_at=6))
+    )
+    seen = [scan(world, beams=1, stamp=stamp).ranges[0] for stamp in (0.0, 5.0, 7.0)]
+    assert seen == pytest.approx([1.5, 2.5, 1.0])
+
+
+def test_an_extra_input_that_a_step_does_not_have_names_what_to_do():
+    class Shy(Avoider):
+        name = "shy"
+        gate = Extra(GateStatus)
+
+        def avoid(self, given):
+            return given.extra[self.gate]
+
+    with pytest.raises(KeyError) as raised:
+        make(Shy).avoid(avoider_input())
+    assert "gate = Extra(GateStatus); a unit test gives it with the input, extra=extras(gate=" in str(raised.value)

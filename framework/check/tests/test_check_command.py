@@ -12,6 +12,63 @@ def navloom_register(registry):
     registry.metric(Metric("shares", "1", None, lambda trail: 2.0, about, bounds=(0.0, 1.0)))
 """
 
+PANEL = """
+from navloom import Contact, Panel, hookimpl
+
+
+def draw(contact, seen):
+    import rerun
+
+    return []
+
+
+@hookimpl
+def navloom_register(registry):
+    registry.panel(Panel("touch", Contact, draw))
+"""
+
+
+def test_a_panel_is_not_blamed_for_a_viewer_that_is_not_installed(in_process, tmp_path, monkeypatch):
+    monkeypatch.setenv("NAVLOOM_PLUGIN_FILES", "[]")
+    file = tmp_path / "touch.py"
+    file.write_text(PANEL, "utf-8")
+    # As on a host without the viewer, in the process of the check.
+    (tmp_path / "rerun.py").write_text("raise ModuleNotFoundError('No module named rerun', name='rerun')", "utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    code, out, _ = in_process("check", "panel.touch", "--plugin", str(file))
+    assert code == 0 and out.count("pip install 'navloom[view]'") == 2
+    assert "2 checks passed, 0 failed, 2 not run" in out
+
+
+WAITS = """
+from navloom import Avoidance, Avoider, AvoiderInput, Extra, Message, Twist2D, message
+
+
+@message
+class Load(Message):
+    mass: float
+
+
+class Waits(Avoider):
+    name = "waits"
+    load = Extra(Load)
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        return Avoidance(Twist2D(0.0, 0.0, 0.0), "clear")
+"""
+
+
+def test_a_claim_of_the_role_that_no_scene_can_test_is_no_pass(in_process, tmp_path, monkeypatch):
+    monkeypatch.setenv("NAVLOOM_PLUGIN_FILES", "[]")
+    file = tmp_path / "waits.py"
+    file.write_text(WAITS, "utf-8")
+    words = ("check", "avoider.waits", "--plugin", str(file), "--only")
+    code, out, _ = in_process(*words, "no_contact")
+    assert code == 1 and "cannot be tested: it waits for extra inputs that no scene has: load (Load)" in out
+    assert "disclaims = {Claim.NO_CONTACT: REASON}" in out
+    # What it does not claim is left out without a word of blame.
+    assert in_process(*words, "mirror")[0] == 0
+
 
 def test_a_shipped_controller_passes(in_process):
     code, out, err = in_process("check", "controller.lyapunov_tracker", "--tier", "contract", "--json")

@@ -353,6 +353,27 @@ class FewWords(Gap):
         side: str = Field("left", pattern="left|right", description="Side that it prefers; no unit.")
 
 
+@ENTRIES.plant("searches_first")
+class SearchesFirst(FromStart):
+    """Searches for its place for a second, far from it, and says so."""
+
+    def __init__(self, params: Params, context: Context) -> None:
+        super().__init__(params, context)
+        self.reset()
+
+    def reset(self) -> None:
+        super().reset()
+        self.steps = 0
+
+    def localize(self, given: LocalizerInput) -> PoseEstimate:
+        answer = super().localize(given)
+        self.steps += 1
+        if self.steps > 20:
+            return answer
+        pose = replace(answer.pose, x=answer.pose.x + 1.0)
+        return replace(answer, pose=pose, covariance=np.eye(3), state="searching", reason="global start")
+
+
 assert len(vars(ENTRIES)) >= 20
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.world import Box, World
-from navloom.messages import Message, OccupancyGrid, RangeScan, Sweep
+from navloom.messages import Message, OccupancyGrid, RangeScan, Sweep, Trajectory
 from navloom.plugins.registry import NODE
 from navloom.roles import ROLES, Context, Platform, SensorSpec
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
@@ -17,15 +17,14 @@ from navloom.roles.readings import NO_READINGS, Readings
 
 from navloom_check import builders, messages, scenes
 from navloom_check.checked_plugin import Subject
+from navloom_check.drive_streams import straight_way
 from navloom_check.messages import Place
 from navloom_check.node_player import node_inputs, sensor_kinds
 from navloom_check.role_inputs import role_inputs
-from navloom_check.samples import sample
+from navloom_check.samples import PERIOD, again, message_in_drive, odd_scans, sample, walk
 
-__all__ = ["PERIOD", "PlayedScene", "made_scenes", "walk"]
+__all__ = ["PERIOD", "PlayedScene", "made_scenes"]
 
-PERIOD = 0.05
-"""Control tick of every scene, s."""
 STEPS = 40
 SIGMA = 0.01
 """Standard deviation of the ranges in scenes, m."""
@@ -63,18 +62,6 @@ def made_scenes(subject: Subject, seed: int) -> tuple[PlayedScene, ...]:
     }  # fmt: skip
     maker = makers.get(subject.kind, _role if subject.kind in ROLES else None)
     return tuple(maker(_Maker(subject, seed))) if maker is not None else ()
-
-
-def walk(start: Place, speed: float, turn_rate: float, steps: int = STEPS) -> list[tuple[float, float, float]]:
-    """Poses of a robot that drives with a constant velocity (m/s, rad/s), one a tick."""
-    x, y, heading = (*start, 0.0)[:3]
-    poses = []
-    for _ in range(steps):
-        poses.append((x, y, math.remainder(heading, math.tau)))
-        middle = heading + 0.5 * turn_rate * PERIOD
-        x, y = x + speed * PERIOD * math.cos(middle), y + speed * PERIOD * math.sin(middle)
-        heading += turn_rate * PERIOD
-    return poses
 
 
 class _Maker:
@@ -115,40 +102,29 @@ class _Maker:
             return NO_READINGS
         return {kind.__name__.lower(): (sample(kind, self.rng, messages.ns(stamp)),) for kind in others}
 
-    def extra(self, stamp: float) -> Extras:
-        """Messages of its extra inputs; optional ones are missing at times."""
+    def extra(self, stamp: float, at: Place = (0.0, 0.0), followed: Trajectory | None = None) -> Extras:
+        """Messages of its extra inputs; optional ones are missing at times.
+
+        Args:
+            stamp: Run clock, s.
+            at: Pose of the robot.
+            followed: The trajectory; by default a line of 5 m along the x axis.
+        """
         declared, stamp_ns = extras_of(self.cls).values(), messages.ns(stamp)
         if not declared:
             return NO_EXTRAS
+        samples = (followed or messages.trajectory()).samples
         return Extras({
-            one: None if one.optional and self.rng.random() < 0.25 else sample(one.carries, self.rng, stamp_ns)
+            one: None
+            if one.optional and self.rng.random() < 0.25
+            else message_in_drive(one.carries, self.rng, stamp_ns, at, samples)
             for one in declared
         })  # fmt: skip
 
-    def more(self, stamp: float) -> dict[str, Any]:
+    def more(self, stamp: float, at: Place = (0.0, 0.0), target: Place | None = None) -> dict[str, Any]:
         """Readings and extra inputs, as arguments of the builders."""
-        return {"readings": self.readings(stamp), "extra": self.extra(stamp)}
-
-
-def _odd_scans() -> Iterator[tuple[str, str, tuple[RangeScan, ...]]]:
-    """Name, topic and scans of unusual readings, which real sensors give now and then."""
-    yield "no scan in this tick", "empty", ()
-    yield "a scan without beams", "empty", (messages.scan(np.empty(0)),)
-    yield "no beam has an echo", "infinite", (messages.scan(math.inf),)
-    yield "one beam without echo", "single_beam", (messages.scan(math.inf, beams=1),)
-    yield "one beam that reads 1 m", "single_beam", (messages.scan(1.0, beams=1),)
-    yield "one sonar that reads 1 m", "single_beam", (messages.scan(1.0, beams=1, half_angle=0.26, range_max=4.0),)
-    yield "every beam reads range_min", "nearest", (messages.scan(0.05),)
-    yield "every beam reads 0 m", "nearest", (messages.scan(0.0, range_min=0.0),)
-
-
-def _again(scans: Sequence[RangeScan], stamp: float) -> tuple[RangeScan, ...]:
-    """The same scans with a new stamp."""
-    return tuple(
-        RangeScan(messages.ns(stamp), scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges,
-                  scan.range_min, scan.range_max)
-        for scan in scans
-    )  # fmt: skip
+        way = None if target is None else Trajectory(1, straight_way((at[0], at[1]), (target[0], target[1])))
+        return {"readings": self.readings(stamp), "extra": self.extra(stamp, at, way)}
 
 
 def _avoider(maker: _Maker) -> Iterator[PlayedScene]:
@@ -160,32 +136,39 @@ def _avoider(maker: _Maker) -> Iterator[PlayedScene]:
         (scenes.door(1.2, 2.0, 0.6), (0.0, 0.0, 0.2), (4.0, 1.0), 0.0),
         (scenes.closed(), (0.0, 0.0, 0.0), (3.0, 0.0), 0.0),
         (scenes.room(), (-1.0, -0.5, 0.4), (5.0, 1.0), -0.2),
+        (scenes.open_floor(), (0.0, 0.0, 2.8), (4.0, 0.0), 0.5),
+        (scenes.wall_ahead(2.0), (0.0, 0.0, 0.0), (0.0, 3.0), 0.0),
     ]
-    for world, start, target, turn in ways:
-        is_still = world.name == "closed"
-        poses = walk(start, 0.0 if is_still else 0.25, turn)
+    for number, (world, start, target, turn) in enumerate(ways):
+        speed = 0.0 if world.name == "closed" else 0.25
+        name = world.name
+        if number > 6:
+            # After a recovery, a robot still rolls back, or its target is behind it.
+            speed, name = -0.15, f"{name}, rolling back, the target {'behind' if turn else 'beside'} it"
+        poses = walk(start, speed, turn)
         inputs = [
             builders.avoider_input(
-                *maker.scans(world, at, k * PERIOD), at=at, moving=(0.0 if is_still else 0.25, turn), target=target,
-                desired=(0.3, 0.2 * math.sin(0.3 * k)), remaining=1.0, stamp=k * PERIOD, **maker.more(k * PERIOD),
+                *maker.scans(world, at, k * PERIOD), at=at, moving=(speed, turn), target=target,
+                desired=(0.3, 0.2 * math.sin(0.3 * k)), remaining=1.0, stamp=k * PERIOD,
+                **maker.more(k * PERIOD, at, target),
             )
             for k, at in enumerate(poses)
         ]  # fmt: skip
-        yield PlayedScene(world.name, "usual", maker.context(start), tuple(inputs), world, True)
+        yield PlayedScene(name, "usual", maker.context(start), tuple(inputs), world, True)
     world = scenes.box(1.6, 0.1)
     inputs = [
         builders.avoider_input(
             *maker.scans(world, at, k * PERIOD), at=at, moving=(0.1, 0.0), target=(4.0, 0.5), desired=(0.1, 0.1),
-            remaining=1.0, stamp=k * PERIOD, **maker.more(k * PERIOD),
+            remaining=1.0, stamp=k * PERIOD, **maker.more(k * PERIOD, at, (4.0, 0.5)),
         )
         for k, at in enumerate(walk((0.0, 0.0), 0.1, 0.0))
     ]  # fmt: skip
     yield PlayedScene("a slow robot", "usual", maker.context(robot=SLOW), tuple(inputs), world, True)
     if not maker.takes_scans:
         return
-    for name, topic, scans in _odd_scans():
+    for name, topic, scans in odd_scans():
         inputs = [
-            builders.avoider_input(*_again(scans, k * PERIOD), stamp=k * PERIOD, **maker.more(k * PERIOD))
+            builders.avoider_input(*again(scans, k * PERIOD), stamp=k * PERIOD, **maker.more(k * PERIOD))
             for k in range(10)
         ]
         yield PlayedScene(name, topic, maker.context(), tuple(inputs))
@@ -201,10 +184,19 @@ def _controller(maker: _Maker) -> Iterator[PlayedScene]:
         ("a line", 0.0, 0.02, 0.03),
         ("an arc to the left", 0.5, -0.02, 0.0),
         ("an arc to the right", -0.5, 0.03, -0.03),
+        ("a bend to the left", 1.0, 0.0, 0.03),
+        ("a bend to the right", -1.0, 0.0, -0.03),
+        ("a tight bend to the left", 2.5, 0.01, 0.0),
+        ("a tight bend to the right", -2.5, -0.01, 0.0),
+        ("a line, rolling back", 0.0, 0.0, 0.03),
     ):
-        followed = messages.trajectory(curvature=curvature)
-        poses = walk((0.0, off, heading), 0.3, 0.3 * curvature, 60)
-        yield PlayedScene(name, "usual", maker.context(), tuple(_followed(maker, followed, poses)), is_gentle=True)
+        # Slower in bends, as the reference is: its turn rate stays within the robot's limit.
+        speed = min(0.3, 0.5 / max(abs(curvature), 1.0))
+        followed = messages.trajectory(curvature=curvature, speed=speed)
+        driven = -0.1 if "back" in name else speed
+        poses = walk((1.0 if driven < 0.0 else 0.0, off, heading), driven, driven * curvature, 60)
+        inputs = tuple(_followed(maker, followed, poses, driven))
+        yield PlayedScene(name, "usual", maker.context(), inputs, is_gentle=True)
     slowly = messages.trajectory(curvature=0.5, speed=0.1)
     given = tuple(_followed(maker, slowly, walk((0.0, 0.02, 0.0), 0.1, 0.05)))
     yield PlayedScene("a slow robot", "usual", maker.context(robot=SLOW), given, is_gentle=True)
@@ -213,32 +205,33 @@ def _controller(maker: _Maker) -> Iterator[PlayedScene]:
     yield PlayedScene("far beside a line", "usual", maker.context(), tuple(_followed(maker, followed, poses)))
     turns = tuple(
         builders.controller_input(at, trajectory=followed, progress=2.0, turn_to=0.15, stamp=k * PERIOD,
-                                  extra=maker.extra(k * PERIOD))
+                                  extra=maker.extra(k * PERIOD, at, followed))
         for k, at in enumerate(walk((2.0, 0.0, 0.0), 0.0, 0.1, 20))
     )  # fmt: skip
     yield PlayedScene("a small turn in place", "usual", maker.context(), turns, is_gentle=True)
     end = [(2.0, 0.0, 0.02 * k) for k in range(20)]
     inputs = tuple(
         builders.controller_input(at, trajectory=followed, progress=2.0, turn_to=1.0, stamp=k * PERIOD,
-                                  extra=maker.extra(k * PERIOD))
+                                  extra=maker.extra(k * PERIOD, at, followed))
         for k, at in enumerate(end)
     )  # fmt: skip
     yield PlayedScene("a turn in place at the end", "at_goal", maker.context(), inputs)
     for name, beyond in (("the end of a line", 0.0), ("beyond the end of a line", 0.1)):
         inputs = tuple(
             builders.controller_input((2.0 + beyond, 0.0, 0.0), trajectory=followed, progress=2.0, stamp=k * PERIOD,
-                                      extra=maker.extra(k * PERIOD))
+                                      extra=maker.extra(k * PERIOD, (2.0 + beyond, 0.0), followed))
             for k in range(5)
         )  # fmt: skip
         yield PlayedScene(name, "at_goal", maker.context(), inputs)
 
 
-def _followed(maker: _Maker, followed: Any, poses: Sequence[Place]) -> Iterator[Any]:
-    progress = 0.0
+def _followed(maker: _Maker, followed: Any, poses: Sequence[Place], speed: float = 0.3) -> Iterator[Any]:
+    progress = poses[0][0]
     for k, at in enumerate(poses):
         given = builders.controller_input(
-            at, (0.3, 0.0), trajectory=followed, progress=progress, stamp=k * PERIOD, extra=maker.extra(k * PERIOD)
-        )
+            at, (speed, 0.0), trajectory=followed, progress=progress, stamp=k * PERIOD,
+            extra=maker.extra(k * PERIOD, at, followed),
+        )  # fmt: skip
         progress = given.reference.progress
         yield given
 
@@ -287,19 +280,21 @@ def _one_cell(value: int) -> OccupancyGrid:
 
 def _mapper(maker: _Maker) -> Iterator[PlayedScene]:
     world = scenes.room()
-    poses = walk((0.0, 0.0, 0.3), 0.3, 0.2, 80)
-    inputs = []
-    for k, at in enumerate(poses[:STEPS]):  # the track is longer, since a sweep ends 1.25 s after its stamp
-        stamp = k * PERIOD
-        data: list[Any] = list(maker.scans(world, at, stamp)) if k % 2 == 0 else []
-        if maker.takes_sweeps and k % 10 == 0:
-            data.append(messages.sweep(world, at, request_id=k // 10 + 1, stamp=stamp))
+    for name, speed in (("a walk through a room", 0.3), ("a drive back through a room", -0.3)):
+        poses = walk((0.0, 0.0, 0.3), speed, 0.2, 80)
         track = messages.track(poses, [j * PERIOD for j in range(len(poses))])
-        inputs.append(builders.mapper_input(*data, track=track, clear=k == 30, stamp=stamp + 1.5, **maker.more(stamp)))
-    yield PlayedScene("a walk through a room", "usual", maker.context(world=world), tuple(inputs), world)
+        inputs = []
+        for k, at in enumerate(poses[:STEPS]):  # the track is longer, since a sweep ends 1.25 s after its stamp
+            stamp = k * PERIOD
+            data: list[Any] = list(maker.scans(world, at, stamp)) if k % 2 == 0 else []
+            if maker.takes_sweeps and k % 10 == 0:
+                data.append(messages.sweep(world, at, request_id=k // 10 + 1, stamp=stamp))
+            more = maker.more(stamp)
+            inputs.append(builders.mapper_input(*data, track=track, clear=k == 30, stamp=stamp + 1.5, **more))
+        yield PlayedScene(name, "usual", maker.context(world=world), tuple(inputs), world)
     if maker.takes_scans:
-        for name, topic, scans in _odd_scans():
-            given = (builders.mapper_input(*_again(scans, 0.1 * k), **maker.more(0.1 * k)) for k in range(4))
+        for name, topic, scans in odd_scans():
+            given = (builders.mapper_input(*again(scans, 0.1 * k), **maker.more(0.1 * k)) for k in range(4))
             yield PlayedScene(name, topic, maker.context(), tuple(given))
     if maker.takes_sweeps:
         odd = {
@@ -318,20 +313,22 @@ def _localizer(maker: _Maker) -> Iterator[PlayedScene]:
     world = scenes.room()
     known = messages.map_update(world)
     start = (0.5, 0.3, 0.2)
-    poses = walk(start, 0.3, 0.2, 60)
-    odometry = walk((0.0, 0.0, 0.0), 0.3 * 1.002, 0.2, 60)
-    inputs = tuple(
-        builders.localizer_input(
-            *maker.scans(world, at, k * PERIOD), odometry=dead, moving=(0.3, 0.2), map=known if k >= 5 else None,
-            stamp=k * PERIOD, **maker.more(k * PERIOD),
-        )
-        for k, (at, dead) in enumerate(zip(poses, odometry, strict=True))
-    )  # fmt: skip
-    yield PlayedScene("a walk through a room", "usual", maker.context(start, world), inputs, world)
+    for name, speed, turn in (
+        ("a walk through a room", 0.3, 0.2), ("a drive back through a room", -0.3, 0.2), ("turns in a room", 0.0, -0.8),
+    ):  # fmt: skip
+        poses, odometry = walk(start, speed, turn, 60), walk((0.0, 0.0, 0.0), speed * 1.002, turn, 60)
+        inputs = tuple(
+            builders.localizer_input(
+                *maker.scans(world, at, k * PERIOD), odometry=dead, moving=(speed, turn), map=known if k >= 5 else None,
+                stamp=k * PERIOD, **maker.more(k * PERIOD),
+            )
+            for k, (at, dead) in enumerate(zip(poses, odometry, strict=True))
+        )  # fmt: skip
+        yield PlayedScene(name, "usual", maker.context(start, world), inputs, world)
     if maker.takes_scans:
-        for name, topic, scans in _odd_scans():
+        for name, topic, scans in odd_scans():
             given = tuple(
-                builders.localizer_input(*_again(scans, k * PERIOD), map=known, stamp=k * PERIOD, **maker.more(0.0))
+                builders.localizer_input(*again(scans, k * PERIOD), map=known, stamp=k * PERIOD, **maker.more(0.0))
                 for k in range(10)
             )
             yield PlayedScene(name, topic, maker.context(start, world), given)
@@ -339,19 +336,23 @@ def _localizer(maker: _Maker) -> Iterator[PlayedScene]:
 
 def _recovery(maker: _Maker) -> Iterator[PlayedScene]:
     trail = walk((-1.5, 0.0, 0.0), 1.0, 0.0, 30)
-    for world in (scenes.wall_ahead(0.5), scenes.box(0.7), scenes.closed(), scenes.open_floor()):
+    for world, speed, turn in (
+        (scenes.wall_ahead(0.5), 0.0, 0.0), (scenes.box(0.7), 0.0, 0.0), (scenes.closed(), 0.0, 0.0),
+        (scenes.open_floor(), 0.0, 0.0), (scenes.wall_ahead(0.6), -0.1, 0.0), (scenes.open_floor(), 0.0, 0.5),
+    ):  # fmt: skip
         inputs = tuple(
             builders.recovery_input(
-                *maker.scans(world, (0.0, 0.0), k * PERIOD), starts=k in (0, 30), attempt=1 + (k >= 30), trail=trail,
-                stamp=k * PERIOD, **maker.more(k * PERIOD),
+                *maker.scans(world, at, k * PERIOD), at=at, moving=(speed, turn), starts=k in (0, 30),
+                attempt=1 + (k >= 30), trail=trail, stamp=k * PERIOD, **maker.more(k * PERIOD),
             )
-            for k in range(60)
+            for k, at in enumerate(walk((0.0, 0.0), speed, turn, 60))
         )  # fmt: skip
-        yield PlayedScene(world.name, "usual", maker.context(), inputs, world, True)
+        name = world.name + (", backing up" if speed else ", turning" if turn else "")
+        yield PlayedScene(name, "usual", maker.context(), inputs, world, True)
     if maker.takes_scans:
-        for name, topic, scans in _odd_scans():
+        for name, topic, scans in odd_scans():
             given = tuple(
-                builders.recovery_input(*_again(scans, k * PERIOD), starts=k == 0, stamp=k * PERIOD, **maker.more(0.0))
+                builders.recovery_input(*again(scans, k * PERIOD), starts=k == 0, stamp=k * PERIOD, **maker.more(0.0))
                 for k in range(5)
             )
             yield PlayedScene(name, topic, maker.context(), given)
@@ -364,7 +365,7 @@ def _platform(maker: _Maker) -> Iterator[PlayedScene]:
     specs = [SensorSpec(f"sensor{k}", kind) for k, kind in enumerate(cls.sensor_kinds) if _needs_nothing(cls, kind)]
     for name, sensors in (("a drive in a room", specs), ("a drive without sensors", [])):
         world = scenes.room()
-        commands = [(0.3, 0.2)] * 20 + [(0.0, -0.5)] * 10 + [(0.3, 0.0)] * 10
+        commands = [(0.3, 0.2)] * 20 + [(0.0, -0.5)] * 10 + [(0.3, 0.0)] * 10 + [(-0.2, 0.3)] * 10
         inputs = tuple(
             builders.platform_input(command, k * PERIOD, 1 if k == 3 else None)
             for k, command in enumerate([(0.0, 0.0), *commands])
@@ -383,7 +384,7 @@ def _node(maker: _Maker) -> Iterator[PlayedScene]:
         inputs = tuple(node_inputs(maker.cls, maker.seed, is_early=is_early))
         yield PlayedScene(name, topic, maker.context(), inputs)
     if RangeScan in sensor_kinds(maker.cls):
-        for name, topic, scans in _odd_scans():
+        for name, topic, scans in odd_scans():
             if scans:
                 inputs = tuple(node_inputs(maker.cls, maker.seed, scans=scans[0], steps=10))
                 yield PlayedScene(name, topic, maker.context(), inputs)

@@ -80,7 +80,7 @@ def scan(
         origin = np.full((count, 3), height)
         origin[:, :2] = transform(base_to_map, np.array([placed.x, placed.y]))
         angles = bearings + base.heading
-        ranges = cast(seen, origin, np.column_stack((np.cos(angles), np.sin(angles), np.zeros(count))))
+        ranges = cast(seen, origin, np.column_stack((np.cos(angles), np.sin(angles), np.zeros(count))), time=stamp)
         ranges = np.where(ranges >= range_max, math.inf, np.maximum(ranges, range_min))
     else:
         assert given is not None
@@ -133,7 +133,7 @@ def sweep(
         )
         ways = in_base.copy()
         ways[:, :2] = transform(np.array([0.0, 0.0, base.heading]), in_base[:, :2])
-        ranges = cast(seen, np.full((len(ways), 3), (base.x, base.y, height)), ways, floor=True)
+        ranges = cast(seen, np.full((len(ways), 3), (base.x, base.y, height)), ways, floor=True, time=stamp)
         ranges = np.where(ranges >= range_max, math.inf, np.maximum(ranges, range_min)).reshape(frames, beams)
     else:
         ranges = np.full((frames, beams), given) if given.ndim == 0 else given

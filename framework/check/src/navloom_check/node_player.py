@@ -12,15 +12,15 @@ from navloom.engine.nodes.node_base import Tick
 from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.open_loop_node import FedNode
 from navloom.engine.streams import PLAIN, sensor_port
-from navloom.messages import MapUpdate, Message, OccupancyGrid, Odometry, PoseEstimate, RangeScan, Sweep, Twist2D
+from navloom.messages import Message, RangeScan, Sweep
 from navloom.roles import Context
 
 from navloom_check import messages, scenes
 from navloom_check.checked_plugin import Subject
 from navloom_check.plugin_player import Player
-from navloom_check.samples import sample
+from navloom_check.samples import message_in_drive
 
-__all__ = ["NodeInput", "NodePlayer", "node_inputs", "sensor_kinds"]
+__all__ = ["NodeInput", "NodePlayer", "message_at", "node_inputs", "sensor_kinds"]
 
 PERIOD_NS = 50_000_000
 
@@ -114,28 +114,20 @@ def node_inputs(
         for given in spec.inputs:
             is_there = given.triggers or not is_early
             if given.reading == "latest":
-                read[given.name] = message_in_drive(given.source.carries, rng, number, scans) if is_there else None
+                read[given.name] = message_at(given.source.carries, rng, number, scans) if is_there else None
             else:
                 count = (1 + int(rng.integers(2)) if given.triggers else int(rng.integers(3))) if is_there else 0
-                read[given.name] = tuple(
-                    message_in_drive(given.source.carries, rng, number, scans) for _ in range(count)
-                )
+                read[given.name] = tuple(message_at(given.source.carries, rng, number, scans) for _ in range(count))
         yield NodeInput(tick, read)
 
 
-def message_in_drive(
-    kind: type[Message], rng: np.random.Generator, number: int, scans: RangeScan | None = None
-) -> Message:
-    """A message as in a drive, for the common classes of the framework; else a sample."""
+def message_at(kind: type[Message], rng: np.random.Generator, number: int, scans: RangeScan | None = None) -> Message:
+    """A message as in a drive; for range scans the given one, if there is one."""
     stamp, at = number * PERIOD_NS * 1e-9, (0.01 * number, 0.0, 0.0)
     if scans is not None and kind is RangeScan:
         return replace(scans, stamp_ns=number * PERIOD_NS)
-    made: dict[type[Message], Callable[[], Message]] = {
-        RangeScan: lambda: messages.scan(scenes.room(), at, stamp=stamp),
-        Sweep: lambda: messages.sweep(scenes.room(), at, stamp=stamp),
-        PoseEstimate: lambda: messages.estimate(at, (0.2, 0.0), stamp),
-        Odometry: lambda: Odometry(number * PERIOD_NS, messages.pose(at), Twist2D(0.2, 0.0, 0.0)),
-        MapUpdate: lambda: messages.map_update(scenes.room(), 0.1, stamp),
-        OccupancyGrid: lambda: scenes.grid(scenes.room(), 0.1),
-    }
-    return made[kind]() if kind in made else sample(kind, rng, number * PERIOD_NS)
+    if kind is RangeScan:
+        return messages.scan(scenes.room(), at, stamp=stamp)
+    if kind is Sweep:
+        return messages.sweep(scenes.room(), at, stamp=stamp)
+    return message_in_drive(kind, rng, number * PERIOD_NS, at, messages.trajectory().samples)

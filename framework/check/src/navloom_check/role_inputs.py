@@ -13,7 +13,7 @@ from navloom.roles import given_of
 from navloom.roles.extra import Extras
 from navloom.roles.readings import Readings
 
-from navloom_check.node_player import PERIOD_NS, message_in_drive
+from navloom_check.node_player import PERIOD_NS, message_at
 
 __all__ = ["role_inputs"]
 
@@ -50,11 +50,11 @@ def _value(name: str, kind: Any, rng: np.random.Generator, number: int, is_early
     if NoneType in parts:
         return None if is_early else _value(name, parts[0], rng, number, is_early, beside)
     if get_origin(kind) is tuple and isinstance(parts[0], type) and issubclass(parts[0], Message):
-        return () if is_early else (message_in_drive(parts[0], rng, number),)
+        return () if is_early else (message_at(parts[0], rng, number),)
     if name == "sensors":
         return ()
     if kind is int:
         return number * PERIOD_NS if name.endswith("_ns") else number
     if kind in (bool, float, str):
         return {bool: bool(rng.integers(2)), float: float(rng.uniform(0.1, 1.0)), str: "sample"}[kind]
-    return message_in_drive(kind, rng, number) if isinstance(kind, type) and issubclass(kind, Message) else MISSING
+    return message_at(kind, rng, number) if isinstance(kind, type) and issubclass(kind, Message) else MISSING

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 from navloom.config.tables import MapTable
-from navloom.geometry.frames import transform
+from navloom.geometry.frames import inverse, transform
 from navloom.geometry.grid import world_to_grid
-from navloom.geometry.world import Box, Cylinder, Obstacle, Place, World
+from navloom.geometry.solids import centre_at, is_present
+from navloom.geometry.world import Box, Cylinder, Obstacle, Place, Raster, World
 from navloom.messages import OccupancyGrid, Pose2D
 from numpy.typing import NDArray
 
@@ -94,26 +95,32 @@ def grid(world: World, resolution: float = RESOLUTION, height: float = 0.6) -> O
     return OccupancyGrid(drawn.cells, drawn.resolution, Pose2D(origin.x, origin.y, origin.heading))
 
 
-def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False) -> Floats:
-    """Distance along rays to the obstacles that a world has from the start.
+def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False, time: float = 0.0) -> Floats:
+    """Distance along rays to the obstacles of a world at a run time.
 
     Args:
-        world: Its boxes and cylinders count; a raster does not.
+        world: Its boxes and cylinders, moving ones too, and its raster; not what appears after a sweep.
         origins: (n, 3) where each ray starts, m, map frame, z above the floor.
         ways: (n, 3) unit directions, map frame.
         floor: The floor at z = 0 counts too.
+        time: Run time, s, at which obstacles have appeared and moved.
 
     Returns:
         (n,) m; +inf where a ray meets nothing.
     """
     best = np.full(len(ways), math.inf)
     for solid in world.obstacles:
+        if not is_present(solid, time, False):
+            continue
+        x, y = centre_at(solid, time)
         if isinstance(solid, Box):
-            enter, leave = _box_span(solid, origins, ways)
+            enter, leave = _box_span(solid, origins - (x, y, 0.0), ways)
         else:
-            enter, leave = _cylinder_span(solid, origins, ways)
+            enter, leave = _cylinder_span(solid, origins - (x, y, 0.0), ways)
         meets = (enter <= leave) & (leave > 0.0)
         best = np.where(meets, np.minimum(best, np.maximum(enter, 0.0)), best)
+    if world.raster is not None:
+        best = np.minimum(best, _to_raster(world.raster, origins, ways))
     if floor:
         with np.errstate(divide="ignore", invalid="ignore"):
             down = np.where(ways[:, 2] < 0.0, -origins[:, 2] / ways[:, 2], math.inf)
@@ -133,9 +140,9 @@ def _slab(low: float, high: float, start: Floats, way: Floats) -> tuple[Floats, 
 
 
 def _box_span(solid: Box, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
-    x, y = solid.centre
+    """Where rays enter and leave a box; the origins are seen from its centre."""
     turn = np.array([0.0, 0.0, -solid.yaw])
-    starts = transform(turn, origins[:, :2] - (x, y))
+    starts = transform(turn, origins[:, :2])
     turned = transform(turn, ways[:, :2])
     half_x, half_y = 0.5 * (solid.x[1] - solid.x[0]), 0.5 * (solid.y[1] - solid.y[0])
     spans = (
@@ -147,7 +154,8 @@ def _box_span(solid: Box, origins: Floats, ways: Floats) -> tuple[Floats, Floats
 
 
 def _cylinder_span(solid: Cylinder, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
-    to = origins[:, :2] - (solid.x, solid.y)
+    """Where rays enter and leave a cylinder; the origins are seen from its centre."""
+    to = origins[:, :2]
     a = (ways[:, :2] ** 2).sum(axis=1)
     b = (to * ways[:, :2]).sum(axis=1)
     root = b**2 - a * ((to**2).sum(axis=1) - solid.radius**2)
@@ -157,3 +165,35 @@ def _cylinder_span(solid: Cylinder, origins: Floats, ways: Floats) -> tuple[Floa
     low, high = _slab(*solid.z, origins[:, 2], ways[:, 2])
     enter, leave = np.where(meets, (-b - half) / a, math.inf), np.where(meets, (-b + half) / a, -math.inf)
     return np.maximum(low, enter), np.minimum(high, leave)
+
+
+def _to_raster(raster: Raster, origins: Floats, ways: Floats) -> Floats:
+    """Distance along rays to the occupied cells of a raster, m: from cell to cell (Amanatides and Woo 1987)."""
+    to_raster = inverse(np.array([raster.origin.x, raster.origin.y, raster.origin.heading]))
+    starts = transform(to_raster, origins[:, :2]) / raster.resolution
+    turned = transform(np.array([0.0, 0.0, to_raster[2]]), ways[:, :2]) / raster.resolution
+    rows, columns = raster.occupied.shape
+    spans = [_slab(0.0, float(n), starts[:, k], turned[:, k]) for k, n in enumerate((columns, rows))]
+    low, high = _slab(*raster.z, origins[:, 2], ways[:, 2])
+    at = np.maximum.reduce([spans[0][0], spans[1][0], low, np.zeros(len(ways))])
+    end = np.minimum.reduce([spans[0][1], spans[1][1], high])
+    found = np.full(len(ways), math.inf)
+    live = np.flatnonzero(at <= end)
+    # A little into the cell that begins here, so that rounding does not put the ray into the one before.
+    cells = np.floor(starts + (np.where(np.isfinite(at), at, 0.0) + 1e-9)[:, None] * turned)
+    step = np.sign(turned)
+    while len(live):
+        column, row = cells[live].astype(int).T
+        is_inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        live, row, column = live[is_inside], row[is_inside], column[is_inside]
+        is_hit = raster.occupied[row, column]
+        found[live[is_hit]] = at[live[is_hit]]
+        live = live[~is_hit]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = (cells[live] + (step[live] > 0.0) - starts[live]) / turned[live]
+        crossing[turned[live] == 0.0] = math.inf
+        axis = crossing.argmin(axis=1)
+        at[live] = crossing[np.arange(len(live)), axis]
+        cells[live, axis] += step[live, axis]
+        live = live[at[live] <= end[live]]
+    return found

@@ -29,6 +29,7 @@ from navloom.errors import NavloomError
 from navloom.messages import MessageError
 from navloom.messages.codec import CodecError
 from navloom.parent_process import die_with_parent
+from navloom.parts import MissingPartError
 
 from navloom_check.captured_output import PRINTED
 from navloom_check.check_bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
@@ -82,7 +83,7 @@ def main() -> None:
 
 def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject | None:
     """Load the plugin; if that fails, report it as a finding of the check `registers`."""
-    started = perf_counter()
+    started, missing = perf_counter(), ""
     try:
         PROCESS_STATE.note_before_import()
         with GUARD.importing():
@@ -98,18 +99,30 @@ def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject
         text, place = f"warm_up() raises {type(error).__name__}: {error}", subject.place
     except NavloomError as error:
         text, place = str(error), ""
+        missing = _missing_part(error)
     except (Exception, SystemExit) as error:
         text, place = f"warm_up() raises {type(error).__name__}: {error}", subject.place
     for name in checks:
         found = find_check(name)
         assert found is not None
-        if name == "registers":
+        if missing:
+            result = Result(name, found.tier, "not_run", reason=missing)
+        elif name == "registers":
             finding = Finding(text, "a plugin that can be loaded", place)
             result = Result(name, found.tier, "failed", (finding,), seconds=perf_counter() - started)
         else:
             result = Result(name, found.tier, "not_run", reason="it could not be loaded: see the check `registers`")
         tell({"result": result.to_json()})
     return None
+
+
+def _missing_part(error: BaseException | None) -> str:
+    """Which part of the framework a plugin cannot be imported without, and how it is installed; empty for none."""
+    while error is not None:
+        if isinstance(error, MissingPartError):
+            return str(error)
+        error = error.__cause__ or error.__context__
+    return ""
 
 
 def _run_checks(bench: Bench, checks: Iterable[Check], tell: Tell) -> None:
@@ -132,7 +145,7 @@ def _run(bench: Bench, check: Check) -> Result:
                 findings.append(one)
             else:
                 shown.append(one)
-    except NotRun as error:
+    except (NotRun, MissingPartError) as error:
         reason = str(error)
     except Fault as fault:
         findings.append(bench.finding(fault, f"in the check {check.name}"))

@@ -17,6 +17,7 @@ SOFT = Braking(robot(max_deceleration=0.5, motor_lag=0.1, dead_time=0.05, max_li
 """From 1 m/s it needs 0.2 m + 1 m, from 0.4 m/s 0.08 m + 0.16 m to stop."""
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    localizer_timeout=5.0,
     deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=SOFT,
 )  # fmt: skip
 FOLLOWS = Drive(1, 2, None, False)

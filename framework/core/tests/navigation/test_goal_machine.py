@@ -38,6 +38,7 @@ from navloom.testing import robot
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    localizer_timeout=5.0,
     deadline=60.0, scans_on_request=True, feedback_ticks=10, braking=Braking(robot(), 0.05),
 )  # fmt: skip
 STILL = Twist2D(0.0, 0.0, 0.0)

@@ -21,12 +21,13 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.navigation.braking import Braking
-from navloom.navigation.goal_machine import UNSURE, GoalMachine
+from navloom.navigation.goal_machine import GoalMachine
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.testing import robot
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    localizer_timeout=5.0,
     deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=Braking(robot(), 0.05),
 )  # fmt: skip
 MAP = MapUpdate(0, OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.0, 0.0, 0.0)), np.empty((0, 4)), ())
@@ -42,9 +43,9 @@ def seen(time: float, state: str = "tracking", x: float = 0.0, **more: object) -
     return replace(base, **more)  # type: ignore[arg-type]
 
 
-def driving() -> GoalMachine:
+def driving(rules: GoalRules = RULES) -> GoalMachine:
     """A state machine that follows path 1 to (4, 0), at 1 s."""
-    machine = GoalMachine(RULES)
+    machine = GoalMachine(rules)
     machine.submit(Goal(1, 4.0, 0.0, None, ()), seen(0.5))
     machine.step(seen(0.5))
     machine.step(seen(1.0, answer=Path(1, np.array([(0.0, 0.0), (4.0, 0.0)]), 4.0, None)))
@@ -82,11 +83,19 @@ def test_it_plans_again_from_its_place_once_the_localizer_is_sure() -> None:
 def test_it_ends_lost_with_the_reason_and_the_place_after_five_seconds() -> None:
     machine = driving()
     machine.step(seen(2.0, "searching", x=1.0))
-    assert results(machine.step(seen(2.0 + UNSURE, "lost", x=1.0))) == []
-    (result,) = results(machine.step(seen(2.05 + UNSURE, "lost", x=1.0)))
+    assert results(machine.step(seen(7.0, "lost", x=1.0))) == []
+    (result,) = results(machine.step(seen(7.05, "lost", x=1.0)))
     assert (result.outcome, result.place.x) == ("lost", 1.0)
     assert result.reason == f"the localizer has not been tracking for 5 s: {REASON}"
     assert machine.is_idle
+
+
+def test_how_long_it_waits_for_a_localizer_that_is_not_tracking_is_a_rule() -> None:
+    machine = driving(replace(RULES, localizer_timeout=20.0))
+    machine.step(seen(2.0, "searching", x=1.0))
+    assert results(machine.step(seen(22.0, "lost", x=1.0))) == []
+    (result,) = results(machine.step(seen(22.05, "lost", x=1.0)))
+    assert result.reason == f"the localizer has not been tracking for 20 s: {REASON}"
 
 
 def test_it_never_succeeds_while_the_localizer_is_unsure() -> None:

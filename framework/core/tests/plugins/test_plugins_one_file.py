@@ -253,3 +253,27 @@ def test_a_planner_that_fails_is_blamed_by_plan(
     words = ("plan", "empty", "--from", "0,0", "--to", "3,4", "--planner", "straight", "--plugin", str(file))
     code, _, err = in_process(*words)
     assert code == 2 and re.fullmatch(rf"navloom: planner straight failed: {said}\n", err), err
+
+
+def test_a_file_imports_a_module_beside_it_here_and_in_a_child_process(tmp_path: Path) -> None:
+    (tmp_path / "beside_it.py").write_text(AVOIDER, "utf-8")
+    file = tmp_path / "uses_beside.py"
+    file.write_text("from beside_it import Fast\n\n\nclass Faster(Fast):\n    name = 'faster'\n", "utf-8")
+    use_files([file])
+    # What it imports is not its own: only the class that the file defines is a plugin.
+    assert Discovery().plugin("avoider", "faster").speed == 0.5
+    assert "fast" not in Discovery().names("avoider")
+    code = "from navloom.plugins import Discovery; print(Discovery().plugin('avoider', 'faster').speed)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120.0, check=False)
+    assert done.stdout.strip() == "0.5", done.stderr
+
+
+def test_each_file_imports_the_module_of_its_own_folder(tmp_path: Path) -> None:
+    for number, name in enumerate(("one_folder", "other_folder")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "shared_name.py").write_text(f"{AVOIDER}\n\nSPEED = {number}\n", "utf-8")
+        text = f"from shared_name import SPEED, Base\n\n\nclass Own(Base):\n    name = '{name}'\n    speed = SPEED\n"
+        (tmp_path / name / f"plugin_of_{name}.py").write_text(text, "utf-8")
+    use_files([tmp_path / name / f"plugin_of_{name}.py" for name in ("one_folder", "other_folder")])
+    speeds = [Discovery().plugin("avoider", name).speed for name in ("one_folder", "other_folder")]
+    assert speeds == [0, 1]

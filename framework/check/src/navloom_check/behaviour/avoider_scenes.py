@@ -22,13 +22,15 @@ from navloom_check.behaviour.measurements import (
     robot_of,
     scan_from,
 )
-from navloom_check.behaviour.obstacle_scene import TWO_LASERS, Post, Scene, Wall
+from navloom_check.behaviour.obstacle_scene import ALL_ROUND, SONARS, TWO_LASERS, Post, Scene, Wall
 from navloom_check.behaviour.scene_drives import FinishedDrive, Pose, drive, estimate_at, towards
 
 __all__ = ["AVOIDERS", "place_in_map"]
 
 NEAR = 0.3
 """Distance from its target at which an avoider has reached it, m."""
+BESIDE = 1.2
+"""Distance of a wall from the way beside it, m."""
 SAME = 0.02
 """Greatest difference of two commands that should be equal, as a share of the robot's limits."""
 MOST_TURNS = 2.0 * math.tau
@@ -48,7 +50,8 @@ def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[fl
         stamp_ns, tuple(scan_from(scene, laser, pose, stamp_ns) for laser in scene.lasers),
         estimate_at(stamp_ns, pose, twist),
         Point2D(*scene.target), 0.5 * scene.width + 0.1, Twist2D(wanted[0], 0.0, wanted[1]), 0.0,
-        sensors=tuple(laser.name for laser in scene.lasers), extra=make.extra,
+        sensors=tuple(laser.name for laser in scene.lasers),
+        extra=make.extra(scene, stamp_ns, pose, twist, desired=wanted, corridor=0.5 * scene.width + 0.1),
     )  # fmt: skip
 
 
@@ -79,9 +82,17 @@ def _ended(done: FinishedDrive) -> str:
 
 
 def open_scene(seed: int) -> Scene:
-    """An open floor with a target 3 m away, in another direction for each seed."""
+    """An open floor with a target 3 m away, in another direction for each seed.
+
+    In the last four of twelve scenes, the robot has sonars alone, and the target is ahead, beside a wall.
+    """
+    if seed % 12 >= 8:
+        side = 1.0 if seed % 2 else -1.0
+        wall = Wall(-1.0, side * BESIDE, 4.0, side * BESIDE)
+        scene = Scene(Place(0.0, 0.0, side * (0.4, -0.4)[seed % 4 // 2]), (3.0, 0.0), walls=(wall,), lasers=SONARS)
+        return scene.moved(place_in_map(seed))
     # Both sides and behind: a method that is good at one side only must not pass by luck of the seed.
-    bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 8]
+    bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 12]
     place = place_in_map(seed)
     return Scene(Place(0.0, 0.0), (3.0 * math.cos(bearing), 3.0 * math.sin(bearing))).moved(place)
 
@@ -90,9 +101,10 @@ def blocked_scene(seed: int) -> Scene:
     """Obstacles between the robot and its target: a wall, a post, posts, a dead end, a wall beside the way.
 
     In every fourth scene the robot points away from its target; from the seventh on, it has two lasers, fore and aft.
-    In the last three of fifteen scenes, a small robot begins in front of a wall.
+    In three scenes, a small robot begins in front of a wall; in the last seven of 22, it has sonars alone.
     """
-    if seed % 15 >= 12:
+    number = seed % 22
+    if 12 <= number < 15:
         return near_scene(seed)
     stream = np.random.default_rng([seed, 1])
     side, off = float(stream.choice([-1.0, 1.0])), float(stream.uniform(-0.25, 0.25))
@@ -105,11 +117,15 @@ def blocked_scene(seed: int) -> Scene:
         replace(plain, walls=(Wall(-0.5, 0.8, 3.5, 0.8), Wall(-0.5, -0.8, 3.5, -0.8), Wall(3.5, -0.8, 3.5, 0.8))),
         replace(plain, walls=(Wall(1.5, side * -0.3, 1.5, side * 3.0),), posts=(Post(3.0, side * -1.0, 0.3),)),
         replace(plain, target=(3.0, side * 2.0), walls=(Wall(-1.0, side * 0.7, 6.0, side * 0.7),)),
+        # Seen from one side alone, as a mirror image or not at all on that side.
+        replace(plain, walls=(Wall(1.5, 0.1, 1.5, 3.0),)),
+        replace(plain, walls=(Wall(1.5, -0.1, 1.5, -3.0),)),
     )
-    scene = kinds[seed % len(kinds)]
+    scene = kinds[number % 7 if number < 20 else number - 13]
     if seed % 4 == 3:
         scene = replace(scene, start=Place(0.0, 0.0, side * 2.7))
-    return (scene if seed < 6 else replace(scene, lasers=TWO_LASERS)).moved(place_in_map(seed))
+    sensors = ALL_ROUND if number < 6 else TWO_LASERS if number < 12 else SONARS
+    return replace(scene, lasers=sensors).moved(place_in_map(seed))
 
 
 def near_scene(seed: int) -> Scene:
@@ -122,14 +138,20 @@ def near_scene(seed: int) -> Scene:
 
 
 def tight_scene(seed: int) -> Scene:
-    """Blocked scenes with long and wide robots, and a wall with a gap that is too narrow for the robot."""
+    """Blocked scenes with long and wide robots, and a wall with a gap that is too narrow for the robot.
+
+    In the last four of sixteen scenes, the robot has sonars alone.
+    """
     stream = np.random.default_rng([seed, 2])
     length, width = ((1.2, 0.4), (0.5, 1.0), (1.0, 0.8))[seed % 3]
+    sensors = SONARS if seed % 16 >= 12 else ()
     if seed % 2:
-        return replace(blocked_scene(seed // 2 % 12), length=length, width=width)
+        scene = blocked_scene(seed // 2 % 12)
+        return replace(scene, length=length, width=width, lasers=sensors or scene.lasers)
     half = 0.5 * width + float(stream.choice([-0.15, -0.05]))
     walls = (Wall(1.8, half, 1.8, 3.0), Wall(1.8, -3.0, 1.8, -half))
-    return Scene(Place(0.0, 0.0), (4.0, 0.0), walls=walls, length=length, width=width).moved(place_in_map(seed))
+    scene = Scene(Place(0.0, 0.0), (4.0, 0.0), walls=walls, length=length, width=width, lasers=sensors or ALL_ROUND)
+    return scene.moved(place_in_map(seed))
 
 
 def closed_scene(seed: int) -> Scene:
@@ -254,9 +276,9 @@ def mirror(make: Maker, scene: Scene) -> Measured:
 
 AVOIDERS = (
     Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and at most two full turns", open_scene,
-              reaches, 8),
-    Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 15),
-    Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 12),
+              reaches, 12),
+    Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 22),
+    Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 16),
     Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,
               stops_when_closed, 4, False),
     Behaviour("avoider", Claim.TRANSLATION, f"the same within {SAME:.0%} of the limits", look_scene, translation, 12),

@@ -75,7 +75,14 @@ def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Remark]:
         try:
             seen = measured(behaviour, make, scene, bench.subject)
         except Unfit as error:
-            raise NotRun(str(error)) from None
+            if claim not in claims_of(cls):
+                raise NotRun(str(error)) from None
+            # A claim that was not tested is no pass: it would hide what the plugin does.
+            expected = (
+                f"inputs that the scenes have, or disclaims = {{Claim.{claim.name}: REASON}} and a test of your own"
+            )
+            yield Finding(f"cannot be tested: {error}", expected, given="the class")
+            return
         except _Raised as error:
             yield Finding(str(error), "an answer in every scene", error.place, scene.words, _name(seed))
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from navloom.geometry.world import Place
@@ -69,10 +70,10 @@ class Referee:
     Args:
         samples: (n, 6) samples of the trajectory.
         turn_to: Heading to turn to at its end, rad; None for none.
-        extra: Extra inputs of the controller.
+        extra: Makes the extra inputs of the controller, from stamp, pose and twist.
     """
 
-    def __init__(self, samples: Floats, turn_to: float | None, extra: Extras) -> None:
+    def __init__(self, samples: Floats, turn_to: float | None, extra: Callable[..., Extras]) -> None:
         self.samples, self.turn_to, self.extra, self.progress = samples, turn_to, extra, 0.0
         self.trajectory, self.later = Trajectory(1, samples), Trajectory(2, samples)
         self.stops_here = False
@@ -89,7 +90,8 @@ class Referee:
             at.turn_rate, at.cross_track, Point2D(at.target_x, at.target_y), way_ahead(self.samples, at.progress, 1.0),
             0.4, self.turn_to if self.stops_here else None,
         )  # fmt: skip
-        return ControllerInput(stamp_ns, self.trajectory, reference, estimate_at(stamp_ns, pose, twist), self.extra)
+        extra = self.extra(stamp_ns, pose, twist, samples=self.samples)
+        return ControllerInput(stamp_ns, self.trajectory, reference, estimate_at(stamp_ns, pose, twist), extra)
 
 
 def follow(make: Maker, scene: Scene, turn: float) -> tuple[FinishedDrive, list[float], Referee]:
@@ -99,7 +101,7 @@ def follow(make: Maker, scene: Scene, turn: float) -> tuple[FinishedDrive, list[
         The drive, the cross-track error of each tick before the turn, m, and the referee.
     """
     samples = samples_of(scene)
-    referee = Referee(samples, math.remainder(float(samples[-1, 3]) + turn, math.tau), make.extra)
+    referee = Referee(samples, math.remainder(float(samples[-1, 3]) + turn, math.tau), partial(make.extra, scene))
     controller, beside = make(scene), list[float]()
     # Twice the time at the lower speed limit, and some for the turn.
     seconds = 2.0 * float(samples[-1, 0]) / 0.2 + 20.0
@@ -141,7 +143,7 @@ def settles(make: Maker, scene: Scene) -> Measured:
 
 
 def _answers(make: Maker, scene: Scene) -> tuple[float, float]:
-    referee = Referee(samples_of(scene), None, make.extra)
+    referee = Referee(samples_of(scene), None, partial(make.extra, scene))
     given = referee.given(0, (scene.start.x, scene.start.y, scene.start.heading), (0.2, 0.0))
     twist = make(scene).control(given).twist
     return twist.vx, twist.wz

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from navloom.engine.random_streams import stream_source
 from navloom.errors import NavloomError
+from navloom.geometry.frames import transform
 from navloom.geometry.world import World
-from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
-from navloom.roles import Context, RobotSpec, Role, SensorSpec
+from navloom.messages import MapUpdate, Message, OccupancyGrid, PlanRequest, Pose2D, RangeScan
+from navloom.roles import Context, PlannerInput, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
-from navloom.roles.extra import Extras, extras_of
+from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from numpy.typing import NDArray
 
-from navloom_check.behaviour.obstacle_scene import ALL_ROUND, Mount, Scene
+from navloom_check.behaviour.obstacle_scene import ALL_ROUND, Mount, Scene, grid_of
+from navloom_check.drive_streams import Moment, framework_message, nothing_of, straight_way
 
 __all__ = ["PERIOD", "PERIOD_NS", "Behaviour", "Line", "Maker", "Measured", "Unfit", "full_scan", "robot_of",
            "scan_from", "shrunk"]  # fmt: skip
@@ -27,10 +30,10 @@ Floats = NDArray[np.float64]
 PERIOD_NS = 50_000_000
 PERIOD = 1e-9 * PERIOD_NS
 """Control tick of the scenes, s."""
-BEAMS = 120
-"""Beams of the laser of the scenes: all round, symmetric to the robot's axis, none straight ahead."""
 REACH = 6.0
-"""Range of the laser of the scenes, m."""
+"""Range of the lasers of the scenes, m."""
+CONE_REACH, RAYS = 4.0, 15
+"""Range of the sonars of the scenes, m, and rays over the width of a cone."""
 TRIES = 60
 """Most scenes that are tried while a failing scene is reduced."""
 
@@ -89,17 +92,38 @@ class Maker:
     seed: int = 0
     period: float = PERIOD
 
-    @property
-    def extra(self) -> Extras:
-        """Its extra inputs before their first message.
+    def extra(
+        self,
+        scene: Scene,
+        stamp_ns: int,
+        pose: tuple[float, float, float],
+        twist: tuple[float, float] = (0.0, 0.0),
+        **given: Any,
+    ) -> Extras:
+        """Its extra inputs at a moment of a drive to the scene's target; `given` as the attributes of `Moment`.
 
         Raises:
-            Unfit: The plugin needs one of them to step.
+            Unfit: The plugin needs one that no scene has.
         """
-        extras = extras_of(self.cls)
-        if needed := [name for name, one in extras.items() if not one.optional]:
-            raise Unfit(f"it waits for extra inputs that no scene has: {', '.join(needed)}")
-        return Extras(dict.fromkeys(extras.values()))
+        declared = extras_of(self.cls)
+        if not declared:
+            return NO_EXTRAS
+        given.setdefault("samples", straight_way((scene.start.x, scene.start.y), scene.target))
+        now = Moment(stamp_ns, pose, twist, **{"grid": lambda: _grid_of(scene), **given})
+        held = {one: framework_message(one.carries, now) for one in declared.values()}
+        for one in declared.values():
+            if held[one] is None and not one.optional:
+                held[one] = nothing_of(one.carries, stamp_ns)
+        if missing := [f"{one.name} ({one.carries.__name__})" for one, held_one in held.items()
+                       if held_one is None and not one.optional]:  # fmt: skip
+            raise Unfit(f"it waits for extra inputs that no scene has: {', '.join(missing)}")
+        return Extras(held)
+
+    def asked(self, scene: Scene, request: PlanRequest, grid: OccupancyGrid, stamp_ns: int) -> PlannerInput:
+        """The input of a planner: a request, a map, and its extra inputs at the start of the request."""
+        start = (request.start.x, request.start.y, request.start.heading)
+        extra = self.extra(scene, stamp_ns, start, grid=lambda: grid)
+        return PlannerInput(request, MapUpdate(stamp_ns, grid, np.empty((0, 4)), ()), extra)
 
     def sees(self, kind: type[Message]) -> bool:
         """Whether the plugin takes sensor messages of a class."""
@@ -147,28 +171,50 @@ class Behaviour:
         return self.claim.value
 
 
+@lru_cache(maxsize=4)
+def _grid_of(scene: Scene) -> OccupancyGrid:
+    """The map of a scene, drawn once for all ticks of a drive."""
+    return grid_of(scene)
+
+
 def robot_of(scene: Scene) -> RobotSpec:
     """The robot of a scene."""
     return RobotSpec(scene.outline, 1.0, 0.05, 0.2, 0.5, 1.0, 0.5, 1.0)
 
 
-def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS) -> RangeScan:
+def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int) -> RangeScan:
     """Scan of a laser in the middle of the robot, which is at a pose: x, y, m, heading, rad, map frame."""
-    return scan_from(scene, ALL_ROUND[0], pose, stamp_ns, beams)
+    return scan_from(scene, ALL_ROUND[0], pose, stamp_ns)
 
 
-def scan_from(
-    scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS
-) -> RangeScan:
-    """Scan of a laser of a robot that is at a pose: x, y, m, heading, rad, map frame."""
-    count = max(1, round(beams * laser.half_field / math.pi))
+def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = 0) -> RangeScan:
+    """Scan of a laser or of a ring of sonars, of a robot that is at a pose.
+
+    Args:
+        scene: What it sees.
+        laser: The sensor.
+        pose: x, y, m, heading, rad, map frame.
+        stamp_ns: Run clock.
+        beams: Beams over a full turn; 0 for those of the sensor.
+    """
+    count = max(1, round((beams or laser.beams) * laser.half_field / math.pi))
     turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
     bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    place = (pose[0] + cos * laser.x - sin * laser.y, pose[1] + sin * laser.x + cos * laser.y)
-    ranges = scene.ranges(place, bearings + pose[2], REACH)
-    zeros, origins = np.zeros(count), np.tile((laser.x, laser.y), (count, 1))
-    return RangeScan(stamp_ns, origins, bearings, zeros, zeros, ranges, 0.02, REACH)
+    origins = np.stack([laser.x + laser.rim * np.cos(bearings), laser.y + laser.rim * np.sin(bearings)], axis=1)
+    places = transform(np.array(pose), origins)
+    if laser.half_angle:
+        spread = np.linspace(-laser.half_angle, laser.half_angle, RAYS)
+        ways = bearings[:, None] + spread + pose[2]
+        ranges = np.array([
+            scene.ranges((x, y), way, CONE_REACH).min() for (x, y), way in zip(places.tolist(), ways, strict=True)
+        ])  # fmt: skip
+        reach = CONE_REACH
+    else:
+        reach = REACH
+        ranges = scene.ranges((float(places[0, 0]), float(places[0, 1])), bearings + pose[2], reach)
+    return RangeScan(
+        stamp_ns, origins, bearings, np.full(count, laser.half_angle), np.zeros(count), ranges, 0.02, reach
+    )
 
 
 def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:

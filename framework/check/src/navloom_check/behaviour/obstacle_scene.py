@@ -10,11 +10,15 @@ import numpy as np
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Place
+from navloom.messages import OccupancyGrid, Pose2D
 from numpy.typing import NDArray
 
-__all__ = ["ALL_ROUND", "MAST", "TWO_LASERS", "Mount", "Post", "Scene", "Wall"]
+__all__ = ["ALL_ROUND", "CELL", "MAST", "SONARS", "TWO_LASERS", "Mount", "Post", "Scene", "Wall", "grid_of"]
 
 Floats = NDArray[np.float64]
+
+CELL = 0.05
+"""Edge of a cell of the maps, m."""
 
 FEW = 5
 """Most posts, and most walls, that the description of a scene lists."""
@@ -41,13 +45,26 @@ class Wall:
 
 @dataclass(frozen=True)
 class Mount:
-    """Where a laser is on the robot: m, base frame, the bearing of its middle beam and half its field of view, rad."""
+    """A laser, or a ring of sonars, on the robot.
+
+    Attributes:
+        name: Name of the sensor.
+        x, y: Its place, m, base frame; for a ring the middle.
+        middle: Bearing of its middle beam, rad.
+        half_field: Half its field of view, rad.
+        beams: Number of its beams over a full turn.
+        half_angle: Half the opening of a beam, rad; 0 for a laser.
+        rim: Radius of the ring on which its beams begin, m.
+    """
 
     name: str
     x: float
     y: float
     middle: float
     half_field: float
+    beams: int = 120
+    half_angle: float = 0.0
+    rim: float = 0.0
 
 
 ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
@@ -55,6 +72,8 @@ TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0
 """Two lasers, neither in the middle of the robot nor with a view all round."""
 MAST = (Mount("mast", -0.25, 0.15, 0.0, math.pi),)
 """One laser with a view all round, behind the middle of the robot and beside it."""
+SONARS = (Mount("sonars", 0.0, 0.0, 0.0, math.pi, 16, math.radians(15.0), 0.1),)
+"""A ring of sonars all round, whose cones overlap, and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +86,10 @@ class Scene:
         posts, walls: The obstacles.
         length, width: Size of the robot's footprint, m.
         way: Corners of a way to follow, m; empty if there is none.
-        lasers: Lasers on the robot.
+        lasers: Lasers on the robot, or its ring of sonars.
         map_heading: Heading of the raster of the map in the map frame, rad.
         has_earlier_map: A planner first gets a request on another map of the same size.
+        backs: The robot drives backwards.
         came: Distance that the robot drove straight ahead to its start, m; 0 where it does not matter.
     """
 
@@ -83,6 +103,7 @@ class Scene:
     lasers: tuple[Mount, ...] = ALL_ROUND
     map_heading: float = 0.0
     has_earlier_map: bool = False
+    backs: bool = False
     came: float = 0.0
 
     @property
@@ -100,9 +121,13 @@ class Scene:
         parts.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
         parts += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
         parts += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
+        if self.backs:
+            parts.append("driving backwards")
         if self.came:
             parts.append(f"after {self.came:g} m straight ahead")
-        if self.lasers is not ALL_ROUND:
+        if self.lasers is SONARS:
+            parts.append("a ring of 16 sonars")
+        elif self.lasers is not ALL_ROUND:
             parts.append("lasers at " + " and ".join(f"({laser.x:g}, {laser.y:g})" for laser in self.lasers))
         if self.map_heading:
             parts.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
@@ -199,6 +224,15 @@ class Scene:
         for w in self.walls:
             occupied |= _segment_field(x, y, w) <= 0.51 * resolution
         return occupied, (float(low[0]), float(low[1]))
+
+
+def grid_of(scene: Scene, place: Place | None = None) -> OccupancyGrid:
+    """The map of a scene; a place turns and moves it as a whole."""
+    occupied, (x, y) = scene.cells(CELL)
+    at = Place(0.0, 0.0) if place is None else place
+    left, low = transform(np.array([at.x, at.y, at.heading]), np.array([x, y])).tolist()
+    heading = math.remainder(at.heading, math.tau)
+    return OccupancyGrid(np.where(occupied, 100, 0).astype(np.int8), CELL, Pose2D(left, low, heading))
 
 
 def _at(x: float, y: float) -> str:

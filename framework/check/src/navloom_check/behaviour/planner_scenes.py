@@ -11,18 +11,15 @@ from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
 from navloom.geometry.frames import transform
 from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place, Raster, World
-from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
-from navloom.roles import PlannerInput
+from navloom.messages import OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles.claims import Claim
 from navloom_optimal.shortest_path import optimal_length
 
 from navloom_check.behaviour.measurements import Behaviour, Line, Maker, Measured, Unfit
-from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall
+from navloom_check.behaviour.obstacle_scene import CELL, Post, Scene, Wall, grid_of
 
 __all__ = ["PLANNERS"]
 
-CELL = 0.05
-"""Edge of a cell of the maps, m."""
 DIAGONAL = math.sqrt(2.0) * CELL
 ON_GRID = 1.0 / math.cos(math.pi / 8.0)
 """Greatest ratio of the shortest path on an eight-connected grid to the shortest any-angle path."""
@@ -32,15 +29,6 @@ SAME = 0.005
 """Greatest difference of two path lengths that should be equal, as a share."""
 
 
-def grid_of(scene: Scene, place: Place | None = None) -> OccupancyGrid:
-    """The map of a scene; a place turns and moves it as a whole."""
-    occupied, (x, y) = scene.cells(CELL)
-    at = Place(0.0, 0.0) if place is None else place
-    left, low = transform(np.array([at.x, at.y, at.heading]), np.array([x, y])).tolist()
-    heading = math.remainder(at.heading, math.tau)
-    return OccupancyGrid(np.where(occupied, 100, 0).astype(np.int8), CELL, Pose2D(left, low, heading))
-
-
 def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
     """Answer of a new planner to a request from the start of a scene to its target."""
     start = Pose2D(scene.start.x, scene.start.y, scene.start.heading)
@@ -48,11 +36,9 @@ def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
     if scene.has_earlier_map:
         other, flipped = scene.mirrored(), _flipped(grid)
         before = PlanRequest(1, Pose2D(other.start.x, other.start.y, 0.0), Pose2D(*other.target, 0.0))
-        planner.plan(PlannerInput(before, MapUpdate(0, flipped, np.empty((0, 4)), ()), make.extra))
+        planner.plan(make.asked(scene, before, flipped, 0))
     request = PlanRequest(2, start, Pose2D(*scene.target, 0.0))
-    answer: Path | PlanFailure = planner.plan(
-        PlannerInput(request, MapUpdate(1, grid, np.empty((0, 4)), ()), make.extra)
-    )
+    answer: Path | PlanFailure = planner.plan(make.asked(scene, request, grid, 1))
     return answer
 
 

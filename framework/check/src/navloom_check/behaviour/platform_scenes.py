@@ -107,7 +107,7 @@ def drive_recovery(make: Maker, scene: Scene) -> tuple[FinishedDrive, str]:
     recovery, start = make(scene), np.array([scene.start.x, scene.start.y, scene.start.heading])
     trail = compose(start, np.stack([np.linspace(-scene.came, 0.0, 25), np.zeros(25), np.zeros(25)], axis=1))
     attempt, is_first, state = 1, True, "running"
-    sees, extra = make.sees(RangeScan), make.extra
+    sees = make.sees(RangeScan)
 
     def step(stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> tuple[float, float] | str:
         nonlocal attempt, is_first, state
@@ -117,7 +117,7 @@ def drive_recovery(make: Maker, scene: Scene) -> tuple[FinishedDrive, str]:
             attempt, is_first = 2, True
         given = RecoveryInput(
             stamp_ns, (full_scan(scene, pose, stamp_ns),) * sees, estimate_at(stamp_ns, pose, twist), attempt,
-            "no progress", is_first, trail, sensors=("laser",) * sees, extra=extra,
+            "no progress", is_first, trail, sensors=("laser",) * sees, extra=make.extra(scene, stamp_ns, pose, twist),
         )  # fmt: skip
         answer = recovery.recover(given)
         is_first, state = False, answer.state

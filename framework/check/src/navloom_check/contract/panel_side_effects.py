@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +23,7 @@ from navloom_check.samples import sample
 from navloom_check.shifted_inputs import restamped
 from navloom_check.side_effects import GUARD
 
-__all__ = ["CHECKS"]
+__all__ = ["CHECKS", "viewer_parts"]
 
 DRAWINGS = 40
 """Drawings of the same message; a panel that keeps a short tail of what it drew stops growing earlier."""
@@ -32,8 +33,7 @@ DRAWINGS = 40
        "leaves logging to the viewer.")  # fmt: skip
 def panel_only_draws(bench: Bench) -> Iterator[Finding]:
     """The viewer logs what a panel yields, at the time and under the robot that belong to it."""
-    Seen = part("navloom_viewer.panels").Seen
-    facts = part("navloom_viewer.picture_setup")
+    Seen, facts = viewer_parts()
     panel = bench.subject.thing
     cls = next((schema for schema in SCHEMAS.values() if issubclass(schema, panel.message)), panel.message)
     robot = facts.Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
@@ -62,6 +62,19 @@ def panel_only_draws(bench: Bench) -> Iterator[Finding]:
             f"draws {sizes[0]} things for a message, and {sizes[-1]} for the same message after {DRAWINGS} drawings",
             "a drawing of the message alone: seen.track has the way that the robot drove", given=cls.__name__,
         )  # fmt: skip
+
+
+def viewer_parts() -> tuple[Any, Any]:
+    """`Seen` of the viewer, and the module of what a picture shows.
+
+    Raises:
+        NotRun: The viewer is not installed, without which a panel cannot draw.
+    """
+    try:
+        import_module("rerun")
+        return part("navloom_viewer.panels").Seen, part("navloom_viewer.picture_setup")
+    except ImportError:
+        raise NotRun("it draws with the viewer, which is not installed: pip install 'navloom[view]'") from None
 
 
 def _drawn(panel: Any, given: Message, seen: Any) -> int:

@@ -10,8 +10,7 @@ from navloom.geometry.cells import cells_at, has_cells
 from navloom.geometry.frames import inverse, transform
 from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place
-from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanRequest, Pose2D
-from navloom.roles import PlannerInput
+from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D
 from numpy.typing import NDArray
 
 from navloom_check.behaviour.measurements import Maker, Unfit
@@ -83,9 +82,10 @@ def _room(make: Maker, half: float, turns: int) -> tuple[float, float, float]:
     is_wall = ((np.abs(x) < CELL) & (y < 0.0)) | (np.maximum(np.abs(x), np.abs(y)) > SIDE - CELL)
     grid = OccupancyGrid(np.where(is_block | is_wall, 100, 0).astype(np.int8), CELL, Pose2D(-SIDE, -SIDE, 0.0))
     start, goal = np.round(transform(turn, np.array([[-ENDS, 0.0], [ENDS, 0.0]])), 9).tolist()
-    planner = make(Scene(Place(*start), tuple(goal)))
+    scene = Scene(Place(*start), tuple(goal))
+    planner = make(scene)
     request = PlanRequest(1, *(Pose2D(x, y, 0.0) for x, y in (start, goal)))
-    answer = planner.plan(PlannerInput(request, MapUpdate(0, grid, np.empty((0, 4)), ()), make.extra))
+    answer = planner.plan(make.asked(scene, request, grid, 0))
     if not isinstance(answer, Path):
         raise Unfit(f"it finds no path round a block of {2.0 * half:g} m: {answer.detail}")
     gap = _path_gap(transform(inverse(turn), answer.points), half)

@@ -9,8 +9,8 @@ from pathlib import PurePath
 import numpy as np
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Place
-from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
-from navloom.roles import InputError, PlannerInput
+from navloom.messages import OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
+from navloom.roles import InputError
 from numpy.typing import NDArray
 
 from navloom_check.behaviour.measurements import Maker, Unfit
@@ -77,12 +77,13 @@ def _line(bench: Bench, error: BaseException) -> str:
 
 def _answer(bench: Bench, grid: OccupancyGrid, start: Pose2D, goal: Pose2D) -> Path | PlanFailure:
     make = Maker(bench.subject.thing, bench.subject.params, bench.seed)
+    scene = Scene(Place(start.x, start.y), (goal.x, goal.y))
     with alike():
         try:
-            given = PlannerInput(PlanRequest(1, start, goal), MapUpdate(0, grid, np.empty((0, 4)), ()), make.extra)
+            given = make.asked(scene, PlanRequest(1, start, goal), grid, 0)
         except Unfit as error:
             raise NotRun(str(error)) from None
-        planner = make(Scene(Place(start.x, start.y), (goal.x, goal.y)))
+        planner = make(scene)
         with GUARD.within("plan", LIMIT):
             answer: Path | PlanFailure = planner.plan(given)
     return answer

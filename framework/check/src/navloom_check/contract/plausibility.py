@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 from navloom.geometry.cells import cells_at, has_cells, places_of
 from navloom.geometry.polylines import Polyline
-from navloom.messages import MapUpdate, Message, OccupancyGrid, Path, RangeScan
+from navloom.geometry.world import Place
+from navloom.messages import MapUpdate, Message, OccupancyGrid, Odometry, Path, Pose2D, RangeScan, Twist2D
 from navloom.plugins.registry import NODE
+from navloom.roles import LocalizerInput
 from numpy.typing import NDArray
 
+from navloom_check.behaviour.measurements import Maker, Unfit, full_scan
+from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall, grid_of
 from navloom_check.check_bench import Bench, alike
 from navloom_check.checks import check
-from navloom_check.findings import Finding
+from navloom_check.findings import Finding, NotRun
 
 __all__ = ["CHECKS"]
 
@@ -37,6 +41,16 @@ TICK_NS = 50_000_000
 UNITS = 500
 """A stamp that is this many times smaller than the run clock is not in ns."""
 FULL_TURN = math.tau + 1e-6
+TURNED_BY = (0.25 * math.pi, 0.5 * math.pi)
+"""Angles by which a drive is turned, rad."""
+DRIVE, TICK_WAY = 100, 0.02
+"""Ticks of that drive, and the way in each, m."""
+SAME_SHARE, SAME_RATIO = 0.4, 3.0
+"""Greatest difference of turned position covariances, as a share of the larger variance; ratio of heading variances."""
+LEAST_VARIANCE = 1e-8
+"""Variance below which differences do not matter, m² or rad²."""
+ROOM = (Wall(-3.0, -0.8, 3.0, -0.8), Wall(3.0, -0.8, 3.0, 1.4), Wall(3.0, 1.4, -3.0, 1.4), Wall(-3.0, 1.4, -3.0, -0.8))
+"""Walls of a long room, 6 m x 2.2 m, in which the place along it is less sure than that across."""
 
 
 def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
@@ -129,6 +143,59 @@ def covariance(bench: Bench) -> Iterator[Finding]:
         return
 
 
+@check(
+    "contract", {"localizer"}, "The covariance turns with the robot and its surroundings, x, y, heading in this order."
+)
+def covariance_turns(bench: Bench) -> Iterator[Finding]:
+    """A drive with exact odometry through a room, and the same drive with robot, room and raster turned in the map.
+
+    Turned by 45°, also a covariance whose x and y are swapped differs; turned by 90°, one whose heading is swapped.
+    """
+    bench.sound()
+    make = Maker(bench.subject.thing, bench.subject.params, bench.seed)
+    with alike():
+        try:
+            plain, *turned = (_last_covariance(make, angle) for angle in (0.0, *TURNED_BY))
+        except Unfit as error:
+            raise NotRun(str(error)) from None
+    scale = max(float(np.linalg.eigvalsh(plain[:2, :2]).max()), LEAST_VARIANCE)
+    for angle, found in zip(TURNED_BY, turned, strict=True):
+        turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        expected = turn @ plain[:2, :2] @ turn.T
+        off = float(np.abs(found[:2, :2] - expected).max()) / scale
+        heading, other = (max(float(one[2, 2]), LEAST_VARIANCE) for one in (plain, found))
+        if off > SAME_SHARE or not 1.0 / SAME_RATIO < other / heading < SAME_RATIO:
+            yield Finding(
+                f"gives the variances {_numbers(np.diag(plain))} at the end of a drive, and {_numbers(np.diag(found))} "
+                f"when all is turned by {math.degrees(angle):.0f}°",
+                f"x, y and heading of the map frame in this order, m², m², rad²: here {_numbers(np.diag(expected))} "
+                f"and {heading:.2g}", given="a drive through a room with exact odometry",
+            )  # fmt: skip
+            return
+
+
+def _last_covariance(make: Maker, angle: float) -> Floats:
+    """Covariance at the end of a straight drive of 2 m through a room that is turned by an angle, rad."""
+    scene = Scene(Place(-1.0, 0.3), (1.0, 0.3), (Post(0.5, 1.2, 0.2),), ROOM)
+    turned = scene.moved(Place(0.0, 0.0, angle))
+    localizer, grid = make(turned, map=grid_of(scene, Place(0.0, 0.0, angle))), grid_of(scene, Place(0.0, 0.0, angle))
+    known, heading = MapUpdate(0, grid, np.empty((0, 4)), ()), turned.start.heading
+    for tick in range(DRIVE):
+        way, stamp_ns = tick * TICK_WAY, tick * TICK_NS
+        pose = (turned.start.x + way * math.cos(heading), turned.start.y + way * math.sin(heading), heading)
+        speed = TICK_WAY / (1e-9 * TICK_NS)
+        odometry = Odometry(stamp_ns, Pose2D(way, 0.0, 0.0), Twist2D(speed, 0.0, 0.0))
+        scans = (full_scan(turned, pose, stamp_ns),) if make.sees(RangeScan) else ()
+        extra = make.extra(turned, stamp_ns, pose, (speed, 0.0), grid=lambda: grid)
+        answer = localizer.localize(LocalizerInput(odometry, scans, known, ("laser",) * len(scans), extra=extra))
+    found: Floats = answer.covariance
+    return found
+
+
+def _numbers(values: Floats) -> str:
+    return ", ".join(f"{value:.2g}" for value in values)
+
+
 @check("contract", {"platform"}, "Bearings and half angles of scans are in rad, ranges below range_max, and "
        "beams begin within 10 m of base.")  # fmt: skip
 def scan_geometry(bench: Bench) -> Iterator[Finding]:
@@ -207,4 +274,4 @@ def _stamps_of(answer: Any) -> Iterator[tuple[str, int]]:
         yield from _stamps_of(tuple(answer.values()))
 
 
-CHECKS = (path_length, traversable, covariance, scan_geometry, stamps)
+CHECKS = (path_length, traversable, covariance, covariance_turns, scan_geometry, stamps)

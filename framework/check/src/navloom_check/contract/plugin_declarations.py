@@ -28,12 +28,17 @@ __all__ = ["CHECKS", "fields_of", "has_unit", "models_of"]
 UNIT = re.compile(
     r"(?<![\w])(m|mm|cm|km|s|ms|ns|min|h|rad|deg|degrees?|°|Hz|kHz|kg|N|V|A|W|%|m/s|m/s\^2|m/s²|rad/s|rad/s²|1/s|1/m|"
     r"m²|m\^2|percent|cells?|metres?|seconds?|sectors?|beams?|scans?|steps?|ticks?|points?|counts?|iterations?|samples?|"
-    r"nodes?|times|frames?|bytes?|particles?)(?![\w])"
+    r"nodes?|times|frames?|bytes?|particles?|px|pixels?|dB|dBm|K|kelvin|°C|rad²|rad\^2|rad2|deg²|°²|s²|m³|m rad|Nm|"
+    r"N m|J|Pa|hPa|mV|mA|Ah|Wh|lx|rpm|bits?|mrad|µm|µs|us|revolutions?|pulses?)(?![\w])"
+    r"|[,(;:] 1(?=[.,;:)]|$)"
 )
 NO_UNIT = re.compile(
     r"\b(no unit|dimensionless|unitless|weights?|gains?|ratio|share|fraction|factor|probability|percent|number of|"
     r"how many|over nominal|multiple|exponent|power of|quantile|score|preference|times|per|threshold|density|damping|"
-    r"coefficient|divided by|cost|beams?|scans?|cells?|steps?|points?|samples?|particles?)\b",
+    r"coefficient|divided by|cost|beams?|scans?|cells?|steps?|points?|samples?|particles?|likelihood|confidence|"
+    r"odds|correlation|similarity|overlap|entropy|index|indices|efficiency|friction|albedo|reflectivity|contrast|"
+    r"(?:co)?sine|smoothing|forgetting|discount|momentum|penalty|reward|unit vectors?|normali[sz]ed|logarithm|count|"
+    r"rank|p-value|chi-squared?|standard deviations|sigmas?)\b",
     re.IGNORECASE,
 )
 

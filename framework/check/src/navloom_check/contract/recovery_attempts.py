@@ -59,7 +59,7 @@ def _attempt(recovery: Any, make: Maker, number: int, begin_ns: int, *, seed: in
     scene = stuck_scene(0).moved(place_in_map(seed))
     start = np.array([scene.start.x, scene.start.y, scene.start.heading])
     trail = compose(start, np.stack([np.linspace(-scene.came, 0.0, 25), np.zeros(25), np.zeros(25)], axis=1))
-    sees, extra, found = make.sees(RangeScan), make.extra, _Attempt()
+    sees, found = make.sees(RangeScan), _Attempt()
 
     def step(now_ns: int, pose: Pose, twist: tuple[float, float]) -> tuple[float, float] | str:
         for call in range(calls):
@@ -68,7 +68,8 @@ def _attempt(recovery: Any, make: Maker, number: int, begin_ns: int, *, seed: in
             stamp_ns = begin_ns + now_ns + call * (PERIOD_NS // calls)
             answer = recovery.recover(RecoveryInput(
                 stamp_ns, (full_scan(scene, pose, stamp_ns),) * sees, estimate_at(stamp_ns, pose, twist), number,
-                "no progress", found.steps == 0, trail, sensors=("laser",) * sees, extra=extra,
+                "no progress", found.steps == 0, trail, sensors=("laser",) * sees,
+                extra=make.extra(scene, stamp_ns, pose, twist),
             ))  # fmt: skip
             found.state, found.steps = answer.state, found.steps + 1
             found.most = max(found.most, abs(answer.twist.vx), abs(answer.twist.wz))
@@ -84,7 +85,7 @@ def _refuse_unfit(bench: Bench) -> Maker:
     bench.sound()
     make = Maker(bench.subject.thing, bench.subject.params, bench.seed)
     try:
-        make.extra  # noqa: B018  (it raises if the plugin waits for inputs that no scene has)
+        make.extra(stuck_scene(0), 0, (0.0, 0.0, 0.0))
     except Unfit as error:
         raise NotRun(str(error)) from None
     return make

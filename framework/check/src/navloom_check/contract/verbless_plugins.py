@@ -17,7 +17,6 @@ from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import SCHEMAS, Message, Pose2D, RangeScan
 from navloom.messages.codec import decode, encode, schema_label
-from navloom.parts import part
 from navloom.runs.episode_trail import Trail
 from navloom.runs.metrics import Metric, measure
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from navloom_check import messages
 from navloom_check.check_bench import Bench, alike
 from navloom_check.checks import check
+from navloom_check.contract.panel_side_effects import viewer_parts
 from navloom_check.findings import Finding, NotRun
 from navloom_check.plugin_player import NOWHERE, bytes_of
 from navloom_check.process_state import PROCESS_STATE
@@ -324,8 +324,7 @@ def viewer_imported_late(bench: Bench) -> Iterator[Finding]:
 )
 def panel_draws(bench: Bench) -> Iterator[Finding]:
     """It draws generated messages of its class."""
-    Seen = part("navloom_viewer.panels").Seen
-    facts = part("navloom_viewer.picture_setup")
+    Seen, facts = viewer_parts()
     panel = bench.subject.thing
     known = [cls for cls in SCHEMAS.values() if issubclass(cls, panel.message)]
     robot = facts.Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)

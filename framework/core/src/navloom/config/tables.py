@@ -261,6 +261,7 @@ class NavigationTable(Table):
     stuck_after: Positive = Field(default=15.0, description="time without progress, s")
     max_recoveries: int = Field(default=3, ge=0)
     map_timeout: Positive = Field(default=10.0, description="longest wait for a map, s")
+    localizer_timeout: Positive = Field(default=5.0, description="longest wait for a localizer that is not tracking, s")
     plan_timeout: Positive = Field(default=10.0, description="longest wait for a plan, s")
     replan_when_blocked: bool = Field(default=True, description="plan again when a new map blocks the trajectory")
     replan_period: float = Field(default=0.0, ge=0.0, description="interval of plans while driving, s; 0: none")

@@ -93,8 +93,8 @@ class _Door:
         """Refuse a stamp that is ahead of the run clock."""
         if stamp_ns > now_ns + STAMP_LEAD_NS:
             self.refuse(
-                f"gave {name} stamped {_seconds(stamp_ns)}",
-                f"run clock in ns, which is at {_seconds(now_ns)}; wall-clock time does not fit",
+                f"gave {name} stamped {_seconds(stamp_ns, now_ns)}",
+                f"run clock in ns, which is at {_seconds(now_ns, stamp_ns)}; wall-clock time does not fit",
             )
 
 
@@ -167,7 +167,10 @@ class PlatformDoor(_Door):
 
     def _refuse_stamp(self, name: str, stamp_ns: int, before_ns: int) -> NoReturn:
         self.check_ahead(name, stamp_ns, self._now_ns)
-        self.refuse(f"gave {name} stamped {_seconds(stamp_ns)}", f"{_seconds(before_ns)} or later, as the one before")
+        self.refuse(
+            f"gave {name} stamped {_seconds(stamp_ns, before_ns)}",
+            f"{_seconds(before_ns, stamp_ns)} or later, as the one before",
+        )
 
     def _check_scan(self, name: str, scan: Message) -> None:
         if name not in self._sensors:
@@ -209,7 +212,8 @@ class LocalizerDoor(_Door):
         # Poses are matched with scans by their stamps: a pose of another time would place them wrong without a sign.
         if answer.stamp_ns != stamp_ns:
             self.refuse(
-                f"gave a pose stamped {_seconds(answer.stamp_ns)}", f"the odometry's stamp, {_seconds(stamp_ns)}"
+                f"gave a pose stamped {_seconds(answer.stamp_ns, stamp_ns)}",
+                f"the odometry's stamp, {_seconds(stamp_ns, answer.stamp_ns)}",
             )
         variances = answer.covariance.diagonal().tolist()
         # Not the whole matrix: its eigenvalues would cost more than the step of a simple localizer.
@@ -238,8 +242,8 @@ class MapperDoor(_Door):
         # A mapper that was cleared restarts from older data.
         if answer.stamp_ns < self._newest - MAP_STEP_BACK_NS:
             self.refuse(
-                f"gave a map stamped {_seconds(answer.stamp_ns)}",
-                f"the stamp of its newest data, which was {_seconds(self._newest)} in the map before",
+                f"gave a map stamped {_seconds(answer.stamp_ns, self._newest)}",
+                f"the stamp of its newest data, which was {_seconds(self._newest, answer.stamp_ns)} in the map before",
             )
         self._newest = answer.stamp_ns
         if not answer.grid.cells.size:
@@ -331,5 +335,11 @@ def notes_of(node: object) -> list[str]:
     return found
 
 
-def _seconds(stamp_ns: int) -> str:
-    return f"{stamp_ns * 1e-9:.3f} s"
+def _seconds(stamp_ns: int, other_ns: int) -> str:
+    """A stamp as text, with as many digits as tell it from another one."""
+    text, other = (f"{ns / 1e9:.3f} s" for ns in (stamp_ns, other_ns))
+    if text != other or stamp_ns == other_ns:
+        return text
+    # In whole numbers: a float has too few digits for the nanoseconds of a wall clock.
+    sign = "-" if stamp_ns < 0 else ""
+    return f"{sign}{abs(stamp_ns) // 10**9}.{abs(stamp_ns) % 10**9:09} s"

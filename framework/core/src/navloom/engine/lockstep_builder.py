@@ -143,6 +143,7 @@ def goal_rules(system: System) -> GoalRules:
         stuck_after=rules.stuck_after,
         max_recoveries=rules.max_recoveries,
         map_timeout=rules.map_timeout,
+        localizer_timeout=rules.localizer_timeout,
         plan_timeout=rules.plan_timeout,
         deadline=system.time_limit,
         scans_on_request=system.scans_on_request,

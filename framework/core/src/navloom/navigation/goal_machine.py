@@ -33,8 +33,6 @@ __all__ = ["GoalMachine"]
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
 """How long a goal waits for a silent platform before it ends with an error, s."""
-UNSURE = 5.0
-"""How long a goal waits for a localizer that is not tracking before it ends lost, s."""
 SILENT_RECOVERY = 10.0
 """Longest silence of a recovery, s."""
 ASKS = 3
@@ -236,8 +234,8 @@ class GoalMachine:
         assert estimate is not None
         if estimate.state == "tracking" and estimate.stamp_ns >= self._placed_ns:
             self._need_map(seen)
-        elif seen.time - active.since > UNSURE:
-            why = f"the localizer has not been tracking for {UNSURE:g} s: {estimate.reason}"
+        elif seen.time - active.since > (longest := self.rules.localizer_timeout):
+            why = f"the localizer has not been tracking for {longest:g} s: {estimate.reason}"
             self._finish(GoalEnd("lost", "not_tracking", why.removesuffix(": ")), seen)
 
     def _replan(self, active: ActiveGoal, seen: GoalView) -> None:

@@ -32,6 +32,7 @@ class GoalRules:
         stuck_after: Time without progress before a recovery, s.
         max_recoveries: Most recoveries for one goal.
         map_timeout, plan_timeout: How long to wait for a map or a plan, s.
+        localizer_timeout: How long to wait for a localizer that is not tracking before the goal ends lost, s.
         deadline: Run time at which a goal times out, s; live, how long a goal may take, s.
         braking: How the robot comes to rest.
         is_live: The run has no end of its own, and messages can be lost.
@@ -46,6 +47,7 @@ class GoalRules:
     max_recoveries: int
     map_timeout: float
     plan_timeout: float
+    localizer_timeout: float
     deadline: float
     scans_on_request: bool
     feedback_ticks: int

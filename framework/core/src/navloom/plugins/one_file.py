@@ -152,7 +152,7 @@ def _imported(path: Path) -> ModuleType:
     # Before it runs, as importlib does: dataclasses look their module up.
     sys.modules[name] = module
     try:
-        with _bounded():
+        with _bounded(), _folder_on_path(path.parent):
             spec.loader.exec_module(module)
     except BaseException as error:
         # Half a module must not be found by the next import.
@@ -161,6 +161,22 @@ def _imported(path: Path) -> ModuleType:
             raise
         raise PluginError(f"--plugin {path}: the import fails: {raised_in(error, name)}") from error
     return module
+
+
+@contextmanager
+def _folder_on_path(folder: Path) -> Iterator[None]:
+    """Let a file import modules that lie beside it. Its folder comes last, so that it hides no installed module."""
+    others = {path.parent for path in _LOADED} - {folder}
+    for file in folder.glob("*.py"):
+        held = Path(getattr(sys.modules.get(file.stem), "__file__", None) or "")
+        # Two folders may each have a `helpers.py`: each plugin file gets its own.
+        if held.parent in others and held not in _LOADED:
+            del sys.modules[file.stem]
+    sys.path.append(str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
 
 
 @contextmanager

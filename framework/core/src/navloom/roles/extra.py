@@ -9,7 +9,7 @@ from typing import Any, Generic, Literal, TypeVar, overload
 
 from navloom.messages import Message
 
-__all__ = ["NO_EXTRAS", "Extra", "Extras", "extras_of"]
+__all__ = ["NO_EXTRAS", "Extra", "Extras", "MissingExtraError", "extras_of"]
 
 M = TypeVar("M", bound=Message)
 V = TypeVar("V")
@@ -51,6 +51,13 @@ class Extra(Generic[V]):
         return f"Extra {self.name!r} of {self.carries.__name__}"
 
 
+class MissingExtraError(KeyError):
+    """An extra input that a step does not have. Its text is a sentence, which KeyError itself would quote."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class Extras:
     """The extra inputs of one step, by their declarations.
 
@@ -65,7 +72,16 @@ class Extras:
 
     def __getitem__(self, extra: Extra[V]) -> V:
         """The newest message of an input. Raises KeyError for an input that this plugin does not declare."""
-        found: V = self._held[extra]  # type: ignore[assignment]  # the wiring gives it what it declares
+        try:
+            found: V = self._held[extra]  # type: ignore[assignment]  # the wiring gives it what it declares
+        except KeyError:
+            held = ", ".join(one.name for one in self._held) or "none"
+            name, message = extra.name or "name", extra.carries.__name__
+            raise MissingExtraError(
+                f"{extra!r} is not among the extra inputs of this step ({held}): declare it in the plugin's class, "
+                f"{name} = Extra({message}); a unit test gives it with the input, extra=extras({name}=(Plugin.{name}, "
+                "message)) of navloom.testing"
+            ) from None
         return found
 
 

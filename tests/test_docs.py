@@ -122,6 +122,12 @@ REST = {
     "sensor": '[[sensor]]\nname = "laser"\nkind = "laser_2d"\n',
 }
 """Tables that complete a fragment of a config, by name."""
+MAP = {
+    "map.pgm": b"P5\n80 80\n255\n" + bytes([254]) * 6400,
+    "map.yaml": b"image: map.pgm\nresolution: 0.05\norigin: [-2.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
+    b"free_thresh: 0.196\n",
+}
+"""The map that configs name, an empty floor of 4 m, by file name."""
 CONFIGS = [
     pytest.param(page, block, id=f"{page.stem}-{number}")
     for page in PAGES
@@ -142,6 +148,8 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
         points = tree["project"]["entry-points"]["navloom"]
         assert {name.partition(".")[0] for name in points} <= {*ROLES, *OTHERS}
         return
+    for name, data in MAP.items():
+        (tmp_path / name).write_bytes(data)
     config = tmp_path / "robot.toml"
     config.write_text(block + "\n" + "".join(text for key, text in REST.items() if key not in tree), "utf-8")
     options: list[str] = []

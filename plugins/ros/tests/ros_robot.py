@@ -32,21 +32,22 @@ class Robot:
         stamped: It takes TwistStamped.
         clock_ahead: Lead of its clock over that of this host, s.
         simulated: Its stamps are those of /clock, which starts at 0.
+        namespace: Of all its topics but /clock.
     """
 
-    def __init__(self, types, router, stamped=False, clock_ahead=123.0, simulated=False):
+    def __init__(self, types, router, stamped=False, clock_ahead=123.0, simulated=False, namespace="/"):
         self.pose, self.heard = np.zeros(3), []
         self.is_silent, self.touches = False, False
         self._ahead = -time.time() if simulated else clock_ahead
-        self._node = node = Node("base", router=router, types=types)
+        self._node = node = Node("base", router=router, types=types, namespace=namespace)
         self._kind = "geometry_msgs/msg/TwistStamped" if stamped else "geometry_msgs/msg/Twist"
-        self._commands = node.subscription("/cmd_vel", self._kind)
-        self._odometry = node.publisher("/odom", "nav_msgs/msg/Odometry")
-        self._scan = node.publisher("/scan", "sensor_msgs/msg/LaserScan", SENSOR)
-        self._sonar = node.publisher("/sonar", "sensor_msgs/msg/Range", SENSOR)
-        self._bumper = node.publisher("/bumper", "std_msgs/msg/Bool")
+        self._commands = node.subscription("cmd_vel", self._kind)
+        self._odometry = node.publisher("odom", "nav_msgs/msg/Odometry")
+        self._scan = node.publisher("scan", "sensor_msgs/msg/LaserScan", SENSOR)
+        self._sonar = node.publisher("sonar", "sensor_msgs/msg/Range", SENSOR)
+        self._bumper = node.publisher("bumper", "std_msgs/msg/Bool")
         self._clock = node.publisher("/clock", "rosgraph_msgs/msg/Clock", SENSOR) if simulated else None
-        static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", FIRST)
+        static = node.publisher("tf_static", "tf2_msgs/msg/TFMessage", FIRST)
         mounted = {"laser": MOUNT, "sonar": 0.2}
         base = {"frame_id": "base_link"}
         static.publish(

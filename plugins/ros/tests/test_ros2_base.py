@@ -27,7 +27,7 @@ PERIOD = 0.05
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 SENSORS = (
     SensorSpec("laser", "laser_scan", {}),
-    SensorSpec("sonars", "ranges", {"topics": ["/sonar"]}),
+    SensorSpec("sonars", "ranges", {"topics": ["sonar"]}),
 )
 
 
@@ -35,7 +35,7 @@ class Driven:
     """Steps a platform in ticks of the wall clock, as the live runner does."""
 
     def __init__(self, router, **params):
-        given = {"router": router, "distribution": "kilted", "base_timeout_s": 0.5, "contact_topic": "/bumper"} | params
+        given = {"router": router, "distribution": "kilted", "base_timeout_s": 0.5, "contact_topic": "bumper"} | params
         spec = RobotSpec(SQUARE, 0.5, 0.05, 0.2, 0.5, 1.0, 1.0, 1.0)
         context = Context("base", PERIOD, spec, np.random.default_rng, Pose2D(0.0, 0.0, 0.0), SENSORS)
         self.platform = Ros2Base(Ros2BaseParams.model_validate(given), context)
@@ -114,6 +114,23 @@ def test_it_receives_the_topics_of_its_config_and_nothing_else(driven, network):
     }
     assert {entity.name for entity in ours if entity.kind == "MP"} == {"/cmd_vel"}
     assert not [entity for entity in ours if entity.kind in ("SS", "SC")]
+
+
+def test_a_namespace_moves_every_topic_and_the_remedy_is_named_where_it_lacks():
+    with Router() as router, Robot(KILTED, router.endpoint, namespace="/tb1") as robot:
+        lost = Driven(router.endpoint)
+        text = "no node subscribes to /cmd_vel; /tb1/cmd_vel exists: set namespace or remap"
+        assert until(lambda: lost.tick() is None and lost.why == text, 20.0), lost.why
+        lost.platform.close()
+        one = Driven(router.endpoint, namespace="/tb1")
+        assert one.begin(), one.why
+        assert until(lambda: one.tick(0.2) and robot.heard[-1:] and robot.heard[-1][1] == 0.2, 5.0)
+        one.platform.close()
+
+
+def test_a_name_that_ros_does_not_allow_is_refused_with_the_config():
+    with pytest.raises(InputError, match="name '/tb-1'"):
+        Driven("tcp/127.0.0.1:1", namespace="tb-1")
 
 
 def test_the_guardian_stops_the_base_of_a_platform_that_freezes(driven, robot):

@@ -174,11 +174,11 @@ def mounted(bench, frame, **transform):
 def test_a_laser_that_cannot_be_used_is_a_reason(lasered, turned, values, why):
     if turned is not None:
         mounted(lasered, "laser", rotation=turned)
-    told = lasered.ticks(1.2, lambda: lasered.say("/scan", "sensor_msgs/msg/LaserScan", **(LIMITS | values)))
+    told = lasered.ticks(1.2, lambda: lasered.say("scan", "sensor_msgs/msg/LaserScan", **(LIMITS | values)))
     assert told.startswith("sensor laser: /scan: ") and why in told
     mounted(lasered, "laser")
     good = LIMITS | {"ranges": [1.0]}
-    assert "laser" in lasered.ticks(0.05, lambda: lasered.say("/scan", "sensor_msgs/msg/LaserScan", **good)).scans
+    assert "laser" in lasered.ticks(0.05, lambda: lasered.say("scan", "sensor_msgs/msg/LaserScan", **good)).scans
 
 
 @pytest.mark.parametrize("name", ros_garbler.SCANS)
@@ -192,21 +192,21 @@ def test_a_spoiled_scan_does_not_displace_a_good_one(lasered, name):
         sent_ns = lasered.now_ns + 7200 * SECOND  # the robot's clock is far ahead
         header = {"frame_id": "laser", "stamp": stamp(sent_ns)}
         good = types.new(kind, header=header, ranges=[1.0] * 300, **limits)
-        lasered.cable.hear("/scan", good, sent_ns, lasered.now_ns)
+        lasered.cable.hear("scan", good, sent_ns, lasered.now_ns)
         with suppress(MalformedMessage):
             spoiled = types.decode(kind, ros_garbler.SCANS[name](good))
-            lasered.cable.hear("/scan", spoiled, sent_ns, lasered.now_ns)
+            lasered.cable.hear("scan", spoiled, sent_ns, lasered.now_ns)
         scan = lasered.tick().scans["laser"]
         assert scan.stamp_ns == lasered.now_ns - 100 * SECOND
         assert scan.ranges.tolist() == [1.0] * 300 and scan.bearings[0] == pytest.approx(-3.0)
 
 
 def test_a_laser_that_never_came_is_a_reason_and_one_that_falls_silent_is_left_to_the_gate(lasered):
-    lasered.cable.silent["/scan"] = "no node publishes it"
+    lasered.cable.silent["scan"] = "no node publishes it"
     assert not lasered.ticks(0.9).scans
     assert lasered.ticks(0.3) == "sensor laser: /scan: no node publishes it"
     mounted(lasered, "laser")
-    lasered.say("/scan", "sensor_msgs/msg/LaserScan", **LIMITS, ranges=[1.0])
+    lasered.say("scan", "sensor_msgs/msg/LaserScan", **LIMITS, ranges=[1.0])
     assert lasered.tick().scans
     assert lasered.ticks(5.0).scans == {}
 
@@ -215,8 +215,8 @@ def test_invalid_scans_between_good_ones_do_not_stop_the_robot(lasered):
     mounted(lasered, "laser")
 
     def both():
-        lasered.say("/scan", "sensor_msgs/msg/LaserScan", **LIMITS, ranges=[1.0])
-        lasered.say("/scan", "sensor_msgs/msg/LaserScan", **(LIMITS | {"header": {"frame_id": "none"}}), ranges=[1.0])
+        lasered.say("scan", "sensor_msgs/msg/LaserScan", **LIMITS, ranges=[1.0])
+        lasered.say("scan", "sensor_msgs/msg/LaserScan", **(LIMITS | {"header": {"frame_id": "none"}}), ranges=[1.0])
 
     assert "laser" in lasered.ticks(3.0, both).scans
 
@@ -250,7 +250,7 @@ def test_a_scan_that_was_measured_before_the_last_one_is_left_out(lasered):
 
     def scan(seconds_old, ranges):
         header = {"frame_id": "laser", "stamp": stamp(lasered.now_ns - round(seconds_old * SECOND))}
-        lasered.say("/scan", "sensor_msgs/msg/LaserScan", **(LIMITS | {"header": header}), ranges=ranges)
+        lasered.say("scan", "sensor_msgs/msg/LaserScan", **(LIMITS | {"header": header}), ranges=ranges)
 
     scan(0.0, [1.0])
     scan(0.4, [2.0])

@@ -44,8 +44,19 @@ def test_the_config_of_a_turtlebot_fits(config, said):
     assert said("config", "check", config) == (0, "")
 
 
+def test_the_config_with_a_map_and_a_namespace_fits(config, said):
+    config.write_text(blocks("toml")[1], "utf-8")
+    config.with_name("map.pgm").write_bytes(b"P5\n80 80\n255\n" + bytes([254]) * 6400)
+    config.with_name("map.yaml").write_text(
+        "image: map.pgm\nresolution: 0.05\norigin: [-2.0, -2.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        "utf-8",
+    )
+    assert said("config", "check", config) == (0, "")
+
+
 def test_a_map_and_paths_of_ros_fit_into_it(config, said):
-    ours = re.sub(r"\[mapper\].*?(?=\[navigation\])", blocks("toml")[1], blocks("toml")[0], flags=re.DOTALL)
+    ours = re.sub(r"\[mapper\].*?(?=\[navigation\])", blocks("toml")[2], blocks("toml")[0], flags=re.DOTALL)
     config.write_text(ours, "utf-8")
     assert said("config", "check", config) == (0, "")
 
@@ -67,7 +78,9 @@ def test_a_base_without_a_timeout_is_refused_where_it_stands(config, said):
 def test_the_script_for_nav2_runs(capsys):
     scope = {}
     exec(blocks("python")[0], scope)
-    reached = SimpleNamespace(result=SimpleNamespace(outcome="succeeded", reason=""), cancel=lambda: None)
+    reached = SimpleNamespace(
+        result=SimpleNamespace(outcome="succeeded", reason="", code="reached"), cancel=lambda: None
+    )
     with Router() as router, Node("nav2", router=router.endpoint, types=Types("jazzy")) as node:
         goals = Goals(node, "map", (RuntimeError,), print)
         goals.robot = SimpleNamespace(go=lambda *place: reached)

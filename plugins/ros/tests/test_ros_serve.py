@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +13,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from live_rig import EMPTY, up
-from navloom import Navigator, NavloomError, Pose2D, PoseEstimate, Twist2D
+from navloom import GateStatus, MapUpdate, Navigator, NavloomError, OccupancyGrid, Pose2D, PoseEstimate, Twist2D
+from navloom.messages import StopReason
+from navloom_ros.actions import SUCCEEDED, ActionClient
 from navloom_ros.node import Node
+from navloom_ros.qos import LATCHED
 from navloom_ros.serving import adapter
 from ros_golden import KILTED
 from ros_network import Router, until
@@ -22,6 +26,7 @@ from ros_peer import Dora, arrow, environment
 sys.path.insert(0, str(Path(__file__).parent / "peers"))
 from describe import describe
 
+TO_POSE = "nav2_msgs/action/NavigateToPose"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 PEERS = environment()
 
@@ -31,34 +36,71 @@ def pose_at(x, y, heading, frame="map"):
     return {"header": {"frame_id": frame}, "pose": {"pose": {"position": {"x": x, "y": y}, "orientation": turned}}}
 
 
+ROOM = MapUpdate(0, OccupancyGrid(np.zeros((80, 100), np.int8), 0.1, Pose2D(-4.0, -4.0, 0.0)), np.empty((0, 4)), ())
+"""10 x 8 m."""
+
+
 class StandIn:
-    """In place of `Navigator`: a robot at the origin. Places at x > 100 m are refused."""
+    """In place of `Navigator`: a robot at the origin of a room."""
 
     def __init__(self, *_):
-        self.client = SimpleNamespace(keys=SimpleNamespace(prefix="lab/r1"), has_nodes=lambda: True)
-        self.places = []
+        platform = SimpleNamespace(role="platform", instance="main")
+        self.client = SimpleNamespace(
+            keys=SimpleNamespace(prefix="lab/r1"), has_nodes=lambda: True, describe=lambda: [platform]
+        )
+        self.places, self.driven, self.is_joined = [], None, False
 
     def __enter__(self):
+        self.is_joined = True
         return self
 
     def __exit__(self, *_):
-        pass
+        self.is_joined = False
 
     def listen(self, streams):
         estimate = PoseEstimate(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
-        return SimpleNamespace(take=lambda wait: [("localizer", "main", "pose", estimate, 0)])
+        told = [("localizer", "main", "pose", estimate, 0), ("mapper", "main", "map", ROOM, 0)]
+        return SimpleNamespace(take=lambda wait: told + [("gate", "main", "status", one, 0) for one in self.stopped])
+
+    stopped, platform, takes_pose, cleared = (), {}, True, 0
+
+    def get_parameters(self, role, instance):
+        return self.platform
 
     def place(self, x, y, heading):
-        if x > 100.0:
+        if not self.takes_pose:
             raise NavloomError("localizer main takes no pose")
         self.places.append((x, y, heading))
 
+    def go(self, x, y, heading=None, via=()):
+        self.driven = Driven(self, x)
+        return self.driven
+
+    def clear_map(self):
+        self.cleared += 1
+
+
+class Driven:
+    """A goal that a `StandIn` drives to; it ends when it is cancelled, and its feedback takes no time."""
+
+    def __init__(self, robot, x):
+        self.robot, self.x, self.result = robot, x, None
+        self.cancelled_while_joined = None
+
+    def updates(self, timeout):
+        time.sleep(0.001)
+        raise TimeoutError
+
+    def cancel(self):
+        self.cancelled_while_joined = self.robot.is_joined
+        self.result = SimpleNamespace(outcome="cancelled", reason="by the operator", code="by_operator")
+
 
 @contextmanager
-def served(network, take, publish=("pose",)):
+def served(network, take, publish=("pose",), namespace="", remap=None):
     """What `serve` says; it runs on a thread."""
     said, ending = [], threading.Event()
-    given = adapter.Serving(None, None, None, False, network.endpoint, 0, "", KILTED, publish, take)
+    given = adapter.Serving(None, None, None, False, network.endpoint, 0, namespace, KILTED, publish, take, remap or {})
     thread = threading.Thread(target=adapter.serve, args=(given, ending.is_set, said.append))
     thread.start()
     try:
@@ -82,18 +124,114 @@ def test_a_pose_estimate_of_rviz_is_set_on_the_robot(network, monkeypatch):
         estimates = rviz.publisher("initialpose", POSE)
         places = until(lambda: estimates.publish(**pose_at(1.0, 2.0, 0.5)) or robot.places)
         assert places[0] == (1.0, 2.0, pytest.approx(0.5))
-        estimates.publish(**pose_at(101.0, 0.0, 0.0))
+        robot.takes_pose = False
+        estimates.publish(**pose_at(3.0, 0.0, 0.0))
         assert until(lambda: said[1:]) == ["pose refused: localizer main takes no pose"]
+        robot.takes_pose, robot.places = True, []
+        estimates.publish(**pose_at(6.1, 0.0, 0.0))
+        outside = "pose refused: (6.1, 0) is outside the map, which covers 10 x 8 m from (-4, -4)"
+        assert until(lambda: said[2:]) == [outside] and robot.places == []
         assert said[0] == f"robot lab/r1 is served in domain 0 of {network.endpoint}"
+
+
+@pytest.mark.parametrize("is_click", [True, False])
+def test_the_goal_is_cancelled_while_the_robot_can_still_be_reached(network, monkeypatch, is_click):
+    robot = StandIn()
+    monkeypatch.setattr(adapter, "Navigator", lambda *_: robot)
+    with served(network, ["goals"]) as said, Node("rviz", router=network.endpoint, types=KILTED) as rviz:
+        there = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.0}}}
+        if is_click:
+            clicks = rviz.publisher("goal_pose", "geometry_msgs/msg/PoseStamped")
+            until(lambda: clicks.publish(**there) or robot.driven)
+        else:
+            client = ActionClient(rviz, "navigate_to_pose", TO_POSE)
+            assert client.wait(5.0) and until(lambda: client.send({"pose": there}).is_accepted)
+        assert until(lambda: robot.driven)
+    assert robot.driven.cancelled_while_joined
+    assert not any("not reached" in line for line in said)
+
+
+def test_a_namespace_moves_every_topic_and_action(network, monkeypatch):
+    monkeypatch.setattr(adapter, "Navigator", StandIn)
+    with (
+        served(network, ["goals", "pose"], ["pose", "tf", "diagnostics"], "/tb1", {"tf": "/tf"}),
+        Node("rviz", router=network.endpoint, types=KILTED) as rviz,
+    ):
+        assert rviz.wait_for(lambda graph: graph.find("/tf", ("MP",)), 5.0)
+        ours = {entity.name for entity in rviz.graph.entities if entity.node == "navloom_server" and entity.name}
+        assert {name for name in ours if not name.startswith("/tb1/")} == {"/tf"}
+        assert {"/tb1/goal_pose", "/tb1/initialpose", "/tb1/pose", "/tb1/navigate_to_pose/_action/status"} <= ours
+
+
+def test_nav2s_nodes_are_active_when_the_robot_can_be_driven(network, monkeypatch):
+    robot = StandIn()
+    monkeypatch.setattr(adapter, "Navigator", lambda *_: robot)
+    with Node("script", router=network.endpoint, types=KILTED) as script:
+        navigator, localizer = (
+            script.client(f"{name}/get_state", "lifecycle_msgs/srv/GetState") for name in ("bt_navigator", "amcl")
+        )
+        poses = script.subscription("amcl_pose", POSE, LATCHED)
+        with served(network, ["goals"]):
+            assert script.wait_for(lambda graph: graph.find("/amcl/get_state", ("SS",)), 5.0)
+            assert until(lambda: navigator.call().current_state.label == "active")
+            assert localizer.call().current_state.id == 3 and poses.take(5.0).message.header.frame_id == "map"
+            robot.stopped = [GateStatus("none", "", True, True, StopReason("operator"), ())]
+            assert until(lambda: navigator.call().current_state.label == "inactive")
+            assert localizer.call().current_state.label == "active"
+
+
+def test_a_simulated_robot_is_stamped_with_the_time_of_its_simulator(network, monkeypatch):
+    robot = StandIn()
+    robot.platform = {"simulated": True}
+    monkeypatch.setattr(adapter, "Navigator", lambda *_: robot)
+    with Node("rviz", router=network.endpoint, types=KILTED) as rviz:
+        poses = rviz.subscription("amcl_pose", POSE, LATCHED)
+        clock = rviz.publisher("/clock", "rosgraph_msgs/msg/Clock")
+        with served(network, ["goals"]):
+            assert rviz.wait_for(lambda graph: graph.find("/clock", ("MS",)), 5.0) and poses.take(0.3) is None
+            received = until(lambda: clock.publish(clock={"sec": 12, "nanosec": 5}) or poses.take(0.05))
+            assert (received.message.header.stamp.sec, received.message.header.stamp.nanosec) == (12, 5)
+            statuses = rviz.subscription("navigate_to_pose/_action/status", "action_msgs/msg/GoalStatusArray", LATCHED)
+            client = ActionClient(rviz, "navigate_to_pose", TO_POSE)
+            there = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.0}}}
+            assert client.wait(5.0) and until(lambda: client.send({"pose": there}).is_accepted)
+            accepted = until(lambda: (got := statuses.take(1.0)) and got.message.status_list)
+            assert accepted[0].goal_info.stamp.sec == 12
+
+
+def test_the_calls_of_nav2s_simple_commander_drive_three_goals(network, monkeypatch):
+    robot = StandIn()
+    monkeypatch.setattr(adapter, "Navigator", lambda *_: robot)
+    with (
+        served(network, ["goals", "pose"]),
+        Node("basic_navigator", router=network.endpoint, types=KILTED) as commander,
+    ):
+        poses = commander.subscription("amcl_pose", POSE, LATCHED)
+        initial = commander.publisher("initialpose", POSE)
+        client = ActionClient(commander, "navigate_to_pose", TO_POSE)
+        for name in ("amcl", "bt_navigator"):  # waitUntilNav2Active
+            state = commander.client(f"{name}/get_state", "lifecycle_msgs/srv/GetState")
+            assert commander.wait_for(lambda graph, name=name: graph.find(f"/{name}/get_state", ("SS",)), 5.0)
+            assert until(lambda state=state: state.call().current_state.label == "active")
+            assert until(lambda: initial.publish(**pose_at(1.0, 2.0, 0.5)) or (poses.take(0.1) and robot.places))
+        costmap = "global_costmap/clear_entirely_global_costmap"
+        commander.client(costmap, "nav2_msgs/srv/ClearEntireCostmap").call()  # clearGlobalCostmap
+        for x in (1.0, 2.0, 3.0):  # goToPose, isTaskComplete, getResult
+            assert client.wait(5.0)
+            sent = client.send({"pose": {"header": {"frame_id": "map"}, "pose": {"position": {"x": x}}}})
+            assert sent.is_accepted and until(lambda x=x: robot.driven and robot.driven.x == x)
+            robot.driven.result = SimpleNamespace(outcome="succeeded", reason="", code="reached")
+            assert sent.result(5.0).result(6.0).status == SUCCEEDED
+        assert robot.cleared == 1
 
 
 def test_without_take_nothing_is_taken_from_the_network(network, monkeypatch):
     monkeypatch.setattr(adapter, "Navigator", StandIn)
     with served(network, []), Node("rviz", router=network.endpoint, types=KILTED) as rviz:
-        assert rviz.wait_for(lambda graph: graph.find("/pose", ("MP",)), 5.0)
+        assert rviz.wait_for(lambda graph: graph.find("/amcl_pose", ("MP",)), 5.0)
         ours = [entity for entity in rviz.graph.entities if entity.node == "navloom_server"]
         assert {entity.name for entity in ours if entity.kind in ("MS", "SS", "SC")} == set()
-        assert {entity.name for entity in ours if entity.kind == "MP"} == {"/pose"}
+        assert {entity.name for entity in ours if entity.kind == "MP"} == {"/pose", "/amcl_pose"}
 
 
 def test_a_robot_that_is_down_is_an_error_in_the_diagnostics(network, monkeypatch):
@@ -112,7 +250,6 @@ def test_a_robot_that_is_down_is_an_error_in_the_diagnostics(network, monkeypatc
 # --- a live robot and dora-rs as its operator ------------------------------------------------------------------------
 
 
-TO_POSE = "nav2_msgs/action/NavigateToPose"
 NAVLOOM = str(Path(sys.executable).with_name("navloom"))
 
 

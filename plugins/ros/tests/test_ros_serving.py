@@ -3,93 +3,21 @@
 import sys
 import threading
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from navloom import AvoiderDiagnostics, AvoiderStatus, Point2D, Pose2D, PoseEstimate, Twist2D
-from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED, ActionClient
+from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED
 from navloom_ros.nav2.adapter import Nav2Handle, Nav2Navigator
 from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED
-from navloom_ros.serving.goals import THROUGH_POSES, TO_POSE, Goals
+from navloom_ros.serving.goals import THROUGH_POSES, TO_POSE
 from navloom_ros.serving.outlets import Outlets
 from navloom_ros.serving.poses import Poses
 from navloom_ros.translating import Translated, Translator
 from ros_golden import KILTED
-from ros_network import Router, until
-
-
-class Handle:
-    """A goal that the robot executes; the test ends it."""
-
-    def __init__(self):
-        self.result = None
-        self._news = threading.Event()
-
-    def updates(self, timeout):
-        if not self._news.wait(timeout):
-            raise TimeoutError
-        if self.result is None:
-            self._news.clear()
-            yield SimpleNamespace(time_left=2.5, recoveries=1, distance=1.25)
-
-    def tell(self):
-        self._news.set()
-
-    def end(self, outcome, reason=""):
-        self.result = SimpleNamespace(outcome=outcome, reason=reason)
-        self._news.set()
-
-    def cancel(self):
-        self.end("cancelled", "as asked")
-
-
-class Robot:
-    def __init__(self):
-        self.asked, self.handles = [], []
-
-    def go(self, x, y, heading=None, via=()):
-        if x > 100.0:
-            raise RuntimeError("rejected: outside the map")
-        self.asked.append((x, y, heading, list(via)))
-        self.handles.append(Handle())
-        return self.handles[-1]
-
-
-@pytest.fixture(scope="module")
-def network():
-    with Router() as router, Node("served", router=router.endpoint, types=KILTED) as served:
-        said = []
-        goals = Goals(served, "map", (RuntimeError,), said.append)
-        with Node("rviz", router=router.endpoint, types=KILTED) as rviz:
-            clients = {kind: ActionClient(rviz, name, kind) for name, kind in NAMES.items()}
-            assert all(client.wait(5.0) for client in clients.values())
-            yield SimpleNamespace(served=served, rviz=rviz, goals=goals, clients=clients, router=router, said=said)
-        goals.close()
-
-
-NAMES = {"navigate_to_pose": TO_POSE, "navigate_through_poses": THROUGH_POSES}
-
-
-@pytest.fixture
-def robot(network):
-    one = network.goals.robot = Robot()
-    network.goals.pose = (0.5, 0.0, 0.0)
-    network.said.clear()
-    yield one
-    for handle in one.handles:
-        handle.end("cancelled")
-    network.goals.robot = None
-
-
-def pose(x, y, heading=0.0, frame="map"):
-    orientation = {"z": np.sin(heading / 2), "w": np.cos(heading / 2)}
-    return {"header": {"frame_id": frame}, "pose": {"position": {"x": x, "y": y}, "orientation": orientation}}
-
-
-def ended(sent):
-    return sent.result(5.0).result(6.0)
+from ros_network import until
+from ros_served import ended, pose, served_network, served_robot  # noqa: F401
 
 
 def test_a_goal_is_driven_told_of_and_reached(network, robot):
@@ -118,6 +46,13 @@ def test_poses_to_pass_are_passed(network, robot):
     assert ended(sent).status == SUCCEEDED
 
 
+def test_before_there_is_a_path_the_distance_is_the_straight_one(network, robot):
+    heard = []
+    network.clients[TO_POSE].send({"pose": pose(3.5, 4.0)}, heard.append)
+    until(lambda: robot.handles)[0].tell(0.0)
+    assert until(lambda: heard)[0].distance_remaining == 5.0  # from 0.5, 0
+
+
 @pytest.mark.parametrize(("x", "why"), [(3.0, "no_path: a wall"), (101.0, "rejected: outside the map")])
 def test_a_goal_that_is_not_reached_says_why(network, robot, x, why):
     sent = network.clients[TO_POSE].send({"pose": pose(x, 0.0)})
@@ -140,6 +75,7 @@ def test_a_newer_goal_takes_over(network, robot):
     second = network.clients[TO_POSE].send({"pose": pose(1.0, 0.0)})
     done = ended(first)
     assert done.status == ABORTED and done.result.error_msg == "pre-empted by a newer goal"
+    assert done.result.error_code == 0
     assert until(lambda: len(robot.handles) == 2)
     robot.handles[1].end("succeeded")
     assert ended(second).status == SUCCEEDED

@@ -346,6 +346,13 @@ def rows(bus: BusInWords) -> dict[str, str]:
     return dict(status_rows("lab/r1", listing(asked), last_words(asked), changed_parameters(asked)))
 
 
+def test_status_says_why_the_platform_cannot_be_driven() -> None:
+    failing = {"faulted": 3, "fault": "RosError: /odom has no message yet"}
+    assert rows(BusInWords(everyone(platform=failing)))["platform"] == (
+        "cannot be driven: RosError: /odom has no message yet"
+    )
+
+
 def test_status_of_a_robot_that_drives() -> None:
     last = {
         "goal/main/feedback": Feedback(3, "driving", 1.5, 4.0, -0.012, 2),

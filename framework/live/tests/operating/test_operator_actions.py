@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from navloom_live.live.description import Description
-from navloom_live.live.requests import Placed
+from navloom_live.live.requests import Placed, Planned
 from navloom_live.live.service import Service
 from navloom_live.operating import operator_actions
 from navloom_live.operating.client import ClientError, Refused
@@ -78,3 +78,22 @@ def test_a_pose_that_is_not_finite_is_refused_before_anything_is_asked(wrong: fl
 def test_without_an_active_localizer_it_says_so() -> None:
     with pytest.raises(ClientError, match="no localizer answers"):
         place(Robot(("odometry", False)))
+
+
+def test_the_active_planner_plans_and_the_active_mapper_clears() -> None:
+    asked: list[tuple[Any, ...]] = []
+
+    class Two(Robot):
+        def describe(self) -> list[Description]:
+            roles = [(role, name, name == "b") for role in ("planner", "mapper") for name in ("a", "b")]
+            return [described(role, name, active=active) for role, name, active in roles]
+
+        def call(self, role: str, instance: str, service: Service[Any, Any], given: Any) -> Any:
+            asked.append((role, instance, service.name, *vars(given).values()))
+            return Planned(((0.0, 0.0), (1.0, 0.0)))
+
+    robot = Two()
+    found = operator_actions.plan(robot, (0.0, 0.0, 0.0), (1.0, 0.0, 0.5))  # type: ignore[arg-type]
+    operator_actions.clear_map(robot)  # type: ignore[arg-type]
+    assert found.points == ((0.0, 0.0), (1.0, 0.0))
+    assert asked == [("planner", "b", "plan", (0.0, 0.0, 0.0), (1.0, 0.0, 0.5)), ("mapper", "b", "clear")]

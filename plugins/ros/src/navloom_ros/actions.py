@@ -16,7 +16,6 @@ from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED, Qos
 from navloom_ros.services import Call
 from navloom_ros.times import ns_of, time_of
-from navloom_ros.wire import epoch_ns
 
 __all__ = [
     "ABORTED",
@@ -54,14 +53,14 @@ class Goal:
         identity: Its UUID, 16 bytes.
         request: The goal itself, a message of the type `…_Goal`.
         state: ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED or ABORTED.
-        accepted_ns: When it was accepted, ns since the epoch.
+        accepted_ns: When it was accepted, ns, on the clock of the node.
     """
 
     def __init__(self, server: ActionServer, identity: bytes, request: Any) -> None:
         self.identity = identity
         self.request = request
         self.state = ACCEPTED
-        self.accepted_ns = epoch_ns()
+        self.accepted_ns = server.now_ns()
         self._server = server
         self._waiting: list[Call] = []
         self._result: Any = None
@@ -134,6 +133,7 @@ class ActionServer:
         cancel: Callable[[Goal], bool] = lambda goal: True,
     ) -> None:
         self._types = node.types
+        self.now_ns = node.now_ns
         self._type = type_name
         self._start, self._accept, self._cancel = start, accept, cancel
         self._goals: OrderedDict[bytes, Goal] = OrderedDict()

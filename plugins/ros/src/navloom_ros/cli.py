@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -21,7 +22,7 @@ from navloom_ros.errors import BadDefinition, BadName, RosError, UnknownType
 from navloom_ros.graph import Graph, Listed
 from navloom_ros.hashing import NOT_HASHED
 from navloom_ros.message_types import DISTRIBUTIONS, Types
-from navloom_ros.names import full_name
+from navloom_ros.names import full_name, remapping
 from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT
 from navloom_ros.serving.outlets import PUBLISHED, STREAMS
@@ -138,8 +139,12 @@ def serve(
     router: Router = ROUTER,
     domain: Domain = 0,
     namespace: Annotated[
-        str, typer.Option(metavar="NAME", help="Namespace of the topics and actions, as /robot1.")
+        str, typer.Option(metavar="NAME", help="Namespace of all topics, services and actions, as /robot1.")
     ] = "/",
+    remap: Annotated[
+        list[str] | None,
+        typer.Option("--remap", metavar="OLD:=NEW", help="Another name for a topic, service or action; may repeat."),
+    ] = None,
     publish: Annotated[
         str, typer.Option(metavar="LIST", help=f"What to publish: some of {','.join(STREAMS)}.")
     ] = ",".join(PUBLISHED),
@@ -157,13 +162,17 @@ def serve(
     from navloom_ros.serving.adapter import TAKEN, Serving
     from navloom_ros.serving.adapter import serve as serve_robot
 
-    # A service manager ends it like Ctrl-C, in order.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # No exception in the middle of something: the goal is to be cancelled while the robot can still be reached.
+    ending = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: ending.set())
     with _refusals():
         wanted, taken = _listed(publish, "--publish", tuple(STREAMS)), _listed(take, "--take", TAKEN)
         reached = which.robot, which.connect, which.keys, which.insecure
-        served = Serving(*reached, router, domain, namespace, Types(distribution), wanted, taken)
-        serve_robot(served, lambda: False, lambda text: typer.echo(f"navloom ros: {text}", err=True))
+        served = Serving(
+            *reached, router, domain, namespace, Types(distribution), wanted, taken, remapping(remap or [])
+        )
+        serve_robot(served, ending.is_set, lambda text: typer.echo(f"navloom ros: {text}", err=True))
 
 
 def _listed(text: str, option: str, known: tuple[str, ...]) -> list[str]:

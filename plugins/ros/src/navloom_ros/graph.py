@@ -12,6 +12,8 @@ __all__ = ["ACTION_PART", "Graph", "Listed"]
 
 MOST_ENTITIES = 20_000
 """Most entities that are stored, so that a flood of tokens cannot fill the memory."""
+MOST_ALIKE = 3
+"""Most topics that `Graph.alike` names."""
 ACTION_PART = "/_action/"
 """Part of the name of every topic and service that an action consists of."""
 
@@ -74,6 +76,13 @@ class Graph:
     def find(self, name: str, kinds: Iterable[str]) -> list[Entity]:
         """Endpoints with a full name, of some kinds (keys of `tokens.KINDS`)."""
         return [entity for entity in self.entities if entity.name == name and entity.kind in kinds]
+
+    def alike(self, name: str, kind: str) -> str:
+        """Advice that names other topics with the same last part and endpoints of a kind; empty without any."""
+        last = name.rpartition("/")[2]
+        others = {one.name for one in self.entities if one.kind == kind and one.name.rpartition("/")[2] == last}
+        found = sorted(others - {name})[:MOST_ALIKE]
+        return f"; {' and '.join(found)} exist{'s' * (len(found) == 1)}: set namespace or remap" if found else ""
 
     def nodes(self) -> list[str]:
         """Full names of the nodes, sorted and distinct."""

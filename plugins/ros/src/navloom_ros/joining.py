@@ -13,6 +13,7 @@ from pathlib import Path
 
 from navloom_ros.errors import RosError
 from navloom_ros.message_types import Types
+from navloom_ros.names import check_namespace, full_name
 from navloom_ros.node import Node
 
 __all__ = ["Joining", "Network"]
@@ -38,6 +39,10 @@ class Network:
     def types(self) -> Types:
         """Types of the distribution and of the folders. Raises RosError."""
         return Types(self.distribution, self.folders)
+
+    def full_name(self, name: str) -> str:
+        """The full name of a topic after namespace and remapping. Raises BadName if ROS does not allow it."""
+        return full_name(name, check_namespace(self.namespace), self.node, self.remap)
 
     def join(self, types: Types, name: str = "") -> Node:
         """A new node on the network; `name` replaces the default one. Raises RosError."""

@@ -13,6 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
@@ -102,6 +103,11 @@ class Types:
         """Names and descriptors of a type's fields, as in `rosbags`. Raises UnknownType."""
         self._require(name)
         return list(self._store.fielddefs[name][1])
+
+    def element(self, name: str, field: str) -> str:
+        """The type of the messages in an array field of a type; empty for an array of numbers or text."""
+        _, (inner, _) = dict(self.fields(name))[field]
+        return str(inner[1]) if inner[0] == Nodetype.NAME else ""
 
     def hash_of(self, name: str) -> str:
         """Type hash of a message, service or action, as in keys on the wire; Humble has none."""

@@ -20,7 +20,7 @@ from navloom_ros.qos import DEFAULT, SERVICES, Qos
 from navloom_ros.services import Call, Client, Service
 from navloom_ros.tokens import PREFIX, Entity
 from navloom_ros.topics import Publisher, Subscription
-from navloom_ros.wire import ROUTER, Wire
+from navloom_ros.wire import ROUTER, Wire, epoch_ns
 
 __all__ = ["Node"]
 
@@ -40,6 +40,7 @@ class Node:
 
     Attributes:
         graph: The nodes and endpoints of the domain, this node included.
+        now_ns: The node's time, ns, for stamps; that of this host, unless it is given another clock.
 
     Raises:
         NoRouter: No router answers at the endpoint.
@@ -64,6 +65,7 @@ class Node:
         self.domain = domain
         self.types = types or Types()
         self.graph = Graph()
+        self.now_ns: Callable[[], int] = epoch_ns
         self._remap = dict(remap or {})
         self._changed = threading.Condition()
         self._ends: list[Callable[[], None]] = []

@@ -20,7 +20,9 @@ class Ros2Network(Params):
 
     router: str = Field("tcp/127.0.0.1:7447", description="Endpoint of the robot's Zenoh router.")
     domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID.")
-    namespace: str = Field("/", description="Namespace of relative topic names, as /robot1.")
+    namespace: str = Field(
+        "/", description="Namespace of all names without a leading slash, which the defaults are, as /robot1."
+    )
     distribution: Distribution = Field("jazzy", description="ROS 2 distribution of the robot.")
     interfaces: list[Path] = Field([], description="Folders with your own definitions, as package/msg/Name.msg.")
     remap: dict[str, str] = Field({}, description="New topic names by old name.")

@@ -64,6 +64,7 @@ def _summary(
         "robot": name,
         "run_clock_s": clock * 1e-9 if clock >= 0 else None,
         "platform_age_s": platform_age(nodes),
+        "platform": _platform(nodes),
         "pose": None if pose is None else pose_fields(pose),
         "nodes": len(nodes),
         "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
@@ -111,6 +112,8 @@ def rows(
 def _platform(nodes: Sequence[Node]) -> str:
     from navloom_live.operating.robot_nodes import answering, platform_age
 
+    if fault := next((node.fault for node in answering(nodes) if node.role == "platform" and node.faulted), ""):
+        return f"cannot be driven: {fault}"
     age = platform_age(nodes)
     if age is not None:
         return f"last message {age:.2f} s ago"

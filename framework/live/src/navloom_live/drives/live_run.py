@@ -61,6 +61,8 @@ LAST_MESSAGES_INTERVAL = 2.0
 """Interval of queries for the goal's last messages, s, in case they came while the network was down."""
 FAULT_REPORT_INTERVAL = 10.0
 """Shortest time between two reports of the same failing node, s."""
+STARTING = 10.0
+"""Run time in which a platform may fail without a report, s: a driver may still join its network, see `status`."""
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
 """Ports that are subscribed to on every host, by role, also if the run is judged on another host."""
 POLL_INTERVAL = 0.1
@@ -370,6 +372,8 @@ class LiveRun:
 
     def _tell_fault(self, source: tuple[str, str], fault: str, tick: int) -> None:
         """Report a node's exception; one that raises in each tick is not reported each time."""
+        if source[0] == "platform" and tick * self.system.config.run.period < STARTING:
+            return
         now = time.monotonic()
         if now - self._told_faults.get(source, -math.inf) > FAULT_REPORT_INTERVAL:
             self._told_faults[source] = now

@@ -17,13 +17,15 @@ from functools import cache, partial
 from navloom.config import Loaded
 from navloom.engine.answer_checks import notes_of
 from navloom.engine.nodes.localizer_node import LocalizerNode
+from navloom.engine.nodes.mapper_node import MapperNode
+from navloom.engine.nodes.planner_node import PlannerNode
 from navloom.engine.parameter_changes import changed_params
 from navloom.engine.plugin_factory import configure
 from navloom.engine.system import System
 from navloom.engine.task_checks import place_problem
 from navloom.entry_kinds import TRACEBACK
 from navloom.inputs.texts import refuse_deep_toml
-from navloom.messages import Goal, OperatorRequest, Parameters, Point2D, Pose2D
+from navloom.messages import Goal, OperatorRequest, Parameters, Path, PlanFailure, PlanRequest, Point2D, Pose2D
 from navloom.plugins.error_origin import kept_tracebacks
 from navloom.plugins.registry import nearest
 from navloom.runs.provenance import distributions
@@ -96,6 +98,10 @@ class Services:
                 self._serve(source, requests.SET_PARAMETERS, partial(self._set, source))
             if source[0] == "localizer":
                 self._serve(source, requests.PLACE, partial(self._place, runner))
+            if source[0] == "mapper":
+                self._serve(source, requests.CLEAR, partial(self._clear, runner))
+            if source[0] == "planner":
+                self._serve(source, requests.PLAN, partial(self._plan, runner))
             if isinstance(runner, LiveGoal):
                 self._serve(source, requests.SUBMIT, partial(self._submit, runner))
                 self._serve(source, requests.CANCEL, partial(self._cancel, runner))
@@ -259,6 +265,29 @@ class Services:
         pose = Pose2D(asked.x, asked.y, math.remainder(asked.heading, math.tau))
         self._apply(runner, lambda: node.plugin.place(pose))
         return requests.Placed(True, problem)
+
+    def _clear(self, runner: LiveRunner, asked: Nothing) -> Nothing:
+        """Clear the map with the next data."""
+        node = runner.cell.node
+        assert isinstance(node, MapperNode)
+        self._apply(runner, node.clear_soon)
+        return Nothing()
+
+    def _plan(self, runner: LiveRunner, asked: requests.Between) -> requests.Planned:
+        """A path on the newest map, which no node follows."""
+        node = runner.cell.node
+        found: list[Path | PlanFailure | None] = []
+        assert isinstance(node, PlannerNode)
+        for place in (asked.start, asked.goal):
+            _refuse_infinite(x=place[0], y=place[1], heading=place[2])
+        request = PlanRequest(0, Pose2D(*asked.start), Pose2D(*asked.goal))
+        self._apply(runner, lambda: found.append(node.answer(request)), waits=True)
+        (answer,) = found
+        if answer is None:
+            raise ServiceError(f"planner {runner.cell.source[1]} has no map yet")
+        if isinstance(answer, PlanFailure):
+            return requests.Planned((), answer.kind, answer.detail)
+        return requests.Planned(tuple((x, y) for x, y in answer.points.tolist()))
 
     def _replan(self, runner: LiveGoal, asked: Nothing) -> requests.GoalNumber:
         """Plan again from where the localizer now says that the robot is."""

@@ -14,9 +14,11 @@ from navloom_live.live.service import Nothing, Service
 __all__ = [
     "ADD",
     "CANCEL",
+    "CLEAR",
     "EXTEND",
     "GET_PARAMETERS",
     "PLACE",
+    "PLAN",
     "REPLAN",
     "SET_PARAMETERS",
     "SUBMIT",
@@ -25,12 +27,14 @@ __all__ = [
     "Added",
     "Alternative",
     "Assignments",
+    "Between",
     "Extend",
     "Extended",
     "GoalNumber",
     "ParameterValues",
     "Place",
     "Placed",
+    "Planned",
     "Selected",
     "Submit",
     "Swap",
@@ -69,6 +73,23 @@ class Placed:
 
     placed: bool
     warning: str = ""
+
+
+@dataclass(frozen=True)
+class Between:
+    """A start and a goal to plan between, each x, y, m, and heading, rad, map frame."""
+
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """Points of the path, m, map frame; or none, and the kind of the failure and its explanation, see `PlanFailure`."""
+
+    points: tuple[tuple[float, float], ...]
+    kind: str = ""
+    detail: str = ""
 
 
 @dataclass(frozen=True)
@@ -157,6 +178,8 @@ SUBMIT = Service("submit", Submit, GoalNumber)
 CANCEL = Service("cancel", Nothing, GoalNumber)
 REPLAN = Service("replan", Nothing, GoalNumber)
 PLACE = Service("place", Place, Placed)
+PLAN = Service("plan", Between, Planned)
+CLEAR = Service("clear", Nothing, Nothing)
 SWAP = Service("swap", Swap, Selected)
 GET_PARAMETERS = Service("params/get", Nothing, ParameterValues)
 SET_PARAMETERS = Service("params/set", Assignments, ParameterValues)

@@ -20,6 +20,7 @@ from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.operating.introspection import last
 from navloom_live.operating.robot_lookup import join
 from navloom_live.operating.stream_subscription import Listening
+from navloom_live.operating.teleoperation import Driver
 from navloom_live.timing import ROBOT_GONE_AFTER
 from navloom_live.transport.quality_of_service import kind_of, most_of
 
@@ -258,6 +259,35 @@ class Navigator:
                 ClientError: there is no localizer, or it does not answer.
         """
         return operator_actions.place(self.client, x, y, heading)
+
+    def plan(
+        self, start: tuple[float, float, float], goal: tuple[float, float, float]
+    ) -> tuple[list[tuple[float, float]], str, str]:
+        """Plan on the newest map of the active planner, without driving.
+
+        Args:
+            start, goal: x, y, m, and heading, rad, map frame.
+
+        Returns:
+            The points of the path, m; or none, then the kind of the failure, see `PlanFailure`, and its explanation.
+
+        Raises:
+            Refused: There is no map yet; ClientError: there is no planner, or it does not answer.
+        """
+        found = operator_actions.plan(self.client, start, goal)
+        return list(found.points), found.kind, found.detail
+
+    def driving(self) -> Driver:
+        """Manual driving for a `with` statement: `send` its speeds, m/s and deg/s, which the gate limits.
+
+        Raises:
+            ClientError: On entry or from `send`: the platform is silent, or the robot is stopped until `resume`.
+        """
+        return Driver(self.client)
+
+    def clear_map(self) -> None:
+        """Clear what the mapper can observe again. A recording of a live robot does not contain this."""
+        operator_actions.clear_map(self.client)
 
     def swap(
         self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None

@@ -11,21 +11,25 @@ from typing import Any
 from navloom_live.live.requests import (
     ADD,
     CANCEL,
+    CLEAR,
     GET_PARAMETERS,
     PLACE,
+    PLAN,
     REPLAN,
     SET_PARAMETERS,
     SWAP,
     Add,
     Assignments,
+    Between,
     Place,
+    Planned,
     Swap,
 )
 from navloom_live.live.service import RESUME, Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.timing import INSTANCE_START_LIMIT
 
-__all__ = ["cancel", "get_parameters", "place", "resume", "set_parameters", "swap"]
+__all__ = ["cancel", "clear_map", "get_parameters", "place", "plan", "resume", "set_parameters", "swap"]
 
 
 def resume(client: Client) -> None:
@@ -58,6 +62,24 @@ def place(client: Client, x: float, y: float, heading: float) -> str:
     with contextlib.suppress(ClientError):  # without a goal node there is no goal to plan again
         client.call("goal", "main", REPLAN, Nothing())
     return warning
+
+
+def plan(client: Client, start: tuple[float, float, float], goal: tuple[float, float, float]) -> Planned:
+    """The active planner's path between two poses on its newest map; see `Navigator.plan`."""
+    return client.call("planner", _active(client, "planner"), PLAN, Between(start, goal))
+
+
+def clear_map(client: Client) -> None:
+    """Have the active mapper clear what it can observe again; see `Navigator.clear_map`."""
+    client.call("mapper", _active(client, "mapper"), CLEAR, Nothing())
+
+
+def _active(client: Client, role: str) -> str:
+    """Name of the active instance of a role. Raises ClientError if none answers."""
+    for node in client.describe():
+        if node.role == role and node.active:
+            return node.instance
+    raise ClientError(f"robot {client.keys.prefix}: no {role} answers; `navloom doctor` says why")
 
 
 def swap(

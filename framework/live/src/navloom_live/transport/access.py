@@ -30,6 +30,8 @@ ACTING = (
     "gate/main/release",
     "gate/main/enter_unseen",
     "localizer/*/place",
+    "mapper/*/clear",
+    "planner/*/plan",
     "*/*/params/set",
     "process/supervisor/add",
 )

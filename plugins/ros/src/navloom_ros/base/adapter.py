@@ -63,7 +63,9 @@ class Ros2Base(Platform):
         self._read_ns: int | None = None
         anchor = Anchor(params.odometry_origin == "first", context.robot.max_linear, context.robot.max_angular)
         try:
-            self._link = Link(_settings(params, context.period), self._topics())
+            topics = self._topics()
+            self._link = Link(_settings(params, context.period), topics)
+            self._full_names = {topic.name: network_of(params).full_name(topic.name) for topic in topics.values()}
             if params.contact_topic:
                 check_field(self._link.types, params.contact_type, params.contact_field)
         except RosError as error:
@@ -124,7 +126,7 @@ class Ros2Base(Platform):
     def _silence(self, now: int) -> str:
         """Why there is no current odometry; empty if there is."""
         by_frames = self.params.odometry == "tf"
-        what = self.params.tf_topic if by_frames else self.params.odometry_topic
+        what = self._full_names[self.params.tf_topic if by_frames else self.params.odometry_topic]
         measured_ns, heard_ns = self._robot.measured_ns, self._robot.heard_ns
         if self._robot.anchor.is_unsteady(now):
             return f"{what} keeps jumping: does it have more than one publisher?"
@@ -150,7 +152,7 @@ class Ros2Base(Platform):
         if not longest and not why:
             return ""
         since = "has no message yet" if heard_ns is None else f"has been silent for {(now - heard_ns) * 1e-9:.1f} s"
-        return f"{topic} {since}: {why or 'if it sends changes only, set contact_timeout = 0'}"
+        return f"{self._full_names[topic]} {since}: {why or 'if it sends changes only, set contact_timeout = 0'}"
 
     def _sensor_problem(self, now: int) -> str:
         """Why a sensor gives nothing, if the reason is known; the gate notices one that merely falls silent."""
@@ -161,8 +163,11 @@ class Ros2Base(Platform):
                 since_ns = self._read_ns if feed.usable_ns is None else feed.usable_ns
                 if now - since_ns <= UNUSABLE_NS:
                     continue
-                if why := feed.why or ("" if feed.usable_ns is not None else self._link.why_silent(feed.topic)):
-                    return f"sensor {name}: {feed.topic}: {why}"
+                why = feed.why or ("" if feed.usable_ns is not None else self._link.why_silent(feed.topic))
+                if feed.why and feed.mount is None and (untold := self._link.why_silent(STATIC)):
+                    why = f"{why}; {self._full_names[f'{self.params.tf_topic}_static']}: {untold}"
+                if why:
+                    return f"sensor {name}: {self._full_names[feed.topic]}: {why}"
         return ""
 
     def _topics(self) -> dict[str, Topic]:

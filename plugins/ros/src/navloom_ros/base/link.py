@@ -127,7 +127,7 @@ class Link:
             ours = f"{subscription.entity.type_name} of {self.types.distribution}"
             return f"it is published as {others[0].type_name}, {others[0].type_hash}; expected {ours}"
         if not node.graph.find(subscription.entity.name, ("MP",)):
-            return "no node publishes it"
+            return f"no node publishes it{node.graph.alike(subscription.entity.name, 'MP')}"
         return ""
 
     def send(self, vx: float, vy: float, wz: float, stamp_ns: int | None) -> None:
@@ -170,7 +170,8 @@ class Link:
         if any((listener.type_name, listener.type_hash) == (ours.type_name, ours.type_hash) for listener in listeners):
             return ""
         if not listeners:
-            return f"no node subscribes to {ours.name}: is the base running?"
+            alike = node.graph.alike(ours.name, "MS")
+            return f"no node subscribes to {ours.name}{alike or ': is the base running?'}"
         other = listeners[0]
         hint = f"; set stamped = {str(not self._settings.stamped).lower()}" if "/Twist" in other.type_name else ""
         if other.type_name == ours.type_name:

@@ -22,11 +22,11 @@ class Ros2BaseParams(Ros2Network):
         "when the link is cut, nothing else stops the robot.",
     )  # fmt: skip
     without_base_timeout: bool = Field(False, description="Drive a base that never stops by itself.")
-    command_topic: str = Field("/cmd_vel", description="Velocity topic of the base.")
+    command_topic: str = Field("cmd_vel", description="Velocity topic of the base.")
     stamped: bool = Field(False, description="The base takes TwistStamped instead of Twist.")
     base_frame: str = Field("base_link", description="Frame on the floor between the wheels.")
     odometry: Literal["topic", "tf"] = Field("topic", description="Take odometry from odometry_topic, or from /tf.")
-    odometry_topic: str = Field("/odom", description="nav_msgs/msg/Odometry.")
+    odometry_topic: str = Field("odom", description="nav_msgs/msg/Odometry.")
     odometry_frame: str = Field("odom", description='Parent of base_frame on /tf, for odometry = "tf".')
     odometry_origin: Literal["robot", "first"] = Field(
         "robot",
@@ -36,7 +36,7 @@ class Ros2BaseParams(Ros2Network):
     odometry_timeout: float = Field(
         0.25, gt=0.0, le=2.0, description="Time without odometry after which the robot is stopped, s."
     )
-    tf_topic: str = Field("/tf", description="tf2_msgs/msg/TFMessage; NAME_static is also read.")
+    tf_topic: str = Field("tf", description="tf2_msgs/msg/TFMessage; NAME_static is also read.")
     contact_topic: str = Field("", description="Topic of a bumper or contact sensor; empty for none.")
     contact_type: str = Field("std_msgs/msg/Bool", description="Type of contact_topic.")
     contact_field: str = Field("data", description="Field that is true, nonzero or nonempty during contact.")
@@ -78,7 +78,7 @@ class Mount(Params):
 class LaserSettings(Params):
     """Settings of a sensor of kind `laser_scan`."""
 
-    topic: str = Field("/scan", description="sensor_msgs/msg/LaserScan.")
+    topic: str = Field("scan", description="sensor_msgs/msg/LaserScan.")
     mount: Mount | None = Field(None, description="Pose on the base; by default from /tf.")
     short_is_nothing: bool = Field(
         False, description="A range below range_min, as 0, means no echo; otherwise the beam is ignored."

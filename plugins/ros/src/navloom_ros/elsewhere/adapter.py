@@ -62,14 +62,16 @@ class RosMap(Mapper[RosMapParams]):
         newest = None
         while self._maps is not None and (received := self._maps.take()) is not None:
             newest = received.message
-        if newest is not None:
+        if newest is not None and self._maps is not None:
             if newest.header.frame_id.lstrip("/") != self.params.frame:
                 frame = newest.header.frame_id
-                raise InputError(f"{self.params.topic}: a map in the frame {frame!r}; expected {self.params.frame!r}")
+                raise InputError(
+                    f"{self._maps.entity.name}: a map in the frame {frame!r}; expected {self.params.frame!r}"
+                )
             try:
                 cells, resolution, place = cells_of(newest)
             except Unusable as error:
-                raise InputError(f"{self.params.topic}: {error}") from None
+                raise InputError(f"{self._maps.entity.name}: {error}") from None
             self._last = OccupancyGrid(cells, resolution, Pose2D(*place))
         if self._last is None or (newest is None and not given.clear):
             return None

@@ -62,5 +62,6 @@ class PathSource:
         self._goals.publish(**pose_of(*goal, self._frame))
         received = self._paths.take(deadline)
         if received is None:
-            raise Unusable(f"no path on {self._path_topic} within {deadline:g} s of the goal on {self._goal_topic}")
+            raise Unusable(f"no path on {self._paths.entity.name} within {deadline:g} s of the goal on "
+                           f"{self._goals.entity.name}")  # fmt: skip
         return points_of(received.message, self._frame)

@@ -1,17 +1,22 @@
-"""Forwards ROS goals to the robot: NavigateToPose, NavigateThroughPoses and RViz's /goal_pose. The newest one wins."""
+"""Forwards ROS goals to the robot: Nav2's actions for poses and waypoints, and RViz's goal_pose; the newest wins."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from navloom_ros.actions import ActionServer, Goal
 from navloom_ros.frames import heading_of
 from navloom_ros.node import Node
+from navloom_ros.serving.error_codes import NAVIGATE_THROUGH_POSES, NAVIGATE_TO_POSE, error_code
+from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at
 from navloom_ros.times import time_of
-from navloom_ros.wire import epoch_ns, monotonic_ns
+from navloom_ros.wire import monotonic_ns
 
 __all__ = ["Goals", "Place", "Robot", "place_of"]
 
@@ -20,10 +25,13 @@ FEEDBACK_CHECK_INTERVAL = 0.1
 """Interval of checks whether the goal was cancelled or replaced, s."""
 PASSED = 0.7
 """Distance within which a pose counts as passed, m; that of RemovePassedGoals in Nav2's own behaviour tree."""
-UNKNOWN_ERROR = {TO_POSE: 9000, THROUGH_POSES: 9100}
-"""Nav2's error codes for an unspecified failure, by action."""
-PREEMPTED = "pre-empted by a newer goal"
-"""Why a replaced goal was aborted."""
+WAYPOINTS = "nav2_msgs/action/FollowWaypoints"
+ACTIONS = {"navigate_to_pose": TO_POSE, "navigate_through_poses": THROUGH_POSES, "follow_waypoints": WAYPOINTS}
+"""Types of the actions that are offered, by name."""
+FAILED_WAYPOINT = 3
+"""`waypoint_status` of a waypoint that was not reached (nav2_msgs/msg/WaypointStatus)."""
+DETACHING = 5.0
+"""Longest wait until a cancelled goal has ended, s; longer than a robot takes to brake and its goal node to answer."""
 
 
 class Place(NamedTuple):
@@ -35,9 +43,12 @@ class Place(NamedTuple):
 
 
 class Robot(Protocol):
-    """The method of `navloom.Navigator` that is used here."""
+    """The methods of `navloom.Navigator` that are used here, in `planning` and in `behaviours`."""
 
     def go(self, x: float, y: float, heading: float | None = None, via: Any = ()) -> Any: ...
+    def plan(self, start: Any, goal: Any) -> Any: ...
+    def clear_map(self) -> None: ...
+    def driving(self) -> Any: ...
 
 
 class Wanted(NamedTuple):
@@ -46,6 +57,18 @@ class Wanted(NamedTuple):
     places: list[Place]
     goal: Goal | None
     kind: str
+
+
+class Ended(NamedTuple):
+    """How a goal, or the drive to one waypoint, ended: outcome, why it failed, empty if reached, and reason code."""
+
+    outcome: str
+    why: str
+    code: str
+
+
+PREEMPTED = Ended("cancelled", "pre-empted by a newer goal", "preempted")
+"""End of a replaced goal."""
 
 
 class Goals:
@@ -60,6 +83,8 @@ class Goals:
     Attributes:
         robot: The robot; None while it is down, when goals are rejected.
         pose: Latest pose of the robot, x, y, m, heading, rad, for feedback; None before the first.
+        map: Latest `navloom.messages.OccupancyGrid` of the robot; None before the first.
+        is_stopped: The robot is stopped until `resume`, or its platform is silent.
     """
 
     def __init__(
@@ -67,24 +92,52 @@ class Goals:
     ) -> None:
         self.robot: Robot | None = None
         self.pose: tuple[float, float, float] | None = None
+        self.is_stopped = False
+        self.map: Any = None
         self._node, self._frame, self._failures, self._say = node, frame, failures, say
         self._refusal = ""
         self._news = threading.Condition()
         self._newest: Wanted | None = None
-        self._is_closing = False
-        for name, kind in (("navigate_to_pose", TO_POSE), ("navigate_through_poses", THROUGH_POSES)):
+        self._is_driving = self._is_held = self._is_leaving = self._is_closing = False
+        for name, kind in ACTIONS.items():
             ActionServer(node, name, kind, self._starter(kind), lambda request: self._accept(_poses_of(request)))
         self._worker = threading.Thread(target=self._work, name="ros goals", daemon=True)
         self._worker.start()
-        self._clicks = node.subscription("/goal_pose", "geometry_msgs/msg/PoseStamped")
+        self._clicks = node.subscription("goal_pose", "geometry_msgs/msg/PoseStamped")
         threading.Thread(target=self._take_clicks, name="ros goal_pose", daemon=True).start()
 
+    @property
+    def can_drive(self) -> bool:
+        """Whether a goal would be driven to now."""
+        return self.robot is not None and not self.is_stopped
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the robot drives to a goal, or will."""
+        return self._is_driving or self._newest is not None
+
+    def hold(self, is_held: bool) -> None:
+        """Tell whether a behaviour drives the robot: `detach` waits for its end, which `robot` of None brings."""
+        with self._news:
+            self._is_held = is_held
+            self._news.notify_all()
+
+    def detach(self) -> None:
+        """Cancel the goal that the robot drives to, and wait until it has ended; reject goals until `robot` is set.
+
+        It needs the robot, so it is called before the connection to the robot closes.
+        """
+        with self._news:
+            self.robot, self._is_leaving = None, True
+            self._news.wait_for(lambda: not (self.is_driving or self._is_held), DETACHING)
+            self._is_leaving = False
+
     def close(self) -> None:
-        """Cancel the current goal and end the thread."""
+        """End the thread, after `detach`."""
         with self._news:
             self._is_closing = True
             self._news.notify_all()
-        self._worker.join(5.0)
+        self._worker.join(DETACHING)
 
     def _take_clicks(self) -> None:
         while (received := self._clicks.take(None)) is not None:
@@ -127,85 +180,126 @@ class Goals:
             with self._news:
                 self._news.wait_for(lambda: self._newest is not None or self._is_closing)
                 wanted, self._newest = self._newest, None
-                if self._is_closing:
-                    break
-            if wanted is not None:
-                self._drive(wanted)
-        if wanted is not None:
-            self._end(wanted, "the server ends")
+                if wanted is None:  # closing
+                    return
+                self._is_driving = True
+            self._drive(wanted)
+            with self._news:
+                self._is_driving = False
+                self._news.notify_all()
 
     def _drive(self, wanted: Wanted) -> None:
-        robot, (*via, last) = self.robot, wanted.places
+        if wanted.kind == WAYPOINTS:
+            self._visit(wanted)
+        else:
+            self._end(wanted, self._go(wanted, wanted.places))
+
+    def _visit(self, wanted: Wanted) -> None:
+        """Drive to one waypoint after the other; those that are not reached are missed, and the next one follows."""
+        assert wanted.goal is not None
+        request = wanted.goal.request
+        missed: list[Any] = []
+        rounds = [list(range(getattr(request, "goal_index", 0), len(wanted.places)))]
+        rounds += [list(range(len(wanted.places)))] * getattr(request, "number_of_loops", 0)
+        for index in (index for one in rounds for index in one):
+            wanted.goal.feedback(current_waypoint=index)
+            ended = self._go(wanted, [wanted.places[index]])
+            if ended is PREEMPTED or self._is_leaving or wanted.goal.is_canceling:
+                self._end(wanted, ended, missed)
+                return
+            if ended.why:
+                missed.append(self._missed(index, request.poses[index], ended))
+        self._end(wanted, Ended("succeeded", "", "reached"), missed)
+
+    def _missed(self, index: int, pose: Any, ended: Ended) -> Any:
+        """The entry of a waypoint that was not reached, of the type that the distribution has for it."""
+        kind = self._node.types.element(f"{WAYPOINTS}_Result", "missed_waypoints")
+        if not kind:  # an int32
+            return index
+        given = {"index": index, "goal": pose, "waypoint_index": index, "waypoint_pose": pose,
+                 "waypoint_status": FAILED_WAYPOINT, "error_code": error_code(ended.code, NAVIGATE_TO_POSE),
+                 "error_msg": ended.why}  # fmt: skip
+        return {name: given[name] for name, _ in self._node.types.fields(kind)}
+
+    def _go(self, wanted: Wanted, places: list[Place]) -> Ended:
+        """Send the robot through places to the last one, and wait until that has ended."""
+        robot, (*via, last) = self.robot, places
         if robot is None:
-            self._end(wanted, "the robot is down")
-            return
+            return Ended("error", "the robot is down", "robot_down")
         try:
             handle = robot.go(last.x, last.y, last.heading, [(one.x, one.y) for one in via])
             if wanted.goal is not None:
                 wanted.goal.execute()
-            self._follow(wanted, handle)
+            ended = self._follow(wanted, handle, places)
         except self._failures as error:
-            self._say(f"goal {last.x:g}, {last.y:g} m not reached: {error}")
-            self._end(wanted, str(error))
+            ended = Ended("rejected", str(error), self._refusal_code(last))
+        if ended.outcome not in ("succeeded", "cancelled"):
+            self._say(f"goal {last.x:g}, {last.y:g} m not reached: {ended.why}")
+        return ended
 
-    def _follow(self, wanted: Wanted, handle: Any) -> None:
+    def _refusal_code(self, place: Place) -> str:
+        """Why the robot refused a goal, as far as its map shows it."""
+        value = UNKNOWN if self.map is None else cells_at(self.map, np.array([place[:2]]))[0]
+        return "outside_map" if value == OUTSIDE else "goal_occupied" if value >= OCCUPIED else "refused"
+
+    def _follow(self, wanted: Wanted, handle: Any, places: list[Place]) -> Ended:
         """Publish feedback until the robot ends the goal or a newer goal replaces it; pass on a cancel request."""
-        began_ns, asked, left = monotonic_ns(), False, list(wanted.places)
+        began_ns, asked, left = monotonic_ns(), False, list(places)
         while handle.result is None:
             try:
                 for feedback in handle.updates(FEEDBACK_CHECK_INTERVAL):
                     self._pass(left)
-                    self._tell(wanted, feedback, monotonic_ns() - began_ns, len(left))
+                    self._tell(wanted, feedback, monotonic_ns() - began_ns, left)
             except TimeoutError:
                 pass
             with self._news:
-                is_over, is_closing = self._newest is not None, self._is_closing
-            if (is_closing or (wanted.goal is not None and wanted.goal.is_canceling)) and not asked:
+                is_over, is_leaving = self._newest is not None, self._is_leaving
+            if (is_leaving or (wanted.goal is not None and wanted.goal.is_canceling)) and not asked:
                 handle.cancel()
                 asked = True
             if is_over:  # the robot replaces the older goal by itself
-                self._end(wanted, PREEMPTED)
-                return
+                return PREEMPTED
         result = handle.result
         why = "" if result.outcome == "succeeded" else f"{result.outcome}: {result.reason}"
-        if result.outcome not in ("succeeded", "cancelled"):
-            last = wanted.places[-1]
-            self._say(f"goal {last.x:g}, {last.y:g} m not reached: {why}")
-        self._end(wanted, why, result.outcome)
+        return Ended(result.outcome, why, result.code)
 
     def _pass(self, left: list[Place]) -> None:
         """Remove the poses that the robot has passed; the last one stays, as in Nav2."""
         while self.pose is not None and len(left) > 1 and math.dist(self.pose[:2], left[0][:2]) <= PASSED:
             del left[0]
 
-    def _tell(self, wanted: Wanted, feedback: Any, spent_ns: int, left: int) -> None:
-        if wanted.goal is None or self.pose is None:
+    def _tell(self, wanted: Wanted, feedback: Any, spent_ns: int, left: list[Place]) -> None:
+        if wanted.goal is None or wanted.kind == WAYPOINTS or self.pose is None:
             return
         x, y, heading = self.pose
         pose = {"position": {"x": x, "y": y}, "orientation": {"z": math.sin(heading / 2), "w": math.cos(heading / 2)}}
+        # Without a path yet, a distance of 0 would read as "there": many scripts stop at it.
+        straight = sum(math.dist(a[:2], b[:2]) for a, b in pairwise([self.pose, *left]))
         values: dict[str, Any] = {
-            "current_pose": {"header": {"frame_id": self._frame, "stamp": time_of(epoch_ns())}, "pose": pose},
+            "current_pose": {"header": {"frame_id": self._frame, "stamp": time_of(self._node.now_ns())}, "pose": pose},
             "navigation_time": time_of(spent_ns),
             "estimated_time_remaining": time_of(round(max(0.0, feedback.time_left) * 1e9)),
             "number_of_recoveries": min(feedback.recoveries, 32767),
-            "distance_remaining": feedback.distance,
+            "distance_remaining": feedback.distance or straight,
         }
         if wanted.kind == THROUGH_POSES:
-            values["number_of_poses_remaining"] = left
+            values["number_of_poses_remaining"] = len(left)
         wanted.goal.feedback(**values)
 
-    def _end(self, wanted: Wanted, why: str, outcome: str = "") -> None:
+    def _end(self, wanted: Wanted, ended: Ended, missed: Sequence[Any] = ()) -> None:
         goal = wanted.goal
         if goal is None:
             return
+        first = NAVIGATE_THROUGH_POSES if wanted.kind == THROUGH_POSES else NAVIGATE_TO_POSE
+        values = {"error_code": error_code(ended.code, first), "error_msg": ended.why, "missed_waypoints": list(missed)}
         fields = {name for name, _ in self._node.types.fields(f"{wanted.kind}_Result")}
-        failed = {"error_code": UNKNOWN_ERROR[wanted.kind], "error_msg": why}
-        if not why:
-            goal.succeed()
-        elif outcome == "cancelled" and goal.is_canceling:
-            goal.canceled()
+        result = {name: value for name, value in values.items() if name in fields}
+        if not ended.why:
+            goal.succeed(**result)
+        elif ended.outcome == "cancelled" and goal.is_canceling:
+            goal.canceled(**result)
         else:
-            goal.abort(**{name: value for name, value in failed.items() if name in fields})
+            goal.abort(**result)
 
 
 def place_of(pose: Any) -> Place:

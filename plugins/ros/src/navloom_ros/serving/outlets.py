@@ -21,6 +21,7 @@ STREAMS = {
     "tf": ("localizer/pose", "platform/odometry"),
     "markers": ("avoider/status", "localizer/pose"),
     "diagnostics": ("gate/status",),
+    "costmaps": ("mapper/map", "localizer/pose"),
     "odometry": ("platform/odometry",),
 }
 """Names for --publish, each with the robot's streams (role/port) that it needs."""
@@ -32,11 +33,23 @@ _TOPICS = {
     "local_plan": ("/local_plan",),
     "pose": ("/pose",),
     "markers": ("/avoider/markers",),
-    "diagnostics": ("/diagnostics",),
+    "diagnostics": ("/diagnostics", "/collision_monitor_state"),
+    "costmaps": ("/global_costmap/costmap", "/local_costmap/costmap"),
     "odometry": ("/odom",),
 }
 """Topics of each name, except /tf."""
-_KEPT = ("/map", "/map/segments", "/plan", "/plan/traversable", "/local_plan")
+AMCL_POSE = "/amcl_pose"
+"""The pose again, under the name and latched as Nav2's localizer publishes it."""
+_KEPT = (
+    AMCL_POSE,
+    "/global_costmap/costmap",
+    "/local_costmap/costmap",
+    "/map",
+    "/map/segments",
+    "/plan",
+    "/plan/traversable",
+    "/local_plan",
+)
 """Latched topics: late joiners get the last message."""
 _TF = Qos(depth=100)
 MOST_SAID = 20
@@ -62,18 +75,25 @@ class Outlets:
         """Publish a message if its topic is wanted."""
         if made.topic not in self._topics and not self._is_wanted_transform(made):
             return
-        publisher = self._publishers.get(made.topic)
+        if self._put(made.topic, made.message) and made.topic == "/pose":
+            self._put(AMCL_POSE, made.message)
+
+    def _put(self, topic: str, message: Any) -> bool:
+        publisher = self._publishers.get(topic)
         if publisher is None:
-            qos = LATCHED if made.topic in _KEPT else _TF if made.topic == "/tf" else DEFAULT
-            kind = str(made.message.__msgtype__)
-            publisher = self._publishers[made.topic] = self._node.publisher(made.topic, kind, qos)
+            qos = LATCHED if topic in _KEPT else _TF if topic == "/tf" else DEFAULT
+            # Relative, so that a namespace separates two robots of one network; /tf as well, as Nav2 does it.
+            name, kind = topic.removeprefix("/"), str(message.__msgtype__)
+            publisher = self._publishers[topic] = self._node.publisher(name, kind, qos)
         try:
-            publisher.publish(made.message)
+            publisher.publish(message)
         except UnfitMessage as error:
-            text = f"{made.topic} is not published: {error}"
+            text = f"{topic} is not published: {error}"
             if text not in self._said and len(self._said) < MOST_SAID:
                 self._said.add(text)
                 self._say(text)
+            return False
+        return True
 
     def _is_wanted_transform(self, made: Translated) -> bool:
         if made.topic != "/tf":

@@ -22,7 +22,7 @@ class Poses:
 
     def __init__(self, node: Node, frame: str, say: Callable[[str], None]) -> None:
         self._frame, self._say = frame, say
-        self._poses = node.subscription("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+        self._poses = node.subscription("initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
     def take(self) -> tuple[float, float, float] | None:
         """The newest valid pose since the last call, x, y, m, heading, rad; None if there is none."""

@@ -37,6 +37,11 @@ class MapperNode(RoleNode[Mapper]):
         self.plugin = plugin
         self.door = MapperDoor(plugin)
         self._known: OccupancyGrid | None = None
+        self._is_to_clear = False
+
+    def clear_soon(self) -> None:
+        """Clear the map in the next step, for a tool; a recording of a live robot does not contain this."""
+        self._is_to_clear = True
 
     def step(self, tick: Tick) -> None:
         data, names = in_order(self.scans)
@@ -51,13 +56,14 @@ class MapperNode(RoleNode[Mapper]):
             scans,
             track,
             # However many requests came, there is one map to clear.
-            bool(self.clear.values),
+            bool(self.clear.values) or self._is_to_clear,
             sensors,
             sweep_sensors,
             readings_of(self.readings),
             self.extra(),
             not poses or poses[-1].state == "tracking",
         )
+        self._is_to_clear = False
         update = self.door.check(self.plugin.update(seen), seen)
         known = self.plugin.known()
         # By identity: the plugin returns the same grid until it changes.

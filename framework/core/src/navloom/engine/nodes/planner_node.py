@@ -11,7 +11,7 @@ from navloom.engine.node_ports import Latest, New, Output
 from navloom.engine.nodes.node_base import NodeSettings, Tick
 from navloom.engine.nodes.role_node import RoleNode
 from navloom.engine.streams import GoalPorts, MapperPorts, PlannerPorts
-from navloom.messages import MapUpdate, Path, PlanFailure
+from navloom.messages import MapUpdate, Path, PlanFailure, PlanRequest
 from navloom.roles import Planner, PlannerInput
 
 __all__ = ["PlannerNode"]
@@ -56,7 +56,14 @@ class PlannerNode(RoleNode[Planner]):
                 self.path.put(otherwise)  # first: a failure that comes alone ends the goal
         self.failure.put(answer)
 
+    def answer(self, request: PlanRequest) -> Path | PlanFailure | None:
+        """The plan for a tool on the newest map, which is not published; None without a map."""
+        return None if self.map.value is None else self._planned(request, self.map.value)
+
     def _plan(self, given: MapUpdate) -> Path | PlanFailure:
         # Only the newest request: the goal no longer waits for the others.
-        seen = PlannerInput(self.plan.values[-1], given, self.extra())
+        return self._planned(self.plan.values[-1], given)
+
+    def _planned(self, request: PlanRequest, given: MapUpdate) -> Path | PlanFailure:
+        seen = PlannerInput(request, given, self.extra())
         return self.door.check(self.plugin.plan(seen), seen)

@@ -80,7 +80,7 @@ SAID = {
     "limits": "avoider spinning asked for ",
     "output": "busy busy printed more than 64 kB within 10 s: the rest is left out (everything_wrong.py:",
     "silent": "platform half_deaf gave no scan of the sensor 'second' ",
-    "slow": "busy busy is slow: ",
+    "late": "busy busy was late: ",
     "thread": "busy busy started the thread 'stays', which still runs and is not a daemon (everything_wrong.py:",
 }
 

@@ -11,18 +11,8 @@ import pytest
 from navloom.geometry.world import Box, World
 from navloom.messages import MapUpdate, OccupancyGrid, Pose2D
 from navloom.runs.episode import Episode, run_episode
-from navloom_study.report.run_picture import (
-    BLACK,
-    BLUE,
-    CELLS,
-    OVERSAMPLING,
-    VERMILION,
-    Canvas,
-    Key,
-    draw_map_update,
-    draw_poses,
-    draw_run,
-)
+from navloom_study.report.canvas import BLACK, BLUE, OVERSAMPLING, UNKNOWN, VERMILION, Canvas, Key
+from navloom_study.report.run_picture import CELLS, DRIVERS, draw_map_update, draw_poses, draw_run
 from PIL import ImageDraw
 from toys import discovery, toy_config
 
@@ -74,7 +64,7 @@ def test_the_legend_names_cells_outlines_and_obstacles_above_the_robot(
 ) -> None:
     draw_run(changed(toy, WALL, GIRDER, segments=1))
     legend = {"outlines in the map", "occupied cells of the map", "true obstacles", "above the robot", "plan",
-              "trajectory", "driven", "robot every 2 s"}  # fmt: skip
+              "trajectory", "driven by the controller", "robot every 2 s", "unknown"}  # fmt: skip
     assert legend <= set(texts)
 
 
@@ -160,3 +150,35 @@ def test_the_poses_of_a_localizer_are_drawn_on_the_edges_of_its_map(texts: dict[
     is_tracking[5:] = False
     draw_poses(poses, None, is_tracking)
     assert "localizer while not tracking" in texts
+
+
+def test_the_track_shows_who_drove_and_when(toy: Episode, texts: dict[str, Rectangle]) -> None:
+    recorder = replace(toy.recorder, drivers=[(0.0, "controller"), (2.0, "avoider"), (4.0, "controller")])
+    end = recorder.truth[-1][0]
+    picture = np.asarray(draw_run(replace(changed(toy, WALL), recorder=recorder)))
+    assert {"driven by the controller", "by the avoider"} <= set(texts) and "by the recovery" not in texts
+    for driver in ("controller", "avoider"):
+        near = np.abs(picture.astype(int) - DRIVERS[driver].colour).max(axis=2) < 40
+        assert near[100:].sum() > 100, driver
+    times = [float(text.removesuffix(" s")) for text in texts if text.endswith(" s") and text[0].isdigit()]
+    assert max(times) == pytest.approx(end, abs=0.5) and 3 <= len(times) <= 10
+
+
+def test_free_and_unknown_cells_differ() -> None:
+    cells = np.full((10, 10), -1, np.int8)
+    cells[:, :5], cells[:, 0] = 0, 100
+    canvas = Canvas((0.0, 0.0, 10.0, 10.0), ())
+    canvas.grid(OccupancyGrid(cells, 1.0, Pose2D(0.0, 0.0, 0.0)), BLACK)
+    shown = [canvas.image.getpixel((round(u), round(v)))
+             for u, v in canvas.pixels(np.array([(0.5, 5.0), (2.5, 5.0), (7.5, 5.0)]))]  # fmt: skip
+    assert shown == [BLACK, (255, 255, 255), UNKNOWN]
+
+
+def test_a_turned_map_is_painted_where_its_cells_are() -> None:
+    cells = np.zeros((4, 8), np.int8)
+    cells[1, 6] = 100  # its middle is (6.5, 1.5) in the map's frame: (-1.5, 6.5) after a quarter turn
+    canvas = Canvas((-5.0, 0.0, 5.0, 10.0), ())
+    canvas.grid(OccupancyGrid(cells, 1.0, Pose2D(0.0, 0.0, np.pi / 2)), BLACK)
+    ((u, v), (other_u, other_v)) = canvas.pixels(np.array([(-1.5, 6.5), (-1.5, 7.6)]))
+    assert canvas.image.getpixel((round(u), round(v))) == BLACK
+    assert canvas.image.getpixel((round(other_u), round(other_v))) == (255, 255, 255)

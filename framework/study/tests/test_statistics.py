@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from navloom_study import Metric
-from navloom_study.resampling import bootstrap, holm, intervals, sign_flip_p
+from navloom_study.resampling import bootstrap, holm, holm_levels, intervals
+from navloom_study.sign_flips import FlipTest, sign_flip_tests
 from navloom_study.statistics import THESE_WORLDS, WORLDS_LIKE_THESE, Comparison, Estimate, compare_methods
 from numpy.typing import NDArray
 
@@ -29,6 +30,74 @@ def test_holm_on_a_textbook_family() -> None:
     assert holm(np.array([])).tolist() == []
 
 
+def p_values(units: Floats, strata: NDArray[np.int64], rng: np.random.Generator, resamples: int) -> list[float]:
+    return [test.p for test in sign_flip_tests(units, strata, rng, resamples)]
+
+
+def flips(*values: float, resamples: int = 10_000) -> FlipTest:
+    return sign_flip_tests(column(*values), ONE[: len(values)], np.random.default_rng(0), resamples)[0]
+
+
+def test_six_pairs_are_the_fewest_that_show_a_difference() -> None:
+    # All six alike: 2 of 2^6 patterns. Of the shifts within the smallest and largest pair, at least 4 of 64 reach.
+    six = flips(1.94, 2.18, 2.0, 2.01, 1.97, 2.02)
+    assert (six.p, six.attainable) == (2 / 64, 2 / 64)
+    assert six.interval() == pytest.approx((1.94, 2.18))
+    five = flips(1.94, 2.18, 2.0, 2.01, 2.02)
+    assert (five.p, five.attainable) == (2 / 32, 2 / 32)
+    assert five.interval() == (-np.inf, np.inf)
+    # At 90 %, one pattern and its opposite of 32 may be rejected: 2 / 32 = 0.0625.
+    assert five.interval(0.90) == pytest.approx((1.94, 2.18))
+
+
+def test_the_interval_of_nine_pairs_by_hand() -> None:
+    # 0.05 * 2^9 = 25.6: 25 patterns, as 12 subsets and their opposites, and the one that flips all. So the end is the
+    # 12th smallest mean of a subset of 1 … 9: 1, 1.5, 2, 2, 2, 7/3, 2.5, 2.5, 2.5, 8/3, 8/3, and 2.75 of 1, 2, 3, 5.
+    assert flips(*range(1, 10)).interval() == pytest.approx((2.75, 7.25))
+
+
+def test_the_sampled_interval_is_near_that_of_student_for_normal_pairs() -> None:
+    values = np.random.default_rng(5).standard_normal(30)
+    low, high = flips(*values).interval()
+    reach = 2.045 * values.std(ddof=1) / np.sqrt(30.0)
+    assert (low, high) == pytest.approx((values.mean() - reach, values.mean() + reach), abs=0.1 * reach)
+
+
+@pytest.mark.parametrize("pairs", [6, 9, 30])
+@pytest.mark.parametrize("strata", [1, 3])
+def test_zero_is_outside_of_the_interval_exactly_if_the_test_rejects_it(pairs: int, strata: int) -> None:
+    rng = np.random.default_rng(pairs)
+    # Rounded, so that there are ties and zeros; shifted, so that about half of the columns are rejected.
+    units = np.round(rng.standard_normal((pairs, 200)) + 2.2 / np.sqrt(pairs), 1)
+    units[rng.random(units.shape) < 0.05] = np.nan
+    units[0] = 0.0
+    for level in (0.9, 0.95, 0.975):
+        seen = set()
+        for test in sign_flip_tests(units, np.arange(pairs) % strata, rng, 999):
+            low, high = test.interval(level)
+            is_rejected = test.p <= 1.0 - level + 1e-12
+            assert (not low <= 0.0 <= high) == is_rejected
+            assert test.p >= test.attainable or not is_rejected
+            seen.add(is_rejected)
+        assert pairs == 6 or seen == {True, False}
+
+
+@pytest.mark.parametrize(
+    ("chances", "levels"),
+    [
+        ([0.03], [0.95]),
+        # 0.01 of three is compared with 0.05 / 3, then 0.03 with 0.05 / 2: not rejected, and no other is.
+        ([0.03, 0.01, 0.04], [0.975, 1.0 - 0.05 / 3.0, 0.975]),
+        ([0.02, 0.01], [0.95, 0.975]),
+        ([0.2, 0.1], [0.975, 0.975]),
+    ],
+)
+def test_the_level_of_an_interval_is_that_of_its_step_of_holm(chances: list[float], levels: list[float]) -> None:
+    found = holm_levels(np.array(chances))
+    assert found.tolist() == pytest.approx(levels)
+    assert ((np.array(chances) <= 1.0 - found) == (holm(np.array(chances)) <= 0.05)).all()
+
+
 @pytest.mark.parametrize(
     ("values", "strata", "chance"),
     [
@@ -44,21 +113,19 @@ def test_holm_on_a_textbook_family() -> None:
     ids=["all", "mixed", "none", "balanced", "missing", "strata", "strata_mixed"],
 )
 def test_few_sign_flips_are_enumerated(values: list[float], strata: list[int], chance: float) -> None:
-    found = sign_flip_p(column(*values), np.array(strata), np.random.default_rng(0), 100)
-    assert found.tolist() == [chance]
+    assert p_values(column(*values), np.array(strata), np.random.default_rng(0), 100) == [chance]
 
 
 def test_many_sign_flips_are_sampled() -> None:
     # 14 of 20 alike: as likely as 14 or more heads or tails of 20 coins, 0.1153.
-    found = sign_flip_p(column(*[1.0] * 14, *[-1.0] * 6), ONE[:20], np.random.default_rng(0), 20_000)
+    found = p_values(column(*[1.0] * 14, *[-1.0] * 6), ONE[:20], np.random.default_rng(0), 20_000)
     assert found[0] == pytest.approx(0.11532, abs=4 * np.sqrt(0.1153 * 0.8847 / 20_000))
-    all_alike = sign_flip_p(column(*[1.0] * 40), ONE[:40], np.random.default_rng(0), 1_000)
-    assert all_alike.tolist() == [1 / 1001]
+    assert p_values(column(*[1.0] * 40), ONE[:40], np.random.default_rng(0), 1_000) == [1 / 1001]
 
 
 def test_a_column_without_values_has_no_p_value_and_no_interval() -> None:
     units = np.array([[NAN, 1.0], [NAN, 2.0], [NAN, 4.0]])
-    assert np.isnan(sign_flip_p(units, ONE[:3], np.random.default_rng(0), 100)).tolist() == [True, False]
+    assert np.isnan(p_values(units, ONE[:3], np.random.default_rng(0), 100)).tolist() == [True, False]
     assert [np.isnan(part).tolist() for part in intervals(units, ONE[:3], np.random.default_rng(0), 100)] == [
         [True, False]
     ] * 3
@@ -67,7 +134,7 @@ def test_a_column_without_values_has_no_p_value_and_no_interval() -> None:
 @pytest.mark.parametrize("count", [12, 25], ids=["exact", "sampled"])
 def test_p_values_are_uniform_under_the_null(count: int) -> None:
     rng = np.random.default_rng(7)
-    chances = np.concatenate([sign_flip_p(rng.standard_normal((count, 50)), ONE[:count], rng, 999) for _ in range(12)])
+    chances = np.concatenate([p_values(rng.standard_normal((count, 50)), ONE[:count], rng, 999) for _ in range(12)])
     for level in (0.05, 0.2, 0.5, 0.8):
         spread = np.sqrt(level * (1.0 - level) / chances.size)
         assert np.mean(chances <= level) == pytest.approx(level, abs=3.5 * spread), level
@@ -179,7 +246,10 @@ def test_a_small_study_by_hand() -> None:
         == sum(abs(a + 3 * b + 30 * c + 40 * d) >= 6.0 for a, b, c, d in itertools.product((-1, 1), repeat=4)) / 16
     )
     assert found.difference("new", "success").p == 1.0
-    assert found.difference("new", "time").p_holm == min(1.0, 2.0 * time.p)
+    # Four pairs, all of which differ in time. Success is the primary metric; two pairs that differ show nothing.
+    assert (time.attainable, time.p_holm, time.estimate.low) == (2 / 16, None, None)
+    success = found.difference("new", "success")
+    assert (success.attainable, success.p_holm, success.is_primary) == (2 / 4, 1.0, True)
     assert found.outcomes == {"old": {"succeeded": 3, "timeout": 1}, "new": {"succeeded": 3, "timeout": 1}}
 
 

@@ -31,6 +31,7 @@ from navloom.messages import (
 from navloom.plugins import Discovery, Registry
 from navloom_viewer.blueprint import states
 from navloom_viewer.colours import STATES
+from navloom_viewer.draw_sensing import FREE, OCCUPIED, UNKNOWN
 from navloom_viewer.drawing import Drawing
 from navloom_viewer.panels import Panel, panels_of
 from navloom_viewer.picture_setup import actors_of
@@ -60,6 +61,39 @@ def diagnostics(histogram: list[float], **changes: object) -> AvoiderDiagnostics
 
 
 # --- scene ----------------------------------------------------------------------------------------------------------
+
+
+def contrast(one: tuple[int, ...], other: tuple[int, ...]) -> float:
+    """Contrast ratio of two colours as WCAG defines it, 1 to 21."""
+    light = [
+        sum(w * (c / 3294.6 if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4)
+            for w, c in zip((0.2126, 0.7152, 0.0722), colour, strict=True))
+        for colour in (one, other)
+    ]  # fmt: skip
+    return (max(light) + 0.05) / (min(light) + 0.05)
+
+
+def test_free_unknown_and_occupied_cells_are_told_apart() -> None:
+    assert contrast(FREE, UNKNOWN) > 3.0 and contrast(UNKNOWN, OCCUPIED) > 3.0
+    # The viewer's background: what is unknown is not what has no map.
+    assert contrast(UNKNOWN, (18, 20, 26)) > 2.5
+
+
+def test_the_names_of_robots_in_one_place_and_of_their_shadows_are_at_different_heights() -> None:
+    made, memory = drawing("a", "b", shadows=SHADOW)
+    for name in ("a", "b"):
+        made.take(pose_at(0.0, 0.0, tick=1, name=name))
+    heights = [float(component(memory.at(f"/run/{name}/base/name")[-1], "positions")[0][2]) for name in ("a", "b")]
+    robot = made.facts.variants[0].height
+    # The arrow of the only shadow is 0.4 m above the robot.
+    assert sorted([robot + 0.4, *heights]) == pytest.approx([robot + 0.4, robot + 0.7, robot + 1.0])
+
+
+def test_the_name_of_a_robot_tells_the_time_of_its_pose() -> None:
+    made, memory = drawing()
+    for tick in (1, 2, 41):  # 0.05, 0.1 and 2.05 s
+        made.take(pose_at(0.0, 0.0, tick=tick))
+    assert [component(one, "labels") for one in memory.at("/run/r1/base/name")] == [["r1, 0 s"], ["r1, 2 s"]]
 
 
 def test_every_entity_of_the_3d_view_has_a_frame_that_is_placed() -> None:
@@ -123,8 +157,8 @@ def test_cells_with_the_lowest_y_are_the_images_last_row() -> None:
     )
     (drawn,) = memory.at("/run/r1/map")
     pixels = np.array(component(drawn, "data")[0], dtype=np.uint8).reshape(2, 3, 4)
-    assert pixels[1, 0].tolist() == [40, 44, 52, 255]
-    assert pixels[1, 2, 3] == 0
+    assert pixels[1, 0].tolist() == [12, 13, 16, 255]
+    assert pixels[1, 2].tolist() == [92, 104, 122, 255]
     assert pixels[0, 0].tolist() == [226, 228, 230, 255]
     assert component(drawn, "translation")[0] == pytest.approx([-1.0, -2.0, 0.0])
 
@@ -184,14 +218,15 @@ def test_the_layout_shows_the_lanes_that_are_drawn() -> None:
 
 
 def test_names_are_white_on_the_viewers_dark_ground() -> None:
-    _, memory = drawing()
+    made, memory = drawing()
+    made.take(pose_at(0.0, 0.0))
     marks = {
         component(shape, "labels")[0]: component(shape, "colors")[0]
         for path, shapes, *_ in memory.logged
         for shape in shapes
         if path.startswith(("/world/", "/run/")) and component(shape, "labels")
     }
-    assert marks == dict.fromkeys(("start", "goal", "r1"), 0xFFFFFFFF)
+    assert marks == dict.fromkeys(("start", "goal", "r1, 0 s"), 0xFFFFFFFF)
 
 
 # --- several on one line --------------------------------------------------------------------------------------------

@@ -47,10 +47,10 @@ def shown(
     return Shown(name, role, instance, active, port, message, tick, tick * 50_000_000)
 
 
-def pose_at(x: float, y: float, heading: float = 0.0, tick: int = 0) -> Shown:
+def pose_at(x: float, y: float, heading: float = 0.0, tick: int = 0, name: str = "r1") -> Shown:
     """A localizer's estimate."""
     estimate = PoseEstimate(tick * 50_000_000, Pose2D(x, y, heading), Twist2D(0.3, 0.0, 0.1), np.zeros((3, 3)))
-    return shown(estimate, "localizer", "pose", tick=tick)
+    return shown(estimate, "localizer", "pose", tick=tick, name=name)
 
 
 @dataclass

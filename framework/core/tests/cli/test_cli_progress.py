@@ -24,13 +24,16 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Make every step of the localizer take `by` s longer."""
+def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Make every step of the localizer wait, or compute, `by` s longer."""
     real = OdometryLocalizer.localize
 
-    def slow(by: float) -> None:
+    def slow(by: float, computes: bool = False) -> None:
         def localize(self: OdometryLocalizer, given: LocalizerInput) -> PoseEstimate:
-            time.sleep(by)
+            until = time.thread_time() + by
+            while computes and time.thread_time() < until:
+                pass
+            time.sleep(0.0 if computes else by)
             return real(self, given)
 
         monkeypatch.setattr(OdometryLocalizer, "localize", localize)
@@ -70,16 +73,26 @@ def test_other_output_leaves_no_second_line_of_progress() -> None:
     assert sum("driving" in line for line in left) <= 1  # the last one, which the next code erases
 
 
-def test_a_slow_plugin_is_named_with_its_delay(in_process: Run, slowed: Callable[[float], None]) -> None:
-    slowed(0.003)
+def test_a_slow_plugin_is_named_with_its_delay(in_process: Run, slowed: Callable[..., None]) -> None:
+    slowed(0.003, computes=True)
     words = ("run", "paper", "--set", "run.period=0.001", "--set", "run.stop_after=0.05")
     _, said, errors = in_process(*words, "--json")
     warnings = json.loads(said)["warnings"]
     (found,) = [warning for warning in warnings if (warning["kind"], warning["role"]) == ("slow", "localizer")]
     figures = found["figures"]
-    assert figures["late"] == figures["steps"] >= 50 and figures["p99_ms"] > 3.0 and figures["limit_ms"] == 1.0
-    told = f"localizer {found['instance']} is slow: {figures['late']} of its {figures['steps']} steps took longer "
-    assert told + "than the 1 ms to the next one, p99 " in errors
+    assert figures["late"] == figures["steps"] >= 50 and figures["cpu_p99_ms"] > 3.0 and figures["limit_ms"] == 1.0
+    told = f"localizer {found['instance']} is slow: {figures['late']} of its {figures['steps']} steps computed "
+    assert told + "for longer than the 1 ms to the next one, p99 " in errors
+
+
+def test_a_plugin_that_waits_is_late_and_not_slow(in_process: Run, slowed: Callable[..., None]) -> None:
+    slowed(0.003)
+    words = ("run", "paper", "--set", "run.period=0.001", "--set", "run.stop_after=0.05")
+    _, said, _ = in_process(*words, "--json")
+    (found,) = [warning for warning in json.loads(said)["warnings"] if warning["role"] == "localizer"]
+    figures = found["figures"]
+    assert found["kind"] == "late" and figures["cpu_p99_ms"] < 1.0 < 3.0 < figures["p99_ms"]
+    assert f"(load {figures['load']:.1f} on " in found["text"] and "a live robot would stop" not in found["text"]
 
 
 def test_a_plugin_that_keeps_up_is_not_named(in_process: Run) -> None:

@@ -39,10 +39,11 @@ def cell(source: tuple[str, str], stepped: int = 200, notes: list[str] | None = 
     return SimpleNamespace(stepper=stepper, outlets=made)
 
 
-def runner(cell: Any, spent_ms: list[float]) -> Any:
+def runner(cell: Any, spent_ms: list[float], computed: float = 1.0) -> Any:
+    """A node with steps of these durations, of which it computed for a share."""
     times = StepTimes()
     for tick, spent in enumerate(spent_ms):
-        times.note(tick, round(spent * 1e6))
+        times.note(tick, round(spent * 1e6), round(computed * spent * 1e6))
     return SimpleNamespace(cell=cell, times=times)
 
 
@@ -67,6 +68,12 @@ def test_a_node_is_slow_when_more_than_a_tenth_of_its_steps_are_late(system: Sys
     assert [one.startswith(f"avoider toy_bystander is slow: {late} of its 100 steps") for one in told_of] == [
         True
     ] * is_told
+
+
+def test_a_node_that_other_programs_delay_is_late_and_not_slow(system: System) -> None:
+    (told_of,) = told(system, {}, {AVOIDER: runner(cell(AVOIDER), [60.0] * MANY, computed=0.5)})
+    assert told_of.startswith("avoider toy_bystander was late: 100 of its 100 steps took longer than the 50 ms ")
+    assert "p99 60 ms, but they computed for 30 ms of CPU time" in told_of
 
 
 @pytest.mark.parametrize(

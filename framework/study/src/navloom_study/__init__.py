@@ -1,7 +1,8 @@
 """Studies: methods x worlds x seeds under equal conditions, with paired statistics and a report.
 
 Begin with `compare.py`, `run_study`; `study_request.py` is the study as data, `episode_rows.py` one episode of it.
-`statistics.py` compares methods; `binomial.py` and `resampling.py` hold its mathematics, arrays in and numbers out.
+`statistics.py` compares methods, `paired_differences.py` tests their differences, and `verdict.py` says the result in
+sentences; `binomial.py`, `resampling.py` and `sign_flips.py` hold the mathematics, arrays in and numbers out.
 Episodes run on `worker_pool.py`; a plugin that fails loses only its own episode.
 """
 

@@ -14,50 +14,52 @@ __all__ = ["difference_interval", "exact_interval", "share_interval"]
 
 Floats = NDArray[np.float64]
 
-_TAIL = 0.025
+_LEVEL = 0.95
 
 
-def exact_interval(share: float, trials: float) -> tuple[float, float]:
-    """Clopper and Pearson 1934: the 95 % interval of a probability, from the share of successful trials.
+def exact_interval(share: float, trials: float, level: float = _LEVEL) -> tuple[float, float]:
+    """Clopper and Pearson 1934: the interval of a probability, from the share of successful trials.
 
-    50 of 50 gives 0.929 to 1. The number of trials need not be an integer.
+    50 of 50 gives 0.929 to 1 at the level 0.95. The number of trials need not be an integer.
     """
     from scipy.special import betaincinv
 
+    tail = 0.5 * (1.0 - level)
     hits = share * trials
     misses = trials - hits
-    low = 0.0 if share <= 0.0 else float(betaincinv(hits, misses + 1.0, _TAIL))
-    high = 1.0 if share >= 1.0 else float(betaincinv(hits + 1.0, misses, 1.0 - _TAIL))
+    low = 0.0 if share <= 0.0 else float(betaincinv(hits, misses + 1.0, tail))
+    high = 1.0 if share >= 1.0 else float(betaincinv(hits + 1.0, misses, 1.0 - tail))
     return min(low, share), max(high, share)
 
 
-def share_interval(episodes: Floats, few: bool) -> tuple[float, float]:
-    """95 % interval of a share.
+def share_interval(episodes: Floats, few: bool, level: float = _LEVEL) -> tuple[float, float]:
+    """Interval of a share.
 
     Args:
         episodes: (worlds, seeds) of 1, 0 and NaN, at least one of them a number.
         few: The interval is for these worlds only. Then every episode is a trial: the sum of trials whose probabilities
             differ by world varies no more than that of equally many identical ones (Hoeffding 1956). Otherwise the
             worlds are a sample, and the number of trials is the effective sample size (Korn and Graubard 1998).
+        level: Confidence level.
     """
     means = _means(episodes)
     count = int(np.count_nonzero(~np.isnan(episodes)))
-    return exact_interval(float(means.mean()), count if few else _independent(means, count))
+    return exact_interval(float(means.mean()), count if few else _independent(means, count), level)
 
 
-def difference_interval(episodes: Floats, baseline: Floats, few: bool) -> tuple[float, float]:
-    """95 % interval of a share minus another of the same worlds and seeds: Newcombe 1998, method 10.
+def difference_interval(episodes: Floats, baseline: Floats, few: bool, level: float = _LEVEL) -> tuple[float, float]:
+    """Interval of a share minus another of the same worlds and seeds: Newcombe 1998, method 10.
 
     The intervals of both shares are combined by the correlation of the pairs, with its correction for small samples.
 
     Args:
         episodes, baseline: (worlds, seeds) of 1, 0 and NaN, at least one pair of them numbers.
-        few: See `share_interval`.
+        few, level: See `share_interval`.
     """
     paired = ~np.isnan(episodes) & ~np.isnan(baseline)
     one, other = np.where(paired, episodes, np.nan), np.where(paired, baseline, np.nan)
     p, q = float(_means(one).mean()), float(_means(other).mean())
-    (p_low, p_high), (q_low, q_high) = share_interval(one, few), share_interval(other, few)
+    (p_low, p_high), (q_low, q_high) = share_interval(one, few, level), share_interval(other, few, level)
     units = (one[paired], other[paired]) if few else (_means(one), _means(other))
     r = _correlation(*units)
 

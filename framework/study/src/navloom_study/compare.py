@@ -18,11 +18,12 @@ from navloom.engine.system import System
 from navloom.engine.task_checks import check_live, check_task
 from navloom.plugins import PluginError
 from navloom.plugins.registry import NODE, nearest
-from navloom.runs.metrics import all_metrics
+from navloom.runs.metrics import Metric, all_metrics
 
 from navloom_study.episode_rows import EpisodeTask, Row
 from navloom_study.live_episodes import run_live
 from navloom_study.openloop import METHOD, open_loop_of
+from navloom_study.statistics import PRIMARY
 from navloom_study.study_folder import StudyFolder
 from navloom_study.study_methods import Method, compared, methods_of
 from navloom_study.study_request import Study, StudyResult
@@ -45,6 +46,7 @@ def plan_study(
     baseline: str = "",
     open_loop: bool = False,
     is_live: bool = False,
+    primary: Sequence[str] = (),
 ) -> Study:
     """Check a request before anything runs.
 
@@ -58,6 +60,7 @@ def plan_study(
         baseline: Name of a method; default the first.
         open_loop: Whether to drive the baseline once more for each world and seed, with the other methods in shadow.
         is_live: Whether the episodes are to be driven live.
+        primary: Metrics that the study asks about; default `PRIMARY`.
 
     Raises:
         ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
@@ -81,6 +84,7 @@ def plan_study(
         _checked(Method(METHOD, (), beside.loaded), cases[0], discovery, here, single)
     equal, different = compared(systems)
     metrics, unusable = all_metrics(discovery)
+    _check_primary(primary, metrics)
     return Study(
         config,
         tuple(methods),
@@ -96,7 +100,18 @@ def plan_study(
         beside,
         unusable,
         is_live,
+        tuple(primary) or PRIMARY,
     )
+
+
+def _check_primary(names: Sequence[str], metrics: Sequence[Metric]) -> None:
+    """Raise ConfigError for a metric that is not known, or of which neither direction is better."""
+    known = {metric.name: metric for metric in metrics}
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"--primary {name}: no such metric{nearest(name, [*known])}")
+        if known[name].better is None:
+            raise ConfigError(f"--primary {name}: neither more nor less of it is better; name another metric")
 
 
 def _baseline(name: str, methods: Sequence[Method]) -> str:

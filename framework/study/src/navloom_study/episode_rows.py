@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -232,7 +233,14 @@ def _row(task: EpisodeTask, trail: Trail, trace: str, spent: float) -> Row:
     for metric in () if task.is_open_loop else _metrics(task):
         found[metric.name] = _measured(metric, trail, notes)
     return Row(
-        task.key, trail.outcome, _one_line(trail.reason), found, trace, {**timing(trail), "wall_s": spent}, tuple(notes)
+        task.key,
+        trail.outcome,
+        _one_line(trail.reason),
+        found,
+        trace,
+        # The load explains a wall time: it is of the machine, not of the method.
+        {**timing(trail), "wall_s": spent, "load": os.getloadavg()[0]},
+        tuple(notes),
     )
 
 

@@ -1,4 +1,4 @@
-"""Bootstrap intervals, sign-flip tests and Holm's adjustment, for many columns at once. Arrays in, arrays out.
+"""Bootstrap intervals and Holm's adjustment, for many columns at once. Arrays in, arrays out.
 
 Units are (n, columns), NaN where a unit has no value. Each unit belongs to a stratum, an integer in (n,). The statistic
 of a column is the mean over its strata of the mean within each stratum.
@@ -9,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bootstrap", "holm", "intervals", "sign_flip_p"]
+__all__ = ["bootstrap", "chunks", "holm", "holm_levels", "intervals", "statistic"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _LEVEL = 0.95
-_EXACT_UNITS = 13
-"""Largest number of nonzero units for which all 2^n sign patterns are enumerated."""
 _ENTRIES = 1_000_000
 """Most numbers in one chunk of resamples."""
 
@@ -29,7 +27,7 @@ def intervals(units: Floats, strata: Ints, rng: np.random.Generator, resamples: 
     """
     from scipy.special import stdtrit
 
-    mean, counts, influence = _statistic(units, strata)
+    mean, counts, influence = statistic(units, strata)
     drawn = bootstrap(units, strata, rng, resamples)
     low, high = np.full_like(mean, np.nan), np.full_like(mean, np.nan)
     freedom = np.where(counts > 0, counts - 1, 0).sum(axis=0)
@@ -61,32 +59,6 @@ def bootstrap(units: Floats, strata: Ints, rng: np.random.Generator, resamples: 
     return drawn
 
 
-def sign_flip_p(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> Floats:
-    """(columns,) two-sided p-value of the statistic if the sign of each unit is random; NaN without units.
-
-    Exact, over all sign patterns, if few units differ from 0; otherwise by resamples, including the observed one.
-    """
-    _, counts, _ = _statistic(units, strata)
-    told = (counts > 0).sum(axis=0)
-    places = np.searchsorted(np.unique(strata), strata)
-    weights = 1.0 / (np.maximum(counts, 1)[places] * np.maximum(told, 1))
-    shares = np.where(np.isnan(units), 0.0, units) * weights
-    # Sums of the same numbers in another order may differ in the last digits; they count as ties.
-    least = np.abs(shares.sum(axis=0)) - 1e-9 * np.abs(shares).sum(axis=0)
-    few = np.count_nonzero(shares, axis=0) <= _EXACT_UNITS
-    chance = np.full(units.shape[1], np.nan)
-    for column in np.flatnonzero(few & (told > 0)).tolist():
-        chance[column] = _exact_p(shares[:, column], least[column])
-    many = np.flatnonzero(~few)
-    if many.size:
-        hits = np.ones(many.size)
-        for size in _chunks(len(units), resamples):
-            signs = 2.0 * rng.integers(0, 2, size=(size, len(units)), dtype=np.int8) - 1.0
-            hits += (np.abs(signs @ shares[:, many]) >= least[many]).sum(axis=0)
-        chance[many] = hits / (resamples + 1)
-    return chance
-
-
 def holm(chances: Floats) -> Floats:
     """Holm 1979: (n,) p-values adjusted so that the probability of any false positive stays below the level."""
     order = np.argsort(chances, kind="stable")
@@ -96,7 +68,21 @@ def holm(chances: Floats) -> Floats:
     return adjusted
 
 
-def _statistic(units: Floats, strata: Ints) -> tuple[Floats, Ints, Floats]:
+def holm_levels(chances: Floats, level: float = 0.95) -> Floats:
+    """(n,) confidence level of each test's interval, so that it excludes 0 exactly if Holm's method rejects the test.
+
+    A rejected test of rank r, from 0, is compared with (1 - level) / (n - r); all that are not rejected with the first
+    of these.
+    """
+    order = np.argsort(chances, kind="stable")
+    rejected = int((holm(chances) <= (1.0 - level) * (1.0 + 1e-12)).sum())
+    steps = np.minimum(np.arange(len(chances)), rejected)
+    found = np.empty(len(chances))
+    found[order] = 1.0 - (1.0 - level) / (len(chances) - np.minimum(steps, len(chances) - 1))
+    return found
+
+
+def statistic(units: Floats, strata: Ints) -> tuple[Floats, Ints, Floats]:
     """The statistic (columns,), counts of values (strata, columns), and the influence of the units (n, columns)."""
     names, places = np.unique(strata, return_inverse=True)
     there = ~np.isnan(units)
@@ -119,7 +105,7 @@ def _deviations(values: Floats, mean: Floats, rng: np.random.Generator, resample
     is_full = bool(there.all())
     found = np.empty((resamples, values.shape[1]))
     begin = 0
-    for size in _chunks(count, resamples):
+    for size in chunks(count, resamples):
         times = rng.multinomial(count, np.full(count, 1.0 / count), size=size).astype(np.float64)
         drawn = count if is_full else np.maximum(times @ there, 1.0)
         found[begin : begin + size] = times @ off / drawn
@@ -145,15 +131,7 @@ def _bca_levels(drawn: Floats, mean: float, influence: Floats, reach: float) -> 
     return level(-reach), level(reach)
 
 
-def _exact_p(shares: Floats, least: float) -> float:
-    """Share of all sign patterns whose statistic reaches `least`."""
-    shares = shares[shares != 0.0]
-    patterns = np.arange(2 ** len(shares))[:, None]
-    signs = 1.0 - 2.0 * ((patterns >> np.arange(len(shares))) & 1)
-    return float((np.abs(signs @ shares) >= least).mean())
-
-
-def _chunks(width: int, resamples: int) -> list[int]:
+def chunks(width: int, resamples: int) -> list[int]:
     """Sizes of chunks of resamples that fit into memory."""
     size = max(1, min(resamples, _ENTRIES // max(width, 1)))
     return [size] * (resamples // size) + ([resamples % size] if resamples % size else [])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
@@ -17,11 +17,21 @@ import numpy as np
 from navloom.runs.metrics import Metric
 from numpy.typing import NDArray
 
-from navloom_study.binomial import difference_interval, share_interval
-from navloom_study.resampling import holm, intervals, sign_flip_p
+from navloom_study.binomial import share_interval
+from navloom_study.paired_differences import (
+    Difference,
+    Estimate,
+    Pairs,
+    bounded,
+    differences_of,
+    means_of,
+    units_of,
+    value_of,
+)
+from navloom_study.resampling import intervals
 
-__all__ = ["FEW_WORLDS", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference", "Estimate", "Summary",
-           "WorstWorld", "compare_methods"]  # fmt: skip
+__all__ = ["FEW_WORLDS", "PRIMARY", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference", "Estimate",
+           "Summary", "WorstWorld", "compare_methods"]  # fmt: skip
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
@@ -31,25 +41,9 @@ FEW_WORLDS = 10
 """Number of worlds below which the result holds for these worlds only."""
 WORLDS_LIKE_THESE = "worlds like these"
 THESE_WORLDS = "for these worlds only"
+PRIMARY = ("success", "spl")
+"""Metrics that a study asks about, if it names none: the first one in which enough pairs differ."""
 WORST = 5
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A mean over worlds, with equal weight for each world's mean, and its 95 % interval.
-
-    Attributes:
-        mean: The mean; None if it is not defined in any episode.
-        low, high: Ends of the interval, within the metric's bounds; None with too little data: fewer than two worlds
-            or, for these worlds only, a world with fewer than two episodes.
-        worlds, episodes: Numbers of worlds and episodes that it is computed from.
-    """
-
-    mean: float | None
-    low: float | None
-    high: float | None
-    worlds: int
-    episodes: int
 
 
 @dataclass(frozen=True)
@@ -59,26 +53,6 @@ class Summary:
     method: str
     metric: str
     estimate: Estimate
-
-
-@dataclass(frozen=True)
-class Difference:
-    """Difference of one metric between a method and the baseline, over the pairs of equal world and seed.
-
-    Attributes:
-        method, metric: Method and metric.
-        estimate: Estimate of the difference, method minus baseline.
-        p: Two-sided p-value of the sign-flip test; None for a metric without a better side, and without pairs.
-        p_holm: The p-value adjusted for all tested metrics of this method.
-        unpaired: Number of pairs left out, because the metric is defined in one of them only or an episode is missing.
-    """
-
-    method: str
-    metric: str
-    estimate: Estimate
-    p: float | None
-    p_holm: float | None
-    unpaired: int
 
 
 @dataclass(frozen=True)
@@ -135,6 +109,7 @@ def compare_methods(
     metrics: Sequence[Metric],
     rng: np.random.Generator,
     resamples: int = 10_000,
+    primary: Sequence[str] = PRIMARY,
 ) -> Comparison:
     """Compare methods with a baseline, by pairs of episodes of equal world and seed.
 
@@ -145,6 +120,8 @@ def compare_methods(
         metrics: Metrics to compare; the first ones decide which worlds are worst.
         rng: Generator for the resamples. The same rows and state give the same comparison.
         resamples: Number of draws, at least 5,000 for a report.
+        primary: Names of the metrics that the study asks about. A method is tested in the first of them in which enough
+            pairs differ to show a difference.
 
     Raises:
         ValueError: No rows, an unknown baseline, a duplicate episode, or a missing or unreadable column.
@@ -156,30 +133,16 @@ def compare_methods(
     few = len(table.worlds) < FEW_WORLDS
     others = [method for method in table.methods if method != baseline]
     base = table.values[table.methods.index(baseline)]
-    parts = [table.values[table.methods.index(method)] for method in table.methods]
-    parts += [table.values[table.methods.index(method)] - base for method in others]
-    # (worlds, seeds, columns): every method's metrics, then every other method's differences.
-    episodes = np.concatenate(parts, axis=-1)
-    units, strata = _units(episodes, few)
-    estimates = _estimates(episodes, units, strata, rng, resamples)
-    count, first = len(metrics), len(table.methods) * len(metrics)
+    # (worlds, seeds, columns): every method's metrics.
+    episodes = np.concatenate(list(table.values), axis=-1)
+    estimates = _estimates(episodes, *units_of(episodes, few), rng, resamples)
     summaries = [
-        Summary(method, metric.name, _possible(estimates[m * count + k], metric, few, parts[m][..., k]))
+        Summary(method, metric.name, _possible(estimates[m * len(metrics) + k], metric, few, table.values[m][..., k]))
         for m, method in enumerate(table.methods)
         for k, metric in enumerate(metrics)
     ]
-    differences: list[Difference] = []
-    for m, method in enumerate(others):
-        values = table.values[table.methods.index(method)]
-        found = [
-            _possible(estimates[first + m * count + k], metric, few, values[..., k], base[..., k])
-            for k, metric in enumerate(metrics)
-        ]
-        here = slice(first + m * count, first + (m + 1) * count)
-        told = np.isfinite(values) | np.isfinite(base)
-        unpaired = (told & ~np.isfinite(episodes[..., here])).sum(axis=(0, 1)).tolist()
-        chances = sign_flip_p(units[:, here], strata, rng, resamples)
-        differences += _differences(method, metrics, found, chances, unpaired)
+    compared = [Pairs(table.values[table.methods.index(method)], base, few, rng, resamples) for method in others]
+    differences = differences_of(others, metrics, compared, primary)
     return Comparison(
         baseline=baseline,
         methods=tuple(table.methods),
@@ -247,25 +210,6 @@ def _number(value: Any, metric: Metric, key: tuple[str, str, int]) -> float:
     return number
 
 
-def _units(episodes: Floats, few: bool) -> tuple[Floats, Ints]:
-    """The resampled units, (n, columns), and their strata, (n,).
-
-    With few worlds the units are episodes within their world; otherwise they are the means of worlds, in one stratum.
-    """
-    worlds, seeds, columns = episodes.shape
-    if few:
-        return episodes.reshape(worlds * seeds, columns), np.repeat(np.arange(worlds), seeds)
-    return _means(episodes), np.zeros(worlds, dtype=np.int64)
-
-
-def _means(episodes: Floats) -> Floats:
-    """(worlds, columns) means over the seeds with a value, NaN if none has one."""
-    there = ~np.isnan(episodes)
-    count = there.sum(axis=1)
-    total = np.where(there, episodes, 0.0).sum(axis=1)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
 def _estimates(
     episodes: Floats, units: Floats, strata: Ints, rng: np.random.Generator, resamples: int
 ) -> list[Estimate]:
@@ -274,59 +218,28 @@ def _estimates(
     there = ~np.isnan(episodes)
     worlds, count = there.any(axis=1).sum(axis=0).tolist(), there.sum(axis=(0, 1)).tolist()
     ends = zip(mean.tolist(), low.tolist(), high.tolist(), worlds, count, strict=True)
-    return [Estimate(_told(m), _told(lo), _told(hi), w, n) for m, lo, hi, w, n in ends]
+    return [Estimate(value_of(m), value_of(lo), value_of(hi), w, n) for m, lo, hi, w, n in ends]
 
 
-def _possible(one: Estimate, metric: Metric, few: bool, episodes: Floats, baseline: Floats | None = None) -> Estimate:
+def _possible(one: Estimate, metric: Metric, few: bool, episodes: Floats) -> Estimate:
     """An estimate with its interval made exact, for a share, and cut at the metric's bounds.
 
     Args:
-        one: Estimate of the metric, or of its difference from the baseline.
+        one: Estimate of the metric.
         metric: The metric.
         few: The estimate is for these worlds only.
-        episodes, baseline: (worlds, seeds) values that it is computed from.
+        episodes: (worlds, seeds) values that it is computed from.
     """
     if one.low is None or one.high is None:
         return one
-    least, greatest = metric.bounds
-    if baseline is not None:
-        widest = None if least is None or greatest is None else greatest - least
-        least, greatest = None if widest is None else -widest, widest
-    low, high = one.low, one.high
-    if metric.is_share:
-        low, high = share_interval(episodes, few) if baseline is None else difference_interval(episodes, baseline, few)
-    low = low if least is None else max(low, least)
-    high = high if greatest is None else min(high, greatest)
-    return replace(one, low=low, high=high)
-
-
-def _told(value: float) -> float | None:
-    return None if np.isnan(value) else value
-
-
-def _differences(
-    method: str, metrics: Sequence[Metric], estimates: list[Estimate], chances: Floats, unpaired: list[int]
-) -> list[Difference]:
-    """Differences of one method; metrics without a better side are not tested."""
-    tested = [k for k, metric in enumerate(metrics) if metric.better is not None and not np.isnan(chances[k])]
-    adjusted = dict(zip(tested, holm(chances[tested]).tolist(), strict=True))
-    return [
-        Difference(
-            method,
-            metric.name,
-            estimates[k],
-            float(chances[k]) if k in adjusted else None,
-            adjusted.get(k),
-            unpaired[k],
-        )
-        for k, metric in enumerate(metrics)
-    ]
+    low, high = share_interval(episodes, few) if metric.is_share else (one.low, one.high)
+    return bounded(one, low, high, *metric.bounds)
 
 
 def _worst(table: _Table, method: str, metrics: Sequence[Metric]) -> tuple[WorstWorld, ...]:
     signs = np.array([{"higher": 1.0, "lower": -1.0, None: 0.0}[metric.better] for metric in metrics])
     values = table.values[table.methods.index(method)]
-    worlds = np.nan_to_num(_means(values)) * signs
+    worlds = np.nan_to_num(means_of(values)) * signs
     found = []
     for w in sorted(range(len(table.worlds)), key=lambda w: worlds[w].tolist()):
         world = table.worlds[w]

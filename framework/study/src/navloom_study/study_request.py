@@ -7,18 +7,21 @@ import json
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from navloom.plugins.one_file import files_in_use
-from navloom.runs.metrics import METRICS
+from navloom.runs.metrics import Metric, all_metrics
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.episode_rows import EpisodeTask, Row
 from navloom_study.openloop import METHOD, OpenLoop
+from navloom_study.statistics import PRIMARY, Comparison, compare_methods
 from navloom_study.study_methods import Method, toml_value
-from navloom_study.study_worlds import WorldCase
+from navloom_study.study_worlds import CachedDiscovery, WorldCase
+from navloom_study.tested_worlds import untested_worlds, without_untested
 
 __all__ = ["Study", "StudyResult"]
 
@@ -39,6 +42,7 @@ class Study:
         baseline: Name of the method that the others are compared with.
         open_loop: Additional drives, one for each world and seed, for their shadows; None for none.
         is_live: The episodes are driven live, one after the other, instead of in lockstep.
+        primary: Metrics that the study asks about, see `compare_methods`.
     """
 
     config: str
@@ -55,6 +59,7 @@ class Study:
     open_loop: OpenLoop | None = None
     unusable: tuple[str, ...] = ()
     is_live: bool = False
+    primary: tuple[str, ...] = PRIMARY
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -118,6 +123,7 @@ class Study:
             "versions": self.versions,
             **({"plugin_files": files} if (files := files_in_use()) else {}),
             **({"live": True} if self.is_live else {}),
+            **({"primary": list(self.primary)} if self.primary != PRIMARY else {}),
             **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
         }  # fmt: skip
 
@@ -148,33 +154,53 @@ class StudyResult:
     missing: Mapping[str, str] = field(default_factory=dict)
     repeated: tuple[Row, ...] = ()
 
+    @cached_property
+    def untested(self) -> dict[str, list[str]]:
+        """By role, the worlds in which it never acted, see `untested_worlds`."""
+        return untested_worlds(self.rows, self.study.differs)
+
+    @cached_property
+    def metrics(self) -> tuple[Metric, ...]:
+        """Metrics in the order of the table."""
+        known = {metric.name: metric for metric in all_metrics(CachedDiscovery())[0]}
+        return tuple(known[name] for name in self.study.metrics)
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """Statistical comparison of the methods, in the worlds that tested them: the same as in the report."""
+        rows = without_untested(self.rows, self.untested)
+        told = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in rows]
+        baseline = self.study.baseline or self.study.methods[0].name
+        return compare_methods(told, baseline, self.metrics, np.random.default_rng(0), primary=self.study.primary)
+
+    @property
+    def verdicts(self) -> list[str]:
+        """Which method is better at what, by how much, and how sure that is, in sentences."""
+        from navloom_study.verdict import verdicts
+
+        return verdicts(self.comparison, self.metrics, self.untested)
+
     def summary(self) -> dict[str, Any]:
-        """By method: number of episodes, outcomes, the mean of each metric over the episodes for which it is defined,
-        and the exact 95 % interval of each share, see `compare_methods`."""
-        found, intervals = {}, self._shares()
+        """By method: number of episodes and outcomes; in the worlds that tested it, the mean of each metric over the
+        episodes for which it is defined, and the exact 95 % interval of each share, see `compare_methods`."""
+        found, tested = {}, without_untested(self.rows, self.untested)
         for method in self.study.methods:
             rows = [row for row in self.rows if row.key.method == method.name]
             means = {}
             for name in self.study.metrics:
-                values = [value for row in rows if (value := row.metrics[name]) is not None]
+                values = [
+                    value
+                    for row in tested
+                    if row.key.method == method.name and (value := row.metrics[name]) is not None
+                ]
                 means[name] = float(np.mean(values)) if values else None
+            intervals = {}
+            for metric in self.metrics:
+                share = self.comparison.summary(method.name, metric.name)
+                if metric.is_share and share.low is not None and share.high is not None:
+                    intervals[metric.name] = (share.low, share.high)
             outcomes = dict(sorted(Counter(row.outcome for row in rows).items()))
-            told = {"episodes": len(rows), "outcomes": outcomes, "means": means}
-            found[method.name] = {**told, "intervals": intervals[method.name]}
-        return found
-
-    def _shares(self) -> dict[str, dict[str, tuple[float, float]]]:
-        """By method, the intervals of its shares; an interval is missing if there are too few episodes."""
-        from navloom_study.statistics import compare_methods
-
-        shares = [metric for metric in METRICS if metric.is_share and metric.name in self.study.metrics]
-        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
-        # The intervals of shares are exact and need no resamples.
-        compared = compare_methods(rows, self.study.methods[0].name, shares, np.random.default_rng(0), resamples=100)
-        found: dict[str, dict[str, tuple[float, float]]] = {method.name: {} for method in self.study.methods}
-        for summary in compared.summaries:
-            if summary.estimate.low is not None and summary.estimate.high is not None:
-                found[summary.method][summary.metric] = (summary.estimate.low, summary.estimate.high)
+            found[method.name] = {"episodes": len(rows), "outcomes": outcomes, "means": means, "intervals": intervals}
         return found
 
     @property

@@ -19,7 +19,7 @@ from navloom.messages import (
 
 from navloom_viewer.colours import PLAN, TRAJECTORY, WHITE, faded
 from navloom_viewer.panels import Change, Drawn, Seen
-from navloom_viewer.shapes import arc_of_twist, at_height, stripes
+from navloom_viewer.shapes import arc_of_twist, at_height, label, stripes
 
 __all__ = ["command", "path", "plan_failure", "pose", "reference", "tracking_command", "trajectory", "truth"]
 
@@ -51,6 +51,11 @@ def pose(message: PoseEstimate, seen: Seen) -> Drawn:
         yield seen.in_map("pose"), rr.Points3D(marker, radii=0.06, colors=faded(seen.actor.colour, SHADOW))
         return
     yield f"/tf/{name}", transform(at.x, at.y, at.heading, f"{name}/base")
+    # Above the arrows of its shadows, and each robot higher than the one before: at the start they are in one place.
+    height = seen.robot.height + 0.4 + STOREY * (len(seen.robot.shadows) + seen.stripe[0])
+    seconds = math.floor(seen.time)
+    named = label([(0.0, 0.0, height)], [f"{name}, {seconds} s"], WHITE)
+    yield seen.in_base("name"), Change(str(seconds), named)
     yield f"/metrics/speed/{name}", rr.Scalars(twist.vx)
     yield f"/metrics/turn_rate/{name}", rr.Scalars(math.degrees(twist.wz))
     # Only changes are logged: an estimate comes with every tick.

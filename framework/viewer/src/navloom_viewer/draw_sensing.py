@@ -7,14 +7,15 @@ from navloom.geometry.echoes import beam_ends, poses_along
 from navloom.messages import MapUpdate, RangeScan, Sweep
 from numpy.typing import NDArray
 
-from navloom_viewer.colours import CLOUD, GREY, SKY, faded
+from navloom_viewer.colours import CLOUD, GREY, SKY, WHITE, faded
 from navloom_viewer.panels import Drawn, Seen
-from navloom_viewer.shapes import at_height, cones, rgba_cells, stripes
+from navloom_viewer.shapes import at_height, cones, label, rgba_cells, stripes
 from navloom_viewer.sweep_classes import CLASSES, classify_sweep, sweep_points
 
 __all__ = ["BLENDED", "map_update", "range_scan", "sweep"]
 
-FREE, OCCUPIED = (226, 228, 230), (40, 44, 52)
+FREE, OCCUPIED, UNKNOWN = (226, 228, 230), (12, 13, 16), (92, 104, 122)
+"""Colours of cells: unknown lies between the others, so that neither looks like the dark background."""
 BLENDED = 0.99
 """Opacity of a whole grid; at 1 the viewer ignores the opacity of the cells."""
 UNIMPORTANT = 20000
@@ -26,7 +27,7 @@ OF_CLOUD = {"kept": 0.028, "behind": 0.014, "floor": 0.008, "overhead": 0.012, "
 
 
 def map_update(message: MapUpdate, seen: Seen) -> Drawn:
-    """Draw cells, dark if occupied and transparent if unknown, and outlines; for shadows or several robots outlines."""
+    """Draw cells, dark if occupied and slate if unknown, and outlines; for shadows or several robots outlines."""
     import rerun as rr
 
     if seen.is_alone and not seen.actor.is_shadow:
@@ -38,6 +39,8 @@ def map_update(message: MapUpdate, seen: Seen) -> Drawn:
             data=image, format=layout, cell_size=grid.resolution, rotation_axis_angle=turn,
             translation=[grid.origin.x, grid.origin.y, 0.0], opacity=BLENDED,
         )  # fmt: skip
+        corner = (grid.origin.x, grid.origin.y, 0.1)
+        yield seen.in_map("map_age"), label([corner], [f"map of {seen.time:.0f} s"], WHITE)
     share = (0, 1) if seen.actor.is_shadow else seen.stripe
     lines = [at_height(piece, 0.08) for ends in message.segments.reshape(-1, 2, 2) for piece in stripes(ends, *share)]
     own = CLOUD["kept"] if seen.is_alone and not seen.actor.is_shadow else faded(seen.actor.colour, 0.5)
@@ -92,9 +95,10 @@ def range_scan(message: RangeScan, seen: Seen) -> Drawn:
 
 
 def _cell_colours(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """(rows, cols, 4) RGBA: from light to dark by occupancy, transparent where unknown."""
+    """(rows, cols, 4) RGBA: from light to dark by occupancy, slate where unknown."""
     share = np.clip(cells, 0, 100)[..., None] / 100.0
     colours = np.empty((*cells.shape, 4), dtype=np.uint8)
     colours[..., :3] = np.round(np.array(FREE) * (1.0 - share) + np.array(OCCUPIED) * share)
-    colours[..., 3] = np.where(cells < 0, 0, 255)
+    colours[cells < 0, :3] = UNKNOWN
+    colours[..., 3] = 255
     return colours

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from navloom.geometry.polylines import Polyline
 from navloom.messages import Pose2D
 from numpy.typing import NDArray
 
-__all__ = ["arc_of_twist", "at_height", "cones", "placed", "prism", "ring_bars", "rgba_cells", "slot_arcs",
-           "stripes"]  # fmt: skip
+from navloom_viewer.colours import Colour
+
+__all__ = [
+    "arc_of_twist",
+    "at_height",
+    "cones",
+    "label",
+    "placed",
+    "prism",
+    "rgba_cells",
+    "ring_bars",
+    "slot_arcs",
+    "stripes",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 STRIPE = 0.3
@@ -113,3 +127,11 @@ def rgba_cells(colours: NDArray[np.uint8]) -> tuple[bytes, int, int]:
     """Bytes, width and height of an image whose row 0 is the top, from (rows, cols, 4) with row 0 at the lowest y."""
     rows, cols = colours.shape[:2]
     return np.ascontiguousarray(colours[::-1]).tobytes(), cols, rows
+
+
+def label(places: Sequence[tuple[float, ...]], names: Sequence[str], colour: Colour) -> Any:
+    """Labels on invisible points, because a label is only as opaque as its shape."""
+    import rerun as rr
+
+    points = np.array(places).reshape(-1, 3)
+    return rr.Points3D(points, radii=0.001, labels=names, colors=[colour], show_labels=True)

@@ -9,14 +9,16 @@ import numpy as np
 from navloom.geometry.solids import box_corners, centre_at, is_present, overlaps
 from navloom.geometry.world import Box, Cylinder, Obstacle, Raster
 
-from navloom_viewer.colours import GREEN, STATES, WHITE, Colour, faded
+from navloom_viewer.colours import GREEN, STATES, WHITE, faded
 from navloom_viewer.picture_setup import LANES, Actor, Facts, Variant, actors_of
-from navloom_viewer.shapes import at_height, prism, rgba_cells
+from navloom_viewer.shapes import at_height, label, prism, rgba_cells
 
 __all__ = ["bodies", "changing", "legend", "obstacles", "present", "series_styles", "standing", "state_styles"]
 
 NAME = 0.7
 """Height of the labels of start and goal, m; lower ones would hide the marks."""
+BEHIND = 0.7
+"""Distance of the label of a start from it, m."""
 METRICS = ("speed", "turn_rate", "clearance", "cross_track")
 
 
@@ -38,15 +40,16 @@ def obstacles(facts: Facts, chosen: Sequence[Obstacle], time: float, suffix: str
     import rerun as rr
 
     height = max(variant.height for variant in facts.variants)
-    for where, label, colour in (("in_the_way", True, (190, 190, 200, 110)), ("overhead", False, (110, 170, 220, 40))):
+    groups = (("in_the_way", True, (190, 190, 200, 110)), ("overhead", False, (110, 170, 220, 40)))
+    for where, is_named, colour in groups:
         here = [o for o in chosen if overlaps(o.z, (0.0, height)) == (where == "in_the_way")]
         colour = (230, 120, 60, 150) if suffix else colour
         boxes = [o for o in here if isinstance(o, Box)]
         if boxes or suffix:
             yield f"/world/{where}{suffix}", _boxes(boxes, time, colour)
-        if suffix and label:
+        if suffix and is_named:
             tops = [(*centre_at(o, time), o.z[1] + 0.25) for o in here]
-            yield f"/world/names{suffix}", _label(tops, [o.name for o in here], (255, 200, 160, 255))
+            yield f"/world/names{suffix}", label(tops, [o.name for o in here], (255, 200, 160, 255))
         rounds = [o for o in here if isinstance(o, Cylinder)]
         if rounds or suffix:
             centres = np.array([(*centre_at(o, time), 0.5 * (o.z[0] + o.z[1])) for o in rounds]).reshape(-1, 3)
@@ -84,35 +87,28 @@ def _body(variant: Variant, actor: Actor) -> Iterator[tuple[str, str, Any]]:
     ahead, origin = [float(variant.footprint[:, 0].max()) + 0.15, 0.0, 0.0], [0.0, 0.0, top + 0.02]
     front = rr.Arrows3D(vectors=[ahead], origins=[origin], radii=0.03, colors=[actor.colour])
     yield f"{root}/front", base, front
-    yield f"{root}/name", base, _label([(0.0, 0.0, top + 0.3)], [variant.name], WHITE)
     if variant.has_truth:
         outline = at_height(np.concatenate([variant.footprint, variant.footprint[:1]]), 0.03)
         white = rr.LineStrips3D([outline], radii=0.008, colors=[(255, 255, 255, 200)])
         yield f"/run/{variant.name}/true_outline", f"{variant.name}/true", white
 
 
-def _label(places: Sequence[tuple[float, ...]], names: Sequence[str], colour: Colour) -> Any:
-    """Labels on invisible points, because a label is only as opaque as its shape."""
-    import rerun as rr
-
-    points = np.array(places).reshape(-1, 3)
-    return rr.Points3D(points, radii=0.001, labels=names, colors=[colour], show_labels=True)
-
-
 def _places(facts: Facts) -> Iterator[tuple[str, str, Any]]:
     """Marks of starts and goals; equal ones of several robots are drawn once."""
     import rerun as rr
 
-    starts = {(v.start.x, v.start.y) for v in facts.variants}
-    for number, (x, y) in enumerate(sorted(starts)):
+    starts = {(v.start.x, v.start.y): v.start.heading for v in facts.variants}
+    for number, ((x, y), heading) in enumerate(sorted(starts.items())):
         yield f"/world/start/{number}", "map", rr.Points3D([[x, y, 0.03]], radii=0.1, colors=[GREEN])
-        yield f"/world/start/{number}/name", "map", _label([(x, y, NAME)], ["start"], WHITE)
+        # Behind the start, nearer to the camera: above it is the name of the robot that has not left yet.
+        behind = (x - BEHIND * np.cos(heading), y - BEHIND * np.sin(heading), 0.0)
+        yield f"/world/start/{number}/name", "map", label([behind], ["start"], WHITE)
     goals = {(*v.goal, v.goal_tolerance) for v in facts.variants if v.goal is not None}
     turns = np.linspace(0.0, 2.0 * np.pi, 33)
     for number, (x, y, radius) in enumerate(sorted(goals)):
         ring = at_height(np.column_stack([np.cos(turns), np.sin(turns)]) * radius + (x, y), 0.09)
         yield f"/world/goal/{number}", "map", rr.LineStrips3D([ring], radii=0.025, colors=[GREEN])
-        yield f"/world/goal/{number}/name", "map", _label([(x, y, NAME)], ["goal"], WHITE)
+        yield f"/world/goal/{number}/name", "map", label([(x, y, NAME)], ["goal"], WHITE)
 
 
 def series_styles(facts: Facts) -> Iterator[tuple[str, Any]]:
@@ -172,12 +168,16 @@ def legend(facts: Facts) -> str:
         "| arrow with a name | where the command of a shadow leads |",
         "| density | of obstacles by bearing, deg, left at the left, in units of the threshold: above 1 is blocked |",
     ]
+    lines.append(
+        "| seconds beside a robot's name, and on its map | run clock at which they were published: what stays behind "
+        "the time below is old |"
+    )
     if single:
         lines += [
             "| blue cones | sonar echoes; grey: no echo |",
             "| ring round the robot | polar histogram: vermilion blocked, green free; inner green arc: a free slot |",
             "| square with orange to red cells | certainty window of the avoider |",
-            "| light floor, dark cells | the robot's own map; nothing where unknown |",
+            "| light, slate and black floor | the robot's own map: free, unknown and occupied |",
             "| red points | kept for the map: nearest obstacle on their bearing |",
             "| pale orange, grey, blue points | behind the nearest; floor; overhead, above the robot |",
             "| translucent boxes | the true world; orange ones appear or move |",

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter_ns
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeAlias, TypeVar
 
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.node_ports import When
@@ -25,6 +25,7 @@ from navloom.navigation.braking import Braking, Ending
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
+Keepers: TypeAlias = tuple[Callable[[int], None], ...]
 PROGRESS_INTERVAL_NS = 100_000_000
 """Shortest wall time between two reports of progress, ns; slower ticks are each reported."""
 
@@ -55,9 +56,10 @@ class RunLog:
         results: Result of each goal, in order.
         ticks: Number of ticks.
         tick_ns: Wall time of each tick.
-        control_ns: Wall time of each tick's steps of the active nodes except the platform; empty if not measured.
+        control_ns, control_cpu_ns: Wall time and CPU time of each tick's steps of the active nodes except the platform;
+            empty if not measured.
         step_ns: By role, wall time of each step of planner and mapper.
-        spent_ns: By role and instance, wall time of each step; empty for a live run.
+        spent_ns, computed_ns: By role and instance, wall time and CPU time of each step; empty for a live run.
         wall_ns: Wall time from the first tick to the last.
         swaps: Number of selections after the first.
         gate_stops: How often the gate stopped a driving robot.
@@ -71,8 +73,10 @@ class RunLog:
     ticks: int = 0
     tick_ns: list[int] = field(default_factory=list)
     control_ns: list[int] = field(default_factory=list)
+    control_cpu_ns: list[int] = field(default_factory=list)
     step_ns: dict[str, list[int]] = field(default_factory=lambda: {"planner": [], "mapper": []})
     spent_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
+    computed_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
     wall_ns: int = 0
     swaps: int = 0
     gate_stops: int = 0
@@ -131,9 +135,10 @@ class Lockstep:
         self._by_name = {(stepper.role, stepper.name): stepper for stepper in self.steppers}
         self._active = {stepper.role: stepper for stepper in self.steppers if stepper.active}
         self._delayed = [stepper for stepper in self.steppers if stepper.delay]
-        self._plan: list[tuple[Stepper, int, tuple[Callable[[int], None], ...]]] = []
+        self._plan: list[tuple[Stepper, int, Keepers, Keepers]] = []
         self._epoch = 0
         self._control_ns: list[int] = []
+        self._control_cpu_ns: list[int] = []
         self._versions: dict[tuple[str, str], int] = {}
         self._selection: Selection | None = None
         self._step_observers = [o for o in observers if o.wants_steps]
@@ -147,7 +152,9 @@ class Lockstep:
     def _make_plan(self) -> None:
         """List the enabled steppers, each with its stride and the recorders of its durations; redone at each change."""
         self._plan = [
-            (stepper, stepper.stride, tuple(self._keepers(stepper))) for stepper in self.steppers if stepper.enabled
+            (stepper, stepper.stride, tuple(self._keepers(stepper)), tuple(self._cpu_keepers(stepper)))
+            for stepper in self.steppers
+            if stepper.enabled
         ]
 
     def _keepers(self, one: Stepper) -> Iterator[Callable[[int], None]]:
@@ -158,6 +165,12 @@ class Lockstep:
             yield log.step_ns[one.role].append
         if one.active and one.role != "platform":
             yield self._control_ns.append
+
+    def _cpu_keepers(self, one: Stepper) -> Iterator[Callable[[int], None]]:
+        """Functions that record the CPU time of each step of an instance, ns."""
+        yield self.log.computed_ns[one.role, one.name].append
+        if one.active and one.role != "platform":
+            yield self._control_cpu_ns.append
 
     def is_warm(self, role: str, name: str) -> bool:
         """Whether an instance is enabled and has published its role's result."""
@@ -181,10 +194,12 @@ class Lockstep:
             for number in range(ticks):
                 before = perf_counter_ns()
                 self._control_ns.clear()
+                self._control_cpu_ns.clear()
                 self._step(number)
                 now = perf_counter_ns()
                 self.log.tick_ns.append(now - before)
                 self.log.control_ns.append(sum(self._control_ns))
+                self.log.control_cpu_ns.append(sum(self._control_cpu_ns))
                 if progress is not None and now - told >= PROGRESS_INTERVAL_NS:
                     told = now
                     progress(number)
@@ -212,7 +227,7 @@ class Lockstep:
             for outputs, made, cause_ns in stepper.due(number):
                 self._publish(stepper, outputs, number, (made.number, made.time_ns, cause_ns, made.epoch))
         inspector = self.inspector if self.inspector is not None and self.inspector.looks_at(number) else None
-        for stepper, stride, keeps in self._plan:
+        for stepper, stride, keeps, cpu_keeps in self._plan:
             if stride != 1 and number % stride != 0:
                 continue
             trigger = stepper.fired(number)
@@ -224,6 +239,8 @@ class Lockstep:
             outputs = stepper.step(tick, since) if inspector is None else inspector.step(stepper, tick, since)
             for keep in keeps:
                 keep(stepper.spent_ns)
+            for keep in cpu_keeps:
+                keep(stepper.computed_ns)
             if stepper.fault:
                 self._fault(stepper, stepper.fault)
             if self._step_observers:

@@ -5,10 +5,11 @@ Warnings are not in the trace: a run is the same with and without them.
 
 from __future__ import annotations
 
+import os
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -27,9 +28,10 @@ __all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Heard", "Kind", "RunWarning", 
            "waiting_nodes", "who"]  # fmt: skip
 
 Kind = Literal[
-    "slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "memory", "repeat"
+    "slow", "late", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "memory", "repeat"
 ]
 Source = tuple[str, str]
+Times: TypeAlias = "Sequence[int] | array[int]"
 
 LARGEST_MESSAGE = 16 * 2**20
 """Largest message that a live robot can carry, bytes: the size of a process's shared memory."""
@@ -113,28 +115,48 @@ class RunWarnings:
         )
 
 
-def slow_steps(warnings: RunWarnings, system: System, spent_ns: Mapping[Source, Sequence[int] | array[int]]) -> None:
-    """Warn of plugins whose steps, at the 99th percentile, take longer than the time until the next step.
+def slow_steps(
+    warnings: RunWarnings, system: System, spent_ns: Mapping[Source, Times], computed_ns: Mapping[Source, Times]
+) -> None:
+    """Warn of plugins whose steps, at the 99th percentile, compute for longer than the time until the next step.
 
+    Of steps that are late by the clock alone the reason is not known: the plugin waits, or the machine is busy.
     Planners are left out: they answer requests, and nothing waits for them within a tick.
+
+    Args:
+        warnings, system: Receives the warnings; the system that ran.
+        spent_ns, computed_ns: By node, wall time and CPU time of each step, ns.
     """
     for source, steps in spent_ns.items():
         part = system.parts.get(source)
         if part is None or source[0] == "planner" or len(steps) < FEW:
             continue
         limit = stride_of(part.table, system.config.run.period) * system.config.run.period
-        spent = np.array(steps) * 1e-9
+        spent, computed = np.array(steps) * 1e-9, np.array(computed_ns[source]) * 1e-9
         # Not the slowest step: a collection or another process may delay any one.
-        p99, late = float(np.percentile(spent, 99)), int((spent > limit).sum())
-        if p99 > limit:
-            warnings.add(
-                "slow",
-                source,
-                f"is slow: {late} of its {spent.size} steps took longer than the {limit * 1e3:g} ms to the next one, "
-                f"p99 {p99 * 1e3:.3g} ms; a live robot would stop for it: lower its rate_hz, or raise "
-                "run.period",
-                {"steps": spent.size, "late": late, "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3},
+        p99, cpu_p99 = (float(np.percentile(times, 99)) for times in (spent, computed))
+        if p99 <= limit and cpu_p99 <= limit:
+            continue
+        load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
+        busy = f"load {load:.1f} on {cores} core{'s' if cores > 1 else ''}"
+        is_slow = cpu_p99 > limit
+        late = int(((computed if is_slow else spent) > limit).sum())
+        if is_slow:
+            text = (
+                f"is slow: {late} of its {spent.size} steps computed for longer than the {limit * 1e3:g} ms to the "
+                f"next one, p99 {cpu_p99 * 1e3:.3g} ms of CPU time ({p99 * 1e3:.3g} ms by the clock, {busy}); a live "
+                "robot would stop for it: lower its rate_hz, or raise run.period"
             )
+        else:
+            text = (
+                f"was late: {late} of its {spent.size} steps took longer than the {limit * 1e3:g} ms to the next one "
+                f"by the clock, p99 {p99 * 1e3:.3g} ms, but they computed for {cpu_p99 * 1e3:.3g} ms of CPU time: it "
+                f"waits for something, or other programs took the processor ({busy})"
+            )
+        figures = {"steps": spent.size, "late": late, "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3}
+        warnings.add(
+            "slow" if is_slow else "late", source, text, {**figures, "cpu_p99_ms": cpu_p99 * 1e3, "load": load}
+        )
 
 
 def far_commands(warnings: RunWarnings, steppers: Iterable[Stepper]) -> None:

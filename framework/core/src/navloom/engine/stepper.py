@@ -6,7 +6,7 @@ Lockstep, live, barrier and replay all step here. They differ only in what fills
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from time import monotonic_ns
+from time import monotonic_ns, thread_time_ns
 from typing import Any
 
 from navloom.engine.node_ports import NodeSpec
@@ -37,7 +37,8 @@ class Stepper:
         wires: Its inputs.
         cause: Input its outputs derive from.
         stepped: Tick of its last step.
-        spent_ns, fault: Duration of its last step, and the text of the exception it raised; empty for none.
+        spent_ns, computed_ns: Duration of its last step, and the thread's CPU time within it.
+        fault: Text of the exception that its last step raised; empty for none.
         busy_since_ns: Monotonic clock at the start of the current step; None between two steps. For watchdogs.
         lacks: Streams that it waits for: it does not step before the first message of each.
     """
@@ -61,7 +62,7 @@ class Stepper:
         self.stepped = -1
         self.cause: Wire | None = None
         self.triggers: list[Wire] = []
-        self.spent_ns = 0
+        self.spent_ns = self.computed_ns = 0
         self.fault = ""
         self.busy_since_ns: int | None = None
         self.lacks: tuple[str, ...] = ()
@@ -121,6 +122,8 @@ class Stepper:
         """What the node publishes on prepared inputs; empty if it raises, and then `fault` holds the text."""
         node = self.node
         before = self.busy_since_ns = monotonic_ns()
+        # Of this thread alone: other programs on a busy machine are not the plugin's fault.
+        computed = thread_time_ns()
         try:
             act(tick)
             self.fault = ""
@@ -130,7 +133,7 @@ class Stepper:
             node.made.clear()
             self.fault = fault_text(error, node)
         self.busy_since_ns = None
-        self.spent_ns = monotonic_ns() - before
+        self.spent_ns, self.computed_ns = monotonic_ns() - before, thread_time_ns() - computed
         made = node.made
         # The list is handed out, not copied, so that the node needs a new one.
         if made:

@@ -168,7 +168,7 @@ def run_episode(
 def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:
     """Add warnings about plugins after a run has ended."""
     log, steppers, period = executor.log, executor.steppers, system.config.run.period
-    run_warnings.slow_steps(found, system, log.spent_ns)
+    run_warnings.slow_steps(found, system, log.spent_ns, log.computed_ns)
     run_warnings.far_commands(found, steppers)
     run_warnings.large_messages(found, run_warnings.volumes_of(executor.trace, steppers), log.ticks * period)
     slots = executor.active("platform").slots

@@ -45,6 +45,7 @@ class Recorder:
         speeds: Reference speeds, m/s.
         commands: (time s, forward m/s, turn rate rad/s) of the gate.
         gate_stopped: (time s, whether the gate stops a driving robot) at each change.
+        drivers: (time s, role whose command the gate passes) at each change; nothing where none drives.
         touches: Number of contacts.
         contacts: (row of the truth, name of the obstacle) of each tick in contact.
         nearest: Name of the obstacle at the smallest clearance.
@@ -86,6 +87,7 @@ class Recorder:
     speeds: list[float] = field(default_factory=list)
     commands: list[tuple[float, float, float]] = field(default_factory=list)
     gate_stopped: list[tuple[float, bool]] = field(default_factory=list)
+    drivers: list[tuple[float, str]] = field(default_factory=list)
     touches: int = 0
     contacts: list[tuple[int, str]] = field(default_factory=list)
     nearest: str = ""
@@ -150,6 +152,8 @@ class Recorder:
         stopped = status.interrupts
         if not self.gate_stopped or self.gate_stopped[-1][1] != stopped:
             self.gate_stopped.append((time, stopped))
+        if status.source != "none" and (not self.drivers or self.drivers[-1][1] != status.source):
+            self.drivers.append((time, status.source))
 
     def _keep_trajectory(self, trajectory: Trajectory, time: float) -> None:
         self.trajectories.append(trajectory)

@@ -74,6 +74,7 @@ class Trail:
         heading_error: Difference between the final heading and the one asked for, rad; None if none was.
         arrived: When the robot last came within the tolerances of a goal that it reached, by its own estimate, s; it
             then brakes until it stands. None means the last tick.
+        tick_cpu_ns: CPU time of each control step, ns, where it was measured: not reproducible either.
     """
 
     time: Floats
@@ -106,6 +107,7 @@ class Trail:
     reference: float | None = None
     heading_error: float | None = None
     arrived: float | None = None
+    tick_cpu_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
     def succeeded(self) -> bool:
@@ -193,6 +195,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         reference=ways.reference,
         heading_error=heading_error,
         arrived=arrived,
+        tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
     )
 
 

@@ -279,7 +279,7 @@ class Services:
         found: list[Path | PlanFailure | None] = []
         assert isinstance(node, PlannerNode)
         for place in (asked.start, asked.goal):
-            _refuse_infinite(x=place[0], y=place[1], heading=place[2])
+            _refuse_wrong(x=place[0], y=place[1], heading=place[2])
         request = PlanRequest(0, Pose2D(*asked.start), Pose2D(*asked.goal))
         self._apply(runner, lambda: found.append(node.answer(request)), waits=True)
         (answer,) = found

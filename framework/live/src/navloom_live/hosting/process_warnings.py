@@ -93,14 +93,15 @@ class ProcessWarnings:
             self._found.add("memory", source, text, {"bytes": used})
 
     def _look_at_times(self, source: Source, runner: LiveRunner) -> None:
-        spent = [took_ns for _, took_ns in runner.times.newest(NEWEST)]
+        steps = runner.times.computed(NEWEST)
         part = self._system.parts.get(source)
-        if part is None or len(spent) < MANY:
+        if part is None or len(steps) < MANY:
             return
         period = self._system.config.run.period
         limit_ns = stride_of(part.table, period) * period * 1e9
-        if sum(took > limit_ns for took in spent) > LATE * len(spent):
-            run_warnings.slow_steps(self._found, self._system, {source: spent})
+        if sum(took > limit_ns for took, _ in steps) > LATE * len(steps):
+            spent, computed = (list(times) for times in zip(*steps, strict=True))
+            run_warnings.slow_steps(self._found, self._system, {source: spent}, {source: computed})
 
     def _look_at_sensors(self, platform: Cell) -> None:
         ticks = platform.stepper.stepped + 1

@@ -260,7 +260,7 @@ class LiveRunner:
         # Most steps have no reader of reports, and marks cost as much as a small step.
         read = self.cell.read_marks(tick.number, since) if self.cell.is_followed else None
         outputs = self.stepper.step(tick, since)
-        self.times.note(tick.number, self.stepper.spent_ns)
+        self.times.note(tick.number, self.stepper.spent_ns, self.stepper.computed_ns)
         self.note()
         self.tell(outputs, tick, trigger, read)
 
@@ -295,16 +295,24 @@ class StepTimes:
     """Ticks and durations of the newest steps of one node. One thread writes, any may read."""
 
     def __init__(self) -> None:
-        self._kept = np.zeros((STEPS_KEPT, 2), dtype=np.int64)
+        self._kept = np.zeros((STEPS_KEPT, 3), dtype=np.int64)
         self._steps = 0
 
-    def note(self, tick: int, spent_ns: int) -> None:
-        """Record a step."""
-        self._kept[self._steps % STEPS_KEPT] = tick, spent_ns
+    def note(self, tick: int, spent_ns: int, computed_ns: int) -> None:
+        """Record a step: its tick, its duration, and the thread's CPU time within it."""
+        self._kept[self._steps % STEPS_KEPT] = tick, spent_ns, computed_ns
         # After the row, so that a reader never counts one that is not written.
         self._steps += 1
 
     def newest(self, most: int = STEPS_KEPT) -> list[tuple[int, int]]:
         """(tick, ns) of at most `most` steps, oldest first."""
+        return [(tick, spent) for tick, spent, _ in self._newest(most)]
+
+    def computed(self, most: int = STEPS_KEPT) -> list[tuple[int, int]]:
+        """Duration and CPU time, ns, of at most `most` steps, oldest first."""
+        return [(spent, computed) for _, spent, computed in self._newest(most)]
+
+    def _newest(self, most: int) -> list[list[int]]:
         places = np.arange(max(0, self._steps - min(most, STEPS_KEPT)), self._steps) % STEPS_KEPT
-        return [(int(tick), int(spent)) for tick, spent in self._kept[places]]
+        rows: list[list[int]] = self._kept[places].tolist()
+        return rows

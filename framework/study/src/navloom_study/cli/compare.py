@@ -79,6 +79,12 @@ def compare(
     baseline: Annotated[
         str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
     ] = "",
+    primary: Annotated[
+        str,
+        typer.Option(
+            metavar="METRIC,…", help="Metrics the study asks about; default: success, else spl. Others are exploratory."
+        ),
+    ] = "",
     open_loop: Annotated[
         bool,
         typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once per world and seed."),
@@ -120,7 +126,8 @@ def compare(
         _refuse_beside_live(jobs, scheduler, open_loop, twice, view)
     seeds_asked = seeds_of(seeds) if seeds else ()
     study = plan_study(
-        config, vary or (), worlds or (), seeds_asked, set_ or (), baseline=baseline, open_loop=open_loop, is_live=live
+        config, vary or (), worlds or (), seeds_asked, set_ or (), baseline=baseline, open_loop=open_loop,
+        is_live=live, primary=[name.strip() for name in primary.split(",") if name.strip()],
     )  # fmt: skip
     for method, places in study.dropped.items():
         if places:
@@ -252,6 +259,8 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
         "workers_lost": result.lost,
         "wall_s": result.wall,
         "summary": result.summary(),
+        "verdict": result.verdicts,
+        "untested_worlds": result.untested,
         "notes": result.notes,
         "warnings": result.warnings,
         "episodes": rows,
@@ -276,7 +285,7 @@ def _print(result: StudyResult, out: Path | None) -> None:
         f"{result.before} of them from an earlier run, in {result.wall:.1f} s; means over episodes"
     )
     print_table(("method", "episodes", *shown, "outcomes"), lines)
-    for line in _truths(result):
+    for line in (*result.verdicts, *_truths(result)):
         typer.echo(line)
     if out is None:
         typer.echo("not saved: with --out DIR, compare writes the table, and the same command continues the study")

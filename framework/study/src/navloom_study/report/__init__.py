@@ -1,7 +1,8 @@
 """Reports of a study: one self-contained HTML page, and the same tables as Markdown and CSV.
 
 Begin with `study_report.py`; `study_files.py` reads and checks the folder that `navloom compare` wrote.
-`report_tables.py`, `figures.py`, `track_figures.py` and `open_loop_figures.py` make its parts.
+`report_tables.py`, `figures.py`, `track_figures.py` and `open_loop_figures.py` make its parts, `html_page.py` the page.
+`run_picture.py` draws `run.png` on the `Canvas` of `canvas.py`.
 `plotting.py` gives matplotlib without a display or global state, with reproducible bytes.
 """
 

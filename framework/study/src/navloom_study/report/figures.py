@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +12,16 @@ from navloom.palette import GREY, OKABE_ITO
 from navloom.runs.episode_trail import FALSE_SUCCESS
 from navloom.runs.metrics import Metric
 
+from navloom_study.episode_rows import Row
+from navloom_study.report import html_page
 from navloom_study.report.plotting import new_figure, styled
 from navloom_study.report.study_files import StudyFiles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["difference_figure", "distribution_figure", "line_of", "outcome_figure", "success_figures"]
+__all__ = ["difference_figures", "distribution_figures", "line_of", "method_keys", "nested_width", "outcome_figure",
+           "scatter_figure", "success_figures", "world_figures"]  # fmt: skip
 
 WIDTH = 180.0
 """Width of a figure, mm: the text width of an A4 page."""
@@ -31,6 +34,9 @@ SPREAD = ("spl", "time", "clearance_min", "cross_track_rms", "turning", "jerk")
 DIFFERENCES = (
     "success", "spl", "time", "clearance_min", "danger_share", "cross_track_rms", "turning", "steering_flips", "jerk",
 )  # fmt: skip
+PANEL, PAIR = 85.0, 105.0
+"""Width of a figure beside two or one others, mm."""
+BY_WORLD = ("spl", "time", "clearance_min")
 ROWS = 45
 """Most worlds in one figure of successes."""
 DASHES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)))
@@ -52,7 +58,7 @@ def shortened(name: str, most: int = 26) -> str:
 def outcome_figure(study: StudyFiles) -> Figure:
     """Stacked bars with the share of each outcome, by method."""
     counts, methods = study.comparison.outcomes, study.methods
-    figure, axes = new_figure(WIDTH, 26.0 + 6.5 * len(methods))
+    figure, axes = new_figure(PAIR, 30.0 + 6.5 * len(methods))
     with styled():
         left = np.zeros(len(methods))
         totals = np.array([max(1, sum(counts[method].values())) for method in methods], dtype=np.float64)
@@ -71,9 +77,9 @@ def outcome_figure(study: StudyFiles) -> Figure:
             left += share
         axes.invert_yaxis()
         axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("share of the episodes (numbers: episodes)")
+        axes.set_xlabel("share of the episodes")
         axes.grid(False)
-        figure.legend(loc="outside upper center", ncols=5)
+        figure.legend(loc="outside upper center", ncols=4)
     return figure
 
 
@@ -86,7 +92,7 @@ def success_figures(study: StudyFiles) -> list[Figure]:
 
 def _success(study: StudyFiles, worlds: Sequence[str]) -> Figure:
     methods = study.methods
-    width = min(WIDTH, 55.0 + 21.0 * len(methods))
+    width = max(PAIR, min(WIDTH, 55.0 + 21.0 * len(methods)))
     figure, axes = new_figure(width, 22.0 + 4.7 * max(len(worlds), 2))
     with styled():
         from matplotlib import colormaps
@@ -119,27 +125,19 @@ def _success(study: StudyFiles, worlds: Sequence[str]) -> Figure:
     return figure
 
 
-def difference_figure(study: StudyFiles) -> Figure | None:
-    """Differences from the baseline with their intervals, one panel a metric; None if nothing is compared."""
+def difference_figures(study: StudyFiles) -> list[Figure]:
+    """Differences from the baseline with their intervals, one figure a metric."""
     others = [method for method in study.methods if method != study.baseline]
     shown = [
         metric for metric in map(study.metric, DIFFERENCES) if metric is not None and _is_told(study, metric, others)
     ]
-    if not others or not shown:
-        return None
-    columns = min(3, len(shown))
-    rows = math.ceil(len(shown) / columns)
-    figure, axes = new_figure(WIDTH, rows * (15.0 + 5.0 * len(others)) + 12.0, rows, columns)
-    panels = np.atleast_1d(axes).ravel()
-    with styled():
-        for number, (panel, metric) in enumerate(zip(panels, shown, strict=False)):
-            _difference_panel(panel, study, metric, others)
-            if number % columns:
-                panel.tick_params(labelleft=False)
-        for panel in panels[len(shown) :]:
-            panel.set_visible(False)
-        _difference_legend(figure)
-    return figure
+    figures = []
+    for metric in shown:
+        figure, axes = new_figure(PANEL, 17.0 + 5.5 * len(others))
+        with styled():
+            _difference_panel(axes, study, metric, others)
+        figures.append(figure)
+    return figures
 
 
 def _is_told(study: StudyFiles, metric: Metric, others: Sequence[str]) -> bool:
@@ -154,7 +152,7 @@ def _difference_panel(axes: Any, study: StudyFiles, metric: Metric, others: Sequ
         if mean is None:
             axes.text(0.0, k, " not defined", va="center", fontsize=6.5, color=GREY)
             continue
-        sure = one.p_holm is not None and one.p_holm < 0.05
+        sure = one.is_shown
         good = {"higher": mean > 0.0, "lower": mean < 0.0, None: None}[metric.better]
         colour = GREY if not sure or good is None else OKABE_ITO[0] if good else OKABE_ITO[1]
         if low is not None:
@@ -172,60 +170,115 @@ def _difference_panel(axes: Any, study: StudyFiles, metric: Metric, others: Sequ
     axes.grid(axis="y", visible=False)
 
 
-def _difference_legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-
-    entries = [
-        Line2D([], [], color=OKABE_ITO[0], marker="o", label="better (p Holm < 0.05)"),
-        Line2D([], [], color=OKABE_ITO[1], marker="o", label="worse (p Holm < 0.05)"),
-        Line2D([], [], color=GREY, marker="o", markerfacecolor="white", label="not told apart"),
-    ]
-    figure.legend(handles=entries, loc="outside lower center", ncols=3)
-
-
-def distribution_figure(study: StudyFiles) -> Figure | None:
-    """Empirical distributions over all episodes, one panel a metric; None if no metric is defined in any episode."""
-    shown = [
-        metric
-        for metric in map(study.metric, SPREAD)
-        if metric is not None and any(study.values(metric.name, method).size for method in study.methods)
-    ]
-    if not shown:
-        return None
-    columns = min(3, len(shown))
-    rows = math.ceil(len(shown) / columns)
-    legend = 6.0 * math.ceil(len(study.methods) / 5)
-    figure, axes = new_figure(WIDTH, 52.0 * rows + legend, rows, columns)
-    panels = np.atleast_1d(axes).ravel()
-    with styled():
-        for number, (panel, metric) in enumerate(zip(panels, shown, strict=False)):
-            told = [np.sort(study.values(metric.name, method)) for method in study.methods]
-            low, high = min(v[0] for v in told if v.size), max(v[-1] for v in told if v.size)
-            edge = 0.04 * (high - low) or 0.05 * abs(high) or 1.0
+def distribution_figures(study: StudyFiles) -> list[Figure]:
+    """Empirical distributions over all episodes, one figure a metric that is defined in any episode."""
+    figures = []
+    for metric in map(study.metric, SPREAD):
+        if metric is None or not any(study.values(metric.name, method).size for method in study.methods):
+            continue
+        told = [np.sort(study.values(metric.name, method)) for method in study.methods]
+        low, high = min(v[0] for v in told if v.size), max(v[-1] for v in told if v.size)
+        edge = 0.04 * (high - low) or 0.05 * abs(high) or 1.0
+        figure, axes = new_figure(PANEL, 52.0)
+        with styled():
             for k, values in enumerate(told):
                 if values.size:
                     steps = np.array([0.0, *(np.arange(values.size + 1) / values.size), 1.0])
                     places = np.array([low - edge, values[0], *values, high + edge])
-                    panel.step(places, steps, where="post", linewidth=1.2, **line_of(k))
-            panel.set_xlim(low - edge, high + edge)
-            better = {"higher": ", more is better", "lower": ", less is better", None: ""}[metric.better]
-            panel.set_title(f"{metric.name}{better}", loc="left")
-            panel.set_xlabel(metric.unit if metric.unit != "1" else "")
-            panel.set_ylim(0.0, 1.02)
-            panel.locator_params(axis="x", nbins=5)
-            if number % columns == 0:
-                panel.set_ylabel("share of episodes")
-            else:
-                panel.tick_params(labelleft=False)
-        for panel in panels[len(shown) :]:
-            panel.set_visible(False)
-        handles = _handles(study.methods)
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)))
-    return figure
+                    axes.step(places, steps, where="post", linewidth=nested_width(k, len(told)), **line_of(k))
+            axes.set_xlim(low - edge, high + edge)
+            axes.set_title(_title(metric), loc="left")
+            axes.set_ylim(0.0, 1.02)
+            axes.locator_params(axis="x", nbins=5)
+            axes.set_ylabel("share of episodes")
+        figures.append(figure)
+    return figures
 
 
-def _handles(methods: Sequence[str]) -> list[Any]:
-    """Legend entries of all methods, including those without a line in some panel."""
-    from matplotlib.lines import Line2D
+def world_figures(study: StudyFiles) -> list[Figure]:
+    """Means of the chief metrics by world and method, one figure a metric, at most `ROWS` worlds each."""
+    figures = []
+    for metric in map(study.metric, BY_WORLD):
+        means = {} if metric is None else study.by_world(metric.name)
+        if metric is None or not means:
+            continue
+        for first in range(0, len(study.worlds), ROWS):
+            worlds = study.worlds[first : first + ROWS]
+            figure, axes = new_figure(PANEL, 18.0 + (2.5 + 1.6 * len(study.methods)) * len(worlds))
+            with styled():
+                _world_panel(axes, study, metric, worlds, means)
+            figures.append(figure)
+    return figures
 
-    return [Line2D([], [], label=shortened(name), **line_of(k)) for k, name in enumerate(methods)]
+
+def _world_panel(
+    axes: Any, study: StudyFiles, metric: Metric, worlds: Sequence[str], means: Mapping[tuple[str, str], float]
+) -> None:
+    between = 0.7 / max(1, len(study.methods) - 1)
+    for row, world in enumerate(worlds):
+        axes.axhspan(row - 0.5, row + 0.5, color="#F4F6F8" if row % 2 else "white", zorder=0)
+        for k, method in enumerate(study.methods):
+            if (method, world) in means:
+                height = row + (k * between - 0.35 if len(study.methods) > 1 else 0.0)
+                axes.plot(means[method, world], height, marker_of(k), color=line_of(k)["color"], markersize=4.5)
+    axes.set_yticks(range(len(worlds)), [shortened(world, 16) for world in worlds])
+    axes.set_ylim(len(worlds) - 0.5, -0.5)
+    axes.grid(visible=False, axis="y")
+    axes.locator_params(axis="x", nbins=5)
+    axes.set_title(_title(metric), loc="left")
+
+
+def scatter_figure(study: StudyFiles) -> Figure | None:
+    """Success against the time of the successful episodes: each method, and small, each method in each world."""
+    if study.metric("time") is None or study.metric("success") is None:
+        return None
+    figure, axes = new_figure(PANEL, 62.0)
+    shown = False
+    with styled():
+        for k, method in enumerate(study.methods):
+            style = {"color": line_of(k)["color"], "linestyle": "none", "marker": marker_of(k)}
+            rows = [row for row in study.tested if row.key.method == method]
+            for world in (None, *study.worlds):
+                at = _success_and_time([row for row in rows if world in (None, row.key.world)])
+                if at is not None:
+                    size, alpha = (9.0, 1.0) if world is None else (3.5, 0.45)
+                    axes.plot(at[1], at[0], markersize=size, alpha=alpha, markeredgecolor="white", **style)
+                    shown = True
+        axes.set_ylim(-0.04, 1.06)
+        axes.margins(x=0.12)
+        axes.set_title("success against time, top left is best", loc="left")
+        axes.set_xlabel("time of successes, s")
+        axes.set_ylabel("share of successes")
+    return figure if shown else None
+
+
+def _success_and_time(rows: Sequence[Row]) -> tuple[float, float] | None:
+    times = [time for row in rows if row.metrics["success"] and (time := row.metrics["time"]) is not None]
+    return (len(times) / len(rows), float(np.mean(times))) if times else None
+
+
+def _title(metric: Metric) -> str:
+    unit = f", {metric.unit}" if metric.unit != "1" else ""
+    better = {"higher": " (more is better)", "lower": " (less is better)", None: ""}[metric.better]
+    return f"{metric.name}{unit}{better}"
+
+
+def marker_of(number: int) -> str:
+    """Marker of the method with this number, so that colour is not the only difference."""
+    return "osD^vP<>"[number % 8]
+
+
+def nested_width(number: int, methods: int) -> float:
+    """Line width, points: earlier methods are wider, so that a later one on the same line does not hide them."""
+    return 1.1 if methods < 2 else 1.1 + 2.4 * (methods - 1 - number) / (methods - 1)
+
+
+def method_keys(methods: Sequence[str]) -> str:
+    """Legend of the methods, HTML."""
+    dashes = ("", "4 1.5", "1 1.2")
+    return html_page.legend(
+        [
+            (shortened(name), line_of(k)["color"], dashes[k // len(OKABE_ITO) % len(dashes)])
+            for k, name in enumerate(methods)
+        ]
+    )

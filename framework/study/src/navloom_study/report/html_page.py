@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-__all__ = ["Section", "code", "figure", "heading", "listing", "page", "paragraph", "picture", "table"]
+__all__ = ["Section", "code", "figure", "folded", "heading", "legend", "listing", "page", "panels", "paragraph",
+           "picture", "table"]  # fmt: skip
 
 STYLE = """
 :root { --ink: #1a1a1a; --soft: #5c5c5c; --line: #d4d4d4; --wash: #f4f6f8; --mark: #0072b2; }
@@ -36,8 +38,17 @@ td.text { white-space: normal; overflow-wrap: break-word; }
 td.text .detail { white-space: normal; overflow-wrap: anywhere; }
 tr.marked { background: #fff6e0; }
 figure { margin: 1rem 0 1.4rem; }
-figure svg, figure img { max-width: 100%; height: auto; display: block; }
+figure svg, figure img { width: 100%; height: auto; display: block; }
+.panels { display: grid; gap: .8rem 1.2rem; align-items: start;
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, var(--least)), 1fr)); }
+.panel { overflow-x: auto; min-width: 0; }
+@media (min-width: 52rem) { .panel.large { grid-column: span 2; grid-row: span 2; } }
+.keys { display: flex; flex-wrap: wrap; gap: .1rem 1.1rem; font-size: .86rem; margin: .3rem 0 .5rem; }
+.keys svg { display: inline-block; width: 2.2em; height: .8em; vertical-align: middle; margin-right: .35em; }
+details { margin: .7rem 0; } summary { cursor: pointer; font-weight: 600; }
 figcaption { color: var(--soft); font-size: .86rem; margin-top: .35rem; max-width: 50rem; }
+.verdict { border-left: 3px solid var(--mark); background: var(--wash); padding: .5rem .75rem; margin: .6rem 0;
+  font-size: 1.05rem; }
 .note { background: #fff6e0; border-left: 3px solid #e69f00; padding: .5rem .75rem; margin: .8rem 0; }
 @page { size: A4; margin: 14mm 13mm; }
 @media print {
@@ -53,6 +64,8 @@ figcaption { color: var(--soft); font-size: .86rem; margin-top: .35rem; max-widt
   nav { display: none; }
 }
 """
+NARROW, LEAST = 350.0, 250.0
+"""Widest picture that is only scaled on a narrow screen, and its least width there, points."""
 SHORT = 14
 """Most rows of a table that is kept on one printed page; longer tables repeat their heads on each page."""
 
@@ -158,9 +171,55 @@ def _cell(text: str, is_code: bool) -> str:
 
 
 def figure(svg: str, caption: str) -> str:
-    """An SVG from `plotting.svg_of`, with its caption below."""
+    """An SVG from `plotting.svg_of`, with its caption below. On a narrow screen it scrolls rather than shrinks."""
+    return panels([(svg, "")], caption)
+
+
+def panels(drawn: Sequence[tuple[str, str]], caption: str, keys: str = "", large: int = 0) -> str:
+    """Pictures side by side that fill the width: as many in a row as stay legible, one on a narrow screen.
+
+    Args:
+        drawn: Each picture as SVG from `plotting.svg_of`, and HTML below it.
+        caption: Caption of all, as plain text.
+        keys: Legend above, HTML from `legend`.
+        large: Number of pictures, from the first, that take two places.
+    """
+    widths = [_points(svg) for svg, _ in drawn]
     told = escape(caption)
-    return f'<figure role="img" aria-label="{told}">\n{svg}\n<figcaption>{told}</figcaption></figure>\n'
+    # Below 0.8 of the drawn size, texts of 8 points are hard to read.
+    parts = "".join(
+        f'<div class="panel{" large" if k < large else ""}"><div style="min-width:{min(0.8 * width, LEAST):.0f}pt">'
+        f"{svg}</div>{below}</div>\n"
+        if width <= NARROW
+        else f'<div class="panel"><div style="min-width:{0.8 * width:.0f}pt">{svg}</div>{below}</div>\n'
+        for k, ((svg, below), width) in enumerate(zip(drawn, widths, strict=True))
+    )
+    least = 0.85 * min(min(widths, default=NARROW), NARROW)
+    return (
+        f'<figure role="group" aria-label="{told}">\n{keys}<div class="panels" style="--least:{least:.0f}pt">\n{parts}'
+        f"</div>\n<figcaption>{told}</figcaption></figure>\n"
+    )
+
+
+def legend(entries: Sequence[tuple[str, str, str]]) -> str:
+    """A legend of lines: name, colour and SVG dash pattern of each."""
+    keys = "".join(
+        '<span><svg viewBox="0 0 22 8"><line x1="0" y1="4" x2="22" y2="4" stroke-width="3" '
+        f'stroke="{colour}" stroke-dasharray="{dashes}"/></svg>{escape(name)}</span>'
+        for name, colour, dashes in entries
+    )
+    return f'<div class="keys">{keys}</div>\n'
+
+
+def folded(title: str, body: str) -> str:
+    """HTML that a click on its title opens."""
+    return f"<details><summary>{escape(title)}</summary>\n{body}</details>\n"
+
+
+def _points(svg: str) -> float:
+    """Drawn width of an SVG of matplotlib, points."""
+    found = re.search(r'<svg[^>]*? width="([0-9.]+)pt"', svg)
+    return float(found[1]) if found else NARROW
 
 
 def picture(png: bytes, caption: str, width_mm: float) -> str:

@@ -9,10 +9,12 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 from navloom.runs.metrics import Metric
 
+from navloom_study.episode_rows import Row
 from navloom_study.report import html_page
 from navloom_study.report.study_files import StudyFiles
 from navloom_study.statistics import Difference, Estimate
@@ -96,7 +98,7 @@ def results(study: StudyFiles) -> list[TextTable]:
     """Every metric of every method with its interval, at most `ABREAST` methods a table."""
     found = study.comparison
     blocks = [study.methods[k : k + ABREAST] for k in range(0, len(study.methods), ABREAST)]
-    total = len(study.worlds) * len(study.seeds)
+    total = len(study.tested) // len(study.methods)
     tables = []
     for block in blocks:
         rows = []
@@ -119,30 +121,49 @@ def _estimated(estimate: Estimate, digits: int, total: int) -> str:
 
 
 def differences(study: StudyFiles) -> list[TextTable]:
-    """Differences from the baseline with interval and p-value after Holm, at most `ABREAST` methods a table."""
+    """The primary differences from the baseline, then the others, at most `ABREAST` methods a table."""
     found, others = study.comparison, [name for name in study.methods if name != study.baseline]
-    tables = []
+    asked = {d.method: d for d in found.differences if d.is_primary}
+    lines = [
+        [method, head(metric), *_difference(one, decimals([one.estimate.mean])).split("\n", 1)]
+        for method, one in asked.items()
+        if (metric := study.metric(one.metric)) is not None
+    ]
+    tables = [TextTable(["method", "metric", "difference", "interval and test"],
+                        lines, "Primary.", (0, 1, 3))] if lines else []  # fmt: skip
     for block in (others[k : k + ABREAST] for k in range(0, len(others), ABREAST)):
         rows = []
         for metric in study.metrics:
             every = [found.difference(method, metric.name) for method in others]
-            if all(one.estimate.mean is None for one in every):
+            if all(one.estimate.mean is None or one.is_primary for one in every):
                 continue
             digits = decimals([one.estimate.mean for one in every])
-            rows.append([head(metric), *(_difference(found.difference(m, metric.name), digits) for m in block)])
-        tables.append(TextTable(["metric", *block], rows))
+            cells = [found.difference(method, metric.name) for method in block]
+            rows.append([head(metric), *("above" if one.is_primary else _difference(one, digits) for one in cells)])
+        tables.append(TextTable(["metric", *block], rows, f"Exploratory.{_attainable(study)}"))
     return tables
+
+
+def _attainable(study: StudyFiles) -> str:
+    """What the number of pairs allows at best, if that is no p of 0.05."""
+    told = [d.attainable for d in study.comparison.differences if d.attainable is not None]
+    if not told or min(told) <= 0.05:
+        return ""
+    return f" These pairs cannot give a p below {chance(min(told))} in any metric."
 
 
 def _difference(difference: Difference, digits: int) -> str:
     mean, low, high = difference.estimate.mean, difference.estimate.low, difference.estimate.high
-    star = " *" if difference.p_holm is not None and difference.p_holm < 0.05 else ""
-    told = number(mean, digits) + star
+    told = number(mean, digits) + (" *" if difference.is_shown else "")
     if low is not None:
-        told += f"\n{number(low, digits)} to {number(high, digits)}"
-    if difference.p_holm is not None:
-        told += f"\np {chance(difference.p_holm)}"
-    if difference.unpaired:
+        level = f" ({100.0 * difference.level:.3g} %)" if difference.is_primary else ""
+        told += f"\n{number(low, digits)} to {number(high, digits)}{level}"
+    p = difference.p_holm if difference.is_primary else difference.p
+    if p is not None:
+        told += f"\np {chance(p)}"
+    if difference.is_primary and not difference.can_be_shown:
+        told += f" (attainable {chance(difference.attainable)})"
+    if difference.unpaired or difference.is_primary:
         told += f"\n{difference.estimate.episodes} pairs"
     return told
 
@@ -175,7 +196,7 @@ def reasons(study: StudyFiles, most: int = 12) -> TextTable:
     """Why episodes failed, the most common reasons first; places and distances, which vary, are left out."""
     told = Counter(
         (row.key.method, row.outcome, DISTANCE.sub("… m ", PLACE.sub("(…)", row.reason)))
-        for row in study.rows
+        for row in study.tested
         if row.outcome != "succeeded"
     )
     rows = [
@@ -184,6 +205,16 @@ def reasons(study: StudyFiles, most: int = 12) -> TextTable:
     ]
     more = f" The {most} commonest of {len(told)}." if len(told) > most else ""
     return TextTable(["method", "outcome", "reason", "episodes"], rows, f"Why episodes failed.{more}", (0, 1, 2))
+
+
+def failures(study: StudyFiles, most: int = 12) -> list[Row]:
+    """Failed episodes to show: of each method the first of each outcome in each world, methods in turn."""
+    by_method: dict[str, dict[tuple[str, str], Row]] = {method: {} for method in study.methods}
+    for row in study.tested:
+        if row.outcome != "succeeded":
+            by_method[row.key.method].setdefault((row.outcome, row.key.world), row)
+    turns = zip_longest(*(kinds.values() for kinds in by_method.values()))
+    return [row for turn in turns for row in turn if row is not None][:most]
 
 
 def versions(study: StudyFiles) -> TextTable:
@@ -236,21 +267,24 @@ def timings(study: StudyFiles) -> TextTable:
     rows, marked = [], []
     for method, told in by_method.items():
         if not told:
-            rows.append([method, *[NONE] * 5])
+            rows.append([method, *[NONE] * 6])
             continue
         late = sum(bool(entry["too_slow"]) for entry in told)
         marked += [len(rows)] if late else []
         middle = [float(np.median([entry[f"tick_us_{name}"] for entry in told])) for name in ("p50", "p95", "p99")]
         worst = max(entry["tick_us_max"] for entry in told)
         note = f"{late} of {len(told)}" + (" — too slow" if late else "")
-        rows.append([method, *(f"{value:.0f}" for value in (*middle, worst)), note])
+        cpu = [entry["tick_cpu_us_p99"] for entry in told if "tick_cpu_us_p99" in entry]
+        computed = f"{float(np.median(cpu)):.0f}" if cpu else NONE
+        rows.append([method, *(f"{value:.0f}" for value in (*middle, worst)), computed, note])
     period = study.value("run.period")
     allowed = f" The control period is {float(period) * 1e6:.0f} µs." if period is not None else ""
     caption = (
         "µs a control step took, all nodes but the simulator: median over the episodes of the percentile within each, "
-        f"and the longest step of all.{allowed}"
+        f"and the longest step of all, by the clock; then the CPU time, which decides whether a method is too slow, "
+        f"since other programs lengthen only the former.{allowed}"
     )
-    columns = ["method", "p50", "p95", "p99", "longest", "episodes with p99 > period"]
+    columns = ["method", "p50", "p95", "p99", "longest", "p99 of CPU time", "episodes above the period"]
     return TextTable(columns, rows, caption, (0,), marked)
 
 
@@ -271,8 +305,8 @@ def differences_csv(study: StudyFiles) -> str:
     """Every difference from the baseline, one a line, as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    heads = ["method", "baseline", "metric", "unit", "better", "difference", "low", "high", "p", "p_holm"]
-    writer.writerow([*heads, "worlds", "pairs", "unpaired"])
+    heads = ["method", "baseline", "metric", "unit", "better", "difference", "low", "high", "level", "p", "p_holm"]
+    writer.writerow([*heads, "attainable_p", "worlds", "pairs", "unpaired"])
     for difference in study.comparison.differences:
         metric = study.metric(difference.metric)
         assert metric is not None
@@ -280,8 +314,10 @@ def differences_csv(study: StudyFiles) -> str:
             difference.estimate.mean,
             difference.estimate.low,
             difference.estimate.high,
+            difference.level,
             difference.p,
             difference.p_holm,
+            difference.attainable,
         )
         told = [
             difference.method,

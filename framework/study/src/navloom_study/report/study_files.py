@@ -23,9 +23,10 @@ from navloom.runs.metrics import Metric, all_metrics
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.episode_rows import Row
-from navloom_study.statistics import Comparison, compare_methods
+from navloom_study.statistics import PRIMARY, Comparison, compare_methods
 from navloom_study.study_folder import OpenLoopLine, open_loop_lines, rows_of
 from navloom_study.study_worlds import OWN_WORLD, world_digest
+from navloom_study.tested_worlds import untested_worlds, without_untested
 from navloom_study.tracks import StoredWay, read_track
 
 __all__ = ["StudyFiles", "read_study"]
@@ -74,10 +75,21 @@ class StudyFiles:
         return [int(seed) for seed in self.request["seeds"]]
 
     @cached_property
+    def untested(self) -> dict[str, list[str]]:
+        """By role, the worlds in which it never acted, see `untested_worlds`."""
+        return untested_worlds(self.rows, self.request["differs"])
+
+    @cached_property
+    def tested(self) -> list[Row]:
+        """The rows of the worlds that tested the methods: all means and comparisons are of these."""
+        return without_untested(self.rows, self.untested)
+
+    @cached_property
     def comparison(self) -> Comparison:
         """Statistical comparison of the methods."""
-        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
-        return compare_methods(rows, self.baseline, self.metrics, np.random.default_rng(SEED))
+        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.tested]
+        primary = self.request.get("primary", PRIMARY)
+        return compare_methods(rows, self.baseline, self.metrics, np.random.default_rng(SEED), primary=primary)
 
     @cached_property
     def outcomes(self) -> dict[tuple[str, str], list[str]]:
@@ -89,8 +101,16 @@ class StudyFiles:
 
     def values(self, metric: str, method: str) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(n,) values of a metric in a method's episodes, where it is defined."""
-        told = (row.metrics[metric] for row in self.rows if row.key.method == method)
+        told = (row.metrics[metric] for row in self.tested if row.key.method == method)
         return np.array([value for value in told if value is not None])
+
+    def by_world(self, metric: str) -> dict[tuple[str, str], float]:
+        """By method and world, the mean of a metric over the episodes in which it is defined."""
+        found: dict[tuple[str, str], list[float]] = {}
+        for row in self.rows:
+            if (value := row.metrics[metric]) is not None:
+                found.setdefault((row.key.method, row.key.world), []).append(value)
+        return {key: float(np.mean(values)) for key, values in found.items()}
 
     def metric(self, name: str) -> Metric | None:
         """A metric by name, or None."""

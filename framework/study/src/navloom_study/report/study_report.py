@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 
 from navloom.files import write_each
+from navloom.palette import GREY, OKABE_ITO
 from navloom.runs.episode_trail import FALSE_SUCCESS
-from navloom.runs.metrics import headlines
 
+from navloom_study.episode_rows import Row
 from navloom_study.report import html_page, report_tables
 from navloom_study.report.html_page import Section
 from navloom_study.report.open_loop_figures import open_loop_data, over_time_figure, shadow_summary, spread_figure
 from navloom_study.report.report_tables import TextTable
 from navloom_study.report.study_files import StudyFiles, read_study
 from navloom_study.statistics import THESE_WORLDS
+from navloom_study.verdict import verdicts
 
 __all__ = ["WrittenReport", "build_report", "write_report"]
 
@@ -50,14 +52,21 @@ class ReportPart:
         self.html.append(table.html())
         self.markdown.append(table.markdown())
 
+    def fold(self, title: str, tables: Sequence[TextTable]) -> None:
+        """Add tables that a click on the title shows."""
+        body = "".join(table.html() for table in tables) or html_page.paragraph("Nothing.")
+        self.html.append(html_page.folded(title, body))
+        self.markdown.append(f"### {title}\n\n" + ("\n".join(table.markdown() for table in tables) or "Nothing.\n"))
+
     def points(self, entries: list[str]) -> None:
         """Add a list."""
         self.html.append(html_page.listing(entries))
         self.markdown.append("".join(f"- {entry}\n" for entry in entries))
 
-    def draw(self, svg: str, caption: str) -> None:
-        """Add a figure to the HTML; Markdown has none."""
-        self.html.append(html_page.figure(svg, caption))
+    def draw(self, svgs: Sequence[str], caption: str, keys: str = "", large: int = 0) -> None:
+        """Add pictures side by side to the HTML, see `html_page.panels`; Markdown has none."""
+        if svgs:
+            self.html.append(html_page.panels([(svg, "") for svg in svgs], caption, keys, large))
 
 
 @dataclass(frozen=True)
@@ -100,7 +109,7 @@ def build_report(study: StudyFiles) -> WrittenReport:
     parts = [_in_short(study), _outcomes(study, draws), _results(study, draws)]
     if len(study.methods) > 1:
         parts.append(_differences(study, draws))
-    parts += [_ways(study, draws), _worst(study)]
+    parts += [_ways(study, draws), _failures(study, draws), _worst(study)]
     if "open_loop" in study.request:
         parts.append(_open_loop(study, draws))
     parts += [_conditions(study), _computing(study, draws)]
@@ -115,6 +124,8 @@ def build_report(study: StudyFiles) -> WrittenReport:
 
 def _in_short(study: StudyFiles) -> ReportPart:
     part, found = ReportPart("Summary"), study.comparison
+    for sentence in verdicts(found, study.metrics, study.untested):
+        part.say(sentence, "verdict")
     part.say(
         f"{len(study.methods)} methods × {len(study.worlds)} worlds × {len(study.seeds)} seeds: {len(study.rows)} "
         f"closed-loop episodes, the same worlds, seeds, limits and robot for every method. "
@@ -134,7 +145,7 @@ def _in_short(study: StudyFiles) -> ReportPart:
         )
     else:
         part.say("Intervals and tests generalise to worlds like these: whole worlds are resampled.")
-    total = len(study.worlds) * len(study.seeds)
+    total = len(study.tested) // len(study.methods)
     told = []
     for method in study.methods:
         wins = found.outcomes[method].get("succeeded", 0)
@@ -142,8 +153,6 @@ def _in_short(study: StudyFiles) -> ReportPart:
         share = found.summary(method, "success") if study.metric("success") is not None else None
         if share is not None and share.low is not None:
             line += f" (95 % interval {report_tables.number(share.low, 3)} to {report_tables.number(share.high, 3)})"
-        if method != study.baseline and study.metric("success") is not None:
-            line += _against(study, method)
         told.append(line)
     part.points(told)
     false = {method: found.outcomes[method].get(FALSE_SUCCESS, 0) for method in study.methods}
@@ -157,51 +166,39 @@ def _in_short(study: StudyFiles) -> ReportPart:
     untold = {
         method: sum(
             row.key.method == method and row.outcome == "succeeded" and row.metrics.get("false_success") is None
-            for row in study.rows
+            for row in study.tested
         )
         for method in study.methods
     }
     if any(untold.values()):
         counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
         part.say(f"Successes by the robot's own report only, without ground truth: {counts}.", "note")
-    wanted = headlines([metric.name for metric in study.metrics])
-    names = [metric for metric in map(study.metric, wanted) if metric is not None]
-    rows = []
-    for method in study.methods:
-        cells = []
-        for metric in names:
-            every = [found.summary(name, metric.name).mean for name in study.methods]
-            one = found.summary(method, metric.name)
-            cells.append(report_tables.number(one.mean, report_tables.decimals(every)))
-        rows.append([method, *cells])
-    part.add(TextTable(["method", *map(report_tables.head, names)], rows, "Means over worlds; intervals are below."))
     return part
-
-
-def _against(study: StudyFiles, method: str) -> str:
-    one = study.comparison.difference(method, "success")
-    mean, low, high = one.estimate.mean, one.estimate.low, one.estimate.high
-    if mean is None:
-        return ""
-    if mean == 0.0:
-        told = f", as many as {study.baseline}"
-    else:
-        points = report_tables.number(100.0 * abs(mean), 1)
-        told = f", {points} points {'more' if mean > 0.0 else 'less'} than {study.baseline}"
-    if low is not None and high is not None:
-        told += f" ({report_tables.number(100.0 * low, 1)} to {report_tables.number(100.0 * high, 1)})"
-    return f"{told}, p {report_tables.chance(one.p_holm)} after Holm"
 
 
 def _outcomes(study: StudyFiles, draws: bool) -> ReportPart:
     part = ReportPart("Outcomes")
     if draws:
-        from navloom_study.report.figures import outcome_figure, success_figures
+        from navloom_study.report.figures import (
+            method_keys,
+            outcome_figure,
+            scatter_figure,
+            success_figures,
+            world_figures,
+        )
         from navloom_study.report.plotting import svg_of
 
-        part.draw(svg_of(outcome_figure(study)), "How the episodes of each method ended.")
-        for figure in success_figures(study):
-            part.draw(svg_of(figure), "Episodes that succeeded, by world and method.")
+        part.draw(
+            [svg_of(figure) for figure in (outcome_figure(study), *success_figures(study))],
+            f"How the episodes of each method ended{_where(study)}, and which succeeded by world and method.",
+        )
+        scatter = scatter_figure(study)
+        part.draw(
+            [svg_of(figure) for figure in (*([scatter] if scatter else []), *world_figures(study))],
+            "Success against the time of the successful episodes: large each method, small each method in each world; "
+            "what never succeeded is not there. Then means by world, of the episodes in which the metric is defined.",
+            method_keys(study.methods),
+        )
     part.add(report_tables.outcome_table(study))
     failures = report_tables.reasons(study)
     if failures.rows:
@@ -221,32 +218,36 @@ def _results(study: StudyFiles, draws: bool) -> ReportPart:
     for table in report_tables.results(study):
         part.add(table)
     if draws:
-        from navloom_study.report.figures import distribution_figure
+        from navloom_study.report.figures import distribution_figures, method_keys
         from navloom_study.report.plotting import svg_of
 
-        figure = distribution_figure(study)
-        if figure is not None:
-            part.draw(
-                svg_of(figure),
-                "Distribution over all episodes in which the metric is defined: share at or below each value.",
-            )
+        part.draw(
+            [svg_of(figure) for figure in distribution_figures(study)],
+            "Distribution over all episodes in which the metric is defined: share at or below each value.",
+            method_keys(study.methods),
+        )
     return part
 
 
 def _differences(study: StudyFiles, draws: bool) -> ReportPart:
     part = ReportPart(f"Differences from {study.baseline}")
     part.say(
-        "Paired by world and seed: method minus baseline. Below each are its 95 % interval and the p-value of a "
-        "sign-flip permutation test, Holm-adjusted over the metrics of one method, not over methods; * marks p < 0.05. "
-        "Metrics without a better direction are not tested. differences.csv has unadjusted p-values and all digits."
+        "Paired by world and seed: method minus baseline. Below each are the interval and the p-value of one sign-flip "
+        "permutation test: 0 is outside of the interval exactly if p is at most 0.05, marked *. The primary metric of "
+        "each method is in the first table, adjusted over the methods after Holm; its interval has the level of its "
+        "step. All others are exploratory: 95 % intervals and unadjusted p-values, of which one in 20 is below 0.05 "
+        "without any difference. Metrics without a better direction are not tested. Where the number of pairs cannot "
+        "give a p of 0.05, the smallest attainable one is named, and there may be no interval."
     )
     if draws:
-        from navloom_study.report.figures import difference_figure
+        from navloom_study.report.figures import difference_figures
         from navloom_study.report.plotting import svg_of
 
-        figure = difference_figure(study)
-        if figure is not None:
-            part.draw(svg_of(figure), f"Difference from {study.baseline} with its 95 % interval.")
+        part.draw(
+            [svg_of(figure) for figure in difference_figures(study)],
+            f"Difference from {study.baseline} with the interval of its test; filled where 0 is outside.",
+            html_page.legend([("better", OKABE_ITO[0], ""), ("worse", OKABE_ITO[1], ""), ("not told apart", GREY, "")]),
+        )
     for table in report_tables.differences(study):
         part.add(table)
     return part
@@ -257,8 +258,9 @@ def _ways(study: StudyFiles, draws: bool) -> ReportPart:
     if not draws:
         part.say("The tracks are drawn if matplotlib is installed.")
         return part
+    from navloom_study.report.figures import method_keys
     from navloom_study.report.plotting import svg_of
-    from navloom_study.report.track_figures import ways_figure, worlds_shown
+    from navloom_study.report.track_figures import ways_figures, worlds_shown
 
     shown = worlds_shown(study)
     if not shown:
@@ -266,12 +268,49 @@ def _ways(study: StudyFiles, draws: bool) -> ReportPart:
     for what, ways in shown:
         unseen = "" if study.world(ways.world) is not None else f" {study.why_no_world(ways.world)}"
         part.draw(
-            svg_of(ways_figure(study, ways)),
+            [svg_of(figure) for figure in ways_figures(study, ways)],
             f"{ways.world}, {what} by success of all methods, among those in which a robot drove. First {ways.seeds} "
-            "seeds; numbers: successes of all seeds. Dark: what the robot can touch; pale: above or below it; hatched: "
-            f"appears later; outlined with a dotted line: moves.{unseen}",
+            "seeds; numbers: successes of all seeds. Disc: start; star: goal; cross: ended without success. Dark: what "
+            "the robot can touch; pale: above or below it; hatched: appears later; outlined with a dotted line: "
+            f"moves.{unseen}",
+            method_keys(study.methods),
+            large=1 if len(study.methods) > 1 else 0,
         )
     return part
+
+
+def _failures(study: StudyFiles, draws: bool) -> ReportPart:
+    """A gallery of failed episodes, each with its command."""
+    part, told = ReportPart("Failures"), report_tables.failures(study)
+    if not told:
+        part.say("No episode failed.")
+        return part
+    total = sum(row.outcome != "succeeded" for row in study.tested)
+    part.say(
+        f"{len(told)} of {total} failed episodes: of each method the first of each outcome in each world, methods in "
+        "turn. The command drives it again."
+    )
+    drawn: list[tuple[str, str]] = []
+    for row in told:
+        words = f"{row.key.method}, {row.key.world}, seed {row.key.seed}: {row.outcome}, {row.reason}"
+        command = study.command(row.key.method, row.key.world, row.key.seed)
+        part.markdown.append(f"- {words}\n  `{command}`\n")
+        drawn.append((_failure_svg(study, row) if draws else "", html_page.paragraph(words) + html_page.code(command)))
+    part.html.append(html_page.panels(drawn, "Failed episodes.", large=0))
+    return part
+
+
+def _failure_svg(study: StudyFiles, row: Row) -> str:
+    from navloom_study.report.plotting import svg_of
+    from navloom_study.report.track_figures import failure_figure
+
+    figure = failure_figure(study, row)
+    return html_page.paragraph("No picture: the robot did not drive.") if figure is None else svg_of(figure)
+
+
+def _where(study: StudyFiles) -> str:
+    """A remark where worlds that tested nothing are left out."""
+    return " in the worlds that tested the methods" if study.untested else ""
 
 
 def _worst(study: StudyFiles) -> ReportPart:
@@ -312,7 +351,7 @@ def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
         spread = spread_figure(study, data)
         if spread is not None:
             part.draw(
-                svg_of(spread),
+                [svg_of(spread)],
                 "Disagreement with the baseline over all ticks of all worlds: median, middle half, 5 to 95 %. Dotted: "
                 "what counts as the same; values below a tenth of it are drawn there.",
             )
@@ -321,25 +360,18 @@ def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
             figure, worlds = over_time
             left = len(study.worlds) - len(worlds)
             more = f" The {len(worlds)} worlds with the largest disagreement." if left else ""
-            part.draw(svg_of(figure), f"Disagreement over time, RMS over seeds of each half second.{more}")
+            part.draw([svg_of(figure)], f"Disagreement over time, RMS over seeds of each half second.{more}")
     return part
 
 
 def _conditions(study: StudyFiles) -> ReportPart:
     part = ReportPart("What was held constant, and what differs")
     part.say("Computed from the methods' full configs with every default, not declared.")
-    part.head("Differs")
-    if study.request["differs"]:
-        part.add(report_tables.differs(study))
-    else:
-        part.say("Nothing.")
-    part.head("Held constant")
     part.say(f"Seeds: {', '.join(map(str, study.seeds))}.")
-    part.add(report_tables.held_equal(study))
-    part.head("Configs, worlds and versions")
-    for table in report_tables.hashes(study):
-        part.add(table)
-    part.add(report_tables.versions(study))
+    differing = len(study.request["differs"])
+    part.fold(f"Differs ({differing} settings)", [report_tables.differs(study)] if differing else [])
+    part.fold("Held constant", [report_tables.held_equal(study)])
+    part.fold("Configs, worlds and versions", [*report_tables.hashes(study), report_tables.versions(study)])
     return part
 
 
@@ -353,6 +385,14 @@ def _computing(study: StudyFiles, draws: bool) -> ReportPart:
     machine = study.timing.get("machine", {})
     part.say(
         f"{study.timing.get('wall_s', 0.0):.0f} s in all with {study.timing.get('jobs', '?')} processes on "
-        f"{machine.get('cores', '?')} cores ({machine.get('processor', '?')})."
+        f"{machine.get('cores', '?')} cores ({machine.get('processor', '?')}).{_load(study)}"
     )
     return part
+
+
+def _load(study: StudyFiles) -> str:
+    """How busy the machine was while the episodes ran."""
+    loads = sorted(entry["load"] for entry in study.timing.get("episodes", ()) if "load" in entry)
+    if not loads:
+        return ""
+    return f" Load of the machine while they ran: median {loads[len(loads) // 2]:.1f}, at most {loads[-1]:.1f}."

@@ -1,4 +1,4 @@
-"""Draws driven tracks in their world: all methods in one panel, and each method in its own."""
+"""Draws driven tracks in their world: all methods in one figure, each method in its own, and single failures."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 from navloom.geometry.frames import transform
 from navloom.geometry.solids import box_corners, overlaps
 from navloom.geometry.world import Box, Obstacle, World
-from navloom.palette import GREY
 from numpy.typing import NDArray
 
-from navloom_study.report.figures import WIDTH, line_of, shortened
+from navloom_study.episode_rows import Row
+from navloom_study.report.extent import extent_of
+from navloom_study.report.figures import PAIR, PANEL, line_of, nested_width, shortened
 from navloom_study.report.plotting import new_figure, styled
 from navloom_study.report.study_files import StudyFiles
 from navloom_study.tracks import StoredWay
@@ -22,7 +23,7 @@ from navloom_study.tracks import StoredWay
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["WorldWays", "draw_world", "ways_figure", "ways_in", "worlds_shown"]
+__all__ = ["WorldWays", "draw_world", "failure_figure", "ways_figures", "ways_in", "worlds_shown"]
 
 Floats = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
@@ -32,10 +33,8 @@ AROUND = 1.5
 """Margin around the tracks, m."""
 DRIVEN = 0.1
 """Shortest extent of a track that counts as driving, m."""
-OVERLAY = 1.8
-"""Width of the panel of all methods relative to the others, if it is beside them."""
 TALLEST = 222.0
-"""Largest height of a figure, mm: with heading and caption it fits on one page."""
+"""Largest height of a figure, mm: with its caption it fits on one page."""
 WALL, GHOST = "#6E6E6E", "#C2C2C2"
 
 
@@ -75,7 +74,8 @@ def worlds_shown(study: StudyFiles) -> list[tuple[str, WorldWays]]:
 
     Worlds are ranked by success, then by SPL, then in the order of the request.
     """
-    order = sorted(study.worlds, key=lambda world: _rank(study, world))
+    tested = {row.key.world for row in study.tested}
+    order = sorted((world for world in study.worlds if world in tested), key=lambda world: _rank(study, world))
     driven = [ways for world in order if (ways := ways_in(study, world)).is_driven]
     if not driven:
         return []
@@ -90,45 +90,52 @@ def _rank(study: StudyFiles, world: str) -> tuple[float, float]:
     return wins / len(rows), sum(row.metrics.get("spl") or 0.0 for row in rows) / len(rows)
 
 
-def ways_figure(study: StudyFiles, ways: WorldWays) -> Figure:
-    """All methods overlaid, and each by itself: below the overlay for a wide world, beside it for a tall one."""
+def ways_figures(study: StudyFiles, ways: WorldWays) -> list[Figure]:
+    """All methods overlaid, larger, then each by itself if there are several."""
     methods, world = study.methods, study.world(ways.world)
     bounds = _bounds(ways, world)
-    high = (bounds[3] - bounds[1]) / (bounds[2] - bounds[0])
-    columns = 1 if len(methods) < 2 else 2 if len(methods) == 2 else 3 if len(methods) <= 9 else 4
-    rows = math.ceil(len(methods) / columns) if len(methods) > 1 else 0
-    beside = high > 1.2 and rows > 0
-    small = (WIDTH - 12.0) / (columns + (OVERLAY if beside else 0.0))
-    each = min(small * high, 85.0) + 8.0
-    large = 0.0 if beside else min(105.0, (WIDTH - 20.0) * high)
-    figure, _ = new_figure(
-        WIDTH, min(max(large + rows * each, OVERLAY * small * high if beside else 0.0) + 18.0, TALLEST)
-    )
+    robot_height = study.value("robot.height") or 2.0
+    figures = []
+    for shown in [methods, *([[method] for method in methods] if len(methods) > 1 else [])]:
+        figure, axes = _map_figure(PAIR if shown is methods else PANEL, bounds)
+        with styled():
+            _draw_ways(axes, ways, shown, methods, world, bounds, robot_height)
+            name = "all methods" if shown is methods else _won(study, shown[0], ways.world)
+            axes.set_title(name, loc="left")
+        figures.append(figure)
+    return figures
+
+
+def _won(study: StudyFiles, method: str, world: str) -> str:
+    wins = sum(end == "succeeded" for end in study.outcomes[method, world])
+    return f"{shortened(method)} {wins}/{len(study.seeds)}"
+
+
+def failure_figure(study: StudyFiles, row: Row) -> Figure | None:
+    """The track of one episode in its world; None if no track was stored or the robot did not drive."""
+    key = row.key
+    track = study.track(key.method, key.world, key.seed)
+    if track is None or not len(track.points):
+        return None
+    ways = WorldWays(key.world, {key.method: [(track, row.outcome)]}, 1)
+    if not ways.is_driven:
+        return None
+    world = study.world(key.world)
+    bounds = _bounds(ways, world)
+    figure, axes = _map_figure(PANEL, bounds)
     with styled():
-        figure.clear()
-        if beside:
-            grid = figure.add_gridspec(rows, columns + 1, width_ratios=[OVERLAY, *[1.0] * columns])
-            places = [grid[k // columns, 1 + k % columns] for k in range(len(methods))]
-            top = figure.add_subplot(grid[:, 0])
-        else:
-            grid = figure.add_gridspec(rows + 1, columns, height_ratios=[large, *[each] * rows])
-            places = [grid[1 + k // columns, k % columns] for k in range(len(methods) if rows else 0)]
-            top = figure.add_subplot(grid[0, :])
-        robot_height = study.value("robot.height") or 2.0
-        _draw_ways(top, ways, methods, methods, world, bounds, robot_height)
-        top.set_title("all", loc="left")
-        top.set_xlabel("x, m")
-        top.set_ylabel("y, m")
-        for method, place in zip(methods, places, strict=False):
-            axes = figure.add_subplot(place)
-            _draw_ways(axes, ways, [method], methods, world, bounds, robot_height)
-            wins = sum(end == "succeeded" for end in study.outcomes[method, ways.world])
-            axes.set_title(
-                f"{shortened(method, 13 if columns < 4 else 11)} {wins}/{len(study.seeds)}", loc="left", fontsize=7.5
-            )
-            axes.tick_params(labelleft=False, labelbottom=False)
-        _legend(figure, methods)
+        _draw_ways(axes, ways, [key.method], study.methods, world, bounds, study.value("robot.height") or 2.0)
     return figure
+
+
+def _map_figure(width: float, bounds: Bounds) -> tuple[Figure, Any]:
+    """A figure for these bounds at equal scales, mm wide."""
+    high = (bounds[3] - bounds[1]) / (bounds[2] - bounds[0])
+    figure, axes = new_figure(width, min((width - 15.0) * high + 16.0, TALLEST))
+    with styled():
+        axes.set_xlabel("x, m")
+        axes.set_ylabel("y, m")
+    return figure, axes
 
 
 def _draw_ways(
@@ -142,22 +149,26 @@ def _draw_ways(
 ) -> None:
     if world is not None:
         draw_world(axes, world, high)
-    alpha = max(0.25, min(0.9, 1.6 / math.sqrt(max(1, ways.seeds) * len(shown))))
-    for method in shown:
+    alpha = max(0.35, min(0.95, 2.0 / math.sqrt(max(1, ways.seeds))))
+    for number, method in enumerate(shown):
         style = line_of(methods.index(method))
         for track, end in ways.tracks[method]:
-            axes.plot(*track.points.T, alpha=alpha, linewidth=0.9, **style)
+            # White below each line, and later lines narrower: where tracks lie on each other, each stays visible.
+            width = nested_width(number, len(shown))
+            axes.plot(*track.points.T, alpha=0.6, linewidth=width + 0.7, color="white", zorder=3 + 0.1 * number)
+            axes.plot(*track.points.T, alpha=alpha, linewidth=width, zorder=3.05 + 0.1 * number, **style)
             if end != "succeeded":
-                axes.plot(*track.points[-1], "X", color=style["color"], markersize=6.0, markeredgecolor="white",
-                          markeredgewidth=0.4, zorder=6)  # fmt: skip
+                axes.plot(*track.points[-1], "X", color=style["color"], markersize=7.0, markeredgecolor="white",
+                          markeredgewidth=0.5, zorder=6)  # fmt: skip
     some = next((track for told in ways.tracks.values() for track, _ in told), None)
     if some is not None:
-        axes.plot(*some.points[0], "o", color="black", markersize=4, zorder=7)
+        axes.plot(*some.points[0], "o", color="black", markersize=5, zorder=7)
         if some.goal is not None:
-            axes.plot(*some.goal, "*", color="black", markersize=8, zorder=7)
+            axes.plot(*some.goal, "*", color="black", markersize=10, markeredgecolor="white", zorder=7)
     axes.set_aspect("equal")
     axes.set_xlim(bounds[0], bounds[2])
     axes.set_ylim(bounds[1], bounds[3])
+    axes.locator_params(nbins=6)
 
 
 def draw_world(axes: Any, world: World, robot_height: float) -> None:
@@ -214,14 +225,13 @@ def _draw_raster(axes: Any, world: World) -> None:
 
 
 def _bounds(ways: WorldWays, world: World | None) -> Bounds:
-    """Bounds of the panels, m: all tracks and the goal with a margin, cut to the world."""
+    """Bounds of a figure, m: all tracks and the goal with a margin, and all that stands near them."""
     told = [track for tracks in ways.tracks.values() for track, _ in tracks]
     points = np.concatenate(
         [track.points for track in told] + [track.goal[None] for track in told if track.goal is not None]
     )
-    low, high = points.min(axis=0) - AROUND, points.max(axis=0) + AROUND
-    if world is not None:
-        low, high = np.maximum(low, world.bounds[:2]), np.minimum(high, world.bounds[2:])
+    bounds = np.array(extent_of(points, world, AROUND))
+    low, high = bounds[:2], bounds[2:]
     # A straight track must not become a line: the shorter side is at least 1 / 2.5 of the longer one.
     size = high - low
     least = float(size.max()) / 2.5
@@ -230,13 +240,3 @@ def _bounds(ways: WorldWays, world: World | None) -> Bounds:
             middle = 0.5 * (low[axis] + high[axis])
             low[axis], high[axis] = middle - 0.5 * least, middle + 0.5 * least
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def _legend(figure: Figure, methods: Sequence[str]) -> None:
-    from matplotlib.lines import Line2D
-
-    entries = [Line2D([], [], label=shortened(name), **line_of(k)) for k, name in enumerate(methods)]
-    entries.append(Line2D([], [], color=GREY, marker="X", linestyle="", label="ended without success"))
-    entries.append(Line2D([], [], color="black", marker="o", markersize=4, linestyle="", label="start"))
-    entries.append(Line2D([], [], color="black", marker="*", markersize=7, linestyle="", label="goal"))
-    figure.legend(handles=entries, loc="outside lower center", ncols=min(6, len(entries)))

@@ -137,9 +137,8 @@ class _Session:
             while not ends() and missed < GONE:
                 if self._is_simulated is None:
                     self._find_clock()
-                for told in (
-                    self._listening.take(CHANGE_CHECK_INTERVAL) if self._clock.wait(CHANGE_CHECK_INTERVAL) else ()
-                ):
+                heard = self._clock.wait(CHANGE_CHECK_INTERVAL)
+                for told in self._listening.take(CHANGE_CHECK_INTERVAL) if heard else ():
                     self._take(*told)
                 if self._poses is not None and (place := self._poses.take()) is not None:
                     self._place(place)

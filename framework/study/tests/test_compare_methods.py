@@ -252,3 +252,21 @@ def test_a_reference_length_is_in_a_world_s_hash_and_its_absence_is_not() -> Non
     # The hash that studies made before worlds had reference lengths hold.
     assert world_digest(plain) == "dbdb83bb425fa735299b017f30acd70a7fd2ccab2076d5c88f51d47dbb4c8af1"
     assert world_digest(replace(plain, reference_length=2.0)) != world_digest(replace(plain, reference_length=3.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("sucess", "--primary sucess: no such metric; did you mean 'success'?"),
+        ("path_length", "--primary path_length: neither more nor less of it is better; name another metric"),
+    ],
+)
+def test_a_primary_metric_that_decides_nothing_is_refused(name: str, told: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        plan_study("paper", primary=[name])
+    assert str(caught.value) == told
+
+
+def test_a_named_primary_metric_is_in_the_request_and_the_default_is_not() -> None:
+    assert plan_study("paper", primary=["time"]).request()["primary"] == ["time"]
+    assert "primary" not in plan_study("paper").request()

@@ -141,7 +141,7 @@ class ForwardOnly(FromStart):
 
 @ENTRIES.plant("mostly_searching", caught_by="accurate")
 class MostlySearching(FromStart):
-    """Tracks in every third tick only, so that its pose is hardly ever a statement."""
+    """Tracks in every sixth tick only, so that its pose is hardly ever a statement."""
 
     steps = 0
 
@@ -152,7 +152,7 @@ class MostlySearching(FromStart):
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         self.steps += 1
         answer = super().localize(given)
-        return answer if self.steps % 3 == 0 else replace(answer, state="searching", reason="few echoes")
+        return answer if self.steps % 6 == 0 else replace(answer, state="searching", reason="few echoes")
 
 
 class _Reordered(ScanMatching):

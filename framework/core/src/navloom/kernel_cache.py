@@ -18,13 +18,14 @@ import logging
 import pickle
 import sys
 import uuid
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numba
 
-__all__ = ["harden_kernel_cache"]
+__all__ = ["harden_kernel_cache", "tell_compiled"]
 
 caching: Any = import_module("numba.core.caching")
 dumps: Any = import_module("numba.core.serialize").dumps
@@ -131,12 +132,30 @@ def harden_kernel_cache() -> None:
             return None
 
     def tolerant_save(self: Any, signature: Any, kernel: Any) -> None:
+        _count_compiled()
         try:
             save(self, signature, kernel)
         except Exception as error:
             _tell_once(error, self._cache_path)
 
     cache.__init__, cache.load_overload, cache.save_overload = tolerant_init, tolerant_load, tolerant_save
+
+
+_compiled = 0
+_listener: Callable[[int], None] | None = None
+
+
+def tell_compiled(listener: Callable[[int], None]) -> None:
+    """Call a function with the number of kernels that this process has compiled, after each of them."""
+    global _listener
+    _listener = listener
+
+
+def _count_compiled() -> None:
+    global _compiled
+    _compiled += 1
+    if _listener is not None:
+        _listener(_compiled)
 
 
 _told: set[str] = set()

@@ -10,7 +10,7 @@ import enum
 import logging
 import sys
 
-from navloom.inputs.texts import printable
+from navloom.escapes import printable
 
 __all__ = ["Level", "set_up_logging"]
 

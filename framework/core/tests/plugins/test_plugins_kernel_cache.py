@@ -15,6 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from navloom.kernel_cache import tell_compiled
 from navloom.plugins import Discovery
 
 PLUGIN = """
@@ -89,6 +90,16 @@ def loaded(kernel: Any) -> int:
 def test_a_second_start_loads_what_the_first_one_compiled(start: Start) -> None:
     assert loaded(start()) == 0
     assert loaded(start()) == 2
+
+
+def test_each_compiled_kernel_is_told_and_a_loaded_one_is_not(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("navloom.kernel_cache._compiled", 0)
+    monkeypatch.setattr("navloom.kernel_cache._listener", None)
+    counts: list[int] = []
+    tell_compiled(counts.append)
+    start()
+    start()
+    assert counts == [1, 2]
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])

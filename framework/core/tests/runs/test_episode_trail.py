@@ -21,6 +21,7 @@ from navloom.messages import (
     Point2D,
     Pose2D,
     Reference,
+    Selection,
     StopReason,
     Truth,
     Twist2D,
@@ -246,3 +247,12 @@ def test_a_run_without_truth_has_no_ticks_but_its_counts(toy: Episode) -> None:
     assert trail.time.size == 0 and trail.outcome == "collision"
     found = measure(trail)
     assert found["success"] == 0.0 and found["path_length"] is None and found["collisions"] == 1.0
+
+
+def test_a_recorder_keeps_the_streams_that_a_metric_reads_as_they_are() -> None:
+    stream = ("gate", "selection")
+    recorder, message = Recorder(reads=frozenset({stream})), Selection(1, 0, ("avoider main",))
+    assert recorder.wants is not None and stream in recorder.wants
+    for port, active, stamp_ns in (("selection", True, 1_500_000_000), ("selection", False, 2 * 10**9)):
+        recorder.on_message("gate", "main", active, port, message, Envelope("lab/r1/gate/main/y", 1, 0, stamp_ns, 0, 0))
+    assert recorder.streams == {stream: [(1.5, message)]}

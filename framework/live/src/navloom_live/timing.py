@@ -149,7 +149,7 @@ HEALTHY_AFTER = 5.0
 FORK_SERVER_READY = 60.0
 """How long the fork server may take to import everything, s. Shorter than START_LIMIT."""
 INSTANCE_START_LIMIT, START_LIMIT = 120.0, 180.0
-"""Longest start of one instance, and of a robot, s; kernels may have to be compiled."""
+"""Longest start of one instance, s, and longest part of a robot's start without a new node or compiled kernel, s."""
 STATE_RECALL_WAIT = 0.5
 """How long a starting process queries others for the robot's state while some do not answer, s. Below LINK_LEASE."""
 ROBOT_GONE_AFTER = 15.0

@@ -129,6 +129,18 @@ class Run:
         self.result: GoalResult | None = None
 
 
+def test_up_says_how_many_nodes_are_up_and_kernels_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, said = [0.0], []
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    table = StatusTable(Run(), io.StringIO(), said.append)
+    for now[0], compiled in ((0.0, 0), (5.0, 9), (11.0, 12)):
+        table.missing([("planner", "astar")], 8, compiled)
+    assert said == [
+        "starting; the first run compiles kernels, later ones load them",
+        "7 of 8 nodes are up, 12 kernels compiled; waiting for planner astar",
+    ]
+
+
 def test_up_prints_the_start_progress_and_end_of_a_goal_and_no_fault() -> None:
     run, stream, said = Run(), io.StringIO(), []
     with StatusTable(run, stream, said.append) as table:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 import pytest
-from navloom_live.hosting.heartbeat import HeartMonitor, StopDetector
+from navloom_live.hosting.heartbeat import Heart, HeartMonitor, StopDetector
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="memory is shared by name on Linux only")
 NODE = """
@@ -68,3 +68,12 @@ def test_a_process_detects_that_it_was_stopped(monkeypatch: pytest.MonkeyPatch) 
     assert detector.look() == 0
     assert detector.look() == 9 * 10**9  # 9 s in which it ran once
     assert detector.look() == 9 * 10**9  # 1 s in which it tried for the GIL again and again
+
+
+def test_kernels_are_counted_before_the_first_beat_and_anew_after_a_restart() -> None:
+    monitor = HeartMonitor()
+    Heart(monitor.path).note_compiled(12)
+    assert (monitor.compiled, monitor.has_beaten) == (12, False)
+    monitor.reset()
+    assert monitor.compiled == 0
+    monitor.close()

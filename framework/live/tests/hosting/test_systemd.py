@@ -66,6 +66,7 @@ def test_control_has_priority_and_the_shorter_watchdog() -> None:
     safe, think = found["navloom-lab-r1-safe.service"], found["navloom-lab-r1-think.service"]
     assert setting(safe, "Nice") == "-10" and "Nice=" not in think
     assert setting(safe, "WatchdogSec") == "1.5" and setting(think, "WatchdogSec") == "30"
+    assert setting(think, "MemoryMax") == "4G" and setting(think, "TasksMax") == "512"
     assert setting(safe, "StartLimitBurst") == "4" and setting(safe, "StartLimitIntervalSec") == "20"
 
 

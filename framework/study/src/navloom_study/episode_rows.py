@@ -157,22 +157,24 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
     started = perf_counter()
     discovery = _shared(task).discovery
     try:
+        reads = frozenset(stream for metric in _metrics(task) for stream in metric.reads)
         loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
         if task.is_twice:
-            episode = _repeated(loaded, discovery, progress)
+            episode = _repeated(loaded, discovery, progress, reads)
         else:
             episode = run_episode(
-                loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress()
-            )
+                loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress(),
+                reads=reads,
+            )  # fmt: skip
         progress()
         return row_of(task, episode, perf_counter() - started)
     except (Exception, SystemExit) as error:
         return lost_row(task, f"{type(error).__name__}: {error}", perf_counter() - started)
 
 
-def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress) -> Episode:
+def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress, reads: frozenset[tuple[str, str]]) -> Episode:
     """The first of two runs, with a warning if the second differs, and one for each plugin that may be the cause."""
-    episode, divergence, seen = run_twice(loaded, discovery, progress)
+    episode, divergence, seen = run_twice(loaded, discovery, progress, reads)
     found = [*episode.warnings, *(one for one in seen if one not in episode.warnings)]
     if divergence is not None:
         source = (divergence.role, divergence.instance, divergence.plugin)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -46,7 +46,10 @@ class Divergence:
 
 
 def run_twice(
-    loaded: Loaded, discovery: Discovery | None = None, progress: Callable[[], None] = lambda: None
+    loaded: Loaded,
+    discovery: Discovery | None = None,
+    progress: Callable[[], None] = lambda: None,
+    reads: Iterable[tuple[str, str]] = (),
 ) -> tuple[Episode, Divergence | None, list[RunWarning]]:
     """Run an episode twice, with different global random states.
 
@@ -74,6 +77,7 @@ def run_twice(
                         progress=lambda done, total: progress(),
                         # Inspecting every step is slow; one of the two runs is enough.
                         looks_at=every_tick if number else some_ticks,
+                        reads=reads,
                     )
                 )
         divergence = _first_divergence(episodes[0], *traces)

@@ -143,25 +143,25 @@ def _mended(path: Path, folder: Path, types: frozenset[str], found: BagFiles, is
         why = _why_unreadable(path) if rewrite else ""
         if rewrite is None or not why:
             return path
-        found.left_out.update(rewrite(path, target, types, limit))
+        found.left_out.update(_rewritten(rewrite, path, target, types, limit))
     except (sqlite3.Error, UnicodeError) as error:
         raise RecordingError(f"{path}: not the database of a bag: {error}; copy the bag again") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be copied: {error.strerror or error}") from None
-    if _why_unreadable(target) or not _has_messages(target):
+    if _why_unreadable(target, least=1):
         raise RecordingError(f"{path}: not a bag that can be read ({why}); expected F.bag or a ROS 2 bag's folder")
     found.notes.append(f"{path.name} cannot be opened ({why}): its records were read one by one, up to any damage")
     return target
 
 
-def _why_unreadable(path: Path) -> str:
-    """Why `rosbags` cannot open a file; empty if it can."""
+def _why_unreadable(path: Path, least: int = 0) -> str:
+    """Why `rosbags` cannot open a file with at least so many messages; empty if it can."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
     try:
-        with Reader2(path) if path.suffix == ".mcap" else Reader1(path):
-            return ""
+        with Reader2(path) if path.suffix == ".mcap" else Reader1(path) as reader:
+            return "" if reader.message_count >= least else "it has no message"
     except MemoryError:
         raise
     except Exception as error:  # rosbags raises its own, and what its parsers raise
@@ -169,11 +169,16 @@ def _why_unreadable(path: Path) -> str:
         return text if len(text) <= 200 else f"{text[:197]}..."
 
 
-def _has_messages(path: Path) -> bool:
-    from rosbags.highlevel import AnyReader
-
-    with AnyReader([path]) as reader:
-        return bool(reader.message_count)
+def _rewritten(rewrite: Any, path: Path, target: Path, types: frozenset[str], limit: int) -> LeftOut:
+    """Rewrite a file; nothing of it is left if its damage goes too far."""
+    try:
+        left_out: LeftOut = rewrite(path, target, types, limit)
+        return left_out
+    except (MemoryError, OSError, RecordingError):
+        raise
+    except Exception:  # as those of the writers and parsers of `rosbags` and `mcap`
+        target.unlink(missing_ok=True)
+        return {}
 
 
 def _unpacked(path: Path, folder: Path) -> Path:

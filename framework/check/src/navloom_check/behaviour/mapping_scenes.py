@@ -34,7 +34,7 @@ SPEED_OFF, TURN_OFF = 0.1, 0.3
 """Greatest median error of a localizer's twist, m/s and rad/s."""
 NEAR_DRIFTING = 0.08
 """Greatest error of a localizer's position while odometry drifts, m."""
-TRACKS = 0.5
+TRACKS = 0.25
 """Least share of a drive in which a localizer tracks."""
 VAGUE = 1.0
 """Greatest standard deviation of the heading of a localizer that tracks, rad."""

@@ -38,6 +38,7 @@ __all__ = [
     "Shadows",
     "ViewOptions",
     "ViewerOptions",
+    "a_heading",
     "a_number",
     "seconds",
 ]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from navloom.inputs.texts import printable
+from navloom.escapes import printable
 
 __all__ = [
     "LOG",
@@ -92,7 +92,7 @@ def shown(value: Any) -> str:
     return printable(str(value))
 
 
-def paced() -> Callable[[str], None]:
+def paced(tell: Callable[[str], None] = LOG.info) -> Callable[[str], None]:
     """Log of progress where there is no terminal: a text that comes within 10 s of the previous one is dropped."""
     from time import monotonic
 
@@ -102,7 +102,7 @@ def paced() -> Callable[[str], None]:
         nonlocal said
         if monotonic() - said >= INTERVAL:
             said = monotonic()
-            LOG.info(text)
+            tell(text)
 
     return say
 

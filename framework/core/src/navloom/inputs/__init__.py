@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from navloom.parts import lazy_names
 
 if TYPE_CHECKING:
+    from navloom.escapes import printable as printable
     from navloom.inputs.bounds import ARRAYS_MB as ARRAYS_MB
     from navloom.inputs.bounds import BAG_MB as BAG_MB
     from navloom.inputs.bounds import DEEPEST as DEEPEST
@@ -27,18 +28,18 @@ if TYPE_CHECKING:
     from navloom.inputs.npz import Arrays as Arrays
     from navloom.inputs.texts import first_words as first_words
     from navloom.inputs.texts import json_of as json_of
-    from navloom.inputs.texts import printable as printable
     from navloom.inputs.texts import shortened as shortened
     from navloom.inputs.texts import toml_of as toml_of
 else:
     __all__, __getattr__ = lazy_names(
         "navloom.inputs",
         {
+            "navloom.escapes": "printable",
             "navloom.inputs.bounds": (
                 "ARRAYS_MB BAG_MB DEEPEST IMAGE_MB LOG_MB TEXT_MB YAML_MB Refusal bytes_of open_file read_file "
                 "too_large"
             ),
             "navloom.inputs.npz": "Arrays",
-            "navloom.inputs.texts": "first_words json_of printable shortened toml_of",
+            "navloom.inputs.texts": "first_words json_of shortened toml_of",
         },
     )

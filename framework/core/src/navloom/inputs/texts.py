@@ -10,7 +10,7 @@ from typing import Any
 from navloom.inputs.bounds import DEEPEST, Refusal
 
 __all__ = [
-    "INSTANCE", "TOML_TOKENS", "first_words", "json_of", "printable", "refuse_deep_toml", "refuse_deep_tree",
+    "INSTANCE", "TOML_TOKENS", "first_words", "json_of", "refuse_deep_toml", "refuse_deep_tree",
     "shortened", "toml_of",
 ]  # fmt: skip
 
@@ -88,21 +88,6 @@ def shortened(given: object, most: int = 60) -> str:
     """A value's repr, cut to a length, for error texts."""
     text = repr(given[: most + 1] if isinstance(given, str | bytes) else given)
     return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
-def printable(text: str, kept: str = "") -> str:
-    """A text from outside with escapes for what moves a terminal's cursor, ends a line or turns its direction.
-
-    Args:
-        text: Any text.
-        kept: Characters to keep, as "\\n".
-    """
-    if text.isprintable():
-        return text
-    return "".join(
-        letter if letter.isprintable() or letter in kept else letter.encode("unicode_escape").decode()
-        for letter in text
-    )
 
 
 def refuse_deep_tree(tree: Any, where: str, refusal: Refusal) -> None:

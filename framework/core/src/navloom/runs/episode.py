@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import IO, Any, Literal
@@ -121,6 +121,7 @@ def run_episode(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
     looks_at: Callable[[int], bool] = some_ticks,
+    reads: Iterable[tuple[str, str]] = (),
 ) -> Episode:
     """Run a config in lockstep until its last goal has ended.
 
@@ -132,6 +133,7 @@ def run_episode(
         trace: File for the trace.
         say: Receives progress of the preparation.
         progress: Called with the run time so far and the longest possible one, s.
+        reads: Streams that metrics need, `(role or node, port)`.
         looks_at: Selects the ticks whose steps are inspected for causes of unrepeatable runs.
 
     Raises:
@@ -147,7 +149,7 @@ def run_episode(
 
     with bounded_output(owners, flooded), watched_threads(owners) as started:
         make_plugins(system, say)
-        recorder, watch = Recorder(), ShadowWatch.of(system)
+        recorder, watch = Recorder(reads=frozenset(reads)), ShadowWatch.of(system)
         beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
         if onlookers is not None:
             beside += onlookers.begin(run_info(loaded, "lockstep"))

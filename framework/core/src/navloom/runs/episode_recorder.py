@@ -60,6 +60,8 @@ class Recorder:
         given_at: Time at which each of them was given, s, by its number.
         legs: Number of legs of the first goal: one more than its `via` points.
         asked: Goal (x m, y m) of each plan request, by the number of the request.
+        reads: Streams that are kept as they are, `(role or node, port)`.
+        streams: Their messages, each after its time, s, by stream.
     """
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
@@ -102,12 +104,21 @@ class Recorder:
     given_at: dict[int, float] = field(default_factory=dict)
     legs: int = 1
     asked: dict[int, tuple[float, float]] = field(default_factory=dict)
+    reads: frozenset[tuple[str, str]] = frozenset()
+    streams: dict[tuple[str, str], list[tuple[float, Message]]] = field(default_factory=dict)
     _touching: bool = False
     _least: float = math.inf
+
+    def __post_init__(self) -> None:
+        assert self.wants is not None
+        self.wants |= self.reads
+        self.streams = {stream: [] for stream in self.reads}
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """Store the relevant messages of the active instances."""
         if active:
+            if (role, port) in self.reads:
+                self.streams[role, port].append((at.stamp_ns * 1e-9, message))
             keep = _KEPT.get(message.__class__)
             if keep is not None:
                 keep(self, message, at.stamp_ns * 1e-9)

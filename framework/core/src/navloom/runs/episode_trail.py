@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from navloom.geometry.angles import wrap
 from navloom.geometry.collision import overlap_depth
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place, World
-from navloom.messages import Goal, GoalResult
+from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
 
 if TYPE_CHECKING:
@@ -75,6 +76,8 @@ class Trail:
         arrived: When the robot last came within the tolerances of a goal that it reached, by its own estimate, s; it
             then brakes until it stands. None means the last tick.
         tick_cpu_ns: CPU time of each control step, ns, where it was measured: not reproducible either.
+        streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
+            an entry where the robot does not have the stream, or the episode left no data.
     """
 
     time: Floats
@@ -108,6 +111,7 @@ class Trail:
     heading_error: float | None = None
     arrived: float | None = None
     tick_cpu_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
 
     @property
     def succeeded(self) -> bool:
@@ -196,6 +200,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading_error=heading_error,
         arrived=arrived,
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
+        streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
     )
 
 

@@ -29,6 +29,7 @@ class Metric:
         about: One or two sentences: what it is, and when it is not defined.
         bounds: Smallest and largest possible value, None for no bound; intervals are cut at them.
         is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
+        reads: Streams of roles and nodes whose messages it needs, as `("people", "tracks")`: `trail.streams` has them.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Metric:
     about: str
     bounds: tuple[float | None, float | None] = (None, None)
     is_share: bool = False
+    reads: tuple[tuple[str, str], ...] = ()
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import IO, Any
 
+from navloom.cli.output import paced
 from navloom.cli.run_summary import print_summary
 
 __all__ = ["StatusTable"]
@@ -28,7 +29,7 @@ class StatusTable:
         self._live: Any = None
         self._drawn = 0.0
         self._told = ""
-        self._waits = ""
+        self._waits: Callable[[str], None] | None = None
 
     def __enter__(self) -> StatusTable:
         if self._stream.isatty():
@@ -45,14 +46,18 @@ class StatusTable:
         if self._live is not None:
             self._live.stop()
 
-    def missing(self, left: Sequence[tuple[str, str]]) -> None:
-        """Show the nodes that are not up yet."""
-        text = "waiting for " + ", ".join(f"{role} {name}" for role, name in left)
+    def missing(self, left: Sequence[tuple[str, str]], total: int, compiled: int) -> None:
+        """Show how many nodes are up, which are not yet, and how many kernels were compiled so far."""
+        kernels = f", {compiled} kernels compiled" if compiled else ""
+        names = ", ".join(f"{role} {name}" for role, name in left)
+        text = f"{total - len(left)} of {total} nodes are up{kernels}; waiting for {names}"
         if self._live is not None:
             self._live.update(text, refresh=True)
-        elif not self._waits:
-            self._waits = text
+        elif self._waits is None:
+            self._waits = paced(self.say)
             self.say("starting; the first run compiles kernels, later ones load them")
+        else:
+            self._waits(text)
 
     def look(self, robot: Any) -> None:
         """Redraw the table if it is due."""

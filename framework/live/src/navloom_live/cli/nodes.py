@@ -34,10 +34,12 @@ def node(
     from navloom.cli.interrupts import ending
     from navloom.engine.build import assemble
     from navloom.engine.task_checks import check_live
+    from navloom.kernel_cache import tell_compiled
 
     from navloom_live.hosting.node_process import NodeProcess, leave
     from navloom_live.hosting.systemd import notify
     from navloom_live.hosting.unsupervised_nodes import share_by_hand
+    from navloom_live.timing import START_LIMIT
 
     system = assemble(given.load())
     check_live(system)
@@ -53,6 +55,7 @@ def node(
             say_so(f"{', '.join(' '.join(source) for source in share.sources)}: ready")
             notify("READY=1")
 
+        tell_compiled(lambda kernels: notify(f"EXTEND_TIMEOUT_USEC={round(START_LIMIT * 1e6)}"))
         process.run(log_of("hosting").info, ready, lambda: notify("WATCHDOG=1"))
         notify("STOPPING=1")
     if process.hung:

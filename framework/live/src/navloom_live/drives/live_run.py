@@ -128,7 +128,7 @@ class LiveRun:
     def run(
         self,
         until_idle: bool,
-        progress: Callable[[Any], None] = lambda left: None,
+        progress: Callable[[Any, int, int], None] = lambda left, total, compiled: None,
         look: Callable[[LiveRobot], None] = lambda robot: None,
         ended: Callable[[Episode], None] | None = None,
     ) -> Episode | None:
@@ -136,7 +136,7 @@ class LiveRun:
 
         Args:
             until_idle: End when the last goal has ended.
-            progress: Called with the missing nodes during startup.
+            progress: Called during startup; see `LiveRobot.wait_complete`.
             look: Called at intervals with the robot.
             ended: Called with the episode of each ended goal.
 

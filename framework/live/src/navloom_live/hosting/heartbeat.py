@@ -42,6 +42,10 @@ class Heart:
         """Write the time of a heartbeat."""
         self._time[0] = time.monotonic_ns()
 
+    def note_compiled(self, kernels: int) -> None:
+        """Write how many kernels this process has compiled, a sign of life before the first beat."""
+        self._time[1] = kernels
+
 
 class HeartMonitor:
     """The supervisor's side of the heartbeat.
@@ -64,13 +68,18 @@ class HeartMonitor:
     def reset(self) -> None:
         """Prepare the memory for another process, which has not beaten yet."""
         if self.path:
-            self._time[0] = 0
+            self._time[0] = self._time[1] = 0
         self._silent = 0.0
 
     @property
     def has_beaten(self) -> bool:
         """Whether the process has been ready since `reset`; True if the system cannot tell."""
         return not self.path or self._time[0] != 0
+
+    @property
+    def compiled(self) -> int:
+        """Number of kernels that the process has compiled; 0 if the system cannot tell."""
+        return self._time[1] if self.path else 0
 
     def close(self) -> None:
         """Free the memory."""

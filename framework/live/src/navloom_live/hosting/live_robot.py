@@ -198,17 +198,27 @@ class LiveRobot:
     def wait_complete(
         self,
         timeout: float,
-        progress: Callable[[Sequence[Source]], None] = lambda left: None,
+        progress: Callable[[Sequence[Source], int, int], None] = lambda left, total, compiled: None,
         ends: Callable[[], bool] = lambda: False,
     ) -> None:
         """Wait until every node is alive, or `ends` cancels the wait.
 
+        Args:
+            timeout: Longest time without progress, s.
+            progress: Called with the missing nodes, the number of all, and that of kernels compiled so far.
+            ends: Whether to give up.
+
         Raises:
-            StartError: A node is missing after `timeout`, s, or a process cannot start.
+            StartError: A node is missing and nothing has come up or been compiled for `timeout`, or a process cannot
+                start.
         """
-        limit = time.monotonic() + timeout
+        limit, before = time.monotonic() + timeout, (0, 0)
+        total = sum(source[0] != "operator" for source in all_sources(self.system))
         while (missing := self.missing()) and not ends():
-            progress(missing)
+            compiled = sum(child.heart.compiled for child in self.supervisor.children.values())
+            progress(missing, total, compiled)
+            if before != (len(missing), compiled):
+                limit, before = time.monotonic() + timeout, (len(missing), compiled)
             if self._claims.lost:
                 raise DirectoryError(self._claims.lost)
             for child in self.supervisor.poll(restarts=not self.barrier):
@@ -219,7 +229,7 @@ class LiveRobot:
                     )
             if time.monotonic() > limit:
                 names = ", ".join(f"{role} {name}" for role, name in missing)
-                raise StartError(f"not up after {timeout:g} s: {names}; {self._advice(missing)}")
+                raise StartError(f"not up, and without progress for {timeout:g} s: {names}; {self._advice(missing)}")
             with self._changed:
                 # Also without news: a process may have died.
                 self._changed.wait(0.2)

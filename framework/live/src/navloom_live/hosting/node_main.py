@@ -12,6 +12,7 @@ from typing import Any
 from navloom.config.loader import Loaded
 from navloom.crashes import dump_when_broken
 from navloom.engine.build import assemble
+from navloom.kernel_cache import tell_compiled
 from navloom.parent_process import die_with_parent
 
 from navloom_live.hosting.heartbeat import Heart
@@ -53,6 +54,8 @@ def main() -> int:
     name = process.share.name
     rearm = end_unless_called(longest_seizure(process.share.sources, system.config.live.hang_timeout))
     heart = Heart(spec["heart"]) if spec["heart"] else None
+    if heart is not None:
+        tell_compiled(heart.note_compiled)
     is_ready = False
 
     def ready() -> None:

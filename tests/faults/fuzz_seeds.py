@@ -29,7 +29,7 @@ __all__ = [
 
 IDENTITIES = b'{"realm": "lab", "robot": "r1", "identities": [{"name": "a", "kind": "viewer", "instance": ""}]}'
 STUDY = b'{"methods": {"a": {}}, "metrics": [], "worlds": {"w": {}}, "seeds": [1], "open_loop": {"baseline": "a"}}'
-TABLE = "method,world,seed,outcome\na,w,1,succeeded\n"
+TABLE = "method,world,seed,outcome,reason,trace_sha256\na,w,1,succeeded,reached,ab\n"
 """Table of the episodes of that study."""
 OVERRIDES = [
     b"controller.k3=1.0",

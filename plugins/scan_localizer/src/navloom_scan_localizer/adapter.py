@@ -192,7 +192,8 @@ def _predict(
 ) -> list[NDArray[np.float64]]:
     """Move the pose by the odometry since a stamp, and return the points of each scan, see `_points`."""
     odometry = given.odometry
-    seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9
+    # Before the first step, no time has passed, whatever the run clock shows: a robot may have run for days.
+    seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9 if since_ns else 0.0
     tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
     return [_points(scan, odometry, limits, scan.ranges) for scan in _scans(given)]
 

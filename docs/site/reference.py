@@ -194,7 +194,6 @@ def geometry_page() -> str:
         "footprints",
         "collision",
         "grid",
-        "overlap",
         "polylines",
         "solids",
     )

@@ -7,6 +7,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, Generic, Literal, TypeVar, overload
 
+from navloom.errors import NavloomError
 from navloom.messages import Message
 
 __all__ = ["NO_EXTRAS", "Extra", "Extras", "MissingExtraError", "extras_of"]
@@ -51,7 +52,7 @@ class Extra(Generic[V]):
         return f"Extra {self.name!r} of {self.carries.__name__}"
 
 
-class MissingExtraError(KeyError):
+class MissingExtraError(NavloomError, KeyError):
     """An extra input that a step does not have. Its text is a sentence, which KeyError itself would quote."""
 
     def __str__(self) -> str:

@@ -80,7 +80,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         if given.known is not None and given.known is not self._known:
             self._take_map(given.known)
         odometry, tracker = given.odometry, self._tracker
-        points = _predict(tracker, given, self._stamp_ns, self.params)
+        points = _predict(tracker, given, self._stamp_ns, round(1e9 * self.context.period), self.params)
         self._stamp_ns = odometry.stamp_ns
         if points:
             echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
@@ -142,7 +142,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker = given.odometry, self._tracker
-        points = _predict(tracker, given, self._stamp_ns, self.params)
+        points = _predict(tracker, given, self._stamp_ns, round(1e9 * self.context.period), self.params)
         self._stamp_ns = odometry.stamp_ns
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         joined = joined[: beams.keep_near(joined, self.params.max_range)]
@@ -188,12 +188,13 @@ class _BeamLimits(Protocol):
 
 
 def _predict(
-    tracker: PoseTracker, given: LocalizerInput, since_ns: int, limits: _BeamLimits
+    tracker: PoseTracker, given: LocalizerInput, since_ns: int, period_ns: int, limits: _BeamLimits
 ) -> list[NDArray[np.float64]]:
     """Move the pose by the odometry since a stamp, and return the points of each scan, see `_points`."""
     odometry = given.odometry
-    # Before the first step, no time has passed, whatever the run clock shows: a robot may have run for days.
-    seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9 if since_ns else 0.0
+    # Before the first step, a tick at most has passed, whatever the run clock shows: a robot may have run for days.
+    since_ns = since_ns or max(0, odometry.stamp_ns - period_ns)
+    seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9
     tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
     return [_points(scan, odometry, limits, scan.ranges) for scan in _scans(given)]
 

@@ -139,6 +139,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         beams.warm_up()
         matching.warm_up()
         surface.warm_up()
+        small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker = given.odometry, self._tracker

@@ -1,6 +1,7 @@
 """One step of a node, the same for every executor: check the triggers, read the inputs, run the node, report faults.
 
-Lockstep, live, barrier and replay all step here. They differ only in what fills the slots and when a step happens.
+Lockstep, live, barrier and replay all step here. They differ only in what fills the slots and when a step happens:
+lockstep asks `Stepper.fired` once a tick, a live process `LiveRunner._due` whenever something arrives.
 """
 
 from __future__ import annotations

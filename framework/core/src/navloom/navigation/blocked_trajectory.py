@@ -59,7 +59,8 @@ def _first_blocked(lengths, places, progress, radius, cells, occupied_from):  # 
 
 def warm_up() -> None:
     """Compile the kernel for the array types of messages."""
-    cells, samples = np.zeros((1, 1), np.int8), np.zeros((1, 6))
+    # Two rows: a column of one row counts as contiguous, and that of a path does not.
+    cells, samples = np.zeros((1, 1), np.int8), np.zeros((2, 6))
     # Arrays of messages are read-only and those of tests are not: numba compiles the kernel once for each.
     for is_writeable in (True, False):
         cells.flags.writeable = samples.flags.writeable = is_writeable

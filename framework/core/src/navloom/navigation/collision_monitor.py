@@ -187,7 +187,7 @@ class CollisionMonitor:
         return passed < -BACK or passed > max(SILENT, 5.0 * self.limits.period) or (passed > 0.0 and jumps)
 
     def look(self, name: str, scan: RangeScan) -> bool:
-        """Take a scan; False if it is old, or must wait for the odometry of its time."""
+        """Take a scan; False if it is not newer than the last, or must wait for the odometry of its time."""
         time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, SensorEchoes(self.limits.sigma))
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
@@ -384,6 +384,7 @@ def warm_up() -> None:
     monitor.move(still)
     for halves in (np.zeros(2), wide):
         halves.flags.writeable = False
-        monitor.look("", RangeScan(0, two, one, halves, np.zeros(2), one, 0.1, 4.0))
+        # Each kind of sensor under a name of its own: a second scan of one stamp would be left out.
+        monitor.look(f"{halves[0]}", RangeScan(0, two, one, halves, np.zeros(2), one, 0.1, 4.0))
     monitor.give(0.0, still.twist)
     monitor.judge(Twist2D(0.5, 0.0, 0.1), 0.0, 0.0)

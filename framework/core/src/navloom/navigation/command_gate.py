@@ -112,7 +112,7 @@ class CommandGate:
         return StopReason("operator") if self._operator_stop else hindrance
 
     def _hindrance(self, sensed: Sensed) -> StopReason | None:
-        """Contact or silence, which forbid a ramp too; None for neither."""
+        """Contact, or a sensor whose last scan is older than `gate.sensor_timeout`; both forbid a ramp too."""
         # Latched here and not by the goal: a stop for contact must not wait for the goal's turn in the next tick.
         self._contact = self._contact or sensed.touching
         if self._contact:

@@ -104,7 +104,9 @@ def warm_up() -> None:
     """Compile the kernels, also those of the echo memory."""
     echo_memory.warm_up()
     own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
-    first_touch(NO_TURN, 0, NOWHERE, NOWHERE, np.empty(0))
+    outline = np.zeros((3, 2))
+    outline.flags.writeable = False  # as that of a robot is
+    first_touch(NO_TURN, 0, outline, NOWHERE, np.empty(0))
 
 
 class HandOverRule:

@@ -50,7 +50,8 @@ def surfaces_without_echo(grid: OccupancyGrid, base: Pose2D, reach: float, echoe
     dx, dy = grid.origin.x - base.x, grid.origin.y - base.y
     cos, sin = math.cos(base.heading), math.sin(base.heading)
     frame = np.array([cos * dx + sin * dy, cos * dy - sin * dx, grid.origin.heading - base.heading, grid.resolution])
-    found: Floats = _surfaces(grid.cells, frame, reach, echoes)
+    # A copy: a kernel is compiled for each layout of an array, and a robot that drives must not wait for that.
+    found: Floats = _surfaces(grid.cells, frame, reach, np.array(echoes, order="C"))
     return found
 
 

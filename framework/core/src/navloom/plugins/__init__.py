@@ -1,6 +1,6 @@
-"""The plugin door: hook specifications, the registry, and discovery by entry point.
+"""Where plugins enter: hook specifications, the registry, and discovery by entry point.
 
-Begin with `hooks.py`, all hooks on one page, then `discovery.py`: it lists plugins without importing them.
+Begin with `hooks.py`, all hooks on one page, then `discovery.py`: it lists plugins, and `loading.py` imports them.
 `one_file.py` loads plugins from one Python file; `message_opening.py` decodes messages of any distribution.
 `error_origin.py`, `code_owners.py` and `thread_owners.py` name the plugin behind an error, a line or a thread.
 """

@@ -4,6 +4,7 @@ Begin with `base.py` (construction, parameters, context, errors), then any role,
 A fact about a role (its purpose, its process, who commands the wheels) is stated once, as its `facts` (`facts.py`).
 `engine/nodes` steps each role, and `engine/streams.py` declares what it publishes.
 `extra.py` declares messages that a plugin reads beyond its role, `claims.py` what it promises to do.
+A new role touches this package, `names.py`, `engine/streams.py`, a node in `engine/nodes` and `engine/catalogue.py`.
 """
 
 from functools import cache

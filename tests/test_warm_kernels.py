@@ -1,0 +1,42 @@
+"""No kernel is compiled while a robot drives: a live node that compiles for seconds counts as stuck and is ended."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import json, sys
+from navloom.config import load_config
+from navloom.engine.lockstep import Lockstep
+from navloom.runs.episode import run_episode
+
+def compiled():
+    found = {}
+    for name, module in list(sys.modules.items()):
+        if name.startswith("navloom"):
+            for thing in list(vars(module).values()):
+                if hasattr(thing, "signatures") and hasattr(thing, "py_func"):
+                    found[f"{thing.py_func.__module__}.{thing.py_func.__name__}"] = len(thing.signatures)
+    return found
+
+warm, run = {}, Lockstep.run
+def begun(self, *given, **further):
+    warm.update(compiled())
+    return run(self, *given, **further)
+Lockstep.run = begun
+run_episode(load_config(sys.argv[1]))
+print(json.dumps([sum(warm.values()), [name for name, count in compiled().items() if count > warm.get(name, 0)]]))
+"""
+
+
+@pytest.mark.parametrize("config", ["paper", "building", "explore"])
+def test_every_kernel_is_compiled_before_the_first_tick(config: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, config], capture_output=True, text=True, timeout=300, check=True
+    )
+    count, late = json.loads(done.stdout.splitlines()[-1])
+    assert count > 40 and late == []

@@ -3,7 +3,7 @@
 Begin with `build.py`, `assemble`: from a config to a `System`; then `stepper.py`, when a node steps
 and what comes of it, and `lockstep.py`.
 `streams.py` declares every stream once; `node_graph.py` orders the nodes; `wiring.py` carries messages by reference.
-`plugin_factory.py` makes the plugins, `lockstep_builder.py` the executor; `answer_checks.py` checks what plugins return.
+`plugin_factory.py` makes the plugins, `lockstep_builder.py` the executor; `answer_checks.py` checks what they return.
 """
 
 from __future__ import annotations

@@ -221,7 +221,7 @@ def differences(count: int, seed: int) -> list[str]:
         raise ValueError
 
     ways = codec._WAYS
-    aside: dict[str, Any] = {schema_label(cls): (cls, refuse, header_limit(cls)) for cls in SCHEMAS.values()}
+    aside: dict[str, Any] = {schema_label(cls): (cls, cls, refuse, header_limit(cls)) for cls in SCHEMAS.values()}
     found = []
     try:
         for label, data, source in spoiled(count, seed):

@@ -34,6 +34,7 @@ NOT_RUN = {
     ("recording.md", "navloom replay run.mcap --only avoider --until 123 --pdb"): (
         "a debugger waits for its user; framework/recording/tests/test_excerpt.py types into it"
     ),
+    ("nav2.md", "navloom ros"): "needs a ROS network; plugins/ros/tests plays one",
     ("ros2.md", "navloom ros"): "needs a ROS network; plugins/ros/tests plays one",
     ("ros2.md", "navloom up turtlebot.toml"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("ros2.md", "navloom goal"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",

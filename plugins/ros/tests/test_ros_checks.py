@@ -100,7 +100,9 @@ def why_live(case: str) -> str:
         said.waiting[names.get(topic, topic)] = [heard]
     robot = sources.Robot(said, "base_link", "odom", Anchor(False, 0.5, 1.0))
     robot.listen(from_tf=False)
-    sensor: Any = sources.Ranges(["/sonar"], None, 10**9) if "/sonar" in given else sources.Laser("/scan", None, False)
+    sensor: Any = (
+        sources.Ranges(["/sonar"], None, 10**9, False) if "/sonar" in given else sources.Laser("/scan", None, False)
+    )
     sensor.read(robot, START)
     return robot.unusable or sensor.feeds[0].why
 

@@ -48,7 +48,7 @@ def run_live(
         loaded = _own_robot(placed(task.config, task.values, key.seed, Path(task.here)))
         run = LiveRun(loaded, None, False, lambda text, name=name: say(f"{name}: {text}"), ending)
         try:
-            episode = run.run(True, progress=lambda left: idle(), look=lambda robot: idle())
+            episode = run.run(True, progress=lambda *told: idle(), look=lambda robot: idle())
         except StartError as error:
             raise StartError(f"{name}: {error}") from None
         if ending.is_set():

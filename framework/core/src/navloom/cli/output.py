@@ -92,8 +92,12 @@ def shown(value: Any) -> str:
     return printable(str(value))
 
 
-def paced(tell: Callable[[str], None] = LOG.info) -> Callable[[str], None]:
-    """Log of progress where there is no terminal: a text that comes within 10 s of the previous one is dropped."""
+def paced(tell: Callable[[str], None] | None = None) -> Callable[[str], None]:
+    """Log of progress where there is no terminal: a text that comes within 10 s of the previous one is dropped.
+
+    Args:
+        tell: Receives the others; None logs them.
+    """
     from time import monotonic
 
     said = monotonic()
@@ -102,7 +106,7 @@ def paced(tell: Callable[[str], None] = LOG.info) -> Callable[[str], None]:
         nonlocal said
         if monotonic() - said >= INTERVAL:
             said = monotonic()
-            tell(text)
+            (tell or LOG.info)(text)
 
     return say
 

@@ -172,11 +172,15 @@ def _folder_on_path(folder: Path) -> Iterator[None]:
         # Two folders may each have a `helpers.py`: each plugin file gets its own.
         if held.parent in others and held not in _LOADED:
             del sys.modules[file.stem]
-    sys.path.append(str(folder))
+    before = list(sys.path)
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
     try:
         yield
     finally:
-        sys.path.remove(str(folder))
+        # Not `remove` alone: the folder may have been on the path before, and stays there.
+        if str(folder) not in before:
+            sys.path.remove(str(folder))
 
 
 @contextmanager

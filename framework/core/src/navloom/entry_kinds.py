@@ -6,7 +6,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple
 
-from navloom.parts import PARTS
+from navloom.parts import OF_FRAMEWORK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,8 +64,8 @@ def added_commands() -> list[CommandPoint]:
                 of_one = list(_commands_of(os.path.join(folder, name)))
                 if of_one:
                     found.setdefault(of_one[0].distribution, of_one)  # the first in `sys.path` wins
-    own = ["navloom", *PARTS.values()]
-    return [command for name in sorted(found, key=lambda name: (name not in own, name)) for command in found[name]]
+    ordered = sorted(found, key=lambda name: (name not in OF_FRAMEWORK, name))
+    return [command for name in ordered for command in found[name]]
 
 
 def _commands_of(info: str) -> Iterator[CommandPoint]:
@@ -92,10 +92,7 @@ def _commands_of(info: str) -> Iterator[CommandPoint]:
         if line.startswith("- `navloom "):
             name, _, summary = line.removeprefix("- `navloom ").partition("`: ")
             described[name] = summary
-    for name in [
-        *(name for name in described if name in modules),
-        *(name for name in modules if name not in described),
-    ]:
+    for name in dict.fromkeys([*(name for name in described if name in modules), *modules]):
         owner = told.get("Name", modules[name])
         yield CommandPoint(
             name, modules[name], owner, told.get("Version", ""), described.get(name) or told.get("Summary", "")

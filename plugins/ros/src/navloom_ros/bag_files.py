@@ -18,7 +18,7 @@ from navloom.inputs import BAG_MB, YAML_MB, bytes_of, open_file, read_file, too_
 from navloom_maps import yaml_of
 from navloom_recording import RecordingError
 
-from navloom_ros.bag_salvage import LeftOut, merged_database, readable_database, salvaged_bag, salvaged_mcap
+from navloom_ros.bag_salvage import LeftOut, merged_database, readable_database, salvaged_bag, salvaged_mcap, unchanging
 
 __all__ = ["BagFiles", "bag_files"]
 
@@ -205,9 +205,7 @@ def _unpacked(path: Path, folder: Path) -> Path:
 def _refuse_queries(path: Path) -> None:
     """Refuse a database with views or computed columns: reading one row of them may never end."""
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
-            # Expressions of the schema may call functions of SQLite.
-            database.execute("PRAGMA trusted_schema = OFF")
+        with closing(unchanging(path)) as database:
             for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master LIMIT 1000"):
                 is_plain = kind == "index" or (kind == "table" and str(text).upper().startswith("CREATE TABLE"))
                 columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,)) if is_plain else ()

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 
 from navloom_recording import RecordingError
 
-__all__ = ["LeftOut", "merged_database", "readable_database", "salvaged_bag", "salvaged_mcap"]
+__all__ = ["LeftOut", "merged_database", "readable_database", "salvaged_bag", "salvaged_mcap", "unchanging"]
 
 LeftOut = dict[str, tuple[str, int]]
 """Type and number of messages of each topic that was left out."""
@@ -44,10 +44,18 @@ def merged_database(path: Path, target: Path) -> Path:
     return target
 
 
+def unchanging(path: Path) -> sqlite3.Connection:
+    """A database opened for reading as a file that does not change."""
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    # Expressions of the schema may call functions of SQLite.
+    database.execute("PRAGMA trusted_schema = OFF")
+    return database
+
+
 def readable_database(path: Path, target: Path) -> Path:
     """The database of a bag, or a copy without definitions whose encoding `rosbags` cannot read."""
     unread = f"FROM message_definitions WHERE encoding NOT IN {READ}"
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+    with closing(unchanging(path)) as database:
         defines = "SELECT 1 FROM pragma_table_info('message_definitions') WHERE name = 'encoding'"
         if not database.execute(defines).fetchone() or not database.execute(f"SELECT 1 {unread}").fetchone():
             return path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from itertools import pairwise
 from types import SimpleNamespace
@@ -14,6 +14,7 @@ import numpy as np
 from navloom.geometry.footprints import rectangle
 from navloom.messages import SCHEMAS, Message, Pose2D
 from navloom.parts import part
+from numpy.typing import NDArray
 
 from navloom_check.captured_output import PRINTED
 from navloom_check.check_bench import Bench
@@ -23,7 +24,7 @@ from navloom_check.samples import sample
 from navloom_check.shifted_inputs import restamped
 from navloom_check.side_effects import GUARD
 
-__all__ = ["CHECKS", "viewer_parts"]
+__all__ = ["CHECKS", "views"]
 
 DRAWINGS = 40
 """Drawings of the same message; a panel that keeps a short tail of what it drew stops growing earlier."""
@@ -33,13 +34,10 @@ DRAWINGS = 40
        "leaves logging to the viewer.")  # fmt: skip
 def panel_only_draws(bench: Bench) -> Iterator[Finding]:
     """The viewer logs what a panel yields, at the time and under the robot that belong to it."""
-    Seen, facts = viewer_parts()
+    view = views()
     panel = bench.subject.thing
     cls = next((schema for schema in SCHEMAS.values() if issubclass(schema, panel.message)), panel.message)
-    robot = facts.Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
-    actor = facts.Actor("robot", "robot", (0, 0, 0, 255), False)
-    track = np.array([[0.0, 1.0, 2.0, 0.5]])
-    seen = Seen(actor, robot, "robot", "main", "port", Pose2D(1.0, 2.0, 0.5), track, True, 1.0)
+    seen = view(Pose2D(1.0, 2.0, 0.5), np.array([[0.0, 1.0, 2.0, 0.5]]))
     given = sample(cls, np.random.default_rng(bench.seed))
     PRINTED.news()
     sizes = [_drawn(panel, given, seen)]
@@ -64,17 +62,20 @@ def panel_only_draws(bench: Bench) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def viewer_parts() -> tuple[Any, Any]:
-    """`Seen` of the viewer, and the module of what a picture shows.
+def views() -> Callable[[Pose2D | None, NDArray[np.float64]], Any]:
+    """Makes what a panel sees of a robot, a `Seen`, from its pose and its track, (n, 4) time, s, x, y, m, heading, rad.
 
     Raises:
         NotRun: The viewer is not installed, without which a panel cannot draw.
     """
     try:
         import_module("rerun")
-        return part("navloom_viewer.panels").Seen, part("navloom_viewer.picture_setup")
+        panels, setup = part("navloom_viewer.panels"), part("navloom_viewer.picture_setup")
     except ImportError:
         raise NotRun("it draws with the viewer, which is not installed: pip install 'navloom[view]'") from None
+    robot = setup.Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
+    actor = setup.Actor("robot", "robot", (0, 0, 0, 255), False)
+    return lambda pose, track: panels.Seen(actor, robot, "robot", "main", "port", pose, track, True, 1.0)
 
 
 def _drawn(panel: Any, given: Message, seen: Any) -> int:

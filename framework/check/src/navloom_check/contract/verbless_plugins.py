@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from navloom_check import messages
 from navloom_check.check_bench import Bench, alike
 from navloom_check.checks import check
-from navloom_check.contract.panel_side_effects import viewer_parts
+from navloom_check.contract.panel_side_effects import views
 from navloom_check.findings import Finding, NotRun
 from navloom_check.plugin_player import NOWHERE, bytes_of
 from navloom_check.process_state import PROCESS_STATE
@@ -324,15 +324,13 @@ def viewer_imported_late(bench: Bench) -> Iterator[Finding]:
 )
 def panel_draws(bench: Bench) -> Iterator[Finding]:
     """It draws generated messages of its class."""
-    Seen, facts = viewer_parts()
+    view = views()
     panel = bench.subject.thing
     known = [cls for cls in SCHEMAS.values() if issubclass(cls, panel.message)]
-    robot = facts.Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
-    actor = facts.Actor("robot", "robot", (0, 0, 0, 255), False)
     rng = np.random.default_rng(bench.seed)
     for cls in known or [panel.message]:
         for pose, track in ((None, np.empty((0, 4))), (Pose2D(1.0, 2.0, 0.5), np.array([[0.0, 1.0, 2.0, 0.5]]))):
-            seen = Seen(actor, robot, "robot", "main", "port", pose, track, True, 1.0)
+            seen = view(pose, track)
             for what, given in _messages(cls, rng):
                 when = f"{cls.__name__}{what}, {'before the first pose' if pose is None else 'with a pose'}"
                 draw: Callable[[], list[Any]] = lambda given=given, seen=seen: list(panel.to_rerun(given, seen))  # type: ignore[misc]  # noqa: E731

@@ -16,7 +16,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE
-from navloom.roles import ROLES, Platform, Role
+from navloom.roles import ROLES, Params, Platform, Role
 
 __all__ = ["LEAST_HANG_TIMEOUT", "check_live", "check_task", "is_real", "place_problem"]
 
@@ -26,7 +26,13 @@ LEAST_HANG_TIMEOUT = 1.5
 
 def is_real(system: System) -> bool:
     """The platform is the driver of a real robot, which simulated time must not move."""
-    return not getattr(system.parts[("platform", system.config.platform.instance)].cls, "is_simulated", True)
+    return not getattr(_platform(system), "is_simulated", True)
+
+
+def _platform(system: System) -> type[Platform[Params]]:
+    platform = system.parts[("platform", system.config.platform.instance)].cls
+    assert issubclass(platform, Platform)
+    return platform
 
 
 def check_task(system: System) -> None:
@@ -193,9 +199,7 @@ def _without_sensor(system: System, part: Part) -> str:
     else:
         present = ", ".join(sorted({sensor.kind for sensor in system.sensors}))
         has = f"there is none among {present}" if present else "there is no [[sensor]]"
-    platform = system.parts[("platform", system.config.platform.instance)].cls
-    assert issubclass(platform, Platform)
-    kinds = [kind for kind, message in platform.sensor_kinds.items() if issubclass(message, part.cls.accepts)]
+    kinds = [kind for kind, message in _platform(system).sensor_kinds.items() if issubclass(message, part.cls.accepts)]
     fixes = [f"add a [[sensor]] of kind {' or '.join(kinds)}"] if kinds and part.table.sensors is None else []
     if others := _others(system, part):
         fixes.append(f"take another {part.role}, as {' or '.join(others)}")
@@ -207,9 +211,7 @@ def _without_sensor(system: System, part: Part) -> str:
 
 def _others(system: System, part: Part) -> list[str]:
     """Plugins of the same role that can work with the configured sensors."""
-    platform = system.parts[("platform", system.config.platform.instance)].cls
-    assert issubclass(platform, Platform)
-    given = [platform.sensor_kinds[sensor.kind] for sensor in system.sensors]
+    given = [_platform(system).sensor_kinds[sensor.kind] for sensor in system.sensors]
     discovery, found = Discovery(system.config.plugins.blocked), []
     for name in discovery.names(part.role if part.role in ROLES else NODE):
         try:

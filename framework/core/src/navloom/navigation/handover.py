@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom.geometry.footprints import circumscribed_radius
 from navloom.messages import HandOver, OccupancyGrid, Pose2D, RangeScan, Twist2D
 from navloom.navigation import echo_memory
 from navloom.navigation.echo_memory import EchoMemory
@@ -68,7 +69,7 @@ def own_turn(twist: Twist2D, footprint: Floats) -> Floats:
     if not len(footprint) or v > abs(w) * np.abs(footprint[:, 1]).max() or (v == 0.0 and w == 0.0):
         return NO_TURN
     time = min(HORIZON, MOST_TURN / abs(w)) if w != 0.0 else HORIZON
-    radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+    radius = circumscribed_radius(footprint)
     steps = math.ceil(time * (abs(v) + radius * abs(w)) / TURN_STEP) + 1
     headings = np.linspace(0.0, w * time, steps)
     # Chord of an arc of length s that turns by a: s sin(a / 2) / (a / 2), which is finite for a straight way too.

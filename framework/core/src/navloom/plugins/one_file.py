@@ -172,15 +172,14 @@ def _folder_on_path(folder: Path) -> Iterator[None]:
         # Two folders may each have a `helpers.py`: each plugin file gets its own.
         if held.parent in others and held not in _LOADED:
             del sys.modules[file.stem]
-    before = list(sys.path)
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))
+    if str(folder) in sys.path:
+        yield
+        return
+    sys.path.append(str(folder))
     try:
         yield
     finally:
-        # Not `remove` alone: the folder may have been on the path before, and stays there.
-        if str(folder) not in before:
-            sys.path.remove(str(folder))
+        sys.path.remove(str(folder))
 
 
 @contextmanager

@@ -42,13 +42,10 @@ def list_nodes(
     """
     from navloom.cli.output import print_json, print_table
 
-    from navloom_live.operating.client import ClientError
-    from navloom_live.operating.robot_nodes import listing, missing
+    from navloom_live.operating.robot_nodes import missing, present
 
     with robot.look() as client:
-        nodes = listing(client)
-    if not nodes:
-        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+        nodes = present(client)
     if as_json:
         print_json([_fields(node) for node in nodes])
         return

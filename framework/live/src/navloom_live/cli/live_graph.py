@@ -94,13 +94,10 @@ def print_live_graph(robot: Any, as_json: bool, dot: bool) -> None:
     """Print the nodes, the ports that each publishes, and the streams that it has received."""
     from navloom.cli.output import print_json
 
-    from navloom_live.operating.client import ClientError
-    from navloom_live.operating.robot_nodes import listing
+    from navloom_live.operating.robot_nodes import present
 
     with robot.look() as client:
-        found = listing(client)
-    if not found:
-        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+        found = present(client)
     nodes, edges = live_nodes(found), live_edges(found)
     if as_json:
         print_json({"nodes": nodes, "edges": edges})

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from navloom_live.live.description import Description
-from navloom_live.operating.client import Client
+from navloom_live.operating.client import Client, ClientError
 
 __all__ = [
     "Missing",
@@ -17,6 +17,7 @@ __all__ = [
     "missing",
     "neighbours_names",
     "platform_age",
+    "present",
     "run_clock_ns",
 ]
 
@@ -70,6 +71,14 @@ def listing(client: Client) -> list[Node]:
         nodes.append(Node(role, name, places.get(f"{role} {name}"), None, why))
     order = {node: number for number, node in enumerate(places)}
     return sorted(nodes, key=lambda node: (order.get(node.name, len(order)), node.role))
+
+
+def present(client: Client) -> list[Node]:
+    """As `listing`. Raises ClientError if there is no node."""
+    nodes = listing(client)
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    return nodes
 
 
 def answering(nodes: Sequence[Node]) -> list[Description]:

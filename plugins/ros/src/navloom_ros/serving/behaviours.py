@@ -90,8 +90,7 @@ class Behaviours:
             except self._failures as error:
                 code, why = one.unknown, str(error)
             values = {"total_elapsed_time": time_of(monotonic_ns() - began_ns), "error_code": code, "error_msg": why}
-            fields = {name for name, _ in self._types.fields(f"{one.kind}_Result")}
-            result = {name: value for name, value in values.items() if name in fields}
+            result = self._types.known(f"{one.kind}_Result", values)
             self._is_busy = False
             (goal.canceled if goal.is_canceling else goal.abort if why else goal.succeed)(**result)
             self._goals.hold(False)  # last: it lets the node close

@@ -292,8 +292,7 @@ class Goals:
             return
         first = NAVIGATE_THROUGH_POSES if wanted.kind == THROUGH_POSES else NAVIGATE_TO_POSE
         values = {"error_code": error_code(ended.code, first), "error_msg": ended.why, "missed_waypoints": list(missed)}
-        fields = {name for name, _ in self._node.types.fields(f"{wanted.kind}_Result")}
-        result = {name: value for name, value in values.items() if name in fields}
+        result = self._node.types.known(f"{wanted.kind}_Result", values)
         if not ended.why:
             goal.succeed(**result)
         elif ended.outcome == "cancelled" and goal.is_canceling:

@@ -68,8 +68,7 @@ class Planning:
                 goal.succeed(**spent, path=self._path(points))
             else:
                 given = {"error_code": error_code(kind, COMPUTE_PATH), "error_msg": why, **spent}
-                fields = {name for name, _ in self._types.fields(f"{COMPUTE}_Result")}
-                goal.abort(**{name: value for name, value in given.items() if name in fields})
+                goal.abort(**self._types.known(f"{COMPUTE}_Result", given))
 
     def _planned(self, request: Any) -> tuple[list[tuple[float, float]], str, str]:
         robot, start = self._goals.robot, self._goals.pose

@@ -23,13 +23,9 @@ OUTLINES = 8
 
 
 def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:
-    """Draw a scene, or the two that were compared side by side, into a PNG file.
-
-    Raises:
-        ConfigError: matplotlib is not installed.
-    """
+    """Draw a scene, or the two that were compared side by side, into a PNG file."""
     scenes = seen.scenes or (scene,)
-    plotting = part("navloom_study.report.plotting", "a figure", "'navloom[plots]'")
+    plotting = part("navloom_study.report.plotting")
     figure, axes = plotting.new_figure(WIDTH * len(scenes), 84.0, 1, len(scenes))
     with plotting.styled():
         figure.suptitle(title, fontsize=8.5)

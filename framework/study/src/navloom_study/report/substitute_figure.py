@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from navloom.engine.difference_units import UNITS
 from navloom.palette import GREY, OKABE_ITO
 from navloom_recording.substitutes import Substitute
 
 from navloom_study.report.plotting import new_figure, png_of, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["draw_substitute", "substitute_figure"]
 
@@ -28,6 +27,7 @@ def draw_substitute(result: Substitute, what: str) -> bytes:
     return png_of(substitute_figure(result, what))
 
 
+@styled()
 def substitute_figure(result: Substitute, what: str) -> Figure:
     """Figure of the places on the track where the answers differ, and of the differences over time.
 
@@ -37,19 +37,16 @@ def substitute_figure(result: Substitute, what: str) -> Figure:
     """
     found = result.found
     names = [name for name in found.values if np.nanmax(np.abs(found.values[name]), initial=0.0) > 0.0][:3]
-    with styled():
-        from matplotlib.ticker import MaxNLocator
-
-        figure, axes = new_figure(180.0, 100.0, 1, 2)
-        _draw_way(axes[0], result, what)
-        _draw_series(axes[1], result, names)
-        figure.suptitle(f"{found.role} {found.instance} on the recorded inputs of {what}", fontsize=9.0)
-        for axis in axes:
-            axis.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
-            axis.ticklabel_format(axis="x", useOffset=axis.get_xlim()[1] > LARGE)
-            handles, labels = axis.get_legend_handles_labels()
-            if handles:  # below the axes, where it hides nothing that is drawn
-                axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
+    figure, axes = new_figure(180.0, 100.0, 1, 2)
+    _draw_way(axes[0], result, what)
+    _draw_series(axes[1], result, names)
+    figure.suptitle(f"{found.role} {found.instance} on the recorded inputs of {what}", fontsize=9.0)
+    for axis in axes:
+        axis.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
+        axis.ticklabel_format(axis="x", useOffset=axis.get_xlim()[1] > LARGE)
+        handles, labels = axis.get_legend_handles_labels()
+        if handles:  # below the axes, where it hides nothing that is drawn
+            axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
     return figure
 
 

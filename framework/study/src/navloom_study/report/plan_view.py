@@ -81,7 +81,7 @@ def _width(names: Iterable[str]) -> float:
 def draw_cells(
     axes: Any, kinds: NDArray[np.uint8], origin: Pose2D | Place, resolution: float, colours: Sequence[str]
 ) -> None:
-    """Draw a raster; of several cells in one pixel the one of the highest kind is shown.
+    """Draw the part of a raster within the axes; of several cells in one pixel the one of the highest kind is shown.
 
     Args:
         axes: Matplotlib axes, m, map frame, with their limits.
@@ -90,13 +90,20 @@ def draw_cells(
         resolution: Side of a cell, m.
         colours: Colours, "none" for transparent.
     """
+    cells_to_map = Affine2D().scale(resolution).rotate(origin.heading).translate(origin.x, origin.y)
+    corners = cells_to_map.inverted().transform(axes.viewLim.corners())
+    within = np.clip([corners.min(axis=0), corners.max(axis=0) + 1.0], 0, kinds.shape[::-1])
+    (left, low), (right, high) = within.astype(int)
+    if left == right or low == high:
+        return
+    kinds = kinds[low:high, left:right]
     every = math.ceil(np.ptp(axes.get_xlim()) / resolution / (CELLS_TO_PIXEL * axes.bbox.width))
     for axis in (0, 1) if every > 1 else ():
         kinds = np.maximum.reduceat(kinds, np.arange(0, kinds.shape[axis], every), axis=axis)
-    high, wide = np.array(kinds.shape) * every * resolution
-    place = Affine2D().rotate(origin.heading).translate(origin.x, origin.y) + axes.transData
+    tall, wide = every * np.array(kinds.shape)
     axes.imshow(kinds, cmap=ListedColormap(list(colours)), vmin=0, vmax=len(colours) - 1, origin="lower",
-                extent=(0.0, wide, 0.0, high), interpolation="nearest", transform=place, zorder=1)  # fmt: skip
+                extent=(left, left + wide, low, low + tall), interpolation="nearest",
+                transform=cells_to_map + axes.transData, zorder=1)  # fmt: skip
 
 
 def draw_lines(axes: Any, lines: Iterable[Floats], colour: str, name: str, width: float = 1.2, **style: Any) -> None:

@@ -81,8 +81,8 @@ def drive(speed: float, until: float) -> tuple[TimeLeft, GoalView]:
 
 def test_a_robot_at_half_the_speed_needs_longer() -> None:
     estimator, view = drive(0.2, 10.0)
-    # 10 s for what the reference drives in 5 s, beside 5 s that count as expected: 15 s for 10 s, and 2 m are left.
-    assert estimator.estimate(GOAL, LEGS, view, view.reference) == pytest.approx(15.0 / 10.0 * 2.0 / 0.4)
+    # 10 s for what the reference drives in 5 s, beside 30 s that count as expected: 40 s for 35 s, and 2 m are left.
+    assert estimator.estimate(GOAL, LEGS, view, view.reference) == pytest.approx(40.0 / 35.0 * 2.0 / 0.4)
 
 
 def test_another_trajectory_is_no_progress() -> None:
@@ -97,7 +97,7 @@ def test_another_trajectory_is_no_progress() -> None:
 
 def test_a_stopped_robot_keeps_a_finite_estimate() -> None:
     estimator, view = drive(0.0, 60.0)
-    assert estimator.estimate(GOAL, LEGS, view, view.reference) == pytest.approx(65.0 / 5.0 * 10.0)
+    assert estimator.estimate(GOAL, LEGS, view, view.reference) == pytest.approx(90.0 / 30.0 * 10.0)
 
 
 def test_a_lost_trajectory_counts_at_the_largest_speed() -> None:

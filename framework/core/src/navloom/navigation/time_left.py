@@ -13,8 +13,9 @@ from navloom.navigation.goal_rules import GoalRules, GoalView
 
 __all__ = ["TimeLeft"]
 
-PRIOR = 5.0
-"""Drive at the reference's speeds, s, that the expected speed counts for beside the measured progress."""
+PRIOR = 30.0
+"""Drive at the reference's speeds, s, that the expected speed counts for beside the measured progress: longer than
+it takes to pass one obstacle slowly, which says little about the rest of the way."""
 
 
 class TimeLeft:

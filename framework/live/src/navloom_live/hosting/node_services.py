@@ -15,6 +15,7 @@ from functools import cache, partial
 
 from navloom.config import Loaded
 from navloom.engine.answer_checks import notes_of
+from navloom.engine.lockstep_builder import goal_rules
 from navloom.engine.nodes.localizer_node import LocalizerNode
 from navloom.engine.nodes.mapper_node import MapperNode
 from navloom.engine.nodes.planner_node import PlannerNode
@@ -101,6 +102,7 @@ class Services:
                 self._serve(source, requests.REPLAN, partial(self._replan, runner))
             if isinstance(runner, LiveGate):
                 self._serve(source, requests.SWAP, partial(self._swap, runner))
+                self._serve(source, requests.LIMIT, partial(self._limit, runner))
                 for service in GATE.values():
                     self._serve(source, service, partial(self._gate, runner, service.name))
         if self._live:
@@ -305,6 +307,16 @@ class Services:
             )
         self._apply(runner, lambda: runner.obey(OperatorRequest("swap", None, role, name)))
         return requests.Selected(tuple(runner.gate.pending), runner.gate.selected[role], runner.gate.epoch)
+
+    def _limit(self, runner: LiveGate, asked: requests.SpeedLimit) -> requests.SpeedLimit:
+        """Limit the speed of all sources but the operator."""
+        if not (math.isfinite(asked.speed) and asked.speed >= 0.0):
+            raise ServiceError(f"rejected: speed limit is {asked.speed!r}, expected 0 for none, or more")
+        speed = asked.speed
+        if asked.is_percentage:
+            speed = 0.0 if speed >= 100.0 else 0.01 * speed * goal_rules(self._system).cruise
+        self._apply(runner, lambda: setattr(runner.gate.gate, "speed_limit", speed))
+        return requests.SpeedLimit(speed)
 
     def _gate(self, runner: LiveGate, do: str, asked: Nothing) -> Nothing:
         # A stop is never withdrawn, however long the gate's step takes.

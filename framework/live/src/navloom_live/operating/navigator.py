@@ -289,6 +289,18 @@ class Navigator:
         """Clear what the mapper can observe again. A recording of a live robot does not contain this."""
         operator_actions.clear_map(self.client)
 
+    def limit_speed(self, speed: float, is_percentage: bool = False) -> float:
+        """Limit the speed of all that drives but an operator, until the gate's process ends; return the limit, m/s.
+
+        Args:
+            speed: m/s, or % of the speed that the robot is expected to drive at without a limit; 0 for no limit.
+            is_percentage: Whether it is %. 100 % and more are no limit.
+
+        Raises:
+            Refused: It is negative or not finite.
+        """
+        return operator_actions.limit_speed(self.client, speed, is_percentage)
+
     def swap(
         self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None
     ) -> int:

@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navloom_live.live.requests import (
     ADD,
@@ -31,7 +31,22 @@ from navloom_live.live.service import RESUME, Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.timing import INSTANCE_START_LIMIT
 
-__all__ = ["cancel", "clear_map", "get_parameters", "limit_speed", "place", "plan", "resume", "set_parameters", "swap"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = [
+    "cancel",
+    "clear_map",
+    "footprint",
+    "get_parameters",
+    "limit_speed",
+    "place",
+    "plan",
+    "resume",
+    "set_parameters",
+    "swap",
+]
 
 
 def resume(client: Client) -> None:
@@ -74,6 +89,15 @@ def plan(client: Client, start: tuple[float, float, float], goal: tuple[float, f
 def clear_map(client: Client) -> None:
     """Have the active mapper clear what it can observe again; see `Navigator.clear_map`."""
     client.call("mapper", _active(client, "mapper"), CLEAR, Nothing())
+
+
+def footprint(client: Client) -> NDArray[np.float64]:
+    """The robot's outline as its config gives it; see `Navigator.footprint`."""
+    from navloom.engine.build import robot_spec
+
+    from navloom_live.operating.live_recorder import ask_header
+
+    return robot_spec(ask_header(client).loaded().config.robot).footprint
 
 
 def limit_speed(client: Client, speed: float, is_percentage: bool = False) -> float:

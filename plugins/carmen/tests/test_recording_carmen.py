@@ -241,3 +241,40 @@ def test_a_log_can_be_imported_without_its_odometry(tmp_path: Path) -> None:
     odometry, scans = imported(tmp_path, turning_log(0.5), poses="none")
     assert [one.stamp_ns for one in odometry] == [scan.stamp_ns for scan in scans]
     assert {(one.pose.x, one.pose.y, one.pose.heading) for one in odometry} == {(0.0, 0.0, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("option", "heading", "why"),
+    [
+        ("--start", "900", "--start 0,0,900: its heading: got 900, expected degrees of -360 to 360"),
+        ("--start", "-361", "its heading: got -361, expected degrees of -360 to 360"),
+        ("--start", "nan", "expected X,Y,HEADING_DEG in m and degrees"),
+        ("--mount", "900", "--mount laser=0,0,900: its yaw: got 900, expected degrees of -360 to 360"),
+    ],
+)
+def test_a_heading_beyond_a_turn_is_refused(
+    tmp_path: Path, in_process: Command, option: str, heading: str, why: str
+) -> None:
+    name = "" if option == "--start" else "laser="
+    log, out = written(tmp_path, turning_log(0.0)), tmp_path / "o.mcap"
+    code, _, errors = in_process("import", str(log), "--out", str(out), option, f"{name}0,0,{heading}")
+    assert code == 2 and why in errors and not out.exists()
+
+
+@pytest.mark.parametrize(("heading", "degrees"), [("1.5708", 90), ("-3.14", -180), ("1.5", 0), ("90", 0), ("45", 0)])
+def test_a_heading_that_looks_like_radians_is_warned_of(
+    tmp_path: Path, in_process: Command, heading: str, degrees: int
+) -> None:
+    log, out = written(tmp_path, turning_log(0.0)), tmp_path / "o.mcap"
+    code, _, errors = in_process("import", str(log), "--out", str(out), "--start", f"0,0,{heading}")
+    warning = f"a heading of {heading} is read in degrees; if it is in radians, give {degrees}"
+    assert code == 0 and (warning in errors) == bool(degrees)
+
+
+def test_a_start_of_a_whole_turn_is_wrapped(tmp_path: Path, in_process: Command) -> None:
+    start = (0.0, 0.0, -3.0)
+    log, out = written(tmp_path, [odom(start, 1.0), laser(start, start, 2.0)]), tmp_path / "o.mcap"
+    assert in_process("import", str(log), "--out", str(out), "--start", "0,0,360")[0] == 0
+    with Recording(out) as recording:
+        placed = recording.header.loaded().config.navigation.start
+    assert placed is not None and placed.heading_deg == pytest.approx(math.degrees(3.0))  # 360° less -3 rad

@@ -19,6 +19,7 @@ from navloom.config.tables import RunTable
 from navloom.engine.streams import OWN_PORTS
 from navloom.entry_kinds import GROUP
 from navloom.geometry.frames import compose, inverse
+from navloom.inputs import heading_problem, warn_of_radians
 from navloom.messages import Envelope, Message, Odometry, Pose2D, RangeScan, Sweep
 from navloom.messages.codec import encode, schema_label
 from navloom.plugins import Discovery, PluginError
@@ -190,7 +191,7 @@ def placed_in_map(
         tree["map"] = {"ref": map_ref}
     if start is not None:
         x, y, heading = compose(np.array(start), inverse(np.array([first.x, first.y, first.heading]))).tolist()
-        place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}
+        place = {"x": x, "y": y, "heading_deg": math.remainder(math.degrees(heading), 360.0)}
         tree["navigation"] = {**tree.get("navigation", {}), "start": place}
     return replace(loaded, config=Config.model_validate(tree))
 
@@ -220,6 +221,9 @@ def start_option(text: str) -> tuple[float, float, float]:
         x = y = heading_deg = math.nan
     if not all(map(math.isfinite, (x, y, heading_deg))):
         raise ConfigError(f"--start {text}: expected X,Y,HEADING_DEG in m and degrees, as in --start 1.5,0,90")
+    if problem := heading_problem(heading_deg):
+        raise ConfigError(f"--start {text}: its heading: {problem}")
+    warn_of_radians(heading_deg)
     return x, y, math.radians(heading_deg)
 
 
@@ -236,6 +240,9 @@ def mount_option(text: str) -> tuple[str, tuple[float, float, float, float]]:
             f"--mount {text}: expected NAME=X,Y,YAW_DEG in m and degrees, and ,Z if it matters, "
             "as in --mount scan=0.1,0,0"
         ) from None
+    if problem := heading_problem(yaw_deg):
+        raise ConfigError(f"--mount {text}: its yaw: {problem}")
+    warn_of_radians(yaw_deg)
     return name, (x, y, math.radians(yaw_deg), z)
 
 

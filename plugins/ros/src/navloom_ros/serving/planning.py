@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from navloom_ros.actions import ActionServer, Goal
-from navloom_ros.frames import heading_of
 from navloom_ros.node import Node
 from navloom_ros.services import Call
 from navloom_ros.serving.error_codes import COMPUTE_PATH, error_code
-from navloom_ros.serving.goals import Goals
+from navloom_ros.serving.goals import NO_HEADING, Goals, place_of
 from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at
 from navloom_ros.times import time_of
 from navloom_ros.wire import monotonic_ns
@@ -71,12 +70,14 @@ class Planning:
                 goal.abort(**self._types.known(f"{COMPUTE}_Result", given))
 
     def _planned(self, request: Any) -> tuple[list[tuple[float, float]], str, str]:
-        robot, start = self._goals.robot, self._goals.pose
-        if request.use_start:
-            start = _pose_of(request.start.pose)
+        robot, goal = self._goals.robot, place_of(request.goal.pose)
+        start = place_of(request.start.pose) if request.use_start else self._goals.pose
         if robot is None or start is None:
             return [], "robot_down", "the robot is down, or has no pose yet"
-        found: tuple[list[tuple[float, float]], str, str] = robot.plan(start, _pose_of(request.goal.pose))
+        for name, place in (("start", start), ("goal", goal)):
+            if place[2] is None:
+                return [], "refused", f"the {name}: {NO_HEADING}"
+        found: tuple[list[tuple[float, float]], str, str] = robot.plan(tuple(start), tuple(goal))
         return found
 
     def _path(self, points: list[tuple[float, float]]) -> dict[str, Any]:
@@ -110,10 +111,6 @@ class Planning:
             call.drop()
         else:
             call.answer()
-
-
-def _pose_of(pose: Any) -> tuple[float, float, float]:
-    return float(pose.position.x), float(pose.position.y), heading_of(pose.orientation) or 0.0
 
 
 def _rotation(heading: float) -> dict[str, float]:

@@ -278,3 +278,33 @@ def test_a_start_of_a_whole_turn_is_wrapped(tmp_path: Path, in_process: Command)
     with Recording(out) as recording:
         placed = recording.header.loaded().config.navigation.start
     assert placed is not None and placed.heading_deg == pytest.approx(math.degrees(3.0))  # 360° less -3 rad
+
+
+def room_scan(x: float) -> str:
+    """Ranges of 180 beams at (x, 0) in a room of 8 by 4 m around the origin."""
+    bearings = np.radians(np.arange(-90.0, 90.0))
+    cosine, sine = np.cos(bearings), np.sin(bearings)
+    to_side = 2.0 / np.maximum(np.abs(sine), 1e-9)
+    ranges = np.minimum((4.0 - x) / np.maximum(cosine, 1e-9), to_side)
+    return " ".join(f"{value:.3f}" for value in ranges)
+
+
+def test_the_way_out_for_a_log_without_odometry_follows_the_robot_by_its_scans(
+    tmp_path: Path, in_process: Command
+) -> None:
+    corrected = [laser((0.1 * n, 0, 0), (0.1 * n, 0, 0), 1.0 + 0.2 * n, room_scan(0.1 * n)) for n in range(21)]
+    log, out, poses = written(tmp_path, [*corrected, "NEFF 3"]), tmp_path / "o.mcap", tmp_path / "poses"
+    code, _, errors = in_process("import", str(log), "--out", str(out))
+    assert code != 0 and "with --poses corrected, or the scans alone, with --poses none, and follow" in errors
+    command = errors.split("`")[1].split()
+    assert in_process("import", str(log), "--out", str(out), "--poses", "none")[0] == 0
+    assert in_process(*command[1:], "--out", str(poses))[0] == 0
+    last = (poses / "poses.csv").read_text().splitlines()[-1].split(",")
+    assert (float(last[4]), float(last[5])) == pytest.approx((2.0, 0.0), abs=0.2)  # 20 steps of 0.1 m
+
+
+def test_odometry_that_never_changes_is_named(tmp_path: Path, in_process: Command) -> None:
+    zero = (0.0, 0.0, 0.0)
+    log = written(tmp_path, [line for n in range(3) for line in (odom(zero, 1.0 + n), laser(zero, zero, 1.5 + n))])
+    _, said, _ = in_process("import", str(log), "--out", str(tmp_path / "o.mcap"))
+    assert "odometry: it stands still; if the robot moved, follow its scans with `navloom replay" in said

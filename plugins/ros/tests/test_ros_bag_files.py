@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -194,6 +195,47 @@ def test_the_header_of_early_ros_1_is_that_of_today(tmp_path: Path) -> None:
     assert old != raw
     (tmp_path / "old.bag").write_bytes(old)
     assert taken(imported(tmp_path / "old.bag")) == ALL
+
+
+def _fields(header: bytes) -> dict[bytes, bytes]:
+    found, at = {}, 0
+    while at < len(header):
+        (size,) = struct.unpack_from("<I", header, at)
+        name, _, value = header[at + 4 : at + 4 + size].partition(b"=")
+        found[name], at = value, at + 4 + size
+    return found
+
+
+def with_index(raw: bytes, version: int, gap: int) -> bytes:
+    """A ROS 1 bag whose index records have a version, and entries with `gap` more bytes after their 8 bytes of time."""
+    start, moved = raw.index(b"\n") + 1, {}
+    out, at = bytearray(raw[:start]), start
+    while at < len(raw):
+        (size,) = struct.unpack_from("<I", raw, at)
+        (length,) = struct.unpack_from("<I", raw, at + 4 + size)
+        fields, data = _fields(raw[at + 4 : at + 4 + size]), raw[at + 8 + size : at + 8 + size + length]
+        moved[at], at = len(out), at + 8 + size + length
+        if fields[b"op"] == b"\x04":
+            fields[b"ver"] = struct.pack("<I", version)
+            data = b"".join(data[n : n + 8] + bytes(gap) + data[n + 8 : n + 12] for n in range(0, len(data), 12))
+        elif fields[b"op"] == b"\x06":
+            fields[b"chunk_pos"] = struct.pack("<Q", moved[struct.unpack("<Q", fields[b"chunk_pos"])[0]])
+        parts = (name + b"=" + value for name, value in fields.items())
+        header = b"".join(struct.pack("<I", len(part)) + part for part in parts)
+        out += struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
+    index = raw.index(b"index_pos=") + 10
+    out[index : index + 8] = struct.pack("<Q", moved[struct.unpack_from("<Q", raw, index)[0]])
+    return bytes(out)
+
+
+@pytest.mark.parametrize("version, gap", [(1, 8), (0, 8), (0, 4), (2, 8), (0, 0)])
+def test_the_index_of_an_early_ros_1_bag_is_not_needed(tmp_path: Path, version: int, gap: int) -> None:
+    raw = bags.room_bag(tmp_path / "room.bag", 1).read_bytes()
+    old = raw.replace(b"MSG: std_msgs/Header", b"MSG: roslib/Header  ")
+    (tmp_path / "old.bag").write_bytes(with_index(old, version, gap))
+    found = imported(tmp_path / "old.bag")
+    why = f"IDXDATA version {version} is not supported" if version != 1 else "its index cannot be read"
+    assert taken(found) == ALL and found.notes[0].startswith(f"old.bag cannot be opened ({why})")
 
 
 def test_a_bag_before_the_format_2_is_refused_with_a_way_out(tmp_path: Path) -> None:

@@ -35,8 +35,8 @@ from navloom_recording.writer import RecordingWriter, WriteError
 
 __all__ = [
     "INSTANCE", "OWN_PORTS", "PERIOD", "RANGE_SCAN", "SWEEP", "ImportedLog", "RecordedPlatform", "discovery",
-    "imported_config", "mount_option", "navloom_register", "placed_in_map", "start_option", "too_coarse",
-    "writing",
+    "imported_config", "mount_option", "navloom_register", "placed_in_map", "scans_alone", "start_option",
+    "too_coarse", "writing",
 ]  # fmt: skip
 
 INSTANCE = "recorded"
@@ -69,10 +69,13 @@ class ImportedLog:
         self._odometry: Odometry | None = None
         self._jumps = 0
         self._largest = (0.0, "")
+        self._moves = self._has_scans = False
 
     @property
-    def odometry_jumps(self) -> str:
-        """What the user must know of steps of the odometry that no robot drives; empty if there is none."""
+    def odometry_note(self) -> str:
+        """What the user must know: the odometry stands still, or has steps that no robot drives; else empty."""
+        if not self._moves and self._has_scans:
+            return f"odometry: it stands still; if the robot moved, {scans_alone(self._writer.path)}"
         if not self._jumps:
             return ""
         steps = "1 step is" if self._jumps == 1 else f"{self._jumps} steps are"
@@ -89,6 +92,7 @@ class ImportedLog:
         """
         if isinstance(message, Odometry):
             self._judge_step(message)
+        self._has_scans |= isinstance(message, RangeScan)
         # Ticks count from the first message, stamps stay those of the log.
         self._origin_ns = stamp_ns if self._origin_ns is None else self._origin_ns
         self.first_ns = min(self.first_ns or stamp_ns, stamp_ns)
@@ -108,6 +112,7 @@ class ImportedLog:
         seconds = max(0, odometry.stamp_ns - before.stamp_ns) * 1e-9
         away = math.hypot(odometry.pose.x - before.pose.x, odometry.pose.y - before.pose.y)
         turn = abs(math.remainder(odometry.pose.heading - before.pose.heading, math.tau))
+        self._moves |= away > 0.0 or turn > 0.0
         excess = max(away / (SLACK + FASTEST * seconds), turn / (SLACK_TURN + FASTEST_TURN * seconds))
         if excess > 1.0:
             self._jumps += 1
@@ -211,6 +216,14 @@ def too_coarse(stamps: NDArray[Any], share: float = 0.3) -> str:
         return ""
     seen = f"have {changes + 1} different stamps" if changes else f"all have the stamp {stamps[0]:g}"
     return f"its {len(stamps)} messages {seen}"
+
+
+def scans_alone(recording: Path) -> str:
+    """What to do with a recording whose odometry stands still: the robot is followed by its scans."""
+    return (
+        f"follow its scans with `navloom replay {recording} --localizer scan_odometry "
+        "--set localizer.rest_noise=0.3 --set localizer.rest_turn_noise_deg=30`"
+    )
 
 
 def start_option(text: str) -> tuple[float, float, float]:

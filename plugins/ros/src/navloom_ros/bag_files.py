@@ -165,7 +165,9 @@ def _why_unreadable(path: Path, least: int = 0) -> str:
     except MemoryError:
         raise
     except Exception as error:  # rosbags raises its own, and what its parsers raise
-        text = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        # Its assertions about the index have no text.
+        unnamed = "its index cannot be read" if isinstance(error, AssertionError) else type(error).__name__
+        text = " ".join(str(error).split()).rstrip(".") or unnamed
         return text if len(text) <= 200 else f"{text[:197]}..."
 
 

@@ -21,6 +21,7 @@ from navloom_recording import (
     RecordingError,
     imported_config,
     placed_in_map,
+    scans_alone,
     too_coarse,
     writing,
 )
@@ -47,8 +48,11 @@ _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 NO_ODOMETRY = "none"
 """In place of a topic: each scan gets odometry that stands still."""
-_SCANS_ALONE = "or import the scans alone, with --odom none"
 _FIX = "take another topic with --odom TOPIC, or name the robot's frame with --base-frame FRAME"
+
+
+class NoOdometry(RecordingError):
+    """The bag has no odometry of the robot."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,12 @@ def import_bag(
         WriteError: The disk is full; no partial file remains.
     """
     with opened(bag, frozenset({_ODOMETRY, *_TRANSFORMS, *_CONVERT})) as (reader, files):
-        work = _Work(reader, files, dict(names or {}), dict(mounts or {}), odometry_topic, choice or Choice())
+        try:
+            work = _Work(reader, files, dict(names or {}), dict(mounts or {}), odometry_topic, choice or Choice())
+        except NoOdometry as error:
+            raise RecordingError(
+                f"{error}; or import the scans alone, with --odom none, and {scans_alone(out)}"
+            ) from None
         loaded = imported_config(bag.name, work.sensors())
         if map_ref is not None or start is not None:
             loaded = placed_in_map(loaded, map_ref, start, work.first_pose())
@@ -197,7 +206,7 @@ class _Work:
         if wanted is not None or not pairs:
             reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
             lacking = f"neither a topic of {_ODOMETRY} nor a transform from odom to {self.base}"
-            raise RecordingError(f"no odometry: {reason or lacking}; {_SCANS_ALONE}")
+            raise NoOdometry(f"no odometry: {reason or lacking}")
         self.pair = max(pairs, key=lambda pair: (pair[1] == self.base, len(self.streams.moved[pair].stamps), pair))
 
     def _misfit(self, child: str) -> str:
@@ -307,7 +316,7 @@ class _Work:
                 topic.sensor, topic.messages = "odometry", 0
             topic.messages += 1
         self._refuse_nothing()
-        notes = [*self.notes, *self.clock.notes(), *filter(None, [log.odometry_jumps])]
+        notes = [*self.notes, *self.clock.notes(), *filter(None, [log.odometry_note])]
         return Imported(list(self.topics.values()), log.first_ns, log.last_ns, notes)
 
     def _refuse_nothing(self) -> None:

@@ -223,7 +223,7 @@ def test_times_with_six_digits_are_those_of_no_clock(tmp_path: Path) -> None:
         time = float(f"{976052857.0 + number:.6g}")
         lines += [odom((0.1 * number, 0, 0), time), laser(zero, (0.1 * number, 0, 0), time)]
     with pytest.raises(
-        RecordingError, match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; number the scans"
+        RecordingError, match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; odometry: its 30 .*; number the scans"
     ):
         imported(tmp_path, lines)
     assert len(imported(tmp_path, lines, period=0.2)[1]) == 30
@@ -308,3 +308,49 @@ def test_odometry_that_never_changes_is_named(tmp_path: Path, in_process: Comman
     log = written(tmp_path, [line for n in range(3) for line in (odom(zero, 1.0 + n), laser(zero, zero, 1.5 + n))])
     _, said, _ = in_process("import", str(log), "--out", str(tmp_path / "o.mcap"))
     assert "odometry: it stands still; if the robot moved, follow its scans with `navloom replay" in said
+
+
+def test_a_period_counts_the_scans_of_one_laser_and_spreads_the_other_lines(tmp_path: Path) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = []
+    for number in range(4):
+        lines += [odom((0.1 * number, 0, 0), 9.76053e8), odom((0.1 * number + 0.05, 0, 0), 9.76053e8)]
+        lines += [laser(zero, zero, 9.76053e8), laser(zero, zero, 9.76053e8, word="RLASER")]
+    lines += [odom((0.4, 0, 0), 9.76053e8), odom((0.45, 0, 0), 9.76053e8)]
+    odometry, scans = imported(tmp_path, lines, period=0.4)
+    # Four lines between two scans of the front laser, 0.1 s apart; two lines before the first scan.
+    assert [scan.stamp_ns for scan in scans[::2]] == [400_000_000, 800_000_000, 1_200_000_000, 1_600_000_000]
+    assert [round(one.stamp_ns * 1e-9, 3) for one in odometry if one.stamp_ns < 400_000_000] == [0.2, 0.3]
+    assert odometry[-1].stamp_ns == 1_900_000_000  # three lines after the last scan
+
+
+@pytest.mark.parametrize("word", ["RLASER", "FLASER"])
+def test_scans_of_a_robot_that_stands_need_no_odometry_between_them(tmp_path: Path, word: str) -> None:
+    """Two lasers in a corrected log, and scans before the first odometry."""
+    start, place = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, math.radians(80.0)])
+    lines = [laser(start, start, 1.0), laser(start, start, 1.2, word=word), odom(place, 1.5), "NEFF 12.5"]
+    for number in range(20):
+        place = compose(place, np.array([0.1, 0.0, 0.0]))
+        lines.append(odom(place, 2.0 + 0.1 * number))
+        if number % 5 == 4:
+            lines += [laser(place, place, 2.01 + 0.1 * number), laser(place, place, 2.02 + 0.1 * number, word=word)]
+            lines.append(odom(place, 0.0))
+    odometry, scans = imported(tmp_path, lines)
+    last = odometry[-1].pose
+    assert len(scans) == 10 and math.degrees(last.heading) == pytest.approx(80.0)
+    assert math.hypot(last.x, last.y) == pytest.approx(2.0)  # 20 steps of 0.1 m
+
+
+def test_both_streams_with_times_of_no_clock_are_named(tmp_path: Path) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = [line for n in range(5) for line in (odom((0.1 * n, 0, 0), 7.0), laser(zero, zero, 7.0))]
+    why = r"scans: its 5 messages all have the stamp 7; odometry: its 5 messages all have the stamp 7; number"
+    with pytest.raises(RecordingError, match=why):
+        imported(tmp_path, lines)
+
+
+def test_times_that_leap_are_named_with_their_line(tmp_path: Path, in_process: Command) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = [odom((0.1, 0, 0), 1.0), laser(zero, zero, 2.0), odom((0.2, 0, 0), 1002.0), laser(zero, zero, 1003.0)]
+    _, said, _ = in_process("import", str(written(tmp_path, lines)), "--out", str(tmp_path / "o.mcap"))
+    assert "its times leap by 1000 s at line 3: if the clock was set there, or the robot moved, cut the log" in said

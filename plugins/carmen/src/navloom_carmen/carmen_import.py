@@ -25,7 +25,7 @@ from navloom_recording import (
 from numpy.typing import NDArray
 
 from navloom_carmen.carmen import LASERS, ODOM, BeamPattern, Survey, scans, survey
-from navloom_carmen.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of, standing
+from navloom_carmen.carmen_timeline import Timeline, corrected_odometry, leap_of, raw_odometry, stamps_of, standing
 
 __all__ = ["CarmenLog", "import_carmen"]
 
@@ -138,7 +138,8 @@ def import_carmen(
             raise RecordingError(f"{log}: no scan can be used: {next(iter(result.skipped), 'it holds none')}")
     if way.left_out:
         result.skipped["odometry: at the time of a later line"] = way.left_out
-    result.first_ns, result.last_ns, result.note = written.first_ns, written.last_ns, written.odometry_note
+    result.first_ns, result.last_ns = written.first_ns, written.last_ns
+    result.note = "; ".join(filter(None, [leap_of(times, found.events), written.odometry_note]))
     return result
 
 

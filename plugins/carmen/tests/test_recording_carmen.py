@@ -223,7 +223,8 @@ def test_times_with_six_digits_are_those_of_no_clock(tmp_path: Path) -> None:
         time = float(f"{976052857.0 + number:.6g}")
         lines += [odom((0.1 * number, 0, 0), time), laser(zero, (0.1 * number, 0, 0), time)]
     with pytest.raises(
-        RecordingError, match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; odometry: its 30 .*; number the scans"
+        RecordingError,
+        match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; odometry: its 30 .*; number the scans",
     ):
         imported(tmp_path, lines)
     assert len(imported(tmp_path, lines, period=0.2)[1]) == 30

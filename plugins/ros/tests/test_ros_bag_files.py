@@ -16,19 +16,21 @@ from mcap.writer import Writer as McapWriter
 from navloom_recording.recording_header import RecordingError
 from navloom_ros.bag_import import import_bag
 from navloom_ros.bag_outcome import Imported
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 ALL = {"/odom": 40, "/scan": 40}
 
 
-def room(folder: Path, storage: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+def room(folder: Path, storage: StoragePlugin = StoragePlugin.SQLITE3, is_compressed: bool = False) -> Path:
     """The drive through the room, 40 scans and 40 odometry messages, and a topic of another package."""
     with bags.Bag(folder / "room", 2) as bag:
         pass
     shutil.rmtree(folder / "room")
     bag = bags.Bag(folder / "room", 2)
     bag.writer = Writer2(folder / "room", version=9, storage_plugin=storage)
+    if is_compressed:
+        bag.writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
     bag.store.register(bags.get_types_from_msg("int32 a", "my_msgs/msg/Odd"))
     with bag:
         bag.put("/tf_static", bag.transform("base_link", "laser", bags.MOUNT_X, bags.MOUNT_YAW, bags.START_NS),
@@ -131,6 +133,43 @@ def unnamed(bag: Path) -> Path:
 def renamed(bag: Path) -> Path:
     data(bag).rename(bag / "my drive.db3")
     return bag
+
+
+def described(change: Callable[[str], str]) -> Callable[[Path], Path]:
+    def changed(bag: Path) -> Path:
+        path = bag / "metadata.yaml"
+        path.write_text(change(path.read_text("utf-8")), "utf-8")
+        return bag
+
+    return changed
+
+
+COMPRESSED: dict[str, Callable[[Path], Path]] = {
+    "as rosbag2 writes it": described(
+        lambda text: text.replace("compression_mode: message", "compression_mode: MESSAGE")
+    ),
+    "not described": described(lambda text: text.replace("compression_mode: message", 'compression_mode: ""')),
+    "described as a file": described(lambda text: text.replace("compression_mode: message", "compression_mode: file")),
+    "without metadata.yaml": lambda bag: unnamed(bag),
+    "the data file alone": lambda bag: data(unnamed(bag)),
+}
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@pytest.mark.parametrize("change", COMPRESSED)
+def test_messages_that_are_compressed_one_by_one_are_read_with_and_without_a_description(
+    tmp_path: Path, storage: StoragePlugin, change: str
+) -> None:
+    bag = COMPRESSED[change](room(tmp_path, storage, is_compressed=True))
+    assert taken(imported(bag)) == ALL
+
+
+def test_a_compressed_message_that_is_cut_is_damage_and_the_bag_is_named(tmp_path: Path) -> None:
+    bag = room(tmp_path, is_compressed=True)
+    with closing(sqlite3.connect(data(bag))) as database, database:
+        database.execute("UPDATE messages SET data = substr(data, 1, 20) WHERE id = 50")
+    with pytest.raises(RecordingError, match=r"/room: damaged: a compressed message is cut; copy the bag again"):
+        imported(bag)
 
 
 def without_storage(bag: Path) -> Path:
@@ -243,3 +282,19 @@ def test_a_bag_before_the_format_2_is_refused_with_a_way_out(tmp_path: Path) -> 
     path.write_bytes(b"#ROSRECORD V1.2\n" + bytes(40))
     with pytest.raises(RecordingError, match=r"format before V2\.0; rewrite it with ROS 1.s `rosbag fix`"):
         imported(path)
+
+
+@pytest.mark.parametrize("is_stamped", [False, True])
+def test_a_recorded_command_is_listed_with_the_reason_why_it_is_not_taken(tmp_path: Path, is_stamped: bool) -> None:
+    with bags.Bag(tmp_path / "drive", 2) as bag:
+        vector = bag.type("geometry_msgs/msg/Vector3")
+        twist = bag.type("geometry_msgs/msg/Twist")(vector(0.5, 0.0, 0.0), vector(0.0, 0.0, 0.0))
+        bag.put("/tf_static", bag.transform("base_link", "laser", 0.2, 0.0, bags.START_NS), bags.START_NS)
+        for x, stamp_ns in bags.times():
+            bag.put("/odom", bag.odometry(x, stamp_ns), stamp_ns)
+            bag.put("/scan", bag.scan(bags.ranges_at(x), stamp_ns), stamp_ns)
+            stamped = bag.type("geometry_msgs/msg/TwistStamped")(bag.header("base_link", stamp_ns), twist)
+            bag.put("/cmd_vel", stamped if is_stamped else twist, stamp_ns)
+    (command,) = (topic for topic in imported(tmp_path / "drive").topics if topic.name == "/cmd_vel")
+    why = "a command: replays compare with the velocities that were driven, those of the odometry"
+    assert (command.sensor, dict(command.skipped)) == ("", {why: 40})

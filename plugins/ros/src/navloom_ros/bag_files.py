@@ -74,13 +74,13 @@ def bag_files(bag: Path, folder: Path, types: frozenset[str]) -> BagFiles:
     if about is None:
         found.notes.append(f"metadata.yaml is missing: all of {', '.join(path.name for path in files)} was read")
         found.paths = mended
-    elif mended == [bag / name for name in names or ()] and about["storage_identifier"]:
+    elif mended == [bag / n for n in names or ()] and about["storage_identifier"] and not about.get("compression_mode"):
         found.paths = [bag]
     else:
         kind = "mcap" if mended[0].suffix == ".mcap" else "sqlite3"
-        is_message = str(about.get("compression_mode", "")).lower() == "message"
-        cleared = {} if is_message else {"compression_mode": "", "compression_format": ""}
-        about = {**about, **cleared, "storage_identifier": about["storage_identifier"] or kind,
+        # `bags.messages` finds compressed messages by themselves, whatever the description says of them.
+        about = {**about, "compression_mode": "", "compression_format": "",
+                 "storage_identifier": about["storage_identifier"] or kind,
                  "relative_file_paths": [path.name for path in mended]}  # fmt: skip
         for path in mended:
             if path.parent != folder:

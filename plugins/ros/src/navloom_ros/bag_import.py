@@ -46,6 +46,8 @@ _CONVERT = {
 }
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+_COMMANDS = frozenset({"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"})
+_COMMAND = "a command: replays compare with the velocities that were driven, those of the odometry"
 NO_ODOMETRY = "none"
 """In place of a topic: each scan gets odometry that stands still."""
 _FIX = "take another topic with --odom TOPIC, or name the robot's frame with --base-frame FRAME"
@@ -256,7 +258,7 @@ class _Work:
             elif topic.type == _ODOMETRY:
                 topic.skip(f"{self.odometry or 'none'} is taken; choose with --odom {topic.name}", count)
             else:
-                topic.skip("not a type that is read", count)
+                topic.skip(_COMMAND if topic.type in _COMMANDS else "not a type that is read", count)
         if not self.sensors():
             reasons = reasons_of(self._of(_CONVERT))
             there = ", ".join(f"{topic.name} ({topic.type})" for topic in self.topics.values()) or "no topic at all"

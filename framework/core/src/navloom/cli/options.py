@@ -56,12 +56,10 @@ def a_number(value: float | None) -> float | None:
 
 def a_heading(value: float | None) -> float | None:
     """Check of an argument: degrees within a turn to either side."""
-    from navloom.inputs import heading_problem, warn_of_radians
+    from navloom.inputs import heading_problem
 
-    if value is not None:
-        if problem := heading_problem(value):
-            raise typer.BadParameter(problem)
-        warn_of_radians(value)
+    if value is not None and (problem := heading_problem(value)):
+        raise typer.BadParameter(problem)
     return value
 
 

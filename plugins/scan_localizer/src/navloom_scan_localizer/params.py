@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from navloom import Params
 from pydantic import Field
@@ -162,3 +163,7 @@ class ScanOdometryParams(Params):
             max_turn=math.inf,
             lost_sigma=self.lost_sigma,
         )
+
+    def unaided(self) -> Settings:
+        """The settings for a robot whose odometry is missing."""
+        return replace(self.settings(), rest_noise=0.3, rest_turn_noise=math.radians(30.0))

@@ -144,11 +144,15 @@ class PoseTracker:
             odometry: (3,) x, y, m, heading, rad, odometry frame.
             time: Time since the last call, s.
         """
-        step = relative(self.odometry, odometry)
+        step, self.odometry = relative(self.odometry, odometry), odometry.copy()
+        self.advance(step, time)
+
+    def advance(self, step: Floats, time: float) -> None:
+        """Move the pose by a step, (3,) x, y, m, turn, rad, in its own frame, that took a time, s."""
         self.covariance = predicted_covariance(
             self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings
         )
-        self.pose, self.odometry = compose(self.pose, step), odometry.copy()
+        self.pose = compose(self.pose, step)
         self.inliers, self.share = 0, None
 
     def correct(self, beams: Floats) -> bool:

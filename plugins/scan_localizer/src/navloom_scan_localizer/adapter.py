@@ -24,15 +24,23 @@ from navloom_scan_localizer import beams, matching, search, sight, small, surfac
 from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
-from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.small import inverse
+from navloom_scan_localizer.surface import LocalSurface
+from navloom_scan_localizer.sweep import Sweep, ordered
 from navloom_scan_localizer.tracking import PoseTracker, relative
-from navloom_scan_localizer.unaided import UnaidedMotion
+from navloom_scan_localizer.unaided import UnaidedMotion, hold_unseen
 
 __all__ = ["ScanMatching", "ScanOdometry"]
 
 _SEEN_TO = 0.9
 """Share of the range to which a beam without an echo shows that there is no wall: echoes from the end are weak."""
+
+
+_COVERED = 0.5
+"""Share of a scan's echoes on known surfaces with which the next scans can do without it."""
+
+_LOST_TURN_DEG = 30.0
+"""Standard deviation of the heading from which the pose is lost, degrees."""
 
 
 class ScanMatching(Localizer[ScanMatchingParams]):
@@ -137,7 +145,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._tracker.field = self._surface.field
         self._tracker.place(place)
         self._key, self._scans = place, 0
-        self._motion = UnaidedMotion(place)
+        self._motion, self._sweep = UnaidedMotion(place), Sweep()
         self._drift = np.zeros((3, 3))
 
     @classmethod
@@ -161,23 +169,38 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
         points = self._near(given, twist)
+        is_due = bool(len(points) and self._scans) and self._sweep.is_due(twist.wz * _duration(given))
+        if is_due:
+            self._sweep.compare(lambda order: tracker.cost_of(self._near(given, twist, order)))
+            points = self._near(given, twist)
         # The first scan has nothing to be matched with.
         if len(points) and self._scans:
             twist = self._correct(given, points, twist)
             points = self._near(given, twist)
-        if len(points) and (motion.is_certain or not motion.witnesses):
+        elif given.scans:
+            motion.stop()
+        # What is not understood yet would teach the surfaces its own distortion.
+        can_wait = is_due and (tracker.share or 0.0) > _COVERED
+        if len(points) and not can_wait and (motion.is_certain or not motion.witnesses):
             self._learn(points)
         covariance = tracker.covariance + self._drift
         sigma, limit = position_sigma(covariance, self.params.lost_sigma), self.params.lost_sigma
         is_lost = sigma > limit
         why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
+        turn_deg = math.degrees(math.sqrt(covariance[2, 2]))
+        if not is_lost and turn_deg > _LOST_TURN_DEG:
+            is_lost = True
+            why = f"the heading has a standard deviation of {turn_deg:.0f}°, more than {_LOST_TURN_DEG:g}°"
+        if is_lost and motion.is_certain:
+            # Scans that fit again do not tell how far the robot went unseen.
+            self._drift, tracker.covariance = covariance, 1e-6 * np.eye(3)
         pose = Pose2D(*tracker.pose.tolist())
         state: Literal["tracking", "lost"] = "lost" if is_lost else "tracking"
         return PoseEstimate(odometry.stamp_ns, pose, twist, covariance, state, why)
 
-    def _near(self, given: LocalizerInput, twist: Twist2D) -> NDArray[np.float64]:
-        """The points of all scans within `max_range`, (n, 4), see `_points`."""
-        points = _echoes(given, twist, self.params)
+    def _near(self, given: LocalizerInput, twist: Twist2D, order: float | None = None) -> NDArray[np.float64]:
+        """The points of all scans within `max_range`, (n, 4), see `_points`, in that order or that of the sweep."""
+        points = _echoes(given, twist, self.params, self._sweep.order if order is None else order)
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         return joined[: beams.keep_near(joined, self.params.max_range)]
 
@@ -198,11 +221,13 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             tracker.covariance += wide
         prior, covariance = tracker.pose, tracker.covariance
         if not tracker.correct(points):
-            motion.velocity = np.zeros(3)
+            motion.stop()
             return twist
-        twist = Twist2D(*motion.velocity_at(tracker.pose, time).tolist())
+        pose, _ = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
+        twist = Twist2D(*motion.velocity_at(pose, time).tolist())
         tracker.pose, tracker.covariance = prior, covariance
         tracker.correct(self._near(given, twist))
+        tracker.pose, tracker.covariance = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
         motion.see_pose(tracker.pose, tracker.covariance, time)
         return Twist2D(*motion.velocity.tolist())
 
@@ -248,9 +273,17 @@ def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
     return np.array([given.vx, given.vy, given.wz])
 
 
-def _echoes(given: LocalizerInput, twist: Twist2D, limits: _BeamLimits) -> list[NDArray[np.float64]]:
+def _duration(given: LocalizerInput) -> float:
+    """Longest time from the first to the last beam of a scan, s."""
+    return max((float(np.ptp(scan.time_offsets)) for scan in _scans(given) if len(scan.ranges)), default=0.0)
+
+
+def _echoes(
+    given: LocalizerInput, twist: Twist2D, limits: _BeamLimits, order: float = 1.0
+) -> list[NDArray[np.float64]]:
     """The points of each scan, see `_points`."""
-    return [_points(scan, given.odometry.stamp_ns, twist, limits, scan.ranges) for scan in _scans(given)]
+    stamp_ns = given.odometry.stamp_ns
+    return [_points(scan, stamp_ns, twist, limits, scan.ranges, order) for scan in _scans(given)]
 
 
 def _scans(given: LocalizerInput) -> list[RangeScan]:
@@ -269,14 +302,15 @@ def _silent(given: LocalizerInput, p: _BeamLimits) -> list[NDArray[np.float64]]:
 
 
 def _points(
-    scan: RangeScan, stamp_ns: int, twist: Twist2D, p: _BeamLimits, ranges: NDArray[np.float64]
+    scan: RangeScan, stamp_ns: int, twist: Twist2D, p: _BeamLimits, ranges: NDArray[np.float64], order: float = 1.0
 ) -> NDArray[np.float64]:
-    """(n, 4) end points, m, and directions of a scan's beams, in the base frame at a time, ns."""
+    """(n, 4) end points, m, and directions of a scan's beams in one of `ORDERS`, in the base frame at a time, ns."""
     late = (scan.stamp_ns - stamp_ns) / 1e9
     # The velocity is taken as constant in between, which holds for a moment only.
     if abs(late) > p.max_age:
         return np.empty((0, 4))
     limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
     rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
-    given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, ranges)
+    offsets = scan.time_offsets if order == 1.0 else ordered(scan.time_offsets, order)
+    given = (scan.origins, scan.bearings, scan.half_angles, offsets, ranges)
     return rows[: beams.beam_points(*given, limits, motion, rows)]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField
-from navloom_scan_localizer.matching import fit_pose
+from navloom_scan_localizer.matching import fit_pose, misfit_of
 from navloom_scan_localizer.sight import look_along
 from navloom_scan_localizer.small import inverse, propagated
 
@@ -194,6 +194,14 @@ class PoseTracker:
         pose, fused = np.empty(3), np.empty((3, 3))
         inliers = fit_pose(field.values, field.frame, beams, start, information, options, s.iterations, pose, fused)
         return pose, fused, inliers if math.isfinite(sum(pose.tolist())) else 0
+
+    def cost_of(self, beams: Floats) -> float:
+        """Negative log likelihood of beams, (n, 4), at the pose that fits them best."""
+        s, field = self.settings, self.field
+        pose, _, inliers = self.fit(beams, self.pose, self.covariance)
+        place = pose if inliers else self.pose
+        misfit: float = misfit_of(field.values, field.frame, beams, place, s.robust_scale, s.reach)
+        return 0.5 * misfit / (s.sigma**2 * s.redundancy)
 
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""

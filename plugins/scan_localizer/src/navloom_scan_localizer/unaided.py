@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.tracking import relative
 
-__all__ = ["UnaidedMotion"]
+__all__ = ["UnaidedMotion", "hold_unseen"]
 
 Floats = NDArray[np.float64]
 
@@ -19,6 +20,29 @@ _MOVED, _TURNED = 0.03, math.radians(2.0)
 """Motion that scans must show while odometry stands still, m and rad: several times the error of a fit."""
 _WITNESSES = 2
 """Scans in a row that must show it: a person who passes close to the scanner disturbs one."""
+
+_UNSEEN = 0.04
+"""Share of the information along the walls in that across them below which it is noise of the surfaces' normals."""
+
+
+def hold_unseen(pose: Floats, covariance: Floats, prior: Floats, prior_covariance: Floats) -> tuple[Floats, Floats]:
+    """The pose, (3,), and covariance, (3, 3), of a scan, with the prior's place where the scan shows none.
+
+    Along a bare corridor the noise of the surfaces looks like a little information, always that the robot rests
+    (solution remapping of Zhang, Kaess and Singh 2016).
+    """
+    seen = inverse(covariance) - inverse(prior_covariance)
+    half, cross = 0.5 * (seen[0, 0] - seen[1, 1]), seen[0, 1]
+    middle, radius = 0.5 * (seen[0, 0] + seen[1, 1]), math.hypot(half, cross)
+    if middle - radius >= _UNSEEN * (middle + radius):
+        return pose, covariance
+    # The axis of least information is square to that of most.
+    bearing = 0.5 * math.atan2(cross, half) + 0.5 * math.pi
+    x, y = math.cos(bearing), math.sin(bearing)
+    shift, held = (pose[0] - prior[0]) * x + (pose[1] - prior[1]) * y, np.array([x, y, 0.0])
+    along = np.outer(held, held)
+    lost = max(0.0, float((along * (prior_covariance - covariance)).sum()))
+    return pose - shift * held, covariance + lost * along
 
 
 class UnaidedMotion:
@@ -52,6 +76,10 @@ class UnaidedMotion:
         self.is_certain = self.is_certain or self.witnesses >= _WITNESSES
         self.velocity = self.velocity_at(pose, time)
         self._last, self._time = pose, time
+
+    def stop(self) -> None:
+        """Take the velocity as 0, since the scans no longer show it: a turn would go on for ever."""
+        self.velocity = np.zeros(3)
 
     def velocity_at(self, pose: Floats, time: float) -> Floats:
         """The velocity, (3,), if the robot is at a pose, (3,), map frame, at a time, s."""

@@ -42,6 +42,9 @@ _COVERED = 0.5
 _LOST_TURN_DEG = 30.0
 """Standard deviation of the heading from which the pose is lost, degrees."""
 
+_WIDE = np.diag([0.1**2, 0.1**2, math.radians(10.0) ** 2])
+"""Covariance of the motion between two scans that wheels may have missed, m² and rad²."""
+
 
 class ScanMatching(Localizer[ScanMatchingParams]):
     """Corrects odometry by matching laser scans against a known map: its context's, or the mapper's that replaces it.
@@ -135,6 +138,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
         self._aided, self._unaided = p.settings(), p.unaided()
         self._tracker, self._stamp_ns = PoseTracker(self._aided, self._surface.field, np.zeros(3)), 0
+        self._motion, self._sweep = UnaidedMotion(), Sweep()
         self.place(start)
 
     def place(self, pose: Pose2D) -> None:
@@ -145,7 +149,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._tracker.field = self._surface.field
         self._tracker.place(place)
         self._key, self._scans = place, 0
-        self._motion, self._sweep = UnaidedMotion(place), Sweep()
+        self._motion.place(place)
         self._drift = np.zeros((3, 3))
 
     @classmethod
@@ -158,7 +162,8 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker, motion = given.odometry, self._tracker, self._motion
         twist = odometry.twist
-        motion.see_odometry(_row(odometry.pose), _row(twist))
+        if motion.is_possible:
+            motion.see_odometry(_row(odometry.pose), _row(twist))
         if motion.is_certain:
             twist = Twist2D(*motion.velocity.tolist())
             tracker.settings = self._unaided
@@ -168,19 +173,20 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             tracker.settings = self._aided
             _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
-        points = self._near(given, twist)
-        is_due = bool(len(points) and self._scans) and self._sweep.is_due(twist.wz * _duration(given))
-        if is_due:
-            self._sweep.compare(lambda order: tracker.cost_of(self._near(given, twist, order)))
-            points = self._near(given, twist)
+        points, can_wait = self._near(given, twist), False
         # The first scan has nothing to be matched with.
         if len(points) and self._scans:
-            twist = self._correct(given, points, twist)
-            points = self._near(given, twist)
+            if is_due := self._sweep.is_due(twist.wz, [scan.time_offsets for scan in _scans(given)]):
+                self._sweep.compare(lambda order: tracker.cost_of(self._near(given, twist, order)))
+                points = self._near(given, twist)
+            if motion.is_possible:
+                points, twist = self._correct_unaided(given, points, twist)
+            else:
+                tracker.correct(points)
+            # In an order that is not certain, scans would teach the surfaces their own distortion.
+            can_wait = is_due and (tracker.share or 0.0) > _COVERED
         elif given.scans:
             motion.stop()
-        # What is not understood yet would teach the surfaces its own distortion.
-        can_wait = is_due and (tracker.share or 0.0) > _COVERED
         if len(points) and not can_wait and (motion.is_certain or not motion.witnesses):
             self._learn(points)
         covariance = tracker.covariance + self._drift
@@ -204,32 +210,35 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         return joined[: beams.keep_near(joined, self.params.max_range)]
 
-    def _correct(self, given: LocalizerInput, points: NDArray[np.float64], twist: Twist2D) -> Twist2D:
-        """Correct the pose by points, (n, 4); returns the velocity at which the scans were taken."""
+    def _correct_unaided(
+        self, given: LocalizerInput, points: NDArray[np.float64], twist: Twist2D
+    ) -> tuple[NDArray[np.float64], Twist2D]:
+        """Correct the pose by points, (n, 4), while odometry is or may be missing.
+
+        Returns:
+            The points, moved by the velocity that the scans show; and this velocity.
+        """
         tracker, motion, time = self._tracker, self._motion, self._stamp_ns / 1e9
-        if not motion.is_possible:
-            tracker.correct(points)
-            return twist
         if not motion.is_certain:
-            wide = np.diag([0.1**2, 0.1**2, math.radians(10.0) ** 2])
-            pose, fused, inliers = tracker.fit(points, tracker.pose, tracker.covariance + wide)
+            pose, fused, inliers = tracker.fit(points, tracker.pose, tracker.covariance + _WIDE)
             if inliers >= self.params.least_inliers:
                 motion.see_pose(pose, inverse(fused), time)
             if not motion.is_certain:
                 tracker.correct(points)
-                return twist
-            tracker.covariance += wide
+                return points, twist
+            tracker.covariance += _WIDE
         prior, covariance = tracker.pose, tracker.covariance
         if not tracker.correct(points):
             motion.stop()
-            return twist
+            return points, twist
+        # The first fit shows the velocity during the scan; with it, the second is exact.
         pose, _ = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
-        twist = Twist2D(*motion.velocity_at(pose, time).tolist())
+        points = self._near(given, Twist2D(*motion.velocity_at(pose, time).tolist()))
         tracker.pose, tracker.covariance = prior, covariance
-        tracker.correct(self._near(given, twist))
+        tracker.correct(points)
         tracker.pose, tracker.covariance = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
         motion.see_pose(tracker.pose, tracker.covariance, time)
-        return Twist2D(*motion.velocity.tolist())
+        return points, Twist2D(*motion.velocity.tolist())
 
     def _learn(self, points: NDArray[np.float64]) -> None:
         """Add a scan to the surfaces if the robot has moved enough since the last one that was added."""
@@ -271,11 +280,6 @@ def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
     if isinstance(given, Pose2D):
         return np.array([given.x, given.y, given.heading])
     return np.array([given.vx, given.vy, given.wz])
-
-
-def _duration(given: LocalizerInput) -> float:
-    """Longest time from the first to the last beam of a scan, s."""
-    return max((float(np.ptp(scan.time_offsets)) for scan in _scans(given) if len(scan.ranges)), default=0.0)
 
 
 def _echoes(

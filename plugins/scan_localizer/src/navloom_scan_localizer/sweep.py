@@ -6,7 +6,7 @@ Undoing the motion within such a scan doubles its distortion, and the heading dr
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +41,11 @@ class Sweep:
         self.order = ORDERS[0]
         self._costs, self._is_certain = np.zeros(len(ORDERS)), False
 
-    def is_due(self, turn: float) -> bool:
-        """Whether a scan during which the robot turns by this, rad, is to be compared."""
-        return not self._is_certain and abs(turn) > _LEAST_TURN
+    def is_due(self, turn_rate: float, time_offsets: Sequence[Floats]) -> bool:
+        """Whether to compare scans of these times, (n,) s each: the robot turns, at this rate, rad/s, enough in one."""
+        if self._is_certain or not turn_rate:
+            return False
+        return any(abs(turn_rate) * np.ptp(times) > _LEAST_TURN for times in time_offsets if len(times))
 
     def compare(self, cost: Callable[[float], float]) -> None:
         """Compare one scan: `cost` gives the negative log likelihood of its best fit in an order."""

@@ -55,12 +55,16 @@ class UnaidedMotion:
         velocity: (3,) vx, vy, m/s, wz, rad/s, base frame.
     """
 
-    def __init__(self, start: Floats) -> None:
-        """Begin at the start, (3,) x, y, m, heading, rad, map frame."""
-        self.is_possible, self.is_certain, self.witnesses = True, False, 0
+    def __init__(self) -> None:
+        self.is_possible, self.is_certain = True, False
         self.velocity: Floats = np.zeros(3)
-        self._start, self._last, self._time = start, start, 0.0
         self._odometry: Floats | None = None
+        self.place(np.zeros(3))
+
+    def place(self, pose: Floats) -> None:
+        """Begin at a pose, (3,) x, y, m, heading, rad, map frame; whether odometry is missing stays known."""
+        self.witnesses, self._start, self._last, self._time = 0, pose, pose, 0.0
+        self.stop()
 
     def see_odometry(self, pose: Floats, twist: Floats) -> None:
         """Take the pose, (3,), odometry frame, and velocity, (3,), of odometry: once it moves, it is not missing."""

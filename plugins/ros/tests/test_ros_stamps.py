@@ -196,18 +196,7 @@ def test_scans_without_odometry_are_followed_by_scan_odometry(
     found = import_bag(tmp_path / "drive", tmp_path / "a.mcap", odometry_topic="none")
     assert {topic.name: topic.messages for topic in found.topics} == {"/scan": 40, "/tf_static": 1}
     out = tmp_path / "o"
-    code, _, errors = in_process(
-        "replay",
-        str(tmp_path / "a.mcap"),
-        "--localizer",
-        "scan_odometry",
-        "--out",
-        str(out),
-        "--set",
-        "localizer.rest_noise=0.3",
-        "--set",
-        "localizer.rest_turn_noise_deg=30",
-    )
+    code, _, errors = in_process("replay", str(tmp_path / "a.mcap"), "--localizer", "scan_odometry", "--out", str(out))
     assert code == 0, errors
     last = (out / "poses.csv").read_text("utf-8").splitlines()[-1].split(",")
     assert float(last[1]) == 0.0 and float(last[4]) == pytest.approx(1.95, abs=0.1)

@@ -220,10 +220,7 @@ def too_coarse(stamps: NDArray[Any], share: float = 0.3) -> str:
 
 def scans_alone(recording: Path) -> str:
     """What to do with a recording whose odometry stands still: the robot is followed by its scans."""
-    return (
-        f"follow its scans with `navloom replay {recording} --localizer scan_odometry "
-        "--set localizer.rest_noise=0.3 --set localizer.rest_turn_noise_deg=30`"
-    )
+    return f"follow its scans with `navloom replay {recording} --localizer scan_odometry`"
 
 
 def start_option(text: str) -> tuple[float, float, float]:

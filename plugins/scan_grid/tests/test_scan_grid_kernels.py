@@ -195,6 +195,36 @@ def test_a_silent_cone_clears_a_cell_once() -> None:
     assert np.nanmin(grid.odds) == pytest.approx(-0.8)
 
 
+def test_the_rest_of_an_arc_is_unknown_until_its_log_odds_are_not_positive() -> None:
+    """At 12° of 15° the arc gives 0.4 · (1 - 0.64) = 0.14: neither occupied nor free, and a flank clears it."""
+    grid, turn = grid_of(), 0.8 * HALF_ANGLE
+    x, y = 2.05 * math.cos(turn), 0.05 + 2.05 * math.sin(turn)
+    row, column = math.floor(y / CELL) - grid.bounds.row, math.floor(x / CELL) - grid.bounds.column
+    grid.insert(np.array([beam(0.0, 0.05, 0.0, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert 0.0 < grid.odds[row, column] < 0.3 and grid.render(0.6, True)[row, column] == -1
+    grid.insert(np.array([beam(0.0, y - 0.35, 0.0, 3.5, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert grid.odds[row, column] < 0.0 and grid.render(0.6, True)[row, column] == 0
+
+
+def test_no_cone_clears_a_place_with_an_echo_beyond_a_surface_that_another_echo_shows() -> None:
+    """A wall 1 m to the left. A place 2.05 m along 45° was heard, and a farther echo there does not make it free."""
+    grid, wall, along = grid_of(), beam(0.05, 0.05, 0.5 * math.pi, 1.0, HALF_ANGLE), 0.05 + 2.05 * math.sqrt(0.5)
+    grid.insert(np.array([wall, beam(0.05, 0.05, 0.25 * math.pi, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    before = at(grid, along, along)
+    for _ in range(40):
+        grid.insert(np.array([wall, beam(0.05, 0.05, 0.25 * math.pi, 3.5, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert at(grid, along, along) == before
+
+
+def test_a_laser_that_sees_through_the_rest_of_an_arc_makes_it_free() -> None:
+    grid, turn = grid_of(), 0.8 * HALF_ANGLE
+    x, y = 2.05 * math.cos(turn), 0.05 + 2.05 * math.sin(turn)
+    row, column = math.floor(y / CELL) - grid.bounds.row, math.floor(x / CELL) - grid.bounds.column
+    grid.insert(np.array([beam(0.0, 0.05, 0.0, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    grid.insert(np.array([beam(0.0, 0.05, turn, 3.5)]), LIMITS, WEIGHTS)
+    assert grid.render(0.6, True)[row, column] == 0
+
+
 BEAMS = st.lists(
     st.tuples(
         # Steps that do not meet borders of cells, where the side is a matter of rounding.

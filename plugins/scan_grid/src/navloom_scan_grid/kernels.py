@@ -22,7 +22,7 @@ CORE = 0.5
 """Share of a cone's opening round its axis in which it surely hears what is there."""
 LIKELY = 0.25
 """Share of a cone's opening round its axis whose cells on the arc are the likeliest places of its echo."""
-PER_ECHO, MOST, ON_ARC = 6, 25, 1
+PER_ECHO, MOST, ON_ARC = 9, 49, 1
 """Readings that must see through a place to outweigh one echo; most that is held; what is left of an outweighed place.
 
 `ON_ARC` also marks the other cells of an arc. Every cone can clear such a cell, and it is unknown as long as its log

@@ -21,7 +21,6 @@ from navloom.engine.random_streams import stream_source
 from navloom.engine.stepper import fault_text
 from navloom.engine.system import System
 from navloom.messages.packing import writer_of
-from navloom.messages.typed import typed_reader
 from navloom.navigation import blocked_trajectory, collision_monitor, handover, trajectory, trajectory_projection
 from navloom.plugins import PluginError
 from navloom.roles import FIXED, ROLES, Context, Role
@@ -58,8 +57,6 @@ def make_plugins(
         for port in spec.ports:
             # Generated on first use, which would fall into a tick.
             writer_of(port.carries)
-            if only is not None:  # not all run in this process: messages come as bytes
-                typed_reader(port.carries)
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
         if only is not None and (role, instance) not in only:
@@ -153,7 +150,9 @@ def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
 
 def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
     """A node for each plugin, or for those of some instances."""
-    settings = NodeSettings(system.config.navigation, system.robot, system.goal_tolerance, system.sensors)
+    settings = NodeSettings(
+        system.config.navigation, system.robot, system.goal_tolerance, system.sensors, system.map_world
+    )
     nodes: dict[tuple[str, str], Any] = {}
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
         plugin = system.plugin(*key)

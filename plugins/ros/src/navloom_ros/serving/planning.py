@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navloom_ros.actions import ActionServer, Goal
-from navloom_ros.frames import heading_of
 from navloom_ros.node import Node
 from navloom_ros.services import Call
 from navloom_ros.serving.error_codes import COMPUTE_PATH, error_code
-from navloom_ros.serving.goals import Goals
-from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at
+from navloom_ros.serving.goals import NO_HEADING, Goals, place_of
 from navloom_ros.times import time_of
 from navloom_ros.wire import monotonic_ns
 
@@ -35,9 +35,19 @@ class Planning:
         goals: Has the robot, its pose and its map.
         frame: Frame that poses must be given in.
         failures: Exceptions of the robot that abort a goal.
+        hits: Which of n places, (n, 3) m, m, rad, map frame, the robot cannot be at in a map, with its footprint: (n,);
+            with True, neither where the map is unknown.
     """
 
-    def __init__(self, node: Node, goals: Goals, frame: str, failures: tuple[type[Exception], ...]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        goals: Goals,
+        frame: str,
+        failures: tuple[type[Exception], ...],
+        hits: Callable[[NDArray[np.float64], Any, NDArray[np.float64], bool], NDArray[np.bool_]],
+    ) -> None:
+        self._hits = hits
         self._types, self._now_ns = node.types, node.now_ns
         self._goals, self._frame, self._failures = goals, frame, failures
         self._waiting: queue.Queue[Goal] = queue.Queue(WAITING)
@@ -71,12 +81,14 @@ class Planning:
                 goal.abort(**self._types.known(f"{COMPUTE}_Result", given))
 
     def _planned(self, request: Any) -> tuple[list[tuple[float, float]], str, str]:
-        robot, start = self._goals.robot, self._goals.pose
-        if request.use_start:
-            start = _pose_of(request.start.pose)
+        robot, goal = self._goals.robot, place_of(request.goal.pose)
+        start = place_of(request.start.pose) if request.use_start else self._goals.pose
         if robot is None or start is None:
             return [], "robot_down", "the robot is down, or has no pose yet"
-        found: tuple[list[tuple[float, float]], str, str] = robot.plan(start, _pose_of(request.goal.pose))
+        for name, place in (("start", start), ("goal", goal)):
+            if place[2] is None:
+                return [], "refused", f"the {name}: {NO_HEADING}"
+        found: tuple[list[tuple[float, float]], str, str] = robot.plan(tuple(start), tuple(goal))
         return found
 
     def _path(self, points: list[tuple[float, float]]) -> dict[str, Any]:
@@ -89,12 +101,15 @@ class Planning:
         return {"header": header, "poses": poses}
 
     def _judge(self, call: Call) -> None:
-        """Whether the map is free along a path, at the place of each pose; the robot's size is not considered."""
-        request, grid = call.request, self._goals.map
-        places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in request.path.poses]).reshape(-1, 2)
-        values = np.full(len(places), OUTSIDE) if grid is None else cells_at(grid, places)
-        is_unknown_bad = getattr(request, "consider_unknown_as_obstacle", False)
-        bad = (values >= OCCUPIED) | (values == OUTSIDE) | ((values == UNKNOWN) & is_unknown_bad)
+        """Whether the robot fits at each pose of a path in the map."""
+        request, grid, footprint = call.request, self._goals.map, self._goals.footprint
+        places = np.array([place_of(pose.pose) for pose in request.path.poses], np.float64).reshape(-1, 3)
+        if grid is None or footprint is None:
+            bad = np.ones(len(places), np.bool_)
+        else:
+            unknown_hits = getattr(request, "consider_unknown_as_obstacle", False)
+            has_no_heading = np.isnan(places[:, 2])
+            bad = has_no_heading | self._hits(footprint, grid, np.nan_to_num(places), unknown_hits)
         call.answer(
             is_valid=bool(len(bad)) and not bad.any(), invalid_pose_indices=np.flatnonzero(bad).astype(np.int32)
         )
@@ -110,10 +125,6 @@ class Planning:
             call.drop()
         else:
             call.answer()
-
-
-def _pose_of(pose: Any) -> tuple[float, float, float]:
-    return float(pose.position.x), float(pose.position.y), heading_of(pose.orientation) or 0.0
 
 
 def _rotation(heading: float) -> dict[str, float]:

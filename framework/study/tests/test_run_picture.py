@@ -67,8 +67,12 @@ def texts_of(figure: Figure) -> list[tuple[str, Bbox]]:
     texts = [*axes.texts, *(text for legend in figure.legends for text in legend.get_texts())]
     for axis in (axes.xaxis, axes.yaxis):
         low, high = sorted(axis.get_view_interval())
-        texts += [axis.label, *(tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high)]
-    return [(text.get_text(), text.get_window_extent()) for text in texts]
+        texts += [
+            axis.label,
+            axis.get_offset_text(),
+            *(tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high),
+        ]
+    return [(text.get_text(), text.get_window_extent()) for text in texts if text.get_text()]
 
 
 def names_in(figure: Figure) -> set[str]:
@@ -151,12 +155,21 @@ def test_a_long_legend_has_rows_inside_a_narrow_picture() -> None:
     figure, axes = plan_figure(60.0, (0.0, 0.0, 1.0, 5.0))
     for number in range(5):
         draw_lines(axes, [np.zeros((2, 2))], "black", f"what number {number} means")
-    before = axes.get_window_extent().size
+    _, before = figure.get_size_inches()
     add_legend(figure, axes)
     texts = texts_of(figure)
     assert len([name for name, _ in texts if name.startswith("what")]) == 5
     assert overlapping(texts) == [] and beyond(texts, figure.bbox) == []
-    assert axes.get_window_extent().size == pytest.approx(2.0 * before)  # the figure grows; of 200 dpi now
+    assert figure.get_size_inches()[1] > before  # the axes are as large as without it
+
+
+@pytest.mark.parametrize("corner", [-5_000.0, -123_456.0, 5_400_000.0])
+@pytest.mark.parametrize("cells", [4, 4000])
+def test_no_label_of_a_map_far_from_its_origin_is_cut_off(corner: float, cells: int) -> None:
+    grid = OccupancyGrid(np.zeros((cells, cells), np.int8), 0.1, Pose2D(corner, corner, 0.0))
+    figure = draw_map_update(MapUpdate(0, grid, np.zeros((0, 4)), ()))
+    texts = texts_of(figure)
+    assert overlapping(texts) == [] and beyond(texts, figure.bbox) == []
 
 
 def test_a_map_of_cells_alone_has_them_black() -> None:

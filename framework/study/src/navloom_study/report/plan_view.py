@@ -24,8 +24,8 @@ __all__ = ["add_legend", "draw_cells", "draw_footprints", "draw_lines", "draw_ou
            "write_beside"]  # fmt: skip
 
 Floats = NDArray[np.float64]
-LEFT, RIGHT, BELOW, ABOVE = 14.0, 3.0, 11.0, 6.0
-"""Margins of the axes for the tick labels and a title, mm."""
+LABELS = 16.0
+"""Room for the labels beside the axes, and for those below and a title, mm."""
 TALLEST = 222.0
 """Largest height of a figure, mm: with its caption it fits on one page."""
 WIDEST = 2.5
@@ -46,12 +46,10 @@ def plan_figure(width: float, bounds: Sequence[float]) -> tuple[Figure, Any]:
         bounds: Lowest x, lowest y, highest x, highest y, m.
     """
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
-    across = width - LEFT - RIGHT
-    up = max(across / WIDEST, min(across * (high[1] - low[1]) / (high[0] - low[0]), TALLEST - ABOVE - BELOW))
+    across = width - LABELS
+    up = max(across / WIDEST, min(across * (high[1] - low[1]) / (high[0] - low[0]), TALLEST - LABELS))
+    figure, axes = new_figure(width, up + LABELS)
     size = np.array([across, up])
-    figure, axes = new_figure(width, up + ABOVE + BELOW)
-    figure.set_layout_engine("none")
-    axes.set_position((LEFT / width, BELOW / (up + ABOVE + BELOW), across / width, up / (up + ABOVE + BELOW)))
     (x0, y0), (x1, y1) = 0.5 * (low + high + np.outer((-1.0, 1.0), size * ((high - low) / size).max()))
     axes.set(aspect="equal", xlim=(x0, x1), ylim=(y0, y1), xlabel="x, m", ylabel="y, m")
     return figure, axes
@@ -63,14 +61,10 @@ def add_legend(figure: Figure, axes: Any) -> None:
     handles, names = axes.get_legend_handles_labels()
     width, height = figure.get_size_inches() / MM
     columns = len(names)
-    while columns > 1 and sum(_width(part) for part in np.array_split(names, columns)) > width - LEFT:
+    while columns > 1 and sum(_width(part) for part in np.array_split(names, columns)) > width:
         columns -= 1
-    more = ROW * math.ceil(len(names) / columns) - 0.5 * ABOVE
-    x, y, across, up = axes.get_position().bounds
-    share = height / (height + more)
-    figure.set_size_inches(width * MM, (height + more) * MM)
-    axes.set_position((x, y * share, across, up * share))
-    figure.legend(handles, names, loc="upper left", bbox_to_anchor=(x, 1.0), ncols=columns, borderaxespad=0.3)
+    figure.set_size_inches(width * MM, (height + ROW * math.ceil(len(names) / columns)) * MM)
+    figure.legend(handles, names, loc="outside upper left", ncols=columns)
 
 
 def _width(names: Iterable[str]) -> float:
@@ -145,6 +139,7 @@ def write_beside(axes: Any, texts: Iterable[tuple[float, float, str, float]]) ->
         axes: Axes with everything else drawn.
         texts: x, y, m, the text, and its least distance from there, m.
     """
+    axes.figure.draw_without_rendering()  # lays out
     frame, pixels = axes.get_window_extent(), axes.transData.transform
     scale = axes.transData.get_matrix()[0, 0] * 72.0 / axes.figure.dpi  # points in a metre
     # A thick line counts more than a thin one: its points are closer together.

@@ -12,6 +12,7 @@ from navloom.engine.difference_units import UNITS
 from navloom.palette import GREY, OKABE_ITO
 from navloom_recording.substitutes import Substitute
 
+from navloom_study.report.plan_view import draw_lines
 from navloom_study.report.plotting import new_figure, png_of, styled
 
 __all__ = ["draw_substitute", "substitute_figure"]
@@ -55,8 +56,7 @@ def _draw_way(axes: Any, result: Substitute, what: str) -> None:
     update = result.recorded_map
     way = np.array(result.way, dtype=np.float64).reshape(-1, 3)
     if update is not None:
-        for x1, y1, x2, y2 in update.segments:
-            axes.plot([x1, x2], [y1, y2], color=GREY, lw=2.0, solid_capstyle="round")
+        draw_lines(axes, update.segments.reshape(-1, 2, 2), GREY, "", 2.0)
     axes.plot(way[:, 1], way[:, 2], color=OKABE_ITO[5], lw=5.0, solid_capstyle="round", label=f"driven by {what}")
     differing = {tick for tick, differs in zip(found.ticks, found.differing, strict=True) if differs}
     at = way[np.isin(way[:, 0], sorted(differing))]

@@ -213,6 +213,17 @@ def test_the_track_shows_who_drove_and_when(toy: Episode) -> None:
     assert max(times) == pytest.approx(end, abs=0.5) and 3 <= len(times) <= 10
 
 
+def test_a_run_without_ground_truth_has_a_picture_of_the_rest(toy: Episode) -> None:
+    recorder = replace(toy.recorder, truth=[])
+    names = names_in(draw_run(replace(changed(toy, WALL), recorder=recorder)))
+    assert {"start", "goal", "plan", "trajectory"} <= names
+    assert names.isdisjoint({"driven by the controller", "robot every 2 s"})
+
+
+def test_poses_of_one_tick_without_a_map_are_no_error() -> None:
+    assert names_in(draw_poses(np.zeros((1, 7)), None, np.ones(1, dtype=np.bool_))) >= {"x, m", "y, m"}
+
+
 def test_free_unknown_and_occupied_cells_differ() -> None:
     cells = np.full((10, 10), -1, np.int8)
     cells[:, :5], cells[:, 0] = 0, 100

@@ -59,6 +59,8 @@ def plan_figure(width: float, bounds: Sequence[float]) -> tuple[Figure, Any]:
 def add_legend(figure: Figure, axes: Any) -> None:
     """Add the legend above the axes of a `plan_figure`, which grows by it."""
     handles, names = axes.get_legend_handles_labels()
+    if not names:
+        return
     width, height = figure.get_size_inches() / MM
     columns = len(names)
     while columns > 1 and sum(_width(part) for part in np.array_split(names, columns)) > width:
@@ -101,8 +103,8 @@ def draw_cells(
 
 
 def draw_lines(axes: Any, lines: Iterable[Floats], colour: str, name: str, width: float = 1.2, **style: Any) -> None:
-    """Draw polylines, (n, 2) each, m, as one entry of the legend; nothing if there are none."""
-    drawn = list(lines)
+    """Draw polylines, (n, 2) each, m, as one entry of the legend; nothing if none has two points."""
+    drawn = [line for line in lines if len(line) > 1]
     if drawn:
         axes.add_collection(LineCollection(drawn, colors=colour, linewidths=width, label=name, **style), autolim=False)
 

@@ -18,6 +18,7 @@ from mkdocs.config import load_config
 from navloom_sensors_sim.adapter import SensorsSim
 
 TOP = Path(__file__).resolve().parents[1]
+pytestmark = pytest.mark.once
 
 
 @pytest.fixture(scope="module")

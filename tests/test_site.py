@@ -1,12 +1,15 @@
-"""The documentation site: it builds without a warning and without a network, and its reference is complete."""
+"""The documentation site: it builds without a warning and without a network, and reference and face are complete."""
 
 from __future__ import annotations
 
 import inspect
 import io
+import json
 import logging
 import re
+import shutil
 import socket
+import subprocess
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +19,7 @@ import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
 from navloom_sensors_sim.adapter import SensorsSim
+from PIL import Image
 
 TOP = Path(__file__).resolve().parents[1]
 
@@ -96,3 +100,58 @@ def test_every_sensor_setting_is_in_the_reference_and_printed(
         for name, field in model.model_fields.items():
             assert f"<code>{name}</code>" in page and name in printed.split()
             assert field.description and field.description in " ".join(printed.split())
+
+
+def test_the_front_page_shows_a_drive_that_is_light(site: Path) -> None:
+    home = (site / "index.html").read_text("utf-8")
+    assert re.search(r'<source media="\(prefers-reduced-motion: reduce\)" srcset="pictures/drive.png"', home)
+    assert 'src="pictures/drive.webp"' in home
+    assert (site / "pictures/drive.webp").stat().st_size < 500_000
+    with Image.open(site / "pictures/drive.webp") as loop:
+        assert getattr(loop, "n_frames", 1) > 30
+
+
+def test_the_site_has_a_logo_and_an_icon_of_its_own(site: Path) -> None:
+    home = (site / "index.html").read_text("utf-8")
+    assert 'rel="icon" href="site/favicon.svg"' in home and 'src="site/logo.svg"' in home
+    assert (site / "site/favicon.svg").exists() and (site / "site/logo.svg").exists()
+
+
+TERMINAL = """lab$ navloom up robot.toml   # comes up
+up
+$ navloom status
+r1: driving
+"""
+
+
+@pytest.mark.parametrize(
+    ("language", "text", "copied"),
+    [
+        ("console", TERMINAL, "navloom up robot.toml\nnavloom status"),
+        ("sh", "# first\nnavloom run paper  # some s\n\nnavloom report a#b\n", "navloom run paper\nnavloom report a#b"),
+    ],
+)
+def test_a_copy_button_copies_commands_alone(tmp_path: Path, language: str, text: str, copied: str) -> None:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("needs a browser")
+    page = tmp_path / "page.html"
+    page.write_text(
+        f"<div class='language-{language}'><button data-clipboard-target='#c'></button><code id=c>{text}</code></div>"
+        f"<script>{(TOP / 'docs/site/copy.js').read_text('utf-8')}\n"
+        "const button = document.querySelector('button'); button.click(); "
+        "document.title = JSON.stringify(button.dataset.clipboardText)</script>",
+        "utf-8",
+    )
+    words = [
+        browser,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={tmp_path}",
+        "--dump-dom",
+        page.as_uri(),
+    ]
+    shown = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False).stdout
+    title = re.search(r"<title>(.*?)</title>", shown)
+    assert title is not None and json.loads(title[1]) == copied

@@ -18,6 +18,11 @@ FOLDER = re.compile(r"\[([^]]+)\]\([^)]+/\)")
 """A link to a folder: a site has none."""
 FILES = ("LICENSE", "CITATION.cff")
 """Further files of the top folder that pages link to."""
+LOOP = """<picture><source media="(prefers-reduced-motion: reduce)" srcset="pictures/drive.png">
+<img src="pictures/drive.webp" \\1></picture>"""
+"""The front page's picture moves; for whom motion disturbs, it is the README's."""
+BEHIND = {"reference/": 0.5, "lab/": 0.4, "CHANGELOG.md": 0.2}
+"""Weight in the search of pages that say little of what a reader can do: beginning of the path -> factor."""
 LINK = re.compile(r'(\]\(|src=")(?!https?:|#)([^)"#]+)')
 
 
@@ -37,8 +42,12 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **given: Any) -> str:
-    """Links that leave `docs/`, to where the site has what they name; and the messages, as types lead to them."""
-    if page.file.src_uri == "messages.md":
+    """Links that leave `docs/`, weights in the search, the front page's loop, and anchors of messages for types."""
+    uri = page.file.src_uri
+    page.meta.setdefault("search", {"boost": min((BEHIND[key] for key in BEHIND if uri.startswith(key)), default=1.0)})
+    if uri == "index.md":
+        markdown = re.sub(r'<img src="pictures/drive.png" ([^>]+)>', LOOP, markdown)
+    if uri == "messages.md":
         markdown = re.sub(r"^### (\w+)$", _with_anchor, markdown, flags=re.MULTILINE)
     return LINK.sub(lambda found: found[1] + _from_docs(found[2]), FOLDER.sub(r"\1", markdown))
 
@@ -60,4 +69,6 @@ def _from_top(target: str) -> str:
 
 
 def _from_docs(target: str) -> str:
-    return _from_top(target.removeprefix("../")) if target.startswith(("../examples/", "../README")) else target
+    above = target.removeprefix("../")
+    leaves = above != target and (above.startswith("examples/") or above in (*SHOWN, *FILES))
+    return _from_top(above) if leaves else target

@@ -117,6 +117,12 @@ def test_the_site_has_a_logo_and_an_icon_of_its_own(site: Path) -> None:
     assert (site / "site/favicon.svg").exists() and (site / "site/logo.svg").exists()
 
 
+def test_blocks_say_their_language_to_the_copy_button(site: Path) -> None:
+    tour = (site / "tour/index.html").read_text("utf-8")
+    blocks = re.findall(r'<div class="([\w-]* ?)highlight">', tour)
+    assert {"language-sh ", "language-console ", "language-toml "} <= set(blocks) and "" not in blocks
+
+
 TERMINAL = """lab$ navloom up robot.toml   # comes up
 up
 $ navloom status

@@ -123,6 +123,12 @@ def test_blocks_say_their_language_to_the_copy_button(site: Path) -> None:
     assert {"language-sh ", "language-console ", "language-toml "} <= set(blocks) and "" not in blocks
 
 
+def test_every_date_of_the_comparison_leads_to_its_source(site: Path) -> None:
+    page = (site / "frameworks/index.html").read_text("utf-8")
+    rows = re.findall(r"<td[^>]*>[^|]*?(\d{4}-\d\d-\d\d)(</a>)?</td>", page)
+    assert len(rows) >= 130 and all(link for _, link in rows)
+
+
 TERMINAL = """lab$ navloom up robot.toml   # comes up
 up
 $ navloom status

@@ -14,8 +14,8 @@ from reference import PAGES
 TOP = Path(__file__).resolve().parents[2]
 SHOWN = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGELOG.md": "CHANGELOG.md"}
 """Pages of the top folder, and their places on the site."""
-FOLDER = re.compile(r"\[([^]]+)\]\([^)]+/\)")
-"""A link to a folder: a site has none."""
+FOLDER = re.compile(r"\[([^]]+)\]\((?!https?:)[^)]+/\)")
+"""A link to a folder of the project: a site has none."""
 FILES = ("LICENSE", "CITATION.cff")
 """Further files of the top folder that pages link to."""
 LOOP = """<picture><source media="(prefers-reduced-motion: reduce)" srcset="pictures/drive.png">

@@ -1,4 +1,4 @@
-"""docs/architecture.md, decisions.md, READMEs and docstrings of packages: what they name exists."""
+"""docs/architecture.md, lab/decisions.md, READMEs and docstrings of packages: what they name exists."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 TOP = Path(__file__).resolve().parents[1]
 PARTS = [path for path in sorted(TOP.glob("framework/*/src/*")) if (path / "__init__.py").exists()]
 """Packages of the framework; a file is named from its package, or from the folder above."""
-PAGES = [TOP / "docs" / name for name in ("architecture.md", "decisions.md")]
+PAGES = [TOP / "docs" / name for name in ("architecture.md", "lab/decisions.md")]
 FILE = re.compile(r"`((?:[a-z_]+/)+[a-z_]+\.py)`")
 
 

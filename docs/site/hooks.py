@@ -16,6 +16,8 @@ SHOWN = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGEL
 """Pages of the top folder, and their places on the site."""
 FOLDER = re.compile(r"\[([^]]+)\]\([^)]+/\)")
 """A link to a folder: a site has none."""
+LAB = re.compile(r"\[([^]]+)\]\(lab/([\w-]+\.md)(?:#[\w-]+)?\)")
+"""A link to the lab, which is in the repository only."""
 FILES = ("LICENSE", "CITATION.cff")
 """Further files of the top folder that pages link to."""
 LINK = re.compile(r'(\]\(|src=")(?!https?:|#)([^)"#]+)')
@@ -40,7 +42,13 @@ def on_page_markdown(markdown: str, page: Any, **given: Any) -> str:
     """Links that leave `docs/`, to where the site has what they name; and the messages, as types lead to them."""
     if page.file.src_uri == "messages.md":
         markdown = re.sub(r"^### (\w+)$", _with_anchor, markdown, flags=re.MULTILINE)
-    return LINK.sub(lambda found: found[1] + _from_docs(found[2]), FOLDER.sub(r"\1", markdown))
+    return LINK.sub(lambda found: found[1] + _from_docs(found[2]), LAB.sub(_in_repository, FOLDER.sub(r"\1", markdown)))
+
+
+def _in_repository(link: re.Match[str]) -> str:
+    """The file that a link to the lab names, in words."""
+    file = f"`docs/lab/{link[2]}`"
+    return file if link[1].endswith(".md") else f"{link[1]} ({file})"
 
 
 def _with_anchor(heading: re.Match[str]) -> str:

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parents[2]
-PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md")), *sorted((TOP / "docs" / "lab").glob("*.md"))]
 
 NOT_RUN = {
     ("README.md", "navloom place"): "puts the robot of the page where it is not",
     ("command-line.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
     ("deploying.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
     ("README.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
-    ("comparing.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
-    ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
+    ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",

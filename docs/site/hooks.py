@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from pathlib import Path
 from typing import Any
 
+from message_tables import with_parts
 from mkdocs.structure.files import File, Files
-from navloom.messages import SCHEMAS
 from reference import PAGES
 
 TOP = Path(__file__).resolve().parents[2]
@@ -39,9 +38,9 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **given: Any) -> str:
-    """Links that leave `docs/`, to where the site has what they name; and the messages, as types lead to them."""
+    """Links that leave `docs/`, to where the site has what they name; and the tables of messages."""
     if page.file.src_uri == "messages.md":
-        markdown = re.sub(r"^### (\w+)$", _with_anchor, markdown, flags=re.MULTILINE)
+        markdown = with_parts(markdown)
     return LINK.sub(lambda found: found[1] + _from_docs(found[2]), LAB.sub(_in_repository, FOLDER.sub(r"\1", markdown)))
 
 
@@ -49,18 +48,6 @@ def _in_repository(link: re.Match[str]) -> str:
     """The file that a link to the lab names, in words."""
     file = f"`docs/lab/{link[2]}`"
     return file if link[1].endswith(".md") else f"{link[1]} ({file})"
-
-
-def _with_anchor(heading: re.Match[str]) -> str:
-    """A message's heading, below the name by which the types of the reference link to it, and above its constructor."""
-    cls: Any = SCHEMAS.get(f"navloom.{heading[1]}")
-    if cls is None:
-        return heading[0]
-    made = ", ".join(
-        field.name if field.default is dataclasses.MISSING else f"{field.name}={field.default!r}"
-        for field in dataclasses.fields(cls)
-    )
-    return f"[](){{#navloom.messages.{heading[1]}}}\n{heading[0]}\n\n`{heading[1]}({made})`"
 
 
 def _from_top(target: str) -> str:

@@ -14,7 +14,8 @@ How fast this version of navloom (*ours*) is beside other software that does the
 [bench.md](bench.md) explains the entries. *Times as fast* is the median over the rounds of theirs / ours, with its
 quartiles; below 1, ours is slower. It varies less than the durations, which depend on the machine and its load.
 [measurements.md](lab/measurements.md) has what this command cannot measure: earlier versions, live robots, and
-comparisons that need other software. `navloom bench --page docs/performance.md` makes this page; do not edit it by hand.
+comparisons that need other software. `navloom bench --page docs/performance.md` makes this page; do not edit it by
+hand.
 """
 COLUMNS = ("measured", "ours", "theirs", "unit", "times as fast", "quartiles", "compared with")
 

@@ -55,7 +55,7 @@ def test_every_message_is_on_the_page_once(tables: ModuleType) -> None:
 
 def test_a_message_that_no_section_lists_is_refused(tables: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(tables.GROUPS, "Poses and velocities", ("Point2D", "Pose2D"))
-    with pytest.raises(ValueError, match="it differs by {'Twist2D'}"):
+    with pytest.raises(ValueError, match=r"it differs by .'Twist2D'."):
         tables.message_sections()
 
 

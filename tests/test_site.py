@@ -86,6 +86,18 @@ def test_every_page_is_in_the_navigation(site: Path) -> None:
     assert pages - listed == set()
 
 
+def test_the_generated_parts_of_the_messages_are_on_their_page(site: Path) -> None:
+    page = (site / "messages/index.html").read_text("utf-8")
+    assert "<!-- generated" not in page
+    for part in ('id="odometry"', "Dead reckoning of the platform", "Run clock of the measurement.", "<td>634</td>"):
+        assert part in page
+
+
+def test_the_lab_is_not_on_the_site(site: Path) -> None:
+    assert not (site / "lab").exists()
+    assert "<code>docs/lab/fault-campaigns.md</code>" in (site / "faults/index.html").read_text("utf-8")
+
+
 def test_every_sensor_setting_is_in_the_reference_and_printed(
     site: Path, in_process: Callable[..., tuple[int, str, str]]
 ) -> None:

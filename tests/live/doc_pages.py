@@ -13,6 +13,7 @@ PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md")), *sorted((TOP /
 NOT_RUN = {
     ("README.md", "navloom place"): "puts the robot of the page where it is not",
     ("command-line.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
+    ("operating.md", "navloom stop --all"): "would hold the robot of the page; test_cli_stop.py has some",
     ("deploying.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
     ("README.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
     ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
@@ -69,6 +70,7 @@ STAND_INS = {
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",
+    ("choosing.md", "navloom compare"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
 """Slow commands: page and beginning of the command -> what is run instead, except with `-m slow`."""

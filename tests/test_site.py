@@ -50,6 +50,18 @@ def test_no_page_fetches_anything(site: Path) -> None:
     assert [str(page) for page in pages if fetched.search(page.read_text("utf-8"))] == []
 
 
+def test_every_picture_is_where_its_page_looks_for_it(site: Path) -> None:
+    found = [
+        (page, image)
+        for page in site.rglob("*.html")
+        for image in re.findall(r'<img[^>]*? src="?([^" >]+)', page.read_text("utf-8"))
+        if not image.startswith("data:")
+    ]
+    assert len(found) >= 4
+    assert [(str(page), image) for page, image in found if page.name != "404.html"
+            and not (page.parent / image).is_file()] == []  # fmt: skip
+
+
 def test_every_public_name_is_in_the_reference(site: Path) -> None:
     things = {name: getattr(navloom, name) for name in navloom.__all__}
     documented = {name for name, thing in things.items() if inspect.isclass(thing) or inspect.isfunction(thing)}

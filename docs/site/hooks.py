@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 from pathlib import Path
 from typing import Any
 
 from message_tables import with_parts
 from mkdocs.structure.files import File, Files
+from mkdocs.utils import get_relative_url
 from reference import PAGES
 
 TOP = Path(__file__).resolve().parents[2]
@@ -19,6 +21,7 @@ LAB = re.compile(r"\[([^]]+)\]\(lab/([\w-]+\.md)(?:#[\w-]+)?\)")
 """A link to the lab, which is in the repository only."""
 FILES = ("LICENSE", "CITATION.cff")
 """Further files of the top folder that pages link to."""
+IMAGE = re.compile(r'(<img src=")(?!https?:)([^"]+)')
 LINK = re.compile(r'(\]\(|src=")(?!https?:|#)([^)"#]+)')
 
 
@@ -41,7 +44,13 @@ def on_page_markdown(markdown: str, page: Any, **given: Any) -> str:
     """Links that leave `docs/`, to where the site has what they name; and the tables of messages."""
     if page.file.src_uri == "messages.md":
         markdown = with_parts(markdown)
-    return LINK.sub(lambda found: found[1] + _from_docs(found[2]), LAB.sub(_in_repository, FOLDER.sub(r"\1", markdown)))
+    text = LINK.sub(lambda found: found[1] + _from_docs(found[2]), LAB.sub(_in_repository, FOLDER.sub(r"\1", markdown)))
+    return IMAGE.sub(lambda found: found[1] + _from_page(found[2], page.file), text)
+
+
+def _from_page(target: str, file: File) -> str:
+    """The address of a picture, as the page's own address needs it; mkdocs does so for Markdown, not for HTML."""
+    return get_relative_url(posixpath.normpath(posixpath.join(posixpath.dirname(file.src_uri), target)), file.url)
 
 
 def _in_repository(link: re.Match[str]) -> str:

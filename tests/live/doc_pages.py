@@ -40,7 +40,7 @@ NOT_RUN = {
     ("ros2.md", "navloom up turtlebot.toml"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("ros2.md", "navloom goal"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("ros2.md", "navloom stop"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
-    ("command-line.md", "navloom man | man"): "shows a page in a pager",
+    ("command-line.md", "help2man"): "of a Debian package that only this page needs",
     ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
     ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",
     ("installing.md", "pip "): "asks an index; tests/test_wheels.py installs the wheels alone",

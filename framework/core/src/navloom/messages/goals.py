@@ -88,7 +88,8 @@ class Feedback(Message):
         state: State of its state machine; `waiting`: the platform is silent; `searching`: the localizer is not
             tracking.
         distance: Remaining distance along the trajectory, m.
-        time_left: Estimated remaining time, s.
+        time_left: Estimated remaining time, s: along the trajectory and the straight way through the points behind it,
+            at the speeds of the reference, corrected by the measured progress.
         cross_track: Distance from the trajectory, m, positive to the left.
         recoveries: Number of recoveries so far.
         localizer: State and reason of a localizer that is not tracking; otherwise empty.

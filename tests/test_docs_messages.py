@@ -64,11 +64,6 @@ def test_the_envelope_is_there_field_by_field(tables: ModuleType) -> None:
     assert [row.split("`")[1] for row in rows] == list(Envelope._fields)
 
 
-def test_a_sensor_is_a_port_of_the_platform(tables: ModuleType) -> None:
-    assert "| platform | `a sensor's name` | RangeScan, Sweep |" in tables.port_table()
-    assert "| gate | `command` | Command |" in tables.port_table()
-
-
 def test_the_form_of_a_key_is_there() -> None:
     assert "`<realm>/<robot>/<role>/<instance>/<port>`" in (DOCS / "messages.md").read_text("utf-8")
 

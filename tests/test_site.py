@@ -15,6 +15,7 @@ import navloom
 import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
+from navloom.engine.catalogue import FRAMEWORK
 from navloom_sensors_sim.adapter import SensorsSim
 
 TOP = Path(__file__).resolve().parents[1]
@@ -103,6 +104,13 @@ def test_the_generated_parts_of_the_messages_are_on_their_page(site: Path) -> No
     assert "<!-- generated" not in page
     for part in ('id="odometry"', "Dead reckoning of the platform", "Run clock of the measurement.", "<td>634</td>"):
         assert part in page
+
+
+def test_every_stream_is_in_the_reference(site: Path) -> None:
+    page = (site / "reference/streams/index.html").read_text("utf-8")
+    for port in FRAMEWORK.ports():
+        cells = (f"<code>{port.role}</code>", f"<code>{port.name}</code>", f"<a [^>]*>{port.carries.__name__}</a>")
+        assert re.search(r"\s*".join(f"<td>{cell}</td>" for cell in cells), page), port
 
 
 def test_the_lab_is_not_on_the_site(site: Path) -> None:

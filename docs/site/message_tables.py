@@ -1,4 +1,4 @@
-"""The generated parts of messages.md: every stream, every message with its fields, and the bounds of their size."""
+"""The generated parts of messages.md: every message with its fields, and the bounds of their size."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from typing import Any, get_args
 
 import navloom.messages
 from navloom.cli.describing.docstrings import meanings
-from navloom.engine.catalogue import FRAMEWORK
-from navloom.engine.node_ports import Wired
-from navloom.engine.streams import sensor_port
-from navloom.messages import SCHEMAS, Envelope, Message, RangeScan, ReasonCode
+from navloom.messages import SCHEMAS, Envelope, Message, ReasonCode
 from navloom.messages.bounds import header_limit, size_limit
 from navloom.messages.kinds import MAX_ITEMS, MAX_TEXT, Kind
 from navloom.messages.stop_reasons import StopKind
@@ -106,17 +103,6 @@ def message_sections() -> str:
     return "\n\n".join(parts)
 
 
-def port_table() -> str:
-    """Every stream of the framework's nodes, and a sensor's."""
-    wired = {"platform": [sensor_port("a sensor's name", RangeScan)]}
-    rows = [
-        (role, code(port.name), "RangeScan, Sweep" if port.name == "a sensor's name" else port.carries.__name__)
-        for role, node in FRAMEWORK.nodes.items()
-        for port in node.ports(Wired(role, wired))
-    ]
-    return table(("role", "port", "message"), rows)
-
-
 def envelope_table() -> str:
     """The fields of the envelope."""
     told = meanings(inspect.getdoc(Envelope) or "")
@@ -129,7 +115,7 @@ def size_table() -> str:
     return table(("message", "header, bytes at most", "whole message, bytes at most"), rows)
 
 
-PARTS = {"ports": port_table, "messages": message_sections, "envelope": envelope_table, "sizes": size_table}
+PARTS = {"messages": message_sections, "envelope": envelope_table, "sizes": size_table}
 """What stands for `<!-- generated: NAME -->` on the page."""
 
 

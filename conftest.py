@@ -6,11 +6,14 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib import invalidate_caches
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
 from navloom.cli import main
+from navloom.cli.main import app
 from navloom.messages import SCHEMAS
+from typer.main import get_command
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
@@ -76,6 +79,17 @@ def in_process(
         return ended.value.code, out, err
 
     return run
+
+
+@pytest.fixture(scope="session")
+def every_command() -> dict[str, Any]:
+    """Every command of the installed distributions, as typer made it, by the words typed after `navloom`."""
+    listed: dict[str, Any] = {}
+    root: Any = get_command(app)
+    for name, command in root.whole().items():
+        inner = getattr(command, "commands", {})
+        listed |= {f"{name} {word}": each for word, each in inner.items()} if inner else {name: command}
+    return listed
 
 
 @pytest.fixture

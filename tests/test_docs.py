@@ -95,6 +95,7 @@ def test_the_tours_swap_changes_the_avoider_that_drives(tmp_path: Path) -> None:
 
 
 WRITING = TOP / "docs" / "writing-a-plugin.md"
+BEYOND = TOP / "docs" / "beyond-roles.md"
 
 
 class Drove:
@@ -165,8 +166,8 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    _in_one_file, controller, echoes, _test, _checks, *others = blocks(WRITING, "python")
-    node, avoider, observer, command = others
+    _in_one_file, controller, echoes, _test, _checks = blocks(WRITING, "python")
+    node, avoider, observer, command = blocks(BEYOND, "python")
     executed(echoes, "my_echoes")  # with its own asserts
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
@@ -194,7 +195,7 @@ def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
 
 
 def test_the_unit_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
-    avoider, _controller, _echoes, test, checks, *_ = blocks(WRITING, "python")
+    avoider, _controller, _echoes, test, checks = blocks(WRITING, "python")
     module = ModuleType("my_avoider")
     vars(module).update(executed(avoider, "my_avoider"))
     monkeypatch.setitem(sys.modules, "my_avoider", module)

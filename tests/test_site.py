@@ -18,6 +18,7 @@ import navloom
 import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
+from navloom.engine.catalogue import FRAMEWORK
 from navloom_sensors_sim.adapter import SensorsSim
 from PIL import Image
 
@@ -54,6 +55,18 @@ def test_no_page_fetches_anything(site: Path) -> None:
     assert [str(page) for page in pages if fetched.search(page.read_text("utf-8"))] == []
 
 
+def test_every_picture_is_where_its_page_looks_for_it(site: Path) -> None:
+    found = [
+        (page, image)
+        for page in site.rglob("*.html")
+        for image in re.findall(r'<img[^>]*? src="?([^" >]+)', page.read_text("utf-8"))
+        if not image.startswith("data:")
+    ]
+    assert len(found) >= 4
+    assert [(str(page), image) for page, image in found if page.name != "404.html"
+            and not (page.parent / image).is_file()] == []  # fmt: skip
+
+
 def test_every_public_name_is_in_the_reference(site: Path) -> None:
     things = {name: getattr(navloom, name) for name in navloom.__all__}
     documented = {name for name, thing in things.items() if inspect.isclass(thing) or inspect.isfunction(thing)}
@@ -88,6 +101,25 @@ def test_every_page_is_in_the_navigation(site: Path) -> None:
     listed = {link.rstrip("/") for link in re.findall(r'<a href="([^"#:]+)" class="md-nav__link">', home)}
     pages = {page.stem for page in (TOP / "docs").glob("*.md")}
     assert pages - listed == set()
+
+
+def test_the_generated_parts_of_the_messages_are_on_their_page(site: Path) -> None:
+    page = (site / "messages/index.html").read_text("utf-8")
+    assert "<!-- generated" not in page
+    for part in ('id="odometry"', "Dead reckoning of the platform", "Run clock of the measurement.", "<td>634</td>"):
+        assert part in page
+
+
+def test_every_stream_is_in_the_reference(site: Path) -> None:
+    page = (site / "reference/streams/index.html").read_text("utf-8")
+    for port in FRAMEWORK.ports():
+        cells = (f"<code>{port.role}</code>", f"<code>{port.name}</code>", f"<a [^>]*>{port.carries.__name__}</a>")
+        assert re.search(r"\s*".join(f"<td>{cell}</td>" for cell in cells), page), port
+
+
+def test_the_lab_is_not_on_the_site(site: Path) -> None:
+    assert not (site / "lab").exists()
+    assert "<code>docs/lab/fault-campaigns.md</code>" in (site / "faults/index.html").read_text("utf-8")
 
 
 def test_every_sensor_setting_is_in_the_reference_and_printed(

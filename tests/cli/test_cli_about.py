@@ -1,27 +1,23 @@
-"""Information of the command line about itself: versions, shipped configs, the manual page."""
+"""Information of the command line about itself: versions, shipped configs, the help."""
 
 from __future__ import annotations
 
 import json
 import platform
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
+from typing import Any
 
 import pytest
 from navloom.cli.distribution_commands import AddedCommand
-from navloom.cli.main import app
-from navloom.cli.shells.manual import page
-from navloom.cli.shells.tree import commands
 from navloom.commands import COMMANDS
 from navloom.config import shipped_configs
 from navloom.entry_kinds import CommandPoint, added_commands
 from navloom.installed import shipped_names
 from navloom.parts import OF_FRAMEWORK
-from typer.main import get_command
 
 InProcess = Callable[..., tuple[int, str, str]]
 
@@ -63,9 +59,11 @@ def test_the_names_of_shipped_configs_are_those_that_load() -> None:
 @pytest.mark.parametrize(
     "command", ["run", "up", "compare", "graph", "node", "config show", "config check", "export systemd"]
 )
-def test_the_help_of_a_command_that_takes_a_config_names_every_shipped_one(command: str) -> None:
-    (found,) = [one for one in commands(get_command(app)) if one.name == f"navloom {command}"]
-    assert f"a shipped name: {', '.join(shipped_configs())}." in found.arguments[0].help
+def test_the_help_of_a_command_that_takes_a_config_names_every_shipped_one(
+    command: str, every_command: dict[str, Any]
+) -> None:
+    (argument,) = [param for param in every_command[command].params if param.name == "config"]
+    assert f"a shipped name: {', '.join(shipped_configs())}." in argument.help
 
 
 def test_the_help_shows_the_first_sentence_of_every_command_whole(in_process: InProcess) -> None:
@@ -98,35 +96,6 @@ def test_the_module_of_a_command_is_imported_when_the_command_is_used(words: lis
     assert modules & imported == used
 
 
-def test_the_manual_page_has_every_command_with_every_option() -> None:
-    tree = commands(get_command(app))
-    text = page(tree, "1.2.3").replace(r"\-", "-")
-    assert text.startswith('.TH NAVLOOM 1 "" "navloom 1.2.3"') and len(tree) > 30
-    for command in tree[1:]:
-        section = text.partition(f".SS {command.name} ")[2].partition(".SS ")[0]
-        for word in (*command.options, *command.arguments):
-            if not command.inner and word.names != ("--help",):
-                assert f"{word.names[0] if word.names else word.metavar}" in section, (command.name, word)
-
-
-def test_no_line_of_the_manual_page_reads_as_a_roff_command() -> None:
-    known = (".TH", ".SH", ".SS", ".TP", ".PP", ".B")
-    lines = page(commands(get_command(app)), "1.2.3").splitlines()
-    assert not [line for line in lines if line[:1] in (".", "'") and line.split()[0] not in known]
-
-
-@pytest.mark.skipif(shutil.which("groff") is None, reason="needs groff")
-def test_groff_sets_the_manual_page_without_a_warning(in_process: InProcess) -> None:
-    code, out, _ = in_process("man")
-    done = subprocess.run(
-        ["groff", "-man", "-ww", "-Tutf8", "-Kutf8"], input=out, capture_output=True, text=True, timeout=30, check=False
-    )
-    assert (code, done.returncode, done.stderr) == (0, 0, "")
-    assert "EXIT STATUS" in done.stdout.replace("\x08", "").replace("EEXXIITT", "EXIT").replace(
-        "SSTTAATTUUSS", "STATUS"
-    )
-
-
 def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> None:
     assert {"bench", "paper"} <= {command.name for command in added_commands()}
     done = subprocess.run(
@@ -138,13 +107,8 @@ def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> N
     assert imported.isdisjoint({"importlib.metadata", "numpy", "pydantic", "zenoh", "navloom.plugins", "pluggy"})
 
 
-def test_every_command_that_may_need_a_plugin_takes_files() -> None:
-    taking = {
-        " ".join(command.path[1:])
-        for command in commands(get_command(app))
-        for option in command.options
-        if "--plugin" in option.names
-    }
+def test_every_command_that_may_need_a_plugin_takes_files(every_command: dict[str, Any]) -> None:
+    taking = {name for name, command in every_command.items() for param in command.params if "--plugin" in param.opts}
     assert taking == {
         "run", "compare", "check", "up", "node", "replay", "plugins", "config show", "config check",
         "plan", "map", "report", "graph", "worlds", "messages", "echo", "record", "view",

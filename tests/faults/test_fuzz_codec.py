@@ -19,8 +19,3 @@ def test_mutated_messages_give_typed_errors_and_cost_little(count: int) -> None:
     assert found.refused > count / 2 and found.decoded > count / 100
     assert found.worst_bytes < 4_000_000
     assert found.worst_s < 0.05, found.slowest
-
-
-@pytest.mark.parametrize("count", [5_000, pytest.param(200_000, marks=pytest.mark.slow)])
-def test_the_compiled_and_the_generic_reader_agree_on_every_message(count: int) -> None:
-    assert fuzz_codec.differences(count, seed=count) == []

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parents[2]
-PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md")), *sorted((TOP / "docs" / "lab").glob("*.md"))]
 
 NOT_RUN = {
     ("tour.md", "navloom place"): "puts the robot of the page where it is not",
     ("command-line.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
+    ("operating.md", "navloom stop --all"): "would hold the robot of the page; test_cli_stop.py has some",
     ("deploying.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
     ("tour.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
-    ("comparing.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
-    ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
+    ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",
@@ -39,7 +40,7 @@ NOT_RUN = {
     ("ros2.md", "navloom up turtlebot.toml"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("ros2.md", "navloom goal"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("ros2.md", "navloom stop"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
-    ("command-line.md", "navloom man | man"): "shows a page in a pager",
+    ("command-line.md", "help2man"): "of a Debian package that only this page needs",
     ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
     ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",
     ("installing.md", "pip "): "asks an index; tests/test_wheels.py installs the wheels alone",
@@ -69,6 +70,7 @@ STAND_INS = {
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",
+    ("choosing.md", "navloom compare"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
 """Slow commands: page and beginning of the command -> what is run instead, except with `-m slow`."""

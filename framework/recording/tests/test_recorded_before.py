@@ -45,8 +45,10 @@ def test_its_goal_succeeded(before: Recording) -> None:
     }
 
 
-def test_it_is_replayed_and_every_node_gives_what_it_gave(before: Recording) -> None:
+def test_it_is_replayed_and_every_node_gives_what_it_gave_but_for_the_estimated_time(before: Recording) -> None:
     found = {one.node: one for one in check(Replayer(before, assemble(before.header.loaded(), discovery())))}
     gate, goal = found["gate main"], found["goal main"]
     assert (gate.steps, gate.messages) == (39, 47) and goal.messages > 0
-    assert [one.first for one in found.values() if one.first is not None] == []
+    differing = [one.first for one in found.values() if one.first is not None]
+    # The remaining time is estimated in another way since then.
+    assert [(one.node, one.port, one.field) for one in differing] == [("goal main", "feedback", "time_left")]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from navloom_ros.actions import ActionClient
 from navloom_ros.node import Node
+from navloom_ros.serving.adapter import hits
 from navloom_ros.serving.behaviours import Behaviours
 from navloom_ros.serving.goals import ACTIONS, Goals
 from navloom_ros.serving.planning import Planning
@@ -44,6 +45,7 @@ class Handle:
 
 class Robot:
     def __init__(self):
+        self.limits = []
         self.asked, self.handles, self.planned, self.cleared, self.sent = [], [], [], 0, []
 
     def plan(self, start, goal):
@@ -51,6 +53,11 @@ class Robot:
         if goal[0] > 5.0:
             return [], "goal_occupied", "the goal is occupied"
         return [(0.5, 0.0), (0.5, 1.0), (2.0, 1.0)], "", ""
+
+    def limit_speed(self, speed, is_percentage):
+        if speed < 0.0:
+            raise RuntimeError("expected 0 or more")
+        self.limits.append((speed, is_percentage))
 
     def clear_map(self):
         self.cleared += 1
@@ -79,7 +86,7 @@ def served_network():
         said = []
         goals = Goals(served, "map", (RuntimeError,), said.append)
         Behaviours(served, goals, (RuntimeError,), lambda seconds: time.sleep(0.0005))
-        Planning(served, goals, "map", (RuntimeError,))
+        Planning(served, goals, "map", (RuntimeError,), hits)
         with Node("rviz", router=router.endpoint, types=KILTED) as rviz:
             clients = {kind: ActionClient(rviz, name, kind) for name, kind in ACTIONS.items()}
             assert all(client.wait(5.0) for client in clients.values())

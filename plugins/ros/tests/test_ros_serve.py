@@ -48,7 +48,7 @@ class StandIn:
         self.client = SimpleNamespace(
             keys=SimpleNamespace(prefix="lab/r1"), has_nodes=lambda: True, describe=lambda: [platform]
         )
-        self.places, self.driven, self.is_joined = [], None, False
+        self.places, self.driven, self.is_joined, self.limits = [], None, False, []
 
     def __enter__(self):
         self.is_joined = True
@@ -75,6 +75,12 @@ class StandIn:
     def go(self, x, y, heading=None, via=()):
         self.driven = Driven(self, x)
         return self.driven
+
+    def footprint(self):
+        return np.array([(-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)])
+
+    def limit_speed(self, speed, is_percentage):
+        self.limits.append((speed, is_percentage))
 
     def clear_map(self):
         self.cleared += 1

@@ -5,8 +5,9 @@ import pytest
 from navloom import GateStatus, OccupancyGrid, Pose2D
 from navloom.messages import StopReason
 from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED, ActionClient
-from navloom_ros.serving.costmaps import local_costmap, monitor_state
+from navloom_ros.serving.costmaps import inflated, local_costmap, monitor_state
 from navloom_ros.serving.goals import TO_POSE, WAYPOINTS
+from navloom_ros.serving.speed_limits import SpeedLimits
 from ros_golden import KILTED
 from ros_network import until
 from ros_served import BEHAVIOURS, ended, pose, served_network, served_robot  # noqa: F401
@@ -54,6 +55,7 @@ def test_a_path_is_computed_without_driving(network, robot):
 def test_a_path_is_valid_where_the_map_is_free(network, robot):
     client = network.rviz.client("is_path_valid", "nav2_msgs/srv/IsPathValid")
     network.goals.map = OccupancyGrid(np.array([[0, 100, -1, 0]], np.int8), 1.0, Pose2D(0.0, 0.0, 0.0))
+    network.goals.footprint = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
 
     def judged(*xs, **given):
         answer = client.call({"path": {"poses": [pose(x, 0.5) for x in xs]}} | given)
@@ -63,6 +65,44 @@ def test_a_path_is_valid_where_the_map_is_free(network, robot):
     assert judged(0.5, 1.5, 4.5) == (False, [1, 2])
     assert judged(0.5, 2.5, consider_unknown_as_obstacle=True) == (False, [1])
     network.goals.map = None
+
+
+@pytest.mark.parametrize(("y", "heading", "expected"), [(0.5, 0.0, True), (0.5, np.pi / 2, False), (0.35, 0.0, False)])
+def test_a_path_is_valid_where_the_footprint_fits(network, robot, y, heading, expected):
+    """0.8 x 0.4 m in a corridor of 0.5 m, between walls below 0.25 m and above 0.75 m."""
+    cells = np.full((20, 60), 100, np.int8)
+    cells[5:15] = 0
+    network.goals.map = OccupancyGrid(cells, 0.05, Pose2D(0.0, 0.0, 0.0))
+    network.goals.footprint = np.array([(-0.4, -0.2), (0.4, -0.2), (0.4, 0.2), (-0.4, 0.2)])
+    client = network.rviz.client("is_path_valid", "nav2_msgs/srv/IsPathValid")
+    answer = client.call({"path": {"poses": [pose(1.0, 0.5), pose(2.0, y, heading)]}})
+    assert (answer.is_valid, answer.invalid_pose_indices.tolist()) == (expected, [] if expected else [1])
+    network.goals.map = None
+
+
+def test_a_speed_limit_reaches_the_robot_and_its_restarted_gate(network, robot):
+    limits = SpeedLimits(network.served, (RuntimeError,), network.said.append)
+    publisher = network.rviz.publisher("speed_limit", "nav2_msgs/msg/SpeedLimit")
+
+    def asked(speed, percentage):
+        publisher.publish(speed_limit=speed, percentage=percentage)
+        limits.take(robot, repeats=False)
+        return robot.limits[-1:] == [(speed, percentage)]
+
+    assert until(lambda: asked(50.0, True))
+    count = len(robot.limits)
+    limits.take(robot, repeats=True)
+    assert robot.limits[count:] and set(robot.limits) == {(50.0, True)}
+    assert until(lambda: asked(-1.0, False) or network.said) == ["speed limit not set: expected 0 or more"]
+
+
+def test_a_costmap_is_inflated_by_the_inscribed_radius():
+    """A cell's centre may be as far as the radius from the edge of an obstacle's cell, not nearer; 3.5 - 1 is 2.5."""
+    cells = np.zeros((1, 9), np.int8)
+    cells[0, 0], cells[0, 2] = 100, -1
+    assert inflated(cells, 2.5).tolist() == [[100, 99, -1, 0, 0, 0, 0, 0, 0]]
+    assert inflated(cells, 2.6).tolist() == [[100, 99, -1, 99, 0, 0, 0, 0, 0]]
+    assert inflated(np.array([[0], [0], [100]], np.int8), 1.0).tolist() == [[0], [99], [100]]
 
 
 def test_clearing_a_costmap_clears_the_map(network, robot):

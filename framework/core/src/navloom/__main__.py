@@ -12,14 +12,9 @@ RUNS_PLUGINS = {"check", "map", "plan", "replay", "run"}
 
 
 def main() -> None:
-    """Entry point. Shell completion, `--version` and `stop` are served before anything heavy is imported."""
+    """Entry point. `--version` and `stop` are served before anything heavy is imported."""
     given = sys.argv[1:]
-    # A shell asks at each press of a key: nothing but names may be loaded.
-    if given[:1] == ["__complete"]:
-        from navloom.installed import print_candidates
-
-        print_candidates(given[1:])
-    elif given in (["--version"], ["--version", "--json"]):
+    if given in (["--version"], ["--version", "--json"]):
         from navloom.installed import print_versions
 
         print_versions("--json" in given)

@@ -15,8 +15,6 @@ COMMANDS = {
     "worlds": "navloom.cli.describing.worlds:worlds",
     "graph": "navloom.cli.describing.graph:graph",
     "config": "navloom.cli.describing.config:app",
-    "completion": "navloom.cli.shells.completion:completion",
-    "man": "navloom.cli.shells.manual:man",
 }
 """Function or app of each command, imported when it is used. The README describes each in a line, for the help."""
 

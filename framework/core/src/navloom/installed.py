@@ -5,7 +5,6 @@ Nothing listed is imported. Every start of the command line imports this module,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from navloom.entry_kinds import OTHERS, installed_points
@@ -16,7 +15,6 @@ __all__ = [
     "config_help",
     "framework_version",
     "plugin_distributions",
-    "print_candidates",
     "print_versions",
     "shipped_names",
 ]
@@ -78,10 +76,3 @@ def candidates(kind: str) -> list[str]:
         return list(dict.fromkeys(name.partition(".")[0] for name in plugins))
     role = "world" if kind == "worlds" else kind
     return [name.partition(".")[2] for name in names if name.partition(".")[0] == role]
-
-
-def print_candidates(kinds: Sequence[str]) -> None:
-    """Print completion candidates for a shell, one a line."""
-    for kind in kinds:
-        for name in candidates(kind):
-            print(name)

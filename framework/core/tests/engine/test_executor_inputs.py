@@ -34,6 +34,7 @@ def test_the_words_of_a_gate_are_those_of_older_recordings() -> None:
 def test_only_fields_that_differ_from_the_default_are_written() -> None:
     assert GateTold(warm=("avoider b",)).text == '{"warm": ["avoider b"]}'
     assert GateTold.of(GateTold(now_ns=5, late="goal main").text).late == "goal main" and not GateTold.of("{}").late
+    assert GateTold(now_ns=5, speed_limit=0.25).text == '{"now_ns": 5, "speed_limit": 0.25}'
     assert GateTold(now_ns=5, restarted=True).text == '{"now_ns": 5, "restarted": true}'
     assert GateTold().text == "" and GateTold(now_ns=0).text == "{}" and GateTold.of("{}").now_ns is None
 

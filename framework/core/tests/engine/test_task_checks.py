@@ -12,7 +12,7 @@ import pytest
 from navloom.config import ConfigError
 from navloom.engine.build import assemble
 from navloom.engine.system import System
-from navloom.engine.task_checks import check_live, check_task, is_real, place_problem
+from navloom.engine.task_checks import PlaceProblem, check_live, check_task, is_real, place_problem
 from navloom.geometry.world import Box, World
 from toys import discovery, toy_config
 
@@ -178,13 +178,12 @@ def test_a_place_at_the_edge_of_the_world_is_within_it(tmp_path: Path, x: float,
     world = replace(HALL, obstacles=(), bounds=(-1.0, -2.0, 4.0, 3.0))
     system: Any = SimpleNamespace(world=world, robot=system_of(tmp_path).robot)
     found = place_problem(system, x, y, None)
-    assert found == (
-        f"({x:g}, {y:g}) is outside the world hall, which reaches from (-1, -2) to (4, 3) m" if said else ""
-    )
+    text = f"({x:g}, {y:g}) is outside the world hall, which reaches from (-1, -2) to (4, 3) m"
+    assert found == (PlaceProblem(text, is_outside=True) if said else None)
 
 
 def test_without_a_world_every_place_is_free(tmp_path: Path) -> None:
-    assert place_problem(SimpleNamespace(world=None, robot=system_of(tmp_path).robot), 1e9, 0.0, None) == ""  # type: ignore[arg-type]
+    assert place_problem(SimpleNamespace(world=None, robot=system_of(tmp_path).robot), 1e9, 0.0, None) is None  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -208,4 +207,5 @@ def test_a_robot_fits_with_the_heading_that_is_asked_for(
         SimpleNamespace(world=HALL, robot=system.robot),  # type: ignore[arg-type]
         2.0 - gap, 0.5, None if heading is None else math.radians(heading),
     )  # fmt: skip
-    assert found == ("" if fits else f"the robot does not fit at ({2.0 - gap:g}, 0.5): occupied by wall")
+    text = f"the robot does not fit at ({2.0 - gap:g}, 0.5): occupied by wall"
+    assert found == (None if fits else PlaceProblem(text))

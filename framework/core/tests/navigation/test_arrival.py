@@ -11,6 +11,7 @@ from navloom.navigation.active_goal import ActiveGoal, GoalEnd
 from navloom.navigation.arrival import Arrival, Move
 from navloom.navigation.braking import Braking, Ending, Standstill
 from navloom.navigation.goal_rules import GoalRules, GoalView
+from navloom.navigation.time_left import TimeLeft
 from navloom.testing import robot
 
 SOFT = Braking(robot(max_deceleration=0.5, motor_lag=0.1, dead_time=0.05, max_linear=1.0), 0.05)
@@ -18,8 +19,9 @@ SOFT = Braking(robot(max_deceleration=0.5, motor_lag=0.1, dead_time=0.05, max_li
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
     localizer_timeout=5.0,
-    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=SOFT,
+    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=SOFT, fastest=0.4, cruise=0.4,
 )  # fmt: skip
+BEGAN = 0.0, 60.0, TimeLeft(RULES)
 FOLLOWS = Drive(1, 2, None, False)
 TURNS = Drive(1, 2, 0.0, True)
 
@@ -35,7 +37,7 @@ def due(
     left = remaining or 4.0 - estimate.pose.x
     reference = Reference(2, 0.0, left, estimate.pose, 0.4, 0.0, 0.0, Point2D(4.0, 0.0), np.zeros((1, 2)), 0.5)
     seen = GoalView(1, 1.0, 10**9, estimate, handover=HandOver(engaged, math.inf), reference=reference, speed=speed)
-    active = ActiveGoal(Goal(1, 4.0, 0.0, None, via), [*via, Point2D(4.0, 0.0)], 0.0, 60.0)
+    active = ActiveGoal(Goal(1, 4.0, 0.0, None, via), [*via, Point2D(4.0, 0.0)], *BEGAN)
     return Arrival(RULES).is_due(active, FOLLOWS, seen)
 
 
@@ -57,7 +59,7 @@ def test_other_robots_are_stopped_within_the_tolerance(other: dict[str, object])
 
 def moves(estimate: PoseEstimate, speed: float, drive: Drive) -> Drive | None:
     seen = GoalView(1, 1.0, 10**9, estimate, speed=speed)
-    active = ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
+    active = ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], *BEGAN)
     return Arrival(RULES).step(active, estimate.pose, drive, seen).drive
 
 
@@ -99,7 +101,10 @@ def test_a_run_does_not_wait_for_ever() -> None:
 
 def arriving(misses: int = 0, path_id: int = 2) -> tuple[Arrival, ActiveGoal]:
     """A robot that stops at its goal, (4, 0) and heading 0, since 1.0 s."""
-    arrival, active = Arrival(RULES), ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
+    arrival, active = (
+        Arrival(RULES),
+        ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], *BEGAN),
+    )
     active.misses = misses
     seen = GoalView(1, 1.0, 10**9, at(3.9), speed=0.0)
     assert arrival.step(active, Pose2D(3.9, 0.0, 0.0), Drive(1, path_id, 0.0, True), seen).drive == Drive(
@@ -147,7 +152,10 @@ def test_a_robot_that_may_still_move_is_waited_for() -> None:
 
 
 def test_a_turn_that_does_not_end_is_stuck_after_a_while() -> None:
-    arrival, active = Arrival(RULES), ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], 0.0, 60.0)
+    arrival, active = (
+        Arrival(RULES),
+        ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], *BEGAN),
+    )
     active.moved_at = 1.0
     for time, code in ((6.0, ""), (6.1, "heading_missed")):
         view = GoalView(1, time, round(time * 1e9), at(3.9, heading=0.5))

@@ -93,6 +93,19 @@ def test_speed_rises_by_the_acceleration_and_falls_by_the_deceleration() -> None
     assert decide(gate, {"controller": offer(0.0), "avoider": offer(0.0)})[0] == pytest.approx(0.45)
 
 
+def test_a_speed_limit_slows_all_but_the_operator_along_their_curvature() -> None:
+    """From 0.4 m/s and 0.2 rad/s to a quarter of both."""
+    gate = driving_at(0.4, 0.2, max_deceleration=100.0)
+    gate.speed_limit = 0.1
+    for role in ("controller", "avoider", "recovery"):
+        offers = {**BOTH, role: offer(0.4, 0.2)}
+        assert ramp(gate, offers, 1, engaged=role == "avoider") == [(pytest.approx(0.1), pytest.approx(0.05))], role
+    assert ramp(gate, {"recovery": offer(-0.4, 0.2)}, 1) == [(pytest.approx(-0.1), pytest.approx(0.05))]
+    assert ramp(gate, {**BOTH, "operator": offer(0.4, 0.2)}, 1) == [(0.4, 0.2)]
+    gate.speed_limit = 0.0
+    assert ramp(gate, {**BOTH, "controller": offer(0.4, 0.2)}, 1) == [(0.4, 0.2)]
+
+
 def test_reversing_brakes_first() -> None:
     gate = CommandGate(LIMITS)
     for _ in range(10):
@@ -121,8 +134,10 @@ def driving_at(
     return gate
 
 
-def ramp(gate: CommandGate, offers: dict[str, Offer | None], ticks: int) -> list[tuple[float, float]]:
-    twists = [gate.decide(Sensed(NOW, False, {}), offers, False, 0, ())[0] for _ in range(ticks)]
+def ramp(
+    gate: CommandGate, offers: dict[str, Offer | None], ticks: int, engaged: bool = False
+) -> list[tuple[float, float]]:
+    twists = [gate.decide(Sensed(NOW, False, {}), offers, engaged, 0, ())[0] for _ in range(ticks)]
     return [(twist.vx, twist.wz) for twist in twists]
 
 

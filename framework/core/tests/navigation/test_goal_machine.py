@@ -39,7 +39,7 @@ from navloom.testing import robot
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
     localizer_timeout=5.0,
-    deadline=60.0, scans_on_request=True, feedback_ticks=10, braking=Braking(robot(), 0.05),
+    deadline=60.0, scans_on_request=True, feedback_ticks=10, braking=Braking(robot(), 0.05), fastest=0.4, cruise=0.4,
 )  # fmt: skip
 STILL = Twist2D(0.0, 0.0, 0.0)
 GOAL = Goal(1, 4.0, 0.0, None, ())
@@ -581,7 +581,7 @@ def test_the_first_estimate_of_a_goal_uses_its_own_path() -> None:
     planning = feedback(machine.step(seen(3.0, map=a_map(1.4), reference=reference(2, 3.0))))
     assert (planning.goal_id, planning.state, planning.distance) == (2, "planning", 0.0)
     first = feedback(machine.step(seen(3.05, answer=path(3), reference=reference(2, 2.9))))
-    assert (first.state, first.distance, first.time_left) == ("driving", 0.0, 0.0)
+    assert (first.state, first.distance, first.time_left) == ("driving", 0.0, 5.0)  # 2 m straight at 0.4 m/s
     assert feedback(machine.step(seen(3.5, reference=reference(3, 1.0)))).distance == 1.0
 
 

@@ -28,7 +28,7 @@ from navloom.testing import robot
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
     localizer_timeout=5.0,
-    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=Braking(robot(), 0.05),
+    deadline=60.0, scans_on_request=False, feedback_ticks=10, braking=Braking(robot(), 0.05), fastest=0.4, cruise=0.4,
 )  # fmt: skip
 MAP = MapUpdate(0, OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.0, 0.0, 0.0)), np.empty((0, 4)), ())
 REASON = "24% of the echoes fit the map, less than 40%"

@@ -26,7 +26,7 @@ from gate_rig import (
     stamped,
     stepped,
 )  # fmt: skip
-from navloom.engine.nodes.executor_inputs import Obeyed
+from navloom.engine.nodes.executor_inputs import GateTold, Obeyed
 from navloom.messages import (
     Command,
     Drive,
@@ -140,6 +140,13 @@ def test_a_request_is_recorded_with_the_operators_command_at_that_time() -> None
     gate.runner.take_in()
     gate.runner.obey(OperatorRequest("swap", None, *OTHER))
     assert gate.node.obeyed == [Obeyed("release", "", "", 0), Obeyed("swap", *OTHER, 7)]
+
+
+def test_a_speed_limit_is_recorded_in_each_step() -> None:
+    gate = stamped()
+    gate.node.gate.speed_limit = 0.25
+    gate.tick(0)
+    assert GateTold.of(gate.node.told).speed_limit == 0.25
 
 
 def test_released_is_only_the_command_of_before() -> None:

@@ -26,6 +26,8 @@ CASES: list[tuple[Service[Any, Any], Any, dict[str, Any], Any, dict[str, Any]]] 
      {"start": [0.0, 0.0, 0.5], "goal": [1.0, 0.0, 0.0]},
      requests.Planned((), "no_path", "a wall"), {"points": [], "kind": "no_path", "detail": "a wall"}),
     (requests.CLEAR, NOTHING, {}, NOTHING, {}),
+    (requests.LIMIT, requests.SpeedLimit(50.0, True), {"speed": 50.0, "is_percentage": True},
+     requests.SpeedLimit(0.2), {"speed": 0.2, "is_percentage": False}),
     (requests.SWAP, requests.Swap("avoider", "vff"), {"role": "avoider", "instance": "vff"},
      requests.Selected(("avoider vff",), "vfh", 3), {"pending": ["avoider vff"], "selected": "vfh", "epoch": 3}),
     *((service, NOTHING, {}, NOTHING, {}) for service in GATE.values()),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import platform
 import re
+import socket
 import threading
-import urllib.error
 import urllib.request
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,12 @@ from described import counts, described, everyone, heard
 from navloom.messages import GateStatus, StopReason
 from navloom_live.operating import metrics_server
 from navloom_live.operating.metrics_server import BindError, MetricsServer
-from navloom_live.operating.prometheus_metrics import MOST_REASONS, Stops, exposition
+from navloom_live.operating.prometheus_metrics import MOST_REASONS, Stops, families
 from navloom_live.operating.robot_nodes import Node
 from navloom_live.operating.stream_subscription import Told
-
-LINE = re.compile(r'[a-z_]+\{(?:[a-z]+="(?:[^"\\\n]|\\.)*",?)+\} -?[0-9.e+-]+')
+from prometheus_client import CollectorRegistry, Metric, generate_latest
+from prometheus_client.parser import text_string_to_metric_families
+from prometheus_client.registry import Collector
 
 
 def said(reason: str) -> Told:
@@ -29,12 +31,33 @@ def said(reason: str) -> Told:
     return Told("gate", "main", "status", status, 0)
 
 
-def values(text: str) -> dict[str, float]:
-    """Value by name and labels, the labels of the robot left out."""
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    assert all(LINE.fullmatch(line) for line in lines), lines
-    pairs = (line.replace('realm="lab",robot="r1"', "").rpartition(" ") for line in lines)
-    return {name.replace("{,", "{").replace("{}", ""): float(value) for name, _, value in pairs}
+def exposition(nodes: Sequence[Node], missing: int, stops: Stops) -> str:
+    """What a scrape of these nodes reads."""
+    registry = CollectorRegistry()
+    registry.register(Scrape(nodes, missing, stops))
+    return generate_latest(registry).decode()
+
+
+class Scrape(Collector):
+    def __init__(self, *given: Any) -> None:
+        self.given = given
+
+    def collect(self) -> Iterator[Metric]:
+        return families("lab/r1", *self.given)
+
+
+def values(text: str) -> dict[Any, float]:
+    """Values as Prometheus reads them: of a metric without labels by its name, of others by `labelled`."""
+    found = {}
+    for sample in (sample for metric in text_string_to_metric_families(text) for sample in metric.samples):
+        labels = dict(sample.labels)
+        assert (labels.pop("realm"), labels.pop("robot")) == ("lab", "r1")
+        found[labelled(sample.name, **labels) if labels else sample.name] = sample.value
+    return found
+
+
+def labelled(name: str, **labels: str) -> tuple[str, frozenset[tuple[str, str]]]:
+    return name, frozenset(labels.items())
 
 
 def test_stops_are_counted_once_each_by_reason() -> None:
@@ -60,24 +83,26 @@ def test_every_line_is_what_prometheus_reads() -> None:
     stops = Stops()
     for reason in ("", "operator"):
         stops.take(said(reason))
-    found = values(exposition("lab/r1", here, 1, stops))
+    found = values(exposition(here, 1, stops))
     assert found["navloom_up"] == 1.0 and found["navloom_nodes_missing"] == 1.0
-    assert found['navloom_gate_stops_total{reason="operator"}'] == 1.0 and found["navloom_gate_stopped"] == 1.0
-    assert found['navloom_messages_published_total{role="gate",instance="main",port="command"}'] == 7.0
-    to = 'role="gate",instance="main",stream="avoider/vfh/command"'
-    assert found[f"navloom_messages_dropped_total{{{to}}}"] == 2.0
-    assert found[f'navloom_message_age_seconds{{{to},quantile="0.99"}}'] == 0.03
-    assert found['navloom_platform_late_ticks_total{instance="sim"}'] == 3.0
-    assert found['navloom_gate_chain_seconds{quantile="0.5"}'] == 0.004
-    assert found['navloom_node_busy_seconds{role="avoider",instance="a\\"b\\\\c\\n"}'] == 0.5
-    assert found['navloom_node_answers{role="mapper",instance="silent"}'] == 0.0
-    cpu = [value for name, value in found.items() if name.startswith("navloom_process_cpu_seconds_total")]
+    assert (
+        found[labelled("navloom_gate_stops_total", reason="operator")] == 1.0 and found["navloom_gate_stopped"] == 1.0
+    )
+    assert found[labelled("navloom_messages_published_total", role="gate", instance="main", port="command")] == 7.0
+    to = {"role": "gate", "instance": "main", "stream": "avoider/vfh/command"}
+    assert found[labelled("navloom_messages_dropped_total", **to)] == 2.0
+    assert found[labelled("navloom_message_age_seconds", **to, quantile="0.99")] == 0.03
+    assert found[labelled("navloom_platform_late_ticks_total", instance="sim")] == 3.0
+    assert found[labelled("navloom_gate_chain_seconds", quantile="0.5")] == 0.004
+    assert found[labelled("navloom_node_busy_seconds", role="avoider", instance='a"b\\c\n')] == 0.5
+    assert found[labelled("navloom_node_answers", role="mapper", instance="silent")] == 0.0
+    cpu = [value for name, value in found.items() if name[0] == "navloom_process_cpu_seconds_total"]
     spent = sum(os.times()[:2])
     assert cpu and cpu[0] == pytest.approx(spent, abs=1.0)
 
 
 def test_without_a_node_the_metric_up_is_0() -> None:
-    assert values(exposition("lab/r1", [], 0, Stops())) == {"navloom_up": 0.0, "navloom_nodes_missing": 0.0}
+    assert values(exposition([], 0, Stops())) == {"navloom_up": 0.0, "navloom_nodes_missing": 0.0}
 
 
 class Played:
@@ -106,16 +131,18 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Any:
     thread.join()
 
 
-def test_the_server_answers_scrapes_on_loopback_and_refuses_the_rest(server: MetricsServer) -> None:
+def test_the_server_answers_scrapes_on_loopback_and_waits_for_no_half_request(server: MetricsServer) -> None:
     with urllib.request.urlopen(server.url, timeout=5.0) as answer:
         assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
         assert values(answer.read().decode())["navloom_up"] == 1.0
-    with pytest.raises(urllib.error.HTTPError, match="404"):
-        urllib.request.urlopen(server.url.replace("/metrics", "/other"), timeout=5.0)
+    host, port = server.url.removeprefix("http://").removesuffix("/metrics").split(":")
+    with socket.create_connection((host, int(port))) as half_sent:
+        half_sent.sendall(b"GET /metrics HTTP/1.1\r\n")  # does not delay the next scrape
+        with urllib.request.urlopen(server.url, timeout=5.0) as answer:
+            assert values(answer.read().decode())["navloom_up"] == 1.0
     assert server.url.startswith("http://127.0.0.1:")
-    port = int(server.url.split(":")[2].partition("/")[0])
     with pytest.raises(BindError, match=f"127.0.0.1:{port}: cannot be listened at: Address already in use"):
-        MetricsServer(Played(), ("127.0.0.1", port))  # type: ignore[arg-type]
+        MetricsServer(Played(), ("127.0.0.1", int(port)))  # type: ignore[arg-type]
 
 
 def test_the_docs_name_every_metric() -> None:

@@ -263,6 +263,7 @@ class Replayer:
             # What the executor told the gate beside its inputs decides as they do.
             node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, gone_of(told.gone)
             node.has_new_platform, node.late = told.restarted, told.late
+            node.gate.speed_limit = told.speed_limit
             for one in told.obeyed:
                 entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one.driving, step.place)
                 opened = entry.open() if entry is not None and one.driving else None

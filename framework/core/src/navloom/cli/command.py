@@ -14,6 +14,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 from typer.core import TyperCommand
 
+from navloom.cli.completion import proposing_names
 from navloom.entry_kinds import TRACEBACK
 from navloom.logs import Level, set_up_logging
 
@@ -117,7 +118,8 @@ def with_groups(function: Callable[..., Any]) -> Callable[..., Any]:
     groups: dict[str, Any] = {
         name: parameter.annotation for name, parameter in parameters.items() if is_dataclass(parameter.annotation)
     }
-    spelled = [option for name, parameter in parameters.items() for option in _options(groups.get(name), parameter)]
+    options = (option for name, parameter in parameters.items() for option in _options(groups.get(name), parameter))
+    spelled = list(map(proposing_names, options))
     own = {one.name for one in spelled}
     every = [parameter for parameter in _fields_of(EveryCommand) if parameter.name not in own]
 
@@ -151,7 +153,7 @@ def _options(group: Any, parameter: inspect.Parameter) -> Iterator[inspect.Param
         yield from _fields_of(group)
 
 
-@functools.cache  # `navloom man` asks this for every command
+@functools.cache
 def _fields_of(group: Any) -> tuple[inspect.Parameter, ...]:
     """The fields of a dataclass of options, as function parameters."""
     hints = get_type_hints(group, include_extras=True)

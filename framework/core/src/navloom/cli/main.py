@@ -48,7 +48,6 @@ def _about(
 app = App(
     cls=distribution_commands.Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -84,7 +83,7 @@ def main() -> None:
 def _run() -> None:
     """Run the command and flush its output, so that a full disk fails here and not when Python exits."""
     try:
-        app()
+        app(prog_name="navloom")  # also of `python -m navloom`: completion scripts ask for this name
     finally:
         try:
             sys.stdout.flush()

@@ -137,6 +137,7 @@ def _steppers(
 
 def goal_rules(system: System) -> GoalRules:
     rules, run = system.config.navigation, system.config.run
+    fastest = min(rules.speed[1], system.robot.max_linear)
     return GoalRules(
         tolerance=system.goal_tolerance,
         heading_tolerance=math.radians(rules.heading_tolerance_deg),
@@ -149,6 +150,8 @@ def goal_rules(system: System) -> GoalRules:
         scans_on_request=system.scans_on_request,
         feedback_ticks=max(1, round(0.5 / run.period)),
         braking=system.braking,
+        fastest=fastest,
+        cruise=system.robot.max_linear if rules.handover == "always" else fastest,
         replan=ReplanRules(
             rules.replan_when_blocked,
             rules.replan_period,

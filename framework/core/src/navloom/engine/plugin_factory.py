@@ -21,7 +21,6 @@ from navloom.engine.random_streams import stream_source
 from navloom.engine.stepper import fault_text
 from navloom.engine.system import System
 from navloom.messages.packing import writer_of
-from navloom.messages.typed import typed_reader
 from navloom.navigation import blocked_trajectory, collision_monitor, handover, trajectory, trajectory_projection
 from navloom.plugins import PluginError
 from navloom.roles import FIXED, ROLES, Context, Role
@@ -58,8 +57,6 @@ def make_plugins(
         for port in spec.ports:
             # Generated on first use, which would fall into a tick.
             writer_of(port.carries)
-            if only is not None:  # not all run in this process: messages come as bytes
-                typed_reader(port.carries)
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
         if only is not None and (role, instance) not in only:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE
 from navloom.roles import ROLES, Params, Platform, Role
 
-__all__ = ["LEAST_HANG_TIMEOUT", "check_live", "check_task", "is_real", "place_problem"]
+__all__ = ["LEAST_HANG_TIMEOUT", "PlaceProblem", "check_live", "check_task", "is_real", "place_problem"]
 
 LEAST_HANG_TIMEOUT = 1.5
 """Shortest `live.hang_timeout`, s: a live node may wait so long for a reader until its link is closed."""
@@ -99,12 +100,12 @@ def _places(system: System) -> Iterator[str]:
     start, goal = system.true_start, system.goal
     problem = place_problem(system, start.x, start.y, start.heading)
     if problem:
-        yield f"navigation.start: {problem}"
+        yield f"navigation.start: {problem.text}"
     if goal is not None:
         heading = None if goal.heading_deg is None else math.radians(goal.heading_deg)
         problem = place_problem(system, goal.x, goal.y, heading)
         if problem:
-            yield f"navigation.goal: {problem}"
+            yield f"navigation.goal: {problem.text}"
 
 
 def _delays(system: System) -> Iterator[str]:
@@ -154,26 +155,33 @@ def _robot(system: System) -> Iterator[str]:
         )
 
 
-def place_problem(system: System, x: float, y: float, heading: float | None) -> str:
-    """Why the robot does not fit at a place in the true world, m and rad; empty if it fits or no world is known."""
+class PlaceProblem(NamedTuple):
+    """Why the robot does not fit at a place in the true world, and whether the place is outside it."""
+
+    text: str
+    is_outside: bool = False
+
+
+def place_problem(system: System, x: float, y: float, heading: float | None) -> PlaceProblem | None:
+    """Why the robot does not fit at a place in the true world, m and rad; None if it fits or no world is known."""
     world, outline = system.world, system.robot.footprint
     if world is None:
-        return ""
+        return None
     left, low, right, high = world.bounds
     if not (left <= x <= right and low <= y <= high):
-        return (
+        return PlaceProblem(
             f"({x:g}, {y:g}) is outside the world {world.name}, "
-            f"which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m"
+            f"which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m",
+            is_outside=True,
         )
     # Without a heading the planner may choose any: only what is covered at every heading must be free.
     shape = outline if heading is not None else _disc(inscribed_radius(outline))
     place, height = Place(x, y, heading or 0.0), system.robot.height
     gap, name = clearance(shape, place, world, height=height)
     if gap > 0.0:
-        return ""
-    return f"the robot does not fit at ({x:g}, {y:g}): " + (
-        unknown_remedy(shape, place, world, height) or f"occupied by {name}"
-    )
+        return None
+    why = unknown_remedy(shape, place, world, height) or f"occupied by {name}"
+    return PlaceProblem(f"the robot does not fit at ({x:g}, {y:g}): {why}")
 
 
 def _disc(radius: float) -> NDArray[np.float64]:

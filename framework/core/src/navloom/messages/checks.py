@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from navloom.messages.kinds import Array, Kind, MessageError, brief
 
-__all__ = ["Check", "checker", "contents_check"]
+__all__ = ["Check", "checker"]
 
 Check = Callable[[str, Any, dict[str, int]], Any]
 """(name of the field, given value, sizes found so far in the message) -> value to hold."""
@@ -162,7 +162,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     assert spec is not None
     dtype = np.dtype(spec.dtype)
     named, dimensions = tuple(enumerate(spec.shape)), len(spec.shape)
-    refuse = contents_check(spec)
+    refuse = _contents_check(spec)
     # The last two immutable arrays are recognised by identity: a sensor's bearings are checked once, not in each tick.
     known: list[NDArray[Any] | None] = [None, None]
     first_size = spec.shape[0] if dimensions and isinstance(spec.shape[0], str) else ""
@@ -223,7 +223,7 @@ _BY_SUM = 64
 """Largest array, in elements, for which a sum in Python is faster than a call of numpy."""
 
 
-def contents_check(spec: Array) -> Callable[[str, str, Array, NDArray[Any]], None] | None:
+def _contents_check(spec: Array) -> Callable[[str, str, Array, NDArray[Any]], None] | None:
     """A function that checks the values of a non-empty array of the declared type and shape; None if all values fit.
 
     It takes class name, field, declaration and array, and raises MessageError.

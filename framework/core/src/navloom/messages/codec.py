@@ -25,11 +25,12 @@ from navloom.messages.headers import read_header
 from navloom.messages.kinds import MAX_ARRAYS, Kind, Message, MessageError, brief
 from navloom.messages.packing import PAD, Arrays, Pads, pack, writer_of
 from navloom.messages.schema import OLDER, SCHEMAS
-from navloom.messages.typed import SHORT, SHORT_LIST, Typed, typed_reader
 
 __all__ = ["CodecError", "UnknownSchema", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
            "redirected", "schema_label"]  # fmt: skip
 
+SHORT, SHORT_LIST = 4096, 256
+"""Largest header, bytes, and longest list in it that are unpacked at once, which is fastest and takes at most 3 MB."""
 _LENGTH = struct.Struct("<I")
 _pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + pack("envelope")
@@ -48,8 +49,8 @@ class UnknownSchema(CodecError):
     """A message's class, or its version of the class, is not declared in this process."""
 
 
-_WAYS: dict[str, tuple[type[Message], type[Message], Typed, int]] = {}
-"""By label: the class of today and of that version, the fast reader of its headers, and the largest header, bytes."""
+_WAYS: dict[str, tuple[type[Message], type[Message], int]] = {}
+"""By label: the class of today and of that version, and the largest header, bytes."""
 _READERS: dict[type[Message], Read] = {}
 """By class: the reader of a header's values that accepts any version."""
 
@@ -119,7 +120,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     way = _WAYS.get(label)
     if way is None or SCHEMAS.get(way[0].schema_name) is not way[0]:
         way = _new_way(label)
-    now, cls, read, most = way
+    now, cls, most = way
     if data.__class__ is not bytes:
         data = memoryview(data).cast("B").toreadonly()
     if len(data) < 4:
@@ -130,15 +131,9 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     # Refused before it is unpacked: a header of a few bytes may claim a list of a billion items.
     if end - 4 > most:
         raise CodecError(f"{label}: the header takes {end - 4} bytes, expected at most {most}")
-    start, memory = end + -end % ALIGNMENT, memory_of(data)
-    if end <= SHORT:
-        try:
-            return read(data[4:end], memory, start)
-        except Exception:  # the general reader below either reads it or reports the error
-            pass
     try:
         header = _header(data[4:end], cls)
-        arrays = views(header.get("arrays"), memory, start)
+        arrays = views(header.get("arrays"), memory_of(data), end + -end % ALIGNMENT)
         message = _reader(cls)(header.get("fields"), arrays)
         return message if cls is now else message.upgraded(), _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
@@ -205,21 +200,10 @@ def _built(packed: bytes | memoryview, cls: type[Message]) -> Any:
         return read_header(packed, cls)
 
 
-def _new_way(label: str) -> tuple[type[Message], type[Message], Typed, int]:
+def _new_way(label: str) -> tuple[type[Message], type[Message], int]:
     now, cls = _classes_of(label)
-    read = typed_reader(cls)
-    way = _WAYS[label] = now, cls, read if cls is now else _upgrading(read), header_limit(cls)
+    way = _WAYS[label] = now, cls, header_limit(cls)
     return way
-
-
-def _upgrading(read: Typed) -> Typed:
-    """The fast reader of an older version."""
-
-    def read_older(packed: bytes | memoryview, memory: Any, start: int) -> tuple[Message, Envelope]:
-        message, envelope = read(packed, memory, start)
-        return message.upgraded(), envelope  # type: ignore[attr-defined]
-
-    return read_older
 
 
 def _classes_of(label: str) -> tuple[type[Message], type[Message]]:

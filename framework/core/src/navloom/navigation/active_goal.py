@@ -18,8 +18,10 @@ from navloom.messages import (
     Point2D,
     Pose2D,
     ReasonCode,
+    Reference,
 )
 from navloom.navigation.goal_rules import GoalView
+from navloom.navigation.time_left import TimeLeft
 
 __all__ = ["ActiveGoal", "GoalEnd", "ending_of_plan", "feedback_of", "overdue", "result_of"]
 
@@ -56,6 +58,7 @@ class ActiveGoal:
         legs: Points that remain to be reached, the goal itself last.
         since: When the current state began or its request was made, s.
         deadline: Run clock at which the goal times out, s.
+        time_left: Estimates the remaining time.
         recoveries: How many were started.
         best: Least remaining length on the current path, m.
         moved_at: When the remaining length last decreased, s.
@@ -80,6 +83,7 @@ class ActiveGoal:
     legs: list[Point2D]
     since: float
     deadline: float
+    time_left: TimeLeft
     recoveries: int = 0
     best: float = math.inf
     moved_at: float = 0.0
@@ -130,6 +134,15 @@ class ActiveGoal:
         # `moved_at` stays: a path that changes each second must not hide a robot that makes no progress.
         self.best, self.followed_at = math.inf, time
 
+    def own_reference(self, seen: GoalView) -> Reference | None:
+        """The reference on the path of this drive; None before the first."""
+        reference = seen.reference
+        return None if reference is None or reference.path_id < self.first_path else reference
+
+    def look(self, seen: GoalView) -> None:
+        """Measure the progress of a tick of its drive."""
+        self.time_left.look(seen, None if _is_held(seen) else self.own_reference(seen))
+
     def next_place(self) -> Pose2D:
         """Where the next path ends. Only the last path has a heading."""
         leg, heading = self.legs[0], self.goal.heading
@@ -154,6 +167,13 @@ class ActiveGoal:
             self.ended_at = seen.time
         return self.ended_at is not None and seen.time - self.ended_at >= MISSED and self.misses < MISSES
 
+    def is_trapped(self, seen: GoalView) -> bool:
+        """Whether an avoider that drives is trapped, and has said so since the newest recovery."""
+        said, handover = seen.avoider, seen.handover
+        if said is None or said is self.avoider or handover is None:
+            return False
+        return said.status == "trapped" and handover.engaged
+
     def is_blocked(self, seen: GoalView) -> bool:
         """Whether the gate has stopped the robot for an obstacle for too long."""
         # Only stops for an obstacle count: a recovery cannot end a stop for silence or by an operator.
@@ -177,20 +197,21 @@ class ActiveGoal:
 
 def feedback_of(active: ActiveGoal | None, state: GoalState, seen: GoalView) -> Feedback:
     """The feedback on a goal in a state; None for no goal."""
-    reference, estimate = seen.reference if state == "driving" else None, seen.estimate
-    if reference is not None and active is not None and reference.path_id < active.first_path:
-        reference = None  # the new path has no reference yet
-    # While the robot maps or plans there is no length along a path, and the distance as the crow flies would jump.
-    left = reference.remaining if reference is not None else 0.0
+    estimate = seen.estimate
+    localizer = "" if estimate is None or estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}"
+    if active is None:
+        return Feedback(0, state, 0.0, 0.0, 0.0, 0, localizer)
+    reference = active.own_reference(seen) if state == "driving" else None
     return Feedback(
-        goal_id=active.goal.goal_id if active else 0,
+        goal_id=active.goal.goal_id,
         state=state,
-        distance=left,
-        time_left=left / reference.speed if reference is not None else 0.0,
+        # While the robot maps or plans there is no length along a path, and the distance as the crow flies would jump.
+        distance=reference.remaining if reference is not None else 0.0,
+        time_left=active.time_left.estimate(active.goal, active.legs, seen, reference),
         cross_track=reference.cross_track if reference is not None else 0.0,
-        recoveries=active.recoveries if active else 0,
-        localizer="" if estimate is None or estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}",
-        code=active.code if active and state in ("recovering", "waiting", "searching") else "",
+        recoveries=active.recoveries,
+        localizer=localizer,
+        code=active.code if state in ("recovering", "waiting", "searching") else "",
     )
 
 

@@ -80,6 +80,7 @@ class CommandGate:
 
     Attributes:
         enters_unseen: An operator who drives may enter space that no sensor has seen.
+        speed_limit: Largest speed of all sources but the operator, m/s; 0 for none beside those of the robot.
     """
 
     def __init__(self, limits: GateLimits, monitor: CollisionMonitor | None = None) -> None:
@@ -87,6 +88,7 @@ class CommandGate:
         self.monitor = monitor
         self.speed, self.turn = 0.0, 0.0
         self.enters_unseen = False
+        self.speed_limit = 0.0
         self._driver = "none"
         self._ramp: StopReason | None = None
         self._operator_stop = False
@@ -199,7 +201,7 @@ class CommandGate:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
         self._driver, self._ramp = source, None
         speed, monitor = self.speed, self.monitor
-        limited = self._limit(offer.twist)
+        limited = self._limit(offer.twist if source == "operator" else self._slowed(offer.twist))
         # Remembered for the status: a robot that turns needs a recovery other than one that meets an obstacle.
         self._turns = limited.vx == 0.0 and limited.wz != 0.0
         if monitor is None:
@@ -308,6 +310,13 @@ class CommandGate:
         if driver == "operator":
             return None
         return sensed.gone or (StopReason("goal_late") if sensed.late else None)
+
+    def _slowed(self, twist: Twist2D) -> Twist2D:
+        """The velocity within `speed_limit`. Its curvature stays, so that the robot drives the same way, slower."""
+        if not 0.0 < self.speed_limit < abs(twist.vx):
+            return twist
+        share = self.speed_limit / abs(twist.vx)
+        return Twist2D(twist.vx * share, 0.0, twist.wz * share)
 
     def _limit(self, twist: Twist2D) -> Twist2D:
         """The velocity within the robot's limits of speed and acceleration, which becomes the last command."""

@@ -27,6 +27,7 @@ from navloom.navigation.active_goal import ActiveGoal, GoalEnd, ending_of_plan, 
 from navloom.navigation.arrival import Arrival
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
+from navloom.navigation.time_left import TimeLeft
 
 __all__ = ["GoalMachine"]
 
@@ -76,24 +77,21 @@ class GoalMachine:
         """Accept a goal. An active goal is cancelled, but its trajectory is driven until the new plan arrives."""
         # The robot does not stop for a new goal: the old trajectory stays authorised until the new plan is there.
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
-        if self._active is not None:
-            self._finish(GoalEnd("cancelled", "preempted", f"pre-empted by goal {goal.goal_id}"), seen)
+        self._finish(GoalEnd("cancelled", "preempted", f"pre-empted by goal {goal.goal_id}"), seen)
         legs = [*goal.via, Point2D(goal.x, goal.y)]
         deadline = self.rules.deadline + (seen.time if self.rules.is_live else 0.0)
-        self._active = ActiveGoal(goal, legs, seen.time, deadline)
+        self._active = ActiveGoal(goal, legs, seen.time, deadline, TimeLeft(self.rules))
         if keeps.path_id:
             self._set_drive(replace(keeps, goal_id=goal.goal_id, turn_to=None, stop_here=False))
         self._need_map(seen)
 
     def cancel(self, seen: GoalView) -> None:
         """Cancel the active goal."""
-        if self._active is not None:
-            self._finish(GoalEnd("cancelled", "by_operator", "by the operator"), seen)
+        self._finish(GoalEnd("cancelled", "by_operator", "by the operator"), seen)
 
     def fail(self, reason: str, seen: GoalView) -> None:
         """End the active goal because a node failed."""
-        if self._active is not None:
-            self._finish(GoalEnd("error", "node_failed", reason), seen)
+        self._finish(GoalEnd("error", "node_failed", reason), seen)
 
     def begin(self, tick: int, unfinished: int) -> None:
         """Continue after an earlier goal node: keep request numbers increasing, and end its unfinished goal.
@@ -163,12 +161,12 @@ class GoalMachine:
             self._ask_scan(active, self._scan[0], seen)
         elif seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
-        elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
-            self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
-        elif seen.time - active.since > self.rules.map_timeout:
-            self._finish(GoalEnd("error", "no_map", f"no map within {self.rules.map_timeout:g} s"), seen)
-        else:
+        elif seen.time - active.since <= self.rules.map_timeout:
             self._ask_again(active, self.rules.map_timeout, seen)
+        elif seen.map is not None and active.recoveries:
+            self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
+        else:
+            self._finish(GoalEnd("error", "no_map", f"no map within {self.rules.map_timeout:g} s"), seen)
 
     def _while_planning(self, active: ActiveGoal, seen: GoalView) -> None:
         answer = seen.answer
@@ -187,13 +185,12 @@ class GoalMachine:
 
     def _while_driving(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
+        active.look(seen)
         if self._arrival.is_due(active, self._drive, seen):
             self._arrive(active, seen.estimate.pose, seen)
             return
         path_id = self._drive.path_id
-        said = seen.avoider if seen.avoider is not active.avoider else None
-        trapped = said is not None and said.status == "trapped"
-        if trapped and seen.handover is not None and seen.handover.engaged:
+        if active.is_trapped(seen):
             self._recover(active, "trapped", "trapped", seen)
         elif active.is_blocked(seen):
             self._recover(active, "blocked", "blocked", seen)
@@ -375,7 +372,8 @@ class GoalMachine:
 
     def _finish(self, end: GoalEnd, seen: GoalView, place: Point2D | None = None) -> None:
         active = self._active
-        assert active is not None
+        if active is None:
+            return
         self._out.append(("result", result_of(active, end, place, seen)))
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))

@@ -35,6 +35,9 @@ class GoalRules:
         localizer_timeout: How long to wait for a localizer that is not tracking before the goal ends lost, s.
         deadline: Run time at which a goal times out, s; live, how long a goal may take, s.
         braking: How the robot comes to rest.
+        fastest: Largest speed of the reference, m/s.
+        cruise: Speed that the robot is expected to reach where nothing limits it, m/s; above `fastest` if an avoider
+            drives, which follows no reference.
         is_live: The run has no end of its own, and messages can be lost.
         replan: Rules for replanning while driving.
         scans_on_request: The mapper depends on stop-and-scan sweeps, which must be requested.
@@ -52,6 +55,8 @@ class GoalRules:
     scans_on_request: bool
     feedback_ticks: int
     braking: Braking
+    fastest: float
+    cruise: float
     # In lockstep no message is lost, so that no request is repeated, and a run has one deadline for all goals.
     is_live: bool = False
     replan: ReplanRules = field(default_factory=ReplanRules)

@@ -11,11 +11,11 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cache, partial
 
 from navloom.config import Loaded
 from navloom.engine.answer_checks import notes_of
+from navloom.engine.lockstep_builder import goal_rules
 from navloom.engine.nodes.localizer_node import LocalizerNode
 from navloom.engine.nodes.mapper_node import MapperNode
 from navloom.engine.nodes.planner_node import PlannerNode
@@ -30,6 +30,7 @@ from navloom.plugins.error_origin import kept_tracebacks
 from navloom.plugins.registry import nearest
 from navloom.runs.provenance import distributions
 
+from navloom_live.hosting.node_measures import shared_memory_mb, usual_step, with_punctuality
 from navloom_live.hosting.process_warnings import ProcessWarnings
 from navloom_live.live import requests
 from navloom_live.live.description import Description, ProcessConfig, clocks
@@ -37,7 +38,6 @@ from navloom_live.live.live_gate import LiveGate
 from navloom_live.live.live_goal import LiveGoal
 from navloom_live.live.live_node import Source
 from navloom_live.live.live_node_builder import Hosted, all_sources
-from navloom_live.live.live_platform import LivePlatform
 from navloom_live.live.live_runner import LiveRunner
 from navloom_live.live.node_placement import spread
 from navloom_live.live.process_streams import Switchboard
@@ -51,12 +51,6 @@ from navloom_live.transport.query_limits import Desk, KeptJson, QuestionError
 from navloom_live.transport.zenoh_bus import Bus
 
 __all__ = ["ServiceError", "Services"]
-
-
-USUAL = 64
-"""Number of steps whose median is reported as the usual duration."""
-FEW_CHAINS = 100
-"""Fewest ticks for statistics on how long their commands take."""
 
 
 class ServiceError(QuestionError):
@@ -108,6 +102,7 @@ class Services:
                 self._serve(source, requests.REPLAN, partial(self._replan, runner))
             if isinstance(runner, LiveGate):
                 self._serve(source, requests.SWAP, partial(self._swap, runner))
+                self._serve(source, requests.LIMIT, partial(self._limit, runner))
                 for service in GATE.values():
                     self._serve(source, service, partial(self._gate, runner, service.name))
         if self._live:
@@ -180,7 +175,7 @@ class Services:
             silence_s=self._clock.silence_s() if self._clock.is_known else None,
             up_s=now - self._began,
             period_s=self._system.config.run.period * cell.stepper.stride,
-            step_s=_usual(runner),
+            step_s=usual_step(runner),
             busy_s=None if since_ns is None else max(0.0, now - since_ns * 1e-9),
             faulted=runner.faulted if runner is not None else 0,
             fault=runner.fault if runner is not None else "",
@@ -195,7 +190,7 @@ class Services:
             places=self._places(),
             hosts={process: host for host, share in self._system.config.live.hosts.items() for process in share},
         )
-        return _with_punctuality(told, runner)
+        return with_punctuality(told, runner)
 
     def _places(self) -> dict[str, str]:
         """Process of each node, by "role instance"."""
@@ -242,8 +237,8 @@ class Services:
         if not self._clock.is_known:
             raise ServiceError("rejected: the platform has not been heard yet")
         problem = place_problem(self._system, x, y, heading)
-        if problem:
-            raise ServiceError(f"rejected: {problem}")
+        if problem is not None:
+            raise ServiceError(f"rejected: {problem.text}")
         # Two clients may submit at once, and numbers of goals must differ.
         with self._goals:
             number = self._memory.last_goal + 1
@@ -260,11 +255,11 @@ class Services:
         assert isinstance(node, LocalizerNode)
         _refuse_wrong(x=asked.x, y=asked.y, heading=asked.heading)
         problem = place_problem(self._system, asked.x, asked.y, asked.heading)
-        if "outside" in problem:
-            raise ServiceError(problem)
+        if problem is not None and problem.is_outside:
+            raise ServiceError(problem.text)
         pose = Pose2D(asked.x, asked.y, math.remainder(asked.heading, math.tau))
         self._apply(runner, lambda: node.plugin.place(pose))
-        return requests.Placed(True, problem)
+        return requests.Placed(True, "" if problem is None else problem.text)
 
     def _clear(self, runner: LiveRunner, asked: Nothing) -> Nothing:
         """Clear the map with the next data."""
@@ -313,6 +308,16 @@ class Services:
         self._apply(runner, lambda: runner.obey(OperatorRequest("swap", None, role, name)))
         return requests.Selected(tuple(runner.gate.pending), runner.gate.selected[role], runner.gate.epoch)
 
+    def _limit(self, runner: LiveGate, asked: requests.SpeedLimit) -> requests.SpeedLimit:
+        """Limit the speed of all sources but the operator."""
+        if not (math.isfinite(asked.speed) and asked.speed >= 0.0):
+            raise ServiceError(f"rejected: speed limit is {asked.speed!r}, expected 0 for none, or more")
+        speed = asked.speed
+        if asked.is_percentage:
+            speed = 0.0 if speed >= 100.0 else 0.01 * speed * goal_rules(self._system).cruise
+        self._apply(runner, lambda: setattr(runner.gate.gate, "speed_limit", speed))
+        return requests.SpeedLimit(speed)
+
     def _gate(self, runner: LiveGate, do: str, asked: Nothing) -> Nothing:
         # A stop is never withdrawn, however long the gate's step takes.
         self._apply(runner, lambda: runner.obey(OperatorRequest(do)), waits=do == STOP.name)  # type: ignore[arg-type]
@@ -357,34 +362,6 @@ class Services:
 
 def _tracebacks() -> bytes:
     return json.dumps(kept_tracebacks()).encode()
-
-
-def _usual(runner: LiveRunner | None) -> float | None:
-    """Median duration of the newest steps, s; None before the first."""
-    steps = sorted(spent for _, spent in runner.times.newest(USUAL)) if runner is not None else []
-    return steps[len(steps) // 2] * 1e-9 if steps else None
-
-
-def _with_punctuality(told: Description, runner: LiveRunner | None) -> Description:
-    """With late ticks and stops of a platform, and how long a tick's commands take to arrive at a gate."""
-    if isinstance(runner, LivePlatform):
-        late, own = runner.late, runner.own
-        return replace(
-            told, ticks=runner.ticks, late_ticks=late, stops=runner.stops, driven_ticks=runner.driven, own_ticks=own
-        )
-    if isinstance(runner, LiveGate) and len(runner.chains_s) >= FEW_CHAINS:
-        chains = sorted(runner.chains_s.copy())
-        return replace(told, chain_p50_s=chains[len(chains) // 2], chain_p99_s=chains[len(chains) * 99 // 100])
-    return told
-
-
-def shared_memory_mb() -> float | None:
-    """Free shared memory of this host, MiB, which large messages between its processes need; None without any."""
-    try:
-        status = os.statvfs("/dev/shm")
-    except OSError:
-        return None
-    return status.f_bavail * status.f_frsize / 2**20
 
 
 def _refuse_wrong(**numbers: float) -> None:

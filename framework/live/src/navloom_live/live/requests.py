@@ -17,6 +17,7 @@ __all__ = [
     "CLEAR",
     "EXTEND",
     "GET_PARAMETERS",
+    "LIMIT",
     "PLACE",
     "PLAN",
     "REPLAN",
@@ -36,6 +37,7 @@ __all__ = [
     "Placed",
     "Planned",
     "Selected",
+    "SpeedLimit",
     "Submit",
     "Swap",
 ]
@@ -90,6 +92,14 @@ class Planned:
     points: tuple[tuple[float, float], ...]
     kind: str = ""
     detail: str = ""
+
+
+@dataclass(frozen=True)
+class SpeedLimit:
+    """Largest speed, m/s, or with `is_percentage`, % of the speed without a limit; 0 for none. An answer is in m/s."""
+
+    speed: float
+    is_percentage: bool = False
 
 
 @dataclass(frozen=True)
@@ -180,6 +190,7 @@ REPLAN = Service("replan", Nothing, GoalNumber)
 PLACE = Service("place", Place, Placed)
 PLAN = Service("plan", Between, Planned)
 CLEAR = Service("clear", Nothing, Nothing)
+LIMIT = Service("limit", SpeedLimit, SpeedLimit)
 SWAP = Service("swap", Swap, Selected)
 GET_PARAMETERS = Service("params/get", Nothing, ParameterValues)
 SET_PARAMETERS = Service("params/set", Assignments, ParameterValues)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 
@@ -23,6 +23,10 @@ from navloom_live.operating.stream_subscription import Listening
 from navloom_live.operating.teleoperation import Driver
 from navloom_live.timing import ROBOT_GONE_AFTER
 from navloom_live.transport.quality_of_service import kind_of, most_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = ["GoalHandle", "Navigator"]
 
@@ -288,6 +292,26 @@ class Navigator:
     def clear_map(self) -> None:
         """Clear what the mapper can observe again. A recording of a live robot does not contain this."""
         operator_actions.clear_map(self.client)
+
+    def footprint(self) -> NDArray[np.float64]:
+        """The robot's outline as its config gives it: (n, 2) corners, counter-clockwise, m, base frame.
+
+        Raises:
+            ClientError: No process of the robot answers, or its config cannot be read.
+        """
+        return operator_actions.footprint(self.client)
+
+    def limit_speed(self, speed: float, is_percentage: bool = False) -> float:
+        """Limit the speed of all that drives but an operator, until the gate's process ends; return the limit, m/s.
+
+        Args:
+            speed: m/s, or % of the speed that the robot is expected to drive at without a limit; 0 for no limit.
+            is_percentage: Whether it is %. 100 % and more are no limit.
+
+        Raises:
+            Refused: It is negative or not finite.
+        """
+        return operator_actions.limit_speed(self.client, speed, is_percentage)
 
     def swap(
         self, role: str, instance: str, timeout: float = 10.0, say: Callable[[str], None] = lambda text: None

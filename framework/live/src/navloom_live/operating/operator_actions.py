@@ -6,13 +6,14 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navloom_live.live.requests import (
     ADD,
     CANCEL,
     CLEAR,
     GET_PARAMETERS,
+    LIMIT,
     PLACE,
     PLAN,
     REPLAN,
@@ -23,13 +24,29 @@ from navloom_live.live.requests import (
     Between,
     Place,
     Planned,
+    SpeedLimit,
     Swap,
 )
 from navloom_live.live.service import RESUME, Nothing
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.timing import INSTANCE_START_LIMIT
 
-__all__ = ["cancel", "clear_map", "get_parameters", "place", "plan", "resume", "set_parameters", "swap"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = [
+    "cancel",
+    "clear_map",
+    "footprint",
+    "get_parameters",
+    "limit_speed",
+    "place",
+    "plan",
+    "resume",
+    "set_parameters",
+    "swap",
+]
 
 
 def resume(client: Client) -> None:
@@ -72,6 +89,22 @@ def plan(client: Client, start: tuple[float, float, float], goal: tuple[float, f
 def clear_map(client: Client) -> None:
     """Have the active mapper clear what it can observe again; see `Navigator.clear_map`."""
     client.call("mapper", _active(client, "mapper"), CLEAR, Nothing())
+
+
+def footprint(client: Client) -> NDArray[np.float64]:
+    """The robot's outline as its config gives it; see `Navigator.footprint`."""
+    from navloom.engine.build import robot_spec
+
+    from navloom_live.operating.live_recorder import ask_header
+
+    return robot_spec(ask_header(client).loaded().config.robot).footprint
+
+
+def limit_speed(client: Client, speed: float, is_percentage: bool = False) -> float:
+    """Limit the robot's speed; see `Navigator.limit_speed`."""
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise Refused(f"speed limit is {speed}, expected 0 for none, or more")
+    return client.call("gate", "main", LIMIT, SpeedLimit(speed, is_percentage)).speed
 
 
 def _active(client: Client, role: str) -> str:

@@ -1,4 +1,4 @@
-"""Metrics of a live robot in the Prometheus text format: rates, ages, stops by reason, deadlines, CPU and memory."""
+"""Metrics of a live robot for Prometheus: rates, ages, stops by reason, deadlines, CPU and memory."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from navloom.messages import GateStatus
+from prometheus_client import Metric
 
 from navloom_live.live.description import Description
 from navloom_live.operating.robot_nodes import Node, answering
 from navloom_live.operating.stream_subscription import Told
 
-__all__ = ["CONTENT_TYPE", "Stops", "exposition"]
+__all__ = ["Stops", "families"]
 
-CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 MOST_REASONS = 32
 """Largest number of stop reasons that are counted by name; further ones are counted together as `other`."""
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
@@ -81,8 +81,8 @@ class Stops:
         self.is_stopped, self._reason = status.stopped, reason if status.stopped else ""
 
 
-def exposition(robot: str, nodes: Sequence[Node], missing: int, stops: Stops) -> str:
-    """All metrics of a robot, in the format of `/metrics`.
+def families(robot: str, nodes: Sequence[Node], missing: int, stops: Stops) -> Iterator[Metric]:
+    """All metrics of a robot, for a registry of the Prometheus client.
 
     Args:
         robot: realm/name.
@@ -90,18 +90,13 @@ def exposition(robot: str, nodes: Sequence[Node], missing: int, stops: Stops) ->
         missing: Number of missing nodes.
         stops: Stops of its gate.
     """
-    by_name: dict[str, list[str]] = {}
     realm, _, name = robot.partition("/")
+    made = {metric: Metric(metric.removesuffix("_total"), meaning, kind) for metric, (kind, meaning) in _HELP.items()}
     for metric, labels, value in _samples(nodes, missing, stops):
         if math.isfinite(value):
-            pairs = {"realm": realm, "robot": name, **labels}
-            inside = ",".join(f'{label}="{_escaped(str(text))}"' for label, text in pairs.items())
-            by_name.setdefault(metric, []).append(f"{metric}{{{inside}}} {value:.17g}")
-    lines = []
-    for metric, (kind, meaning) in _HELP.items():
-        if metric in by_name:
-            lines += [f"# HELP {metric} {meaning}", f"# TYPE {metric} {kind}", *by_name[metric]]
-    return "\n".join(lines) + "\n"
+            texts = {label: str(text) for label, text in labels.items()}
+            made[metric].add_sample(metric, {"realm": realm, "robot": name, **texts}, value)
+    return (metric for metric in made.values() if metric.samples)
 
 
 def _samples(nodes: Sequence[Node], missing: int, stops: Stops) -> Iterator[Sample]:
@@ -166,7 +161,3 @@ def _of_process(process: str, pid: int) -> Iterator[Sample]:
     labels = {"process": process, "pid": pid}
     yield "navloom_process_cpu_seconds_total", labels, (int(values[11]) + int(values[12])) * TICK_S
     yield "navloom_process_resident_bytes", labels, resident
-
-
-def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")

@@ -25,6 +25,7 @@ ACTING = (
     "goal/main/cancel",
     "goal/main/replan",
     "gate/main/swap",
+    "gate/main/limit",
     "gate/main/stop",
     "gate/main/resume",
     "gate/main/release",

@@ -5,22 +5,29 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from navloom import Navigator, NavloomError
+from navloom.geometry.collision import overlap_depth
+from navloom.geometry.footprints import inscribed_radius
+from navloom.geometry.frames import transform
+from navloom.geometry.world import Place, Raster, World
+from numpy.typing import NDArray
 
 from navloom_ros.message_types import Types
 from navloom_ros.node import Node
 from navloom_ros.serving.behaviours import Behaviours
 from navloom_ros.serving.clock import Clock
-from navloom_ros.serving.costmaps import local_costmap, monitor_state
+from navloom_ros.serving.costmaps import inflated, local_costmap, monitor_state
 from navloom_ros.serving.goals import Goals
 from navloom_ros.serving.lifecycle import offer_states
-from navloom_ros.serving.map_cells import outside
+from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at, outside
 from navloom_ros.serving.outlets import STREAMS, Outlets
 from navloom_ros.serving.planning import Planning
 from navloom_ros.serving.poses import Poses
+from navloom_ros.serving.speed_limits import SpeedLimits
 from navloom_ros.times import time_of
 from navloom_ros.translating import Translated, Translator
 from navloom_ros.wire import monotonic_ns
@@ -81,9 +88,10 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
         goals = Goals(node, "map", FAILURES, say) if "goals" in given.take else None
         if goals is not None:
             Behaviours(node, goals, FAILURES, time.sleep)
-            Planning(node, goals, "map", FAILURES)
+            Planning(node, goals, "map", FAILURES, hits)
             offer_states(node, lambda: goals.can_drive, lambda: goals.robot is not None)
         poses = Poses(node, "map", say) if "pose" in given.take else None
+        limits = SpeedLimits(node, FAILURES, say) if "goals" in given.take else None
         said = ""
         try:
             while not ends():
@@ -91,7 +99,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
                     with Navigator(given.robot, given.connect, given.keys, given.insecure) as robot:
                         say(f"robot {robot.client.keys.prefix} is served in domain {given.domain} of {given.router}")
                         said = ""
-                        _Session(given, robot, outlets, goals, poses, clock, say).run(ends)
+                        _Session(given, robot, outlets, goals, poses, limits, clock, say).run(ends)
                         why = "the robot went down"
                 except NavloomError as error:
                     why = str(error)
@@ -115,12 +123,18 @@ class _Session:
         outlets: Outlets,
         goals: Goals | None,
         poses: Poses | None,
+        limits: SpeedLimits | None,
         clock: Clock,
         say: Callable[[str], None],
     ) -> None:
         self._say, self._clock = say, clock
         self._is_simulated: bool | None = None
         self._map: Any = None
+        self._costmap: Any = None
+        self._limits = limits
+        self._footprint = robot.footprint()
+        if goals is not None:
+            goals.footprint = self._footprint
         self._pose: tuple[float, float] | None = None
         self._types = given.types
         self._robot, self._outlets, self._goals, self._poses = robot, outlets, goals, poses
@@ -142,7 +156,10 @@ class _Session:
                     self._take(*told)
                 if self._poses is not None and (place := self._poses.take()) is not None:
                     self._place(place)
-                if monotonic_ns() - looked_ns > AGAIN * 1e9:
+                is_due = monotonic_ns() - looked_ns > AGAIN * 1e9
+                if self._limits is not None:
+                    self._limits.take(self._robot, repeats=is_due)
+                if is_due:
                     looked_ns = monotonic_ns()
                     missed = 0 if self._robot.client.has_nodes() else missed + 1
                     if self._status is not None:  # diagnostics tools expect 1 Hz
@@ -173,7 +190,9 @@ class _Session:
         if (role, port) == ("localizer", "pose"):
             self._pose = message.pose.x, message.pose.y
         if (role, port) == ("mapper", "map"):
-            self._map = message.grid
+            self._map = grid = message.grid
+            radius = inscribed_radius(self._footprint) / grid.resolution
+            self._costmap = replace(grid, cells=inflated(grid.cells, radius))
             if self._goals is not None:
                 self._goals.map = message.grid
         if (role, port) == ("gate", "status"):
@@ -192,15 +211,41 @@ class _Session:
         for made in self._translator.translate(role, instance, port, message, stamp_ns):
             self._outlets.put(made)
             if made.topic == "/map":
-                self._outlets.put(Translated("/global_costmap/costmap", made.message))
+                values = {
+                    "header": made.message.header,
+                    "info": made.message.info,
+                    "data": self._costmap.cells.reshape(-1),
+                }
+                costmap = self._types.new("nav_msgs/msg/OccupancyGrid", **values)
+                self._outlets.put(Translated("/global_costmap/costmap", costmap))
         if (role, port) == ("gate", "status"):
             self._outlets.put(monitor_state(self._types, message))
 
     def _publish_local_costmap(self) -> None:
-        """The part of the map round the robot, which has no costmap of its own."""
-        if self._map is not None and self._pose is not None:
+        """The part of the global costmap round the robot, which has none of its own."""
+        if self._costmap is not None and self._pose is not None:
             header = {"stamp": time_of(self._clock.now_ns()), "frame_id": "map"}
-            self._outlets.put(local_costmap(self._types, self._map, self._pose, header))
+            self._outlets.put(local_costmap(self._types, self._costmap, self._pose, header))
+
+
+def hits(
+    footprint: NDArray[np.float64], grid: Any, places: NDArray[np.float64], is_unknown_bad: bool
+) -> NDArray[np.bool_]:
+    """Which places, (n, 3) m, m, rad, the robot cannot be at: its footprint covers an obstacle or leaves the map.
+
+    As the framework judges contact; touching is allowed.
+    """
+    blocked = (grid.cells >= OCCUPIED) | ((grid.cells == UNKNOWN) & is_unknown_bad)
+    origin = Place(grid.origin.x, grid.origin.y, grid.origin.heading)
+    world = World("map", raster=Raster("map", blocked, grid.resolution, origin))
+    return np.array(
+        [
+            (cells_at(grid, transform(place, footprint)) == OUTSIDE).any()
+            or overlap_depth(footprint, Place(*place.tolist()), world, "map") > 0.0
+            for place in places
+        ],
+        np.bool_,
+    )
 
 
 def _is_simulated(robot: Navigator) -> bool | None:

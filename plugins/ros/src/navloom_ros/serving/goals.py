@@ -84,6 +84,7 @@ class Goals:
         robot: The robot; None while it is down, when goals are rejected.
         pose: Latest pose of the robot, x, y, m, heading, rad, for feedback; None before the first.
         map: Latest `navloom.messages.OccupancyGrid` of the robot; None before the first.
+        footprint: (n, 2) corners of the robot's outline, m, base frame; None before it is known.
         is_stopped: The robot is stopped until `resume`, or its platform is silent.
     """
 
@@ -94,6 +95,7 @@ class Goals:
         self.pose: tuple[float, float, float] | None = None
         self.is_stopped = False
         self.map: Any = None
+        self.footprint: Any = None
         self._node, self._frame, self._failures, self._say = node, frame, failures, say
         self._refusal = ""
         self._news = threading.Condition()

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navloom_ros.actions import ActionServer, Goal
 from navloom_ros.frames import heading_of
@@ -14,7 +16,6 @@ from navloom_ros.node import Node
 from navloom_ros.services import Call
 from navloom_ros.serving.error_codes import COMPUTE_PATH, error_code
 from navloom_ros.serving.goals import Goals
-from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at
 from navloom_ros.times import time_of
 from navloom_ros.wire import monotonic_ns
 
@@ -35,9 +36,19 @@ class Planning:
         goals: Has the robot, its pose and its map.
         frame: Frame that poses must be given in.
         failures: Exceptions of the robot that abort a goal.
+        hits: Which of n places, (n, 3) m, m, rad, map frame, the robot cannot be at in a map, with its footprint: (n,);
+            with True, neither where the map is unknown.
     """
 
-    def __init__(self, node: Node, goals: Goals, frame: str, failures: tuple[type[Exception], ...]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        goals: Goals,
+        frame: str,
+        failures: tuple[type[Exception], ...],
+        hits: Callable[[NDArray[np.float64], Any, NDArray[np.float64], bool], NDArray[np.bool_]],
+    ) -> None:
+        self._hits = hits
         self._types, self._now_ns = node.types, node.now_ns
         self._goals, self._frame, self._failures = goals, frame, failures
         self._waiting: queue.Queue[Goal] = queue.Queue(WAITING)
@@ -89,12 +100,13 @@ class Planning:
         return {"header": header, "poses": poses}
 
     def _judge(self, call: Call) -> None:
-        """Whether the map is free along a path, at the place of each pose; the robot's size is not considered."""
-        request, grid = call.request, self._goals.map
-        places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in request.path.poses]).reshape(-1, 2)
-        values = np.full(len(places), OUTSIDE) if grid is None else cells_at(grid, places)
-        is_unknown_bad = getattr(request, "consider_unknown_as_obstacle", False)
-        bad = (values >= OCCUPIED) | (values == OUTSIDE) | ((values == UNKNOWN) & is_unknown_bad)
+        """Whether the robot fits at each pose of a path in the map."""
+        request, grid, footprint = call.request, self._goals.map, self._goals.footprint
+        places = np.array([_pose_of(pose.pose) for pose in request.path.poses]).reshape(-1, 3)
+        if grid is None or footprint is None:
+            bad = np.ones(len(places), np.bool_)
+        else:
+            bad = self._hits(footprint, grid, places, getattr(request, "consider_unknown_as_obstacle", False))
         call.answer(
             is_valid=bool(len(bad)) and not bad.any(), invalid_pose_indices=np.flatnonzero(bad).astype(np.int32)
         )

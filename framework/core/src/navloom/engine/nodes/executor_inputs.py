@@ -110,6 +110,7 @@ class GateTold:
         waiting: Which node waits for which stream; empty for none.
         restarted: Live: the platform restarted.
         late: Live: the goal node, if its last step is too old; otherwise empty.
+        speed_limit: Live: see `CommandGate`.
     """
 
     now_ns: int | None = None
@@ -121,6 +122,7 @@ class GateTold:
     waiting: str = ""
     restarted: bool = False
     late: str = ""
+    speed_limit: float = 0.0
 
     @property
     def text(self) -> str:

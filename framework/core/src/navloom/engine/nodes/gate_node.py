@@ -212,7 +212,7 @@ class GateNode(Node):
             return
         self.told = GateTold(
             self.now_ns, self.is_silent, gone_text(self.gone), tuple(self.obeyed), has_contact, tuple(self._warm),
-            self._waiting, self._has_forgotten, self.late,
+            self._waiting, self._has_forgotten, self.late, self.gate.speed_limit,
         ).text  # fmt: skip
         self.obeyed, self._warm, self._has_forgotten = [], [], False
 

@@ -155,6 +155,17 @@ def test_blocks_say_their_language_to_the_copy_button(site: Path) -> None:
     assert {"language-sh ", "language-console ", "language-toml "} <= set(blocks) and "" not in blocks
 
 
+@pytest.mark.parametrize("words", ["lost", "stuck", "map shifted"])
+def test_a_search_for_trouble_finds_the_page_of_remedies_first(site: Path, words: str) -> None:
+    entries = json.loads((site / "search/search_index.json").read_text("utf-8"))["docs"]
+    found = {
+        entry["location"].partition("/#")[0].strip("/"): entry.get("boost", 1.0)
+        for entry in entries
+        if all(word in entry["text"].lower() + entry["title"].lower() for word in words.split())
+    }
+    assert max(found, key=lambda page: found[page]) == "troubleshooting"
+
+
 def test_every_date_of_the_comparison_leads_to_its_source(site: Path) -> None:
     page = (site / "frameworks/index.html").read_text("utf-8")
     rows = re.findall(r"<td[^>]*>[^|]*?(\d{4}-\d\d-\d\d)(</a>)?</td>", page)

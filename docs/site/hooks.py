@@ -24,8 +24,8 @@ FILES = ("LICENSE", "CITATION.cff")
 LOOP = """<picture><source media="(prefers-reduced-motion: reduce)" srcset="pictures/drive.png">
 <img src="pictures/drive.webp" \\1></picture>"""
 """The front page's picture moves; for whom motion disturbs, it is the README's."""
-BEHIND = {"reference/": 0.5, "CHANGELOG.md": 0.2}
-"""Weight in the search of pages that say little of what a reader can do: beginning of the path -> factor."""
+WEIGHTS = {"troubleshooting.md": 2.0, "operating.md": 1.5, "reference/": 0.5, "CHANGELOG.md": 0.2}
+"""Weights in the search, more for what one needs in a hurry, less for lists: beginning of the path -> factor."""
 IMAGE = re.compile(r'(<img src=")(?!https?:)([^"]+)')
 LINK = re.compile(r'(\]\(|src=")(?!https?:|#)([^)"#]+)')
 
@@ -48,7 +48,7 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Any, **given: Any) -> str:
     """Links that leave `docs/`, weights in the search, the front page's loop, and the tables of messages."""
     uri = page.file.src_uri
-    page.meta.setdefault("search", {"boost": next((BEHIND[key] for key in BEHIND if uri.startswith(key)), 1.0)})
+    page.meta.setdefault("search", {"boost": next((WEIGHTS[key] for key in WEIGHTS if uri.startswith(key)), 1.0)})
     if uri == "index.md":
         markdown = re.sub(r'<img src="pictures/drive.png" ([^>]+)>', LOOP, markdown)
     if uri == "messages.md":

@@ -211,6 +211,19 @@ def executed(source: str, module: str) -> dict[str, Any]:
     return scope
 
 
+def test_each_message_that_troubleshooting_quotes_is_one_of_the_code() -> None:
+    files = [path for part in ("framework", "plugins") for path in (TOP / part).glob("*/src/**/*.py")]
+    code = "".join(path.read_text("utf-8") for path in files)
+    code = re.sub(r'"\s*\n\s*f?"', "", code)  # literals that a line's end parts
+    rows = re.findall(r"^\|([^|]+)\|", (TOP / "docs" / "troubleshooting.md").read_text("utf-8"), re.MULTILINE)
+    quoted = [text for row in rows for text in re.findall(r"`([^`]+)`", row)]
+    # What differs from case to case.
+    given = r"…|[:,;] |\d[\d.]*|%|\b(?:NAME|SIGSEGV.*)|/\S+|geometry_msgs|jazzy|true|\bm away\b"
+    parts = {part.strip() for text in quoted for part in re.split(given, text) if len(part.strip()) >= 10}
+    assert len(parts) > 40
+    assert sorted(part for part in parts if part not in code) == []
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text("utf-8")

@@ -90,6 +90,12 @@ def test_the_page_names_what_counts_and_needs_no_other_file(two: Path) -> None:
     assert page.count("<svg") >= 6
 
 
+def test_the_tables_show_one_metric_of_each_quantity_and_the_files_all(two: Path) -> None:
+    page, told = (two / "report.md").read_text("utf-8"), {row["metric"] for row in table(two / "summary.csv")}
+    assert "pose_error_rms" in page and "pose_error_p95" not in page and "pose_error_max" not in page
+    assert {"pose_error_rms", "pose_error_p95", "pose_error_max"} <= told
+
+
 def test_every_outcome_is_in_the_report(two: Path) -> None:
     text = (two / "report.md").read_text("utf-8")
     assert all(f"because {outcome}" in text for outcome in OUTCOMES if outcome != "succeeded")

@@ -223,7 +223,8 @@ def test_times_with_six_digits_are_those_of_no_clock(tmp_path: Path) -> None:
         time = float(f"{976052857.0 + number:.6g}")
         lines += [odom((0.1 * number, 0, 0), time), laser(zero, (0.1 * number, 0, 0), time)]
     with pytest.raises(
-        RecordingError, match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; number the scans"
+        RecordingError,
+        match=r"scans: its 30 messages all have the stamp 9\.76053e\+08; odometry: its 30 .*; number the scans",
     ):
         imported(tmp_path, lines)
     assert len(imported(tmp_path, lines, period=0.2)[1]) == 30
@@ -241,3 +242,116 @@ def test_a_log_can_be_imported_without_its_odometry(tmp_path: Path) -> None:
     odometry, scans = imported(tmp_path, turning_log(0.5), poses="none")
     assert [one.stamp_ns for one in odometry] == [scan.stamp_ns for scan in scans]
     assert {(one.pose.x, one.pose.y, one.pose.heading) for one in odometry} == {(0.0, 0.0, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("option", "heading", "why"),
+    [
+        ("--start", "900", "--start 0,0,900: its heading: got 900, expected degrees of -360 to 360"),
+        ("--start", "-361", "its heading: got -361, expected degrees of -360 to 360"),
+        ("--start", "nan", "expected X,Y,HEADING_DEG in m and degrees"),
+        ("--mount", "900", "--mount laser=0,0,900: its yaw: got 900, expected degrees of -360 to 360"),
+    ],
+)
+def test_a_heading_beyond_a_turn_is_refused(
+    tmp_path: Path, in_process: Command, option: str, heading: str, why: str
+) -> None:
+    name = "" if option == "--start" else "laser="
+    log, out = written(tmp_path, turning_log(0.0)), tmp_path / "o.mcap"
+    code, _, errors = in_process("import", str(log), "--out", str(out), option, f"{name}0,0,{heading}")
+    assert code == 2 and why in errors and not out.exists()
+
+
+@pytest.mark.parametrize(("heading", "degrees"), [("1.5708", 90), ("-3.14", -180), ("1.5", 0), ("90", 0), ("45", 0)])
+def test_a_heading_that_looks_like_radians_is_warned_of(
+    tmp_path: Path, in_process: Command, heading: str, degrees: int
+) -> None:
+    log, out = written(tmp_path, turning_log(0.0)), tmp_path / "o.mcap"
+    code, _, errors = in_process("import", str(log), "--out", str(out), "--start", f"0,0,{heading}")
+    warning = f"a heading of {heading} is read in degrees; if it is in radians, give {degrees}"
+    assert code == 0 and (warning in errors) == bool(degrees)
+
+
+def test_a_start_of_a_whole_turn_is_wrapped(tmp_path: Path, in_process: Command) -> None:
+    start = (0.0, 0.0, -3.0)
+    log, out = written(tmp_path, [odom(start, 1.0), laser(start, start, 2.0)]), tmp_path / "o.mcap"
+    assert in_process("import", str(log), "--out", str(out), "--start", "0,0,360")[0] == 0
+    with Recording(out) as recording:
+        placed = recording.header.loaded().config.navigation.start
+    assert placed is not None and placed.heading_deg == pytest.approx(math.degrees(3.0))  # 360° less -3 rad
+
+
+def room_scan(x: float) -> str:
+    """Ranges of 180 beams at (x, 0) in a room of 8 by 4 m around the origin."""
+    bearings = np.radians(np.arange(-90.0, 90.0))
+    cosine, sine = np.cos(bearings), np.sin(bearings)
+    to_side = 2.0 / np.maximum(np.abs(sine), 1e-9)
+    ranges = np.minimum((4.0 - x) / np.maximum(cosine, 1e-9), to_side)
+    return " ".join(f"{value:.3f}" for value in ranges)
+
+
+def test_the_way_out_for_a_log_without_odometry_follows_the_robot_by_its_scans(
+    tmp_path: Path, in_process: Command
+) -> None:
+    corrected = [laser((0.1 * n, 0, 0), (0.1 * n, 0, 0), 1.0 + 0.2 * n, room_scan(0.1 * n)) for n in range(21)]
+    log, out, poses = written(tmp_path, [*corrected, "NEFF 3"]), tmp_path / "o.mcap", tmp_path / "poses"
+    code, _, errors = in_process("import", str(log), "--out", str(out))
+    assert code != 0 and "with --poses corrected, or the scans alone, with --poses none, and follow" in errors
+    command = errors.split("`")[1].split()
+    assert in_process("import", str(log), "--out", str(out), "--poses", "none")[0] == 0
+    assert in_process(*command[1:], "--out", str(poses))[0] == 0
+    last = (poses / "poses.csv").read_text().splitlines()[-1].split(",")
+    assert (float(last[4]), float(last[5])) == pytest.approx((2.0, 0.0), abs=0.2)  # 20 steps of 0.1 m
+
+
+def test_odometry_that_never_changes_is_named(tmp_path: Path, in_process: Command) -> None:
+    zero = (0.0, 0.0, 0.0)
+    log = written(tmp_path, [line for n in range(3) for line in (odom(zero, 1.0 + n), laser(zero, zero, 1.5 + n))])
+    _, said, _ = in_process("import", str(log), "--out", str(tmp_path / "o.mcap"))
+    assert "odometry: it stands still; if the robot moved, follow its scans with `navloom replay" in said
+
+
+def test_a_period_counts_the_scans_of_one_laser_and_spreads_the_other_lines(tmp_path: Path) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = []
+    for number in range(4):
+        lines += [odom((0.1 * number, 0, 0), 9.76053e8), odom((0.1 * number + 0.05, 0, 0), 9.76053e8)]
+        lines += [laser(zero, zero, 9.76053e8), laser(zero, zero, 9.76053e8, word="RLASER")]
+    lines += [odom((0.4, 0, 0), 9.76053e8), odom((0.45, 0, 0), 9.76053e8)]
+    odometry, scans = imported(tmp_path, lines, period=0.4)
+    # Four lines between two scans of the front laser, 0.1 s apart; two lines before the first scan.
+    assert [scan.stamp_ns for scan in scans[::2]] == [400_000_000, 800_000_000, 1_200_000_000, 1_600_000_000]
+    assert [round(one.stamp_ns * 1e-9, 3) for one in odometry if one.stamp_ns < 400_000_000] == [0.2, 0.3]
+    assert odometry[-1].stamp_ns == 1_900_000_000  # three lines after the last scan
+
+
+@pytest.mark.parametrize("word", ["RLASER", "FLASER"])
+def test_scans_of_a_robot_that_stands_need_no_odometry_between_them(tmp_path: Path, word: str) -> None:
+    """Two lasers in a corrected log, and scans before the first odometry."""
+    start, place = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, math.radians(80.0)])
+    lines = [laser(start, start, 1.0), laser(start, start, 1.2, word=word), odom(place, 1.5), "NEFF 12.5"]
+    for number in range(20):
+        place = compose(place, np.array([0.1, 0.0, 0.0]))
+        lines.append(odom(place, 2.0 + 0.1 * number))
+        if number % 5 == 4:
+            lines += [laser(place, place, 2.01 + 0.1 * number), laser(place, place, 2.02 + 0.1 * number, word=word)]
+            lines.append(odom(place, 0.0))
+    odometry, scans = imported(tmp_path, lines)
+    last = odometry[-1].pose
+    assert len(scans) == 10 and math.degrees(last.heading) == pytest.approx(80.0)
+    assert math.hypot(last.x, last.y) == pytest.approx(2.0)  # 20 steps of 0.1 m
+
+
+def test_both_streams_with_times_of_no_clock_are_named(tmp_path: Path) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = [line for n in range(5) for line in (odom((0.1 * n, 0, 0), 7.0), laser(zero, zero, 7.0))]
+    why = r"scans: its 5 messages all have the stamp 7; odometry: its 5 messages all have the stamp 7; number"
+    with pytest.raises(RecordingError, match=why):
+        imported(tmp_path, lines)
+
+
+def test_times_that_leap_are_named_with_their_line(tmp_path: Path, in_process: Command) -> None:
+    zero = (0.0, 0.0, 0.0)
+    lines = [odom((0.1, 0, 0), 1.0), laser(zero, zero, 2.0), odom((0.2, 0, 0), 1002.0), laser(zero, zero, 1003.0)]
+    _, said, _ = in_process("import", str(written(tmp_path, lines)), "--out", str(tmp_path / "o.mcap"))
+    assert "its times leap by 1000 s at line 3: if the clock was set there, or the robot moved, cut the log" in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -15,19 +16,21 @@ from mcap.writer import Writer as McapWriter
 from navloom_recording.recording_header import RecordingError
 from navloom_ros.bag_import import import_bag
 from navloom_ros.bag_outcome import Imported
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 ALL = {"/odom": 40, "/scan": 40}
 
 
-def room(folder: Path, storage: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+def room(folder: Path, storage: StoragePlugin = StoragePlugin.SQLITE3, is_compressed: bool = False) -> Path:
     """The drive through the room, 40 scans and 40 odometry messages, and a topic of another package."""
     with bags.Bag(folder / "room", 2) as bag:
         pass
     shutil.rmtree(folder / "room")
     bag = bags.Bag(folder / "room", 2)
     bag.writer = Writer2(folder / "room", version=9, storage_plugin=storage)
+    if is_compressed:
+        bag.writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
     bag.store.register(bags.get_types_from_msg("int32 a", "my_msgs/msg/Odd"))
     with bag:
         bag.put("/tf_static", bag.transform("base_link", "laser", bags.MOUNT_X, bags.MOUNT_YAW, bags.START_NS),
@@ -132,6 +135,43 @@ def renamed(bag: Path) -> Path:
     return bag
 
 
+def described(change: Callable[[str], str]) -> Callable[[Path], Path]:
+    def changed(bag: Path) -> Path:
+        path = bag / "metadata.yaml"
+        path.write_text(change(path.read_text("utf-8")), "utf-8")
+        return bag
+
+    return changed
+
+
+COMPRESSED: dict[str, Callable[[Path], Path]] = {
+    "as rosbag2 writes it": described(
+        lambda text: text.replace("compression_mode: message", "compression_mode: MESSAGE")
+    ),
+    "not described": described(lambda text: text.replace("compression_mode: message", 'compression_mode: ""')),
+    "described as a file": described(lambda text: text.replace("compression_mode: message", "compression_mode: file")),
+    "without metadata.yaml": lambda bag: unnamed(bag),
+    "the data file alone": lambda bag: data(unnamed(bag)),
+}
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@pytest.mark.parametrize("change", COMPRESSED)
+def test_messages_that_are_compressed_one_by_one_are_read_with_and_without_a_description(
+    tmp_path: Path, storage: StoragePlugin, change: str
+) -> None:
+    bag = COMPRESSED[change](room(tmp_path, storage, is_compressed=True))
+    assert taken(imported(bag)) == ALL
+
+
+def test_a_compressed_message_that_is_cut_is_damage_and_the_bag_is_named(tmp_path: Path) -> None:
+    bag = room(tmp_path, is_compressed=True)
+    with closing(sqlite3.connect(data(bag))) as database, database:
+        database.execute("UPDATE messages SET data = substr(data, 1, 20) WHERE id = 50")
+    with pytest.raises(RecordingError, match=r"/room: damaged: a compressed message is cut; copy the bag again"):
+        imported(bag)
+
+
 def without_storage(bag: Path) -> Path:
     described = bag / "metadata.yaml"
     described.write_text(described.read_text("utf-8").replace("storage_identifier: sqlite3", 'storage_identifier: ""'))
@@ -196,8 +236,65 @@ def test_the_header_of_early_ros_1_is_that_of_today(tmp_path: Path) -> None:
     assert taken(imported(tmp_path / "old.bag")) == ALL
 
 
+def _fields(header: bytes) -> dict[bytes, bytes]:
+    found, at = {}, 0
+    while at < len(header):
+        (size,) = struct.unpack_from("<I", header, at)
+        name, _, value = header[at + 4 : at + 4 + size].partition(b"=")
+        found[name], at = value, at + 4 + size
+    return found
+
+
+def with_index(raw: bytes, version: int, gap: int) -> bytes:
+    """A ROS 1 bag whose index records have a version, and entries with `gap` more bytes after their 8 bytes of time."""
+    start, moved = raw.index(b"\n") + 1, {}
+    out, at = bytearray(raw[:start]), start
+    while at < len(raw):
+        (size,) = struct.unpack_from("<I", raw, at)
+        (length,) = struct.unpack_from("<I", raw, at + 4 + size)
+        fields, data = _fields(raw[at + 4 : at + 4 + size]), raw[at + 8 + size : at + 8 + size + length]
+        moved[at], at = len(out), at + 8 + size + length
+        if fields[b"op"] == b"\x04":
+            fields[b"ver"] = struct.pack("<I", version)
+            data = b"".join(data[n : n + 8] + bytes(gap) + data[n + 8 : n + 12] for n in range(0, len(data), 12))
+        elif fields[b"op"] == b"\x06":
+            fields[b"chunk_pos"] = struct.pack("<Q", moved[struct.unpack("<Q", fields[b"chunk_pos"])[0]])
+        parts = (name + b"=" + value for name, value in fields.items())
+        header = b"".join(struct.pack("<I", len(part)) + part for part in parts)
+        out += struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
+    index = raw.index(b"index_pos=") + 10
+    out[index : index + 8] = struct.pack("<Q", moved[struct.unpack_from("<Q", raw, index)[0]])
+    return bytes(out)
+
+
+@pytest.mark.parametrize("version, gap", [(1, 8), (0, 8), (0, 4), (2, 8), (0, 0)])
+def test_the_index_of_an_early_ros_1_bag_is_not_needed(tmp_path: Path, version: int, gap: int) -> None:
+    raw = bags.room_bag(tmp_path / "room.bag", 1).read_bytes()
+    old = raw.replace(b"MSG: std_msgs/Header", b"MSG: roslib/Header  ")
+    (tmp_path / "old.bag").write_bytes(with_index(old, version, gap))
+    found = imported(tmp_path / "old.bag")
+    why = f"IDXDATA version {version} is not supported" if version != 1 else "its index cannot be read"
+    assert taken(found) == ALL and found.notes[0].startswith(f"old.bag cannot be opened ({why})")
+
+
 def test_a_bag_before_the_format_2_is_refused_with_a_way_out(tmp_path: Path) -> None:
     path = tmp_path / "old.bag"
     path.write_bytes(b"#ROSRECORD V1.2\n" + bytes(40))
     with pytest.raises(RecordingError, match=r"format before V2\.0; rewrite it with ROS 1.s `rosbag fix`"):
         imported(path)
+
+
+@pytest.mark.parametrize("is_stamped", [False, True])
+def test_a_recorded_command_is_listed_with_the_reason_why_it_is_not_taken(tmp_path: Path, is_stamped: bool) -> None:
+    with bags.Bag(tmp_path / "drive", 2) as bag:
+        vector = bag.type("geometry_msgs/msg/Vector3")
+        twist = bag.type("geometry_msgs/msg/Twist")(vector(0.5, 0.0, 0.0), vector(0.0, 0.0, 0.0))
+        bag.put("/tf_static", bag.transform("base_link", "laser", 0.2, 0.0, bags.START_NS), bags.START_NS)
+        for x, stamp_ns in bags.times():
+            bag.put("/odom", bag.odometry(x, stamp_ns), stamp_ns)
+            bag.put("/scan", bag.scan(bags.ranges_at(x), stamp_ns), stamp_ns)
+            stamped = bag.type("geometry_msgs/msg/TwistStamped")(bag.header("base_link", stamp_ns), twist)
+            bag.put("/cmd_vel", stamped if is_stamped else twist, stamp_ns)
+    (command,) = (topic for topic in imported(tmp_path / "drive").topics if topic.name == "/cmd_vel")
+    why = "a command: replays compare with the velocities that were driven, those of the odometry"
+    assert (command.sensor, dict(command.skipped)) == ("", {why: 40})

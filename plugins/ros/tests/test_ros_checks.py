@@ -115,7 +115,8 @@ def why_imported(case: str, folder: Path) -> str:
     try:
         import_bag(folder / "bag", folder / "a.mcap")
     except RecordingError as error:
-        return str(error).partition("): ")[2] or str(error).partition("/odom: ")[2]
+        text = str(error).partition(", and follow its scans")[0]
+        return text.partition("): ")[2] or text.partition("/odom: ")[2]
     return ""
 
 

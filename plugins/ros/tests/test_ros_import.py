@@ -377,6 +377,6 @@ def test_a_bag_whose_connections_share_a_number_is_damaged(tmp_path: Path) -> No
         SimpleNamespace(topic=topic, msgtype=kind)
         for topic, kind in (("/scan", "sensor_msgs/msg/LaserScan"), ("/words", "std_msgs/msg/String"))
     )
-    reader = SimpleNamespace(paths=[tmp_path / "a.bag"], messages=lambda connections: iter([(words, 0, b"")]))
+    reader = SimpleNamespace(bag=tmp_path / "a.bag", messages=lambda connections: iter([(words, 0, b"")]))
     with pytest.raises(RecordingError, match=r"a\.bag: damaged: .*a message of /words is of std_msgs/msg/String"):
         list(bag_messages(reader, [laser]))

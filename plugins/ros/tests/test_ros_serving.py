@@ -81,12 +81,20 @@ def test_a_newer_goal_takes_over(network, robot):
     assert ended(second).status == SUCCEEDED
 
 
+def turned(x, z, w):
+    """A pose at (x, 0) with a quaternion of any length."""
+    given = pose(x, 0.0)
+    return given | {"pose": given["pose"] | {"orientation": {"z": z, "w": w}}}
+
+
 def test_what_cannot_be_driven_is_rejected(network, robot):
     send = network.clients[TO_POSE].send
     assert not send({"pose": pose(1.0, 0.0, frame="odom")}).is_accepted
     assert not send({"pose": pose(1.0, 0.0, frame="odom")}).is_accepted  # says the same, so it is not shown again
     assert not send({"pose": pose(float("nan"), 0.0)}).is_accepted
     assert not network.clients[THROUGH_POSES].send({}).is_accepted
+    assert not send({"pose": turned(1.0, z=0.0, w=0.0)}).is_accepted
+    assert not network.clients[THROUGH_POSES].send({"poses": {"goals": [turned(1.0, 1.0, 1.0)]}}).is_accepted
     network.goals.robot = None
     assert not send({"pose": pose(1.0, 0.0)}).is_accepted
     assert robot.asked == []
@@ -94,6 +102,7 @@ def test_what_cannot_be_driven_is_rejected(network, robot):
         "goal refused: it is in the frame 'odom': expected 'map'",
         "goal refused: its place nan, 0 m is not finite",
         "goal refused: it has no pose",
+        "goal refused: its orientation is not a unit quaternion; for heading 0 give w = 1",
         "goal refused: the robot is down, or has no pose yet",
     ]
 

@@ -50,6 +50,11 @@ def test_a_path_is_computed_without_driving(network, robot):
     assert (done.status, done.result.error_code, done.result.error_msg) == (ABORTED, 206, "the goal is occupied")
     assert robot.planned[1][0] == (1.0, 1.0, 0.0)
     assert not client.send({"goal": pose(1.0, 1.0, frame="odom")}).is_accepted
+    unset = pose(1.0, 1.0)
+    unset["pose"]["orientation"] = {"z": 0.0, "w": 0.0}
+    done = ended(client.send({"goal": pose(2.0, 1.0), "start": unset, "use_start": True}))
+    assert done.status == ABORTED and done.result.error_msg.startswith("the start: its orientation is not a unit")
+    assert len(robot.planned) == 2
 
 
 def test_a_path_is_valid_where_the_map_is_free(network, robot):

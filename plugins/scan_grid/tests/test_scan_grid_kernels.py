@@ -161,15 +161,15 @@ def test_a_flank_does_not_erase_what_another_cone_heard(flank: float) -> None:
     assert cell_heard(beam(0.0, 0.05, flank, 3.5, HALF_ANGLE), times=40) == cell_heard()
 
 
-def test_six_cones_that_see_through_a_place_outweigh_one_echo() -> None:
+def test_nine_cones_that_see_through_a_place_outweigh_one_echo() -> None:
     through = beam(0.0, 0.05, 0.0, 3.5, HALF_ANGLE)
-    assert [cell_heard(through, times=count)[1] for count in (1, 5, 6)] == [-1, -1, 0]
+    assert [cell_heard(through, times=count)[1] for count in (1, 8, 9)] == [-1, -1, 0]
 
 
 def test_a_silent_cone_speaks_only_against_echoes_of_its_own_direction() -> None:
     """A smooth surface sends the sound of other directions away: here from (2.05, -1.95), a quarter turn beside."""
     assert cell_heard(beam(2.05, -1.95, 0.5 * math.pi, math.inf, HALF_ANGLE), times=40) == cell_heard()
-    assert cell_heard(beam(0.0, 0.05, 0.0, math.inf, HALF_ANGLE), times=6)[1] == 0
+    assert cell_heard(beam(0.0, 0.05, 0.0, math.inf, HALF_ANGLE), times=9)[1] == 0
 
 
 def test_a_silent_cone_clears_nothing_behind_a_place_with_an_echo() -> None:
@@ -193,6 +193,36 @@ def test_a_silent_cone_clears_a_cell_once() -> None:
     for _ in range(9):
         grid.insert(np.array([beam(0.0, 0.05, 0.0, math.inf, HALF_ANGLE)]), LIMITS, WEIGHTS)
     assert np.nanmin(grid.odds) == pytest.approx(-0.8)
+
+
+def test_the_rest_of_an_arc_is_unknown_until_its_log_odds_are_not_positive() -> None:
+    """At 12° of 15° the arc gives 0.4 · (1 - 0.64) = 0.14: neither occupied nor free, and a flank clears it."""
+    grid, turn = grid_of(), 0.8 * HALF_ANGLE
+    x, y = 2.05 * math.cos(turn), 0.05 + 2.05 * math.sin(turn)
+    row, column = math.floor(y / CELL) - grid.bounds.row, math.floor(x / CELL) - grid.bounds.column
+    grid.insert(np.array([beam(0.0, 0.05, 0.0, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert 0.0 < grid.odds[row, column] < 0.3 and grid.render(0.6, True)[row, column] == -1
+    grid.insert(np.array([beam(0.0, y - 0.35, 0.0, 3.5, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert grid.odds[row, column] < 0.0 and grid.render(0.6, True)[row, column] == 0
+
+
+def test_no_cone_clears_a_place_with_an_echo_beyond_a_surface_that_another_echo_shows() -> None:
+    """A wall 1 m to the left. A place 2.05 m along 45° was heard, and a farther echo there does not make it free."""
+    grid, wall, along = grid_of(), beam(0.05, 0.05, 0.5 * math.pi, 1.0, HALF_ANGLE), 0.05 + 2.05 * math.sqrt(0.5)
+    grid.insert(np.array([wall, beam(0.05, 0.05, 0.25 * math.pi, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    before = at(grid, along, along)
+    for _ in range(40):
+        grid.insert(np.array([wall, beam(0.05, 0.05, 0.25 * math.pi, 3.5, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    assert at(grid, along, along) == before
+
+
+def test_a_laser_that_sees_through_the_rest_of_an_arc_makes_it_free() -> None:
+    grid, turn = grid_of(), 0.8 * HALF_ANGLE
+    x, y = 2.05 * math.cos(turn), 0.05 + 2.05 * math.sin(turn)
+    row, column = math.floor(y / CELL) - grid.bounds.row, math.floor(x / CELL) - grid.bounds.column
+    grid.insert(np.array([beam(0.0, 0.05, 0.0, 2.05, HALF_ANGLE)]), LIMITS, WEIGHTS)
+    grid.insert(np.array([beam(0.0, 0.05, turn, 3.5)]), LIMITS, WEIGHTS)
+    assert grid.render(0.6, True)[row, column] == 0
 
 
 BEAMS = st.lists(

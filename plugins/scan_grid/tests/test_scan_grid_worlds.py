@@ -43,7 +43,7 @@ def test_a_ring_of_sonars_maps_free_space_that_is_free(name: str) -> None:
     """Its arcs mark free space as occupied, as a cone of 30° cannot do better; cells that it marks free are free."""
     world = WORLDS[name]
     in_free, beside = wrong(mapped(world, way(*CORNERS[name]), sensor=ring), world)
-    assert in_free < 0.03
+    assert in_free < 0.001
     assert 0.2 < beside < 0.85
 
 
@@ -58,7 +58,7 @@ def test_arcs_that_ignore_passed_cells_would_be_larger() -> None:
         cells = alone.cells() == 100
         row, column = alone.grid.bounds.row - b.row, alone.grid.bounds.column - b.column
         arcs[row : row + cells.shape[0], column : column + cells.shape[1]] |= cells
-    assert (together.cells() == 100).sum() < 0.6 * arcs.sum()
+    assert (together.cells() == 100).sum() < 0.7 * arcs.sum()
 
 
 def hall(length: float, width: float) -> World:
@@ -96,10 +96,10 @@ def test_places_with_an_echo_of_a_sonar_do_not_end_up_free(name: str, critical_d
     cells, is_at_wall = scan_map.cells(), np.abs(depth(world, ends)) < 0.15
     is_free = cells[row, column] == 0
     assert is_at_wall.sum() > 500 and is_free[is_at_wall].mean() < 0.01
-    assert critical_deg == 90.0 or is_free.mean() < 0.15
+    assert is_free.mean() < 0.15
     middle, (low, high, side) = centres(scan_map)[cells == 0], HALL[name]
     is_right = (middle[:, 0] > low) & (middle[:, 0] < high) & (np.abs(middle[:, 1]) < side)
-    assert is_right.mean() > 0.95
+    assert is_right.mean() > 0.99
 
 
 def turning_scan(rate: float, deskewed: bool) -> ScanMap:

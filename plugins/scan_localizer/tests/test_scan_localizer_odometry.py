@@ -8,7 +8,9 @@ from navloom import Context, LocalizerInput, Odometry, Pose2D, RangeScan, RobotS
 from navloom_scan_localizer.adapter import ScanOdometry
 from navloom_scan_localizer.params import ScanOdometryParams
 from navloom_scan_localizer.surface import LocalSurface
+from navloom_scan_localizer.sweep import Sweep, ordered
 from navloom_scan_localizer.tracking import compose, relative
+from navloom_scan_localizer.unaided import hold_unseen
 from scan_localizer_rooms import fan, ranges_in, room
 
 CELL = 0.1
@@ -108,3 +110,111 @@ def test_a_robot_whose_place_is_too_uncertain_is_lost():
     localizer.reset()
     still = Odometry(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
     assert localizer.localize(LocalizerInput(still, (), None)).state == "tracking"
+
+
+# --- a small robot: 360 beams over a revolution, 7.5 revolutions a second ---------------------------------------------
+
+REVOLUTION = 2.0 / 15.0
+AROUND = np.arange(360) * math.tau / 360.0
+NOTHING = np.full(360, np.inf)
+
+
+def track(legs, start=(3.0, 2.5, 0.3)):
+    """(n, 3) true poses, 1/120 of a revolution apart, of legs of constant speed, m/s, turn rate, rad/s, and time, s."""
+    step, poses = REVOLUTION / 120.0, [np.array(start)]
+    for v, w, time in legs:
+        for _ in range(round(time / step)):
+            poses.append(compose(poses[-1], np.array([v * step, 0.0, w * step])))
+    return np.array(poses)
+
+
+class SmallRobot:
+    """`scan_odometry` on a robot whose laser sees 3.5 m, sigma 0.015 m.
+
+    Args:
+        way: See `track`. wheels: Ratio of odometry's turns to the true ones; 0 if there is no odometry.
+        is_reversed: The driver gives the times of the beams the other way round.
+        walls: (rows, columns) occupied cells; None for a room of 6 m.
+        is_blind: Takes the number of a scan; the scan is then without an echo.
+    """
+
+    def __init__(self, way, wheels=1.03, is_reversed=False, is_blind=lambda number: False, walls=None):
+        self.rng, self.walls, self.said = np.random.default_rng(7), room() if walls is None else walls, []
+        self.localizer = ScanOdometry(
+            ScanOdometryParams(), Context("main", 0.05, ROBOT, np.random.default_rng, Pose2D(*way[0].tolist()))
+        )
+        odometry, nowhere, times = np.zeros(3), np.zeros((360, 2)), np.arange(360) * REVOLUTION / 360.0
+        for number, begin in enumerate(range(0, len(way) - 120, 120)):
+            poses = way[begin + np.arange(360) // 3]
+            ranges = [ranges_in(self.walls, CELL, pose, [way], 3.5)[0] for pose, way in zip(poses, AROUND, strict=True)]
+            ranges = NOTHING if is_blind(number) else np.array(ranges) + 0.015 * self.rng.standard_normal(360)
+            step = relative(way[begin], way[begin + 120])
+            odometry = compose(odometry, np.array([step[0], step[1], wheels * step[2]]) * bool(wheels))
+            stamp = round(1e9 * (1.0 + REVOLUTION * number))
+            rates = (step[0] / REVOLUTION, 0.0, wheels * step[2] / REVOLUTION) if wheels else (0.0, 0.0, 0.0)
+            seen = Odometry(stamp + round(1e9 * REVOLUTION), Pose2D(*odometry.tolist()), Twist2D(*rates))
+            given = times[::-1] if is_reversed else times
+            scan = RangeScan(stamp, nowhere, AROUND, np.zeros(360), given.copy(), ranges, 0.12, 3.5)
+            self.said.append(self.localizer.localize(LocalizerInput(seen, (scan,), None)))
+            self.true = way[begin + 120]
+        pose = self.said[-1].pose
+        off = relative(self.true, np.array([pose.x, pose.y, pose.heading]))
+        self.away, self.turned_deg = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
+
+
+LOOP = [(0.0, 0.0, 1.0), *[(0.3, 0.0, 3.0), (0.0, 1.0, 0.5 * math.pi)] * 4, (0.0, 0.0, 0.5)]
+"""A square of 3.6 m with turns in place, one revolution in all."""
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_times_of_beams_the_other_way_round_do_not_turn_the_pose(is_reversed):
+    """The bar: 1 % of the 3.6 m, and 1 degree for the revolution."""
+    robot = SmallRobot(track(LOOP), is_reversed=is_reversed)
+    assert robot.away < 0.036 and robot.turned_deg < 1.0
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_without_odometry_the_scans_alone_are_followed(is_reversed):
+    """Along a corridor of 3 m by 12 m with pillars at its walls, and a turn at its end; the bar is 1 % of 7 m."""
+    walls = room(30, 120)
+    for column in (20, 45, 70, 95):
+        walls[1:4, column : column + 4] = walls[-6:-1, column + 9 : column + 13] = True
+    way = track([(0.0, 0.0, 1.0), (0.4, 0.0, 12.5), (0.0, 1.0, math.pi), (0.4, 0.0, 5.0)], np.array([2.0, 1.5, 0.0]))
+    robot = SmallRobot(way, wheels=0.0, is_reversed=is_reversed, walls=walls)
+    assert robot.away < 0.07 and robot.turned_deg < 1.0
+    assert robot.said[-1].state == "tracking"
+
+
+def test_without_odometry_the_velocity_is_that_of_the_scans():
+    robot = SmallRobot(track([(0.0, 0.0, 1.0), (0.3, 0.0, 2.0)]), wheels=0.0)
+    assert robot.said[-1].twist.vx == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_robot_that_stands_is_held_by_its_wheels():
+    """A fit alone scatters by about 2 mm."""
+    robot = SmallRobot(track([(0.0, 0.0, 6.0)]))
+    assert robot.away < 0.002 and robot.said[-1].twist == Twist2D(0.0, 0.0, 0.0)
+
+
+def test_without_odometry_a_robot_that_saw_nothing_for_long_stays_lost():
+    """The heading spreads by 30 degrees a root second, so that 2 s are too long."""
+    robot = SmallRobot(track([(0.3, 0.0, 8.0)]), wheels=0.0, is_blind=lambda number: 15 <= number < 35)
+    assert robot.said[14].state == "tracking" and robot.said[-1].state == "lost"
+    assert "the heading has a standard deviation of" in robot.said[34].reason
+
+
+def test_the_order_is_that_of_the_least_cost_once_it_leads_clearly():
+    sweep = Sweep()
+    for _ in range(2):
+        assert sweep.order == 1.0
+        sweep.compare(lambda order: {1.0: 4.0, 0.0: 3.0, -1.0: 1.0}[order])
+    assert sweep.order == -1.0
+    assert ordered(np.array([0.0, 0.02, 0.1]), -1.0) == pytest.approx([0.1, 0.08, 0.0])
+
+
+def test_a_scan_says_nothing_along_a_bare_corridor():
+    """Walls along x: information 100 across, 1 along; the prior's is 10 everywhere."""
+    prior, pose = np.zeros(3), np.array([0.3, 0.2, 0.1])
+    found, covariance = hold_unseen(pose, np.diag([1 / 11, 1 / 110, 1 / 110]), prior, np.eye(3) / 10)
+    assert found == pytest.approx([0.0, 0.2, 0.1])
+    assert covariance.diagonal() == pytest.approx([1 / 10, 1 / 110, 1 / 110])

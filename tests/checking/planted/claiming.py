@@ -91,6 +91,30 @@ class FastBack(Retrace):
         return replace(answer, twist=faster(answer.twist, 10.0)) if given.estimate.twist.vx < -0.05 else answer
 
 
+@ENTRIES.plant("backs_beyond_limits", caught_by="limits")
+class BacksBeyondLimits(Proportional):
+    """Follows the trajectory well, and backs at three times the limit where it has passed its place on it."""
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        answer = super().control(given)
+        return replace(answer, twist=Twist2D(-3.0, 0.0, 0.0)) if given.estimate.twist.vx < 0.0 else answer
+
+
+@ENTRIES.plant("reckless_after_minutes", caught_by="goes_on")
+class RecklessAfterMinutes(Proportional):
+    """Its integral winds up in a drive of five minutes."""
+
+    steps = 0
+
+    def reset(self) -> None:
+        self.steps = 0
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        self.steps += 1
+        answer = super().control(given)
+        return replace(answer, twist=faster(answer.twist, 1.0 if self.steps < 6000 else 8.0))
+
+
 @ENTRIES.plant("degrees_after_minutes", caught_by="goes_on")
 class DegreesAfterMinutes(Gap):
     """Turn rates become degrees a second after 150 s."""
@@ -187,3 +211,11 @@ class CovarianceOfBase(ScanMatching):
         heading = answer.pose.heading
         turn = np.array([[np.cos(heading), np.sin(heading), 0.0], [-np.sin(heading), np.cos(heading), 0.0], [0, 0, 1]])
         return replace(answer, covariance=turn @ answer.covariance @ turn.T)
+
+
+@ENTRIES.plant("never_less_sure", caught_by="covariance_grows")
+class NeverLessSure(FromStart):
+    """Gives the covariance of its start for ever, though it reads the wheels alone."""
+
+    def localize(self, given: LocalizerInput) -> PoseEstimate:
+        return replace(super().localize(given), covariance=np.diag([1e-4, 1e-4, 1e-4]))

@@ -17,6 +17,7 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
+from navloom_dwa.adapter import Dwa
 from navloom_improved_vfh.adapter import ImprovedVfh
 
 from planted import Entries
@@ -82,6 +83,58 @@ class LeftSonarsUnheard(_Hears):
 
     def heard(self, scan: RangeScan) -> RangeScan:
         return replace(scan, ranges=np.where(scan.bearings > 0.0, np.inf, scan.ranges))
+
+
+@ENTRIES.plant("front_sonars_alone", caught_by="no_contact")
+class FrontSonarsAlone(_Hears):
+    """Looks where it drives."""
+
+    def heard(self, scan: RangeScan) -> RangeScan:
+        return replace(scan, ranges=np.where(np.abs(scan.bearings) > 1.75, np.inf, scan.ranges))
+
+
+@ENTRIES.plant("two_sonars_swapped", caught_by="no_contact")
+class TwoSonarsSwapped(Dwa):
+    """Two plugs in the wrong sockets: of the sonar nearest to straight ahead, and of its neighbour."""
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        return super().avoid(replace(given, scans=tuple(map(self.heard, given.scans))))
+
+    def heard(self, scan: RangeScan) -> RangeScan:
+        order, bearings = np.argsort(np.abs(scan.bearings - 0.05)), scan.bearings.copy()
+        bearings[order[:2]] = bearings[order[1::-1]]
+        return replace(scan, bearings=bearings) if scan.half_angles.any() else scan
+
+
+@ENTRIES.plant("sonars_in_mm", caught_by="no_contact")
+class SonarsInMm(_Hears):
+    def heard(self, scan: RangeScan) -> RangeScan:
+        return replace(scan, ranges=np.maximum(0.001 * scan.ranges, scan.range_min))
+
+
+@ENTRIES.plant("no_echo_is_an_echo", caught_by="reaches")
+class NoEchoIsAnEcho(_Hears):
+    """A sonar that hears nothing repeats its nearest reading."""
+
+    def heard(self, scan: RangeScan) -> RangeScan:
+        return replace(scan, ranges=np.where(np.isinf(scan.ranges), scan.ranges.min(initial=1.0), scan.ranges))
+
+
+@ENTRIES.plant("range_max_is_an_echo", caught_by="reaches")
+class RangeMaxIsAnEcho(_Hears):
+    """Takes the greatest range for an obstacle."""
+
+    def heard(self, scan: RangeScan) -> RangeScan:
+        return replace(scan, ranges=np.minimum(scan.ranges, 0.999 * scan.range_max))
+
+
+@ENTRIES.plant("sonars_as_rays", caught_by="no_contact")
+class SonarsAsRays(Dwa):
+    """Looks along the axis of a cone, and at nothing beside it."""
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        scans = tuple(replace(scan, half_angles=np.zeros_like(scan.half_angles)) for scan in given.scans)
+        return super().avoid(replace(given, scans=scans))
 
 
 @ENTRIES.plant("sonars_there_and_back", caught_by="footprint")

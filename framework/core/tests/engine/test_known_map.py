@@ -11,6 +11,7 @@ from navloom.engine.nodes.mapper_node import MapperNode
 from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.nodes.planner_node import PlannerNode
 from navloom.engine.open_loop_node import FedNode
+from navloom.geometry.world import Raster, World
 from navloom.messages import (
     MapUpdate,
     Message,
@@ -138,6 +139,37 @@ def test_a_localizer_gets_the_map_of_a_mapper_without_a_known_one() -> None:
     localizer = Matching(Params(), CONTEXT)
     step(fed(LocalizerNode(localizer)), odometry=Odometry(0, ORIGIN, STILL), map=SEEN)
     assert localizer.given.map is SEEN and localizer.given.known is None
+
+
+class OnNoMap(Planner[Params]):
+    """Calls the goal occupied."""
+
+    name = "on_no_map"
+
+    def plan(self, given: PlannerInput) -> Path | PlanFailure:
+        goal = given.request.goal
+        return PlanFailure(given.request.request_id, "goal_occupied", Point2D(goal.x, goal.y), "in an obstacle")
+
+
+def test_a_goal_where_the_known_map_is_unknown_is_refused_with_that_reason() -> None:
+    # 20 cells of 0.5 m along x: the last ten are unknown; the robot with a cell's margin reaches 0.78 m.
+    unknown = np.zeros((20, 20), dtype=np.bool_)
+    unknown[:, 10:] = True
+    world = World("map", raster=Raster("office.yaml", unknown, 0.5, unknown=unknown))
+    node = fed(PlannerNode(OnNoMap(Params(), CONTEXT), 0.3, ROBOT, world))
+
+    def reason(x: float, **given: Any) -> str:
+        asked = (PlanRequest(7, ORIGIN, Pose2D(x, 5.0, 0.0)),)
+        ((_, failure),) = step(node, plan=asked, map=update(100), **given)
+        assert isinstance(failure, PlanFailure) and failure.kind == "goal_occupied"
+        return failure.detail
+
+    told = "which counts as an obstacle; office.yaml?unknown=free leaves it free"
+    assert reason(8.0, known=update(100).grid) == f"the goal (8.00, 5.00): office.yaml is unknown there, {told}"
+    assert reason(4.5, known=update(100).grid) == f"the goal (4.50, 5.00): office.yaml is unknown beside it, {told}"
+    assert reason(4.0, known=update(100).grid) == "in an obstacle"
+    # Its occupied cells are what the mapper saw.
+    assert reason(8.0) == "in an obstacle"
 
 
 def test_a_planner_that_finds_no_way_past_what_is_seen_also_plans_on_the_known_map() -> None:

@@ -79,17 +79,22 @@ def test_a_robot_off_an_empty_raster_meets_nothing() -> None:
     assert clearance(SQUARE, Place(30.0, 40.0), world, height=1.2)[0] == math.inf
 
 
-def test_only_a_pose_that_touches_nothing_but_unknown_cells_has_that_remedy() -> None:
-    # Column 0 is a wall, columns 10 to 19 are unknown; the square reaches 0.5 m from its middle.
+def test_a_pose_in_unknown_cells_or_beside_nothing_else_is_told_from_one_in_an_obstacle() -> None:
+    # Columns 0 and 19 are walls, columns 10 to 18 are unknown; the square reaches 0.5 m from its middle.
     occupied, unknown = np.zeros((10, 20), dtype=np.bool_), np.zeros((10, 20), dtype=np.bool_)
-    occupied[:, 0] = occupied[:, 10:] = unknown[:, 10:] = True
+    occupied[:, 0] = occupied[:, 10:] = unknown[:, 10:19] = True
     world = World("map", raster=Raster("office.yaml", occupied, 0.25, unknown=unknown))
 
     def remedy(x: float) -> str:
         return unknown_remedy(SQUARE, Place(x, 1.25), world, height=1.2)
 
-    assert remedy(2.1).endswith("office.yaml?unknown=free leaves it free")
-    assert remedy(1.25) == remedy(0.6) == ""
+    told = "which counts as an obstacle; office.yaml?unknown=free leaves it free"
+    assert (remedy(2.1), remedy(3.0)) == (
+        f"office.yaml is unknown beside it, {told}",
+        f"office.yaml is unknown there, {told}",
+    )
+    assert remedy(4.6) == "office.yaml is unknown there, which counts as an obstacle, and a known obstacle is beside it"
+    assert remedy(1.25) == remedy(0.6) == remedy(4.9) == ""
 
 
 PLACES = st.builds(Place, st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from navloom.config import load_config
 from navloom.plugins import Discovery, PluginError, one_file
 from navloom.plugins.one_file import FILES, use_files
 from navloom.runs.provenance import distributions
+from navloom.testing import avoider_input, make
 
 AVOIDER = """
 from navloom import Avoidance, Avoider, Twist2D
@@ -277,3 +279,36 @@ def test_each_file_imports_the_module_of_its_own_folder(tmp_path: Path) -> None:
     use_files([tmp_path / name / f"plugin_of_{name}.py" for name in ("one_folder", "other_folder")])
     speeds = [Discovery().plugin("avoider", name).speed for name in ("one_folder", "other_folder")]
     assert speeds == [0, 1]
+
+
+BESIDE = """
+from navloom import Avoidance, Avoider, Twist2D
+
+
+class Own(Avoider):
+    name = "{0}"
+
+    def avoid(self, given):
+        import beside_{0}
+
+        return Avoidance(Twist2D(beside_{0}.speed(), 0.0, 0.0), "clear")
+"""
+
+
+def test_an_import_in_a_function_finds_the_module_beside_the_file(tmp_path: Path) -> None:
+    for number, name in enumerate(("early", "late")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"own_{name}.py").write_text(BESIDE.format(name), "utf-8")
+        helper = f"def speed():\n    import deeper_{name}\n\n    return deeper_{name}.SPEED\n"
+        (tmp_path / name / f"beside_{name}.py").write_text(helper, "utf-8")
+        (tmp_path / name / f"deeper_{name}.py").write_text(f"SPEED = 0.{number}\n", "utf-8")
+    use_files([tmp_path / name / f"own_{name}.py" for name in ("early", "late")])
+    answers = [make(Discovery().plugin("avoider", name)).avoid(avoider_input()) for name in ("early", "late")]
+    assert [answer.twist.vx for answer in answers] == [0.0, 0.1]
+
+
+def test_what_lies_beside_a_plugin_file_is_not_found_by_other_code(tmp_path: Path) -> None:
+    (tmp_path / "only_beside.py").write_text("", "utf-8")
+    use_files([kept(tmp_path, "has_neighbour.py", AVOIDER)])
+    with pytest.raises(ModuleNotFoundError):
+        import_module("only_beside")

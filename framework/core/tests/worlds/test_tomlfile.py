@@ -119,3 +119,16 @@ POST = "[[cylinder]]\nx = 0\ny = 0\nradius = 1\n"
 def test_a_wrong_key_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(WorldError, match=message):
         load(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("start = { x = 0, y = 0, heading_deg = 900 }", "start: heading_deg: got 900, expected degrees of -360 to 360"),
+        (BOX + "yaw_deg = -361", "yaw_deg: got -361, expected degrees of -360 to 360"),
+    ],
+)
+def test_an_angle_beyond_a_turn_is_refused(tmp_path: Path, text: str, why: str) -> None:
+    (tmp_path / "w.toml").write_text(text)
+    with pytest.raises(WorldError, match=why):
+        SCHEMES["toml"]("w.toml", tmp_path)

@@ -27,7 +27,7 @@ NUMBER, SECONDS = "expected a finite number", "expected a number of seconds abov
     [
         (["goal", "nan", "1"], NUMBER),
         (["goal", "0", "inf"], NUMBER),
-        (["goal", "0", "1", "nan"], NUMBER),
+        (["goal", "0", "1", "nan"], "got nan, expected degrees of -360 to 360"),
         (["goal", "0", "1", "--via", "nan,1"], "--via nan,1: expected two finite numbers"),
         (["goal", "0", "1", "--timeout", "-3"], SECONDS),
         (["goal", "0", "1", "--timeout", "nan"], SECONDS),

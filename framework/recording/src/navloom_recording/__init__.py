@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from navloom_recording.imported_log import imported_config as imported_config
     from navloom_recording.imported_log import mount_option as mount_option
     from navloom_recording.imported_log import placed_in_map as placed_in_map
+    from navloom_recording.imported_log import scans_alone as scans_alone
     from navloom_recording.imported_log import start_option as start_option
     from navloom_recording.imported_log import too_coarse as too_coarse
     from navloom_recording.imported_log import writing as writing
@@ -38,7 +39,7 @@ else:
             "navloom_recording.recording_header": "RecordingError RecordingHeader header_of",
             "navloom_recording.imported_log": (
                 "OWN_PORTS PERIOD RANGE_SCAN SWEEP ImportedLog imported_config mount_option placed_in_map "
-                "start_option too_coarse writing"
+                "scans_alone start_option too_coarse writing"
             ),
             "navloom_recording.reader": "RawRecorded Recorded Recording",
             "navloom_recording.writer": "RecordingWriter WriteError",

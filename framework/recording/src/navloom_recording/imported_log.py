@@ -19,6 +19,7 @@ from navloom.config.tables import RunTable
 from navloom.engine.streams import OWN_PORTS
 from navloom.entry_kinds import GROUP
 from navloom.geometry.frames import compose, inverse
+from navloom.inputs import heading_problem, warn_of_radians
 from navloom.messages import Envelope, Message, Odometry, Pose2D, RangeScan, Sweep
 from navloom.messages.codec import encode, schema_label
 from navloom.plugins import Discovery, PluginError
@@ -34,8 +35,8 @@ from navloom_recording.writer import RecordingWriter, WriteError
 
 __all__ = [
     "INSTANCE", "OWN_PORTS", "PERIOD", "RANGE_SCAN", "SWEEP", "ImportedLog", "RecordedPlatform", "discovery",
-    "imported_config", "mount_option", "navloom_register", "placed_in_map", "start_option", "too_coarse",
-    "writing",
+    "imported_config", "mount_option", "navloom_register", "placed_in_map", "scans_alone", "start_option",
+    "too_coarse", "writing",
 ]  # fmt: skip
 
 INSTANCE = "recorded"
@@ -68,10 +69,13 @@ class ImportedLog:
         self._odometry: Odometry | None = None
         self._jumps = 0
         self._largest = (0.0, "")
+        self._moves = self._has_scans = False
 
     @property
-    def odometry_jumps(self) -> str:
-        """What the user must know of steps of the odometry that no robot drives; empty if there is none."""
+    def odometry_note(self) -> str:
+        """What the user must know: the odometry stands still, or has steps that no robot drives; else empty."""
+        if not self._moves and self._has_scans:
+            return f"odometry: it stands still; if the robot moved, {scans_alone(self._writer.path)}"
         if not self._jumps:
             return ""
         steps = "1 step is" if self._jumps == 1 else f"{self._jumps} steps are"
@@ -88,6 +92,7 @@ class ImportedLog:
         """
         if isinstance(message, Odometry):
             self._judge_step(message)
+        self._has_scans |= isinstance(message, RangeScan)
         # Ticks count from the first message, stamps stay those of the log.
         self._origin_ns = stamp_ns if self._origin_ns is None else self._origin_ns
         self.first_ns = min(self.first_ns or stamp_ns, stamp_ns)
@@ -107,6 +112,7 @@ class ImportedLog:
         seconds = max(0, odometry.stamp_ns - before.stamp_ns) * 1e-9
         away = math.hypot(odometry.pose.x - before.pose.x, odometry.pose.y - before.pose.y)
         turn = abs(math.remainder(odometry.pose.heading - before.pose.heading, math.tau))
+        self._moves |= away > 0.0 or turn > 0.0
         excess = max(away / (SLACK + FASTEST * seconds), turn / (SLACK_TURN + FASTEST_TURN * seconds))
         if excess > 1.0:
             self._jumps += 1
@@ -190,7 +196,7 @@ def placed_in_map(
         tree["map"] = {"ref": map_ref}
     if start is not None:
         x, y, heading = compose(np.array(start), inverse(np.array([first.x, first.y, first.heading]))).tolist()
-        place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}
+        place = {"x": x, "y": y, "heading_deg": math.remainder(math.degrees(heading), 360.0)}
         tree["navigation"] = {**tree.get("navigation", {}), "start": place}
     return replace(loaded, config=Config.model_validate(tree))
 
@@ -212,6 +218,11 @@ def too_coarse(stamps: NDArray[Any], share: float = 0.3) -> str:
     return f"its {len(stamps)} messages {seen}"
 
 
+def scans_alone(recording: Path) -> str:
+    """What to do with a recording whose odometry stands still: the robot is followed by its scans."""
+    return f"follow its scans with `navloom replay {recording} --localizer scan_odometry`"
+
+
 def start_option(text: str) -> tuple[float, float, float]:
     """x, y, m, and heading, rad, from `--start X,Y,HEADING_DEG`. Raises ConfigError."""
     try:
@@ -220,6 +231,9 @@ def start_option(text: str) -> tuple[float, float, float]:
         x = y = heading_deg = math.nan
     if not all(map(math.isfinite, (x, y, heading_deg))):
         raise ConfigError(f"--start {text}: expected X,Y,HEADING_DEG in m and degrees, as in --start 1.5,0,90")
+    if problem := heading_problem(heading_deg):
+        raise ConfigError(f"--start {text}: its heading: {problem}")
+    warn_of_radians(heading_deg)
     return x, y, math.radians(heading_deg)
 
 
@@ -236,6 +250,9 @@ def mount_option(text: str) -> tuple[str, tuple[float, float, float, float]]:
             f"--mount {text}: expected NAME=X,Y,YAW_DEG in m and degrees, and ,Z if it matters, "
             "as in --mount scan=0.1,0,0"
         ) from None
+    if problem := heading_problem(yaw_deg):
+        raise ConfigError(f"--mount {text}: its yaw: {problem}")
+    warn_of_radians(yaw_deg)
     return name, (x, y, math.radians(yaw_deg), z)
 
 

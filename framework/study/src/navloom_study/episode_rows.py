@@ -26,7 +26,7 @@ from navloom_study.repeat_check import run_twice
 from navloom_study.study_worlds import CachedDiscovery, placed
 from navloom_study.tracks import encoded
 
-__all__ = ["EpisodeTask", "Row", "episode_row", "lost_row", "row_of"]
+__all__ = ["EpisodeTask", "Row", "episode_row", "lost_row", "read_by_metrics", "row_of"]
 
 ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 Progress = Callable[[], None]
@@ -157,7 +157,7 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
     started = perf_counter()
     discovery = _shared(task).discovery
     try:
-        reads = frozenset(stream for metric in _metrics(task) for stream in metric.reads)
+        reads = read_by_metrics(task)
         loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
         if task.is_twice:
             episode = _repeated(loaded, discovery, progress, reads)
@@ -170,6 +170,11 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
         return row_of(task, episode, perf_counter() - started)
     except (Exception, SystemExit) as error:
         return lost_row(task, f"{type(error).__name__}: {error}", perf_counter() - started)
+
+
+def read_by_metrics(task: EpisodeTask) -> frozenset[tuple[str, str]]:
+    """Streams whose messages the metrics of an episode need, `(role or node, port)`."""
+    return frozenset(stream for metric in _metrics(task) for stream in metric.reads)
 
 
 def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress, reads: frozenset[tuple[str, str]]) -> Episode:

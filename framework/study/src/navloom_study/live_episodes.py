@@ -12,7 +12,7 @@ from navloom.config import Loaded
 from navloom.config.schema import Config
 from navloom.parts import part
 
-from navloom_study.episode_rows import EpisodeTask, Row, lost_row, row_of
+from navloom_study.episode_rows import EpisodeTask, Row, lost_row, read_by_metrics, row_of
 from navloom_study.study_worlds import placed
 
 __all__ = ["NAME", "run_live"]
@@ -46,7 +46,8 @@ def run_live(
         began, key = perf_counter(), task.key
         name = f"{key.method} in {key.world}, seed {key.seed}"
         loaded = _own_robot(placed(task.config, task.values, key.seed, Path(task.here)))
-        run = LiveRun(loaded, None, False, lambda text, name=name: say(f"{name}: {text}"), ending)
+        run = LiveRun(loaded, None, False, lambda text, name=name: say(f"{name}: {text}"), ending,
+                      reads=read_by_metrics(task))  # fmt: skip
         try:
             episode = run.run(True, progress=lambda *told: idle(), look=lambda robot: idle())
         except StartError as error:

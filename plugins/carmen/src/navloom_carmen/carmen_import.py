@@ -13,11 +13,19 @@ import numpy as np
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom_recording import RANGE_SCAN, ImportedLog, RecordingError, imported_config, placed_in_map, writing
+from navloom_recording import (
+    RANGE_SCAN,
+    ImportedLog,
+    RecordingError,
+    imported_config,
+    placed_in_map,
+    scans_alone,
+    writing,
+)
 from numpy.typing import NDArray
 
 from navloom_carmen.carmen import LASERS, ODOM, BeamPattern, Survey, scans, survey
-from navloom_carmen.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of, standing
+from navloom_carmen.carmen_timeline import Timeline, corrected_odometry, leap_of, raw_odometry, stamps_of, standing
 
 __all__ = ["CarmenLog", "import_carmen"]
 
@@ -117,7 +125,7 @@ def import_carmen(
         elif poses == "none":
             way = standing(times)
         else:
-            way = raw_odometry(found.events, times, found.is_corrected)
+            way = _raw_odometry(found, times, out)
     except RecordingError as error:
         raise RecordingError(f"{log}: {error}") from None
     result.skipped.update(found.skipped)
@@ -130,8 +138,16 @@ def import_carmen(
             raise RecordingError(f"{log}: no scan can be used: {next(iter(result.skipped), 'it holds none')}")
     if way.left_out:
         result.skipped["odometry: at the time of a later line"] = way.left_out
-    result.first_ns, result.last_ns, result.note = written.first_ns, written.last_ns, written.odometry_jumps
+    result.first_ns, result.last_ns = written.first_ns, written.last_ns
+    result.note = "; ".join(filter(None, [leap_of(times, found.events), written.odometry_note]))
     return result
+
+
+def _raw_odometry(found: Survey, times: Floats, out: Path) -> Timeline:
+    try:
+        return raw_odometry(found.events, times, found.is_corrected)
+    except RecordingError as error:
+        raise RecordingError(f"{error}, or the scans alone, with --poses none, and {scans_alone(out)}") from None
 
 
 def _named(found: Survey) -> dict[str, str]:

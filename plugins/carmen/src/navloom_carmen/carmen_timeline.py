@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from navloom_carmen.carmen import ODOM
 
-__all__ = ["Timeline", "corrected_odometry", "raw_odometry", "stamps_of", "standing", "twists"]
+__all__ = ["Timeline", "corrected_odometry", "leap_of", "raw_odometry", "stamps_of", "standing", "twists"]
 
 Floats = NDArray[np.float64]
 _KIND, _POSE, _ROBOT, _SPEED, _IPC, _LOGGER = 1, slice(2, 5), slice(5, 8), slice(5, 7), 8, 9
@@ -24,6 +24,8 @@ LACKING = 0.05
 """Share of scans without preceding odometry from which the odometry of a corrected log counts as missing."""
 REPEATED = 0.02
 """Largest difference, m and rad, of odometry that repeats the pose of the scan before it."""
+PAUSE = 600.0
+"""Longest pause within one drive, s; that of the runs of a bag."""
 SPAN = 0.2
 """Time over which a velocity is computed if the log gives none, s; stamps of a log scatter by less."""
 
@@ -51,14 +53,14 @@ def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Float
     Args:
         events: (n, 10) of a `Survey`.
         is_corrected: The log is corrected: odometry directly after a scan repeats its pose and has no time.
-        period: Time between two scans, s, if the log's times are unusable; None to use the log's times.
+        period: Time between two scans of a laser, s, if the log's times are unusable; None to use the log's times.
 
     Raises:
         RecordingError: The log's times run backwards.
     """
     is_scan = events[:, _KIND] != ODOM
     if period is not None:
-        return _counted(is_scan, period)
+        return _counted(events[:, _KIND], period)
     is_timed = ~_corrections(events) if is_corrected else np.ones(len(events), dtype=np.bool_)
     columns = [events[:, place] for place in (_IPC, _LOGGER)]
     coarse = [_coarse(column, is_scan, is_timed) for column in columns]
@@ -111,7 +113,11 @@ def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
         poses = np.where(is_scan[:, None], events[:, _ROBOT], events[:, _POSE])
         speeds = np.where(is_scan[:, None], 0.0, events[:, _SPEED])
         return _timeline(times, poses, _held(speeds, is_odometry))
-    lacking = int((is_scan[1:] & (is_scan | is_correction)[:-1]).sum())
+    given = np.where(is_scan[:, None], events[:, _ROBOT], events[:, _POSE])
+    steps = compose(inverse(given[:-1]), given[1:])
+    # Of a robot that stood, as between the scans of two lasers, nothing is lost.
+    has_moved = np.maximum(np.abs(steps[:, :2]).max(axis=1), np.abs(wrap(steps[:, 2]))) > REPEATED
+    lacking = int((is_scan[1:] & (is_scan | is_correction)[:-1] & has_moved).sum())
     if lacking > LACKING * is_scan.sum():
         raise RecordingError(
             f"{lacking} of {is_scan.sum()} scans have no odometry before them: it cannot be recovered; take the "
@@ -119,8 +125,6 @@ def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
         )
     # Without odometry before a scan, the filter's step to it is all that is known of the motion.
     is_lone = is_scan & np.concatenate([[True], (is_scan | is_correction)[:-1]])
-    given = np.where(is_scan[:, None], events[:, _ROBOT], events[:, _POSE])
-    steps = compose(inverse(given[:-1]), given[1:])
     steps[((is_scan & ~is_lone) | is_correction)[1:]] = 0.0
     poses = _chained(given[0], steps)
     kept = (is_odometry & ~is_correction) | is_lone
@@ -138,6 +142,15 @@ def corrected_odometry(events: Floats, times: Floats, laser_to_base: Floats) -> 
     """
     poses = compose(events[:, _POSE], inverse(laser_to_base))
     return _timeline(times, poses, np.zeros((len(poses), 2)))
+
+
+def leap_of(times: Floats, events: Floats) -> str:
+    """What a user must know of the largest pause of a log's (n,) times, s; empty if it may be one drive."""
+    if len(times) < 2 or np.diff(times).max() <= PAUSE:
+        return ""
+    place = int(np.argmax(np.diff(times)))
+    leap, line = times[place + 1] - times[place], int(events[place + 1, 0])
+    return f"its times leap by {leap:.0f} s at line {line}: if the clock was set there, or the robot moved, cut the log"
 
 
 def standing(times: Floats) -> Timeline:
@@ -205,22 +218,22 @@ def _corrections(events: Floats) -> NDArray[np.bool_]:
 
 def _coarse(times: Floats, is_scan: NDArray[np.bool_], is_timed: NDArray[np.bool_]) -> str:
     """Why the times of the scans or of the odometry are those of no clock; empty if they can be."""
-    for name, is_one in (("scans", is_scan), ("odometry", ~is_scan & is_timed)):
-        why = too_coarse(times[is_one])
-        if why:
-            return f"{name}: {why}"
-    return ""
+    streams = (("scans", is_scan), ("odometry", ~is_scan & is_timed))
+    return "; ".join(f"{name}: {why}" for name, is_one in streams if (why := too_coarse(times[is_one])))
 
 
-def _counted(is_scan: NDArray[np.bool_], period: float) -> Floats:
-    """Times, s: scans at multiples of the period, events between two scans spread evenly."""
-    places = np.flatnonzero(is_scan)
-    if not len(places):
-        return np.arange(len(is_scan), dtype=np.float64) * period
-    numbers: Floats = np.interp(np.arange(len(is_scan)), places, np.arange(1.0, len(places) + 1.0))
-    tail = np.arange(len(is_scan), dtype=np.float64) - places[-1]
-    spread: Floats = period * np.where(tail > 0.0, numbers + tail * 1e-3, numbers)
-    return spread
+def _counted(kinds: Floats, period: float) -> Floats:
+    """Times, s, of (n,) kinds of events: scans of the first laser at multiples of the period, the others between them.
+
+    Events before the first of these scans, and after the last, follow each other as on average between them.
+    """
+    is_scan = kinds != ODOM
+    places = np.flatnonzero(kinds == kinds[np.argmax(is_scan)]) if is_scan.any() else np.arange(len(kinds))
+    numbers = np.arange(len(kinds), dtype=np.float64)
+    found: Floats = np.interp(numbers, places, np.arange(1.0, len(places) + 1.0))
+    step = (len(places) - 1) / (places[-1] - places[0]) if len(places) > 1 else 0.5
+    found += step * (np.maximum(numbers - places[-1], 0.0) - np.maximum(places[0] - numbers, 0.0))
+    return period * (found - min(0.0, float(found[0])))
 
 
 def _rises(times: Floats) -> bool:

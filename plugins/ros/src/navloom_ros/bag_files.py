@@ -74,13 +74,13 @@ def bag_files(bag: Path, folder: Path, types: frozenset[str]) -> BagFiles:
     if about is None:
         found.notes.append(f"metadata.yaml is missing: all of {', '.join(path.name for path in files)} was read")
         found.paths = mended
-    elif mended == [bag / name for name in names or ()] and about["storage_identifier"]:
+    elif mended == [bag / n for n in names or ()] and about["storage_identifier"] and not about.get("compression_mode"):
         found.paths = [bag]
     else:
         kind = "mcap" if mended[0].suffix == ".mcap" else "sqlite3"
-        is_message = str(about.get("compression_mode", "")).lower() == "message"
-        cleared = {} if is_message else {"compression_mode": "", "compression_format": ""}
-        about = {**about, **cleared, "storage_identifier": about["storage_identifier"] or kind,
+        # `bags.messages` finds compressed messages by themselves, whatever the description says of them.
+        about = {**about, "compression_mode": "", "compression_format": "",
+                 "storage_identifier": about["storage_identifier"] or kind,
                  "relative_file_paths": [path.name for path in mended]}  # fmt: skip
         for path in mended:
             if path.parent != folder:
@@ -165,7 +165,9 @@ def _why_unreadable(path: Path, least: int = 0) -> str:
     except MemoryError:
         raise
     except Exception as error:  # rosbags raises its own, and what its parsers raise
-        text = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        # Its assertions about the index have no text.
+        unnamed = "its index cannot be read" if isinstance(error, AssertionError) else type(error).__name__
+        text = " ".join(str(error).split()).rstrip(".") or unnamed
         return text if len(text) <= 200 else f"{text[:197]}..."
 
 

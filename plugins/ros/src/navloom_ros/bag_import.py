@@ -21,6 +21,7 @@ from navloom_recording import (
     RecordingError,
     imported_config,
     placed_in_map,
+    scans_alone,
     too_coarse,
     writing,
 )
@@ -45,10 +46,15 @@ _CONVERT = {
 }
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+_COMMANDS = frozenset({"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"})
+_COMMAND = "a command: replays compare with the velocities that were driven, those of the odometry"
 NO_ODOMETRY = "none"
 """In place of a topic: each scan gets odometry that stands still."""
-_SCANS_ALONE = "or import the scans alone, with --odom none"
 _FIX = "take another topic with --odom TOPIC, or name the robot's frame with --base-frame FRAME"
+
+
+class NoOdometry(RecordingError):
+    """The bag has no odometry of the robot."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,12 @@ def import_bag(
         WriteError: The disk is full; no partial file remains.
     """
     with opened(bag, frozenset({_ODOMETRY, *_TRANSFORMS, *_CONVERT})) as (reader, files):
-        work = _Work(reader, files, dict(names or {}), dict(mounts or {}), odometry_topic, choice or Choice())
+        try:
+            work = _Work(reader, files, dict(names or {}), dict(mounts or {}), odometry_topic, choice or Choice())
+        except NoOdometry as error:
+            raise RecordingError(
+                f"{error}; or import the scans alone, with --odom none, and {scans_alone(out)}"
+            ) from None
         loaded = imported_config(bag.name, work.sensors())
         if map_ref is not None or start is not None:
             loaded = placed_in_map(loaded, map_ref, start, work.first_pose())
@@ -197,7 +208,7 @@ class _Work:
         if wanted is not None or not pairs:
             reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
             lacking = f"neither a topic of {_ODOMETRY} nor a transform from odom to {self.base}"
-            raise RecordingError(f"no odometry: {reason or lacking}; {_SCANS_ALONE}")
+            raise NoOdometry(f"no odometry: {reason or lacking}")
         self.pair = max(pairs, key=lambda pair: (pair[1] == self.base, len(self.streams.moved[pair].stamps), pair))
 
     def _misfit(self, child: str) -> str:
@@ -247,7 +258,7 @@ class _Work:
             elif topic.type == _ODOMETRY:
                 topic.skip(f"{self.odometry or 'none'} is taken; choose with --odom {topic.name}", count)
             else:
-                topic.skip("not a type that is read", count)
+                topic.skip(_COMMAND if topic.type in _COMMANDS else "not a type that is read", count)
         if not self.sensors():
             reasons = reasons_of(self._of(_CONVERT))
             there = ", ".join(f"{topic.name} ({topic.type})" for topic in self.topics.values()) or "no topic at all"
@@ -307,7 +318,7 @@ class _Work:
                 topic.sensor, topic.messages = "odometry", 0
             topic.messages += 1
         self._refuse_nothing()
-        notes = [*self.notes, *self.clock.notes(), *filter(None, [log.odometry_jumps])]
+        notes = [*self.notes, *self.clock.notes(), *filter(None, [log.odometry_note])]
         return Imported(list(self.topics.values()), log.first_ns, log.last_ns, notes)
 
     def _refuse_nothing(self) -> None:

@@ -19,6 +19,8 @@ from navloom_ros.bag_files import BagFiles, bag_files
 
 __all__ = ["check_definitions", "deserialized", "messages", "opened"]
 
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""Start of a zstd frame."""
 STANDARD = "ros2_humble"
 """ROS release whose message types apply to a bag without definitions. Later releases write them into each bag."""
 
@@ -45,7 +47,9 @@ def opened(bag: Path, types: frozenset[str]) -> Iterator[tuple[Any, BagFiles]]:
         stack.enter_context(_bounded_memory(bag))
         files = bag_files(path, folder, types)
         try:
-            reader = AnyReader(files.paths, default_typestore=get_typestore(Stores(STANDARD)))
+            reader: Any = AnyReader(files.paths, default_typestore=get_typestore(Stores(STANDARD)))
+            # For errors: its own paths may be those of copies.
+            reader.bag = bag
             # One definition that cannot be parsed would refuse the whole bag.
             reader.readers = [cast("Any", _Defined(one, types)) for one in reader.readers]
             stack.enter_context(reader)
@@ -121,12 +125,25 @@ def check_definitions(reader: Any, types: Iterable[str]) -> None:
         for field, kind in expected:
             if dict(given).get(field) != kind:
                 raise RecordingError(
-                    f"{reader.paths[0]}: defines {name} without ROS's field {field!r}, or with another type of it; "
+                    f"{reader.bag}: defines {name} without ROS's field {field!r}, or with another type of it; "
                     "copy the bag again"
                 )
             element: Any = kind if kind[0] in (Nodetype.BASE, Nodetype.NAME) else kind[1][0]  # of an array, its items'
             if element[0] == Nodetype.NAME and element[1] not in checked:
                 left.append(element[1])
+
+
+def unpacked(raw: bytes) -> bytes:
+    """The bytes of a message that rosbag2 may have compressed; one in CDR or of ROS 1 does not begin like zstd."""
+    if raw[:4] != ZSTD:
+        return raw
+    import zstandard
+
+    frame = zstandard.ZstdDecompressor().decompressobj()
+    found: bytes = frame.decompress(raw)
+    if not frame.eof:
+        raise ValueError("a compressed message is cut")
+    return found
 
 
 def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
@@ -140,11 +157,11 @@ def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int
                 raise ValueError(f"a message of {connection.topic} is of {connection.msgtype}")
             if not isinstance(stamp_ns, int) or not 0 <= stamp_ns < 2**63:
                 raise ValueError(f"a message of {connection.topic} has the time {str(stamp_ns)[:40]}")
-            yield connection, stamp_ns, raw
+            yield connection, stamp_ns, unpacked(raw)
     except (MemoryError, RecordingError):
         raise
     except Exception as error:
-        raise RecordingError(f"{reader.paths[0]}: damaged: {_words(error)}; copy the bag again") from None
+        raise RecordingError(f"{reader.bag}: damaged: {_words(error)}; copy the bag again") from None
 
 
 def deserialized(reader: Any, raw: bytes, connection: Any) -> Any:
@@ -155,7 +172,7 @@ def deserialized(reader: Any, raw: bytes, connection: Any) -> Any:
         raise
     except Exception as error:
         raise RecordingError(
-            f"{reader.paths[0]}: {connection.topic}: not a message of {connection.msgtype}: {_words(error)}; "
+            f"{reader.bag}: {connection.topic}: not a message of {connection.msgtype}: {_words(error)}; "
             "copy the bag again"
         ) from None
 

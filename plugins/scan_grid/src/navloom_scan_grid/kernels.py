@@ -20,10 +20,19 @@ _WORD = 8
 """Cells in one 64-bit word, a byte each, so that empty ones are skipped together."""
 CORE = 0.5
 """Share of a cone's opening round its axis in which it surely hears what is there."""
-PER_ECHO, MOST = 6, 24
-"""Readings that must see through a place to outweigh one echo from it, and all of its echoes."""
+LIKELY = 0.25
+"""Share of a cone's opening round its axis whose cells on the arc are the likeliest places of its echo."""
+PER_ECHO, MOST, ON_ARC = 9, 49, 1
+"""Readings that must see through a place to outweigh one echo; most that is held; what is left of an outweighed place.
+
+`ON_ARC` also marks the other cells of an arc. Every cone can clear such a cell, and it is unknown as long as its log
+odds are positive.
+"""
+HALF_DIAGONAL = math.sqrt(0.5)
+"""Of a cell, in edges: an arc crosses cells whose centre is nearer to it."""
 SAME_WAY = 7
 """Largest angle between two looks at a place that a smooth surface answers alike, in 1/256 of a turn: 10°."""
+COS_SAME_WAY = math.cos(math.tau * SAME_WAY / 256.0)
 SILENT_SHARE = 0.6
 """Share of the reach up to which a cone without an echo is believed: weaker echoes come from farther."""
 NEAR = 1.0
@@ -210,16 +219,18 @@ def _tell_all(odds, words, said, reached, weights):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bounds(cone, echoes, reach, found):  # type: ignore[no-untyped-def]
+def _bounds(cone, echoes, reach, depth, found):  # type: ignore[no-untyped-def]
     """Distances, m, up to which a cone can show free space, by sector from its right flank to its left, into `found`.
 
     A smooth surface answers only where the sound meets it squarely. So an echo shows a surface across its axis, and a
     cone that meets the same surface at an angle would be silent, or hear something else behind the robot's room.
+    An echo of the cone's own direction sets no bound: the new reading is the later look at the same surface.
 
     Args:
         cone: (6,) as a row of `placed` in `insert`.
         echoes: (k, 6) cones that had an echo lately; +inf where there is none.
         reach: m.
+        depth: Half the depth of an echo's arc, m: another cone clears none of it.
         found: (SECTORS,) filled.
     """
     x, y, cos_axis, sin_axis, reading, half_angle = cone
@@ -231,8 +242,9 @@ def _bounds(cone, echoes, reach, found):  # type: ignore[no-untyped-def]
         for k in range(echoes.shape[0]):
             dx, dy = echoes[k, 0] - x, echoes[k, 1] - y
             toward = way_x * echoes[k, 2] + way_y * echoes[k, 3]
-            if dx * dx + dy * dy <= NEAR * NEAR and toward > 0.0:
-                away = dx * echoes[k, 2] + dy * echoes[k, 3] + echoes[k, 4]
+            is_other = cos_axis * echoes[k, 2] + sin_axis * echoes[k, 3] < COS_SAME_WAY
+            if is_other and dx * dx + dy * dy <= NEAR * NEAR and toward > 0.0:
+                away = dx * echoes[k, 2] + dy * echoes[k, 3] + echoes[k, 4] - depth
                 found[sector] = min(found[sector], max(0.0, away) / toward)
 
 
@@ -261,8 +273,10 @@ def _insert_cone(odds, heard, bounds, x, y, cone, cell, limits, weights):  # typ
     the "cancel" and "normalize" of Moravec & Elfes 1985, in log odds. Without it, the arcs of a moving ring smear every
     post over metres.
 
-    A place with an echo is cleared only by what `_speaks_against` it. A silent cone clears nothing behind such a
-    place, and nothing more than once: cells beyond a surface that no sonar has heard yet must not count as surely free.
+    The cells of an arc near its axis, the likeliest places of the echo, are cleared only by what `_speaks_against` it,
+    its other cells by every cone: protecting the whole arc would keep the free space beside walls unknown, which
+    oblique cones hear. No cone clears beyond its `bounds`. A silent cone clears nothing behind a cell with an echo, and
+    nothing more than once: cells beyond a surface that no sonar has heard yet must not count as surely free.
     """
     (range_min, reach), (rows, columns) = limits, odds.shape
     cos_axis, sin_axis, reading, half_angle = cone[2], cone[3], cone[4], cone[5]
@@ -295,21 +309,28 @@ def _insert_cone(odds, heard, bounds, x, y, cone, cell, limits, weights):  # typ
                 value = cone_log_odds(distance, abs(angle), reading, half_angle, range_min, reach, weights.depth,
                                       weights.cone_hit, weights.cone_passed)  # fmt: skip
                 is_core = abs(angle) < CORE * half_angle
+                sector = min(SECTORS - 1, int(0.5 * (angle / half_angle + 1.0) * SECTORS))
                 if value > 0.0:
                     value *= math.exp(known_free - likeliest)
-                    if is_core:
-                        place[0], place[1] = min(MOST, place[0] + PER_ECHO), _way(dx, dy)
-                elif value < 0.0 and place[0] > 0:
+                    if abs(angle) < LIKELY * half_angle and abs(distance - reading) < HALF_DIAGONAL * cell:
+                        place[0], place[1] = min(MOST, max(place[0], ON_ARC) + PER_ECHO), _way(dx, dy)
+                elif distance > bounds[sector]:
+                    value = 0.0
+                elif value < 0.0 and place[0] > ON_ARC:
                     if _speaks_against(place[1], _way(dx, dy), is_core, is_silent):
                         place[0] -= 1
                     else:
                         value = 0.0
-                else:
-                    sector = min(SECTORS - 1, int(0.5 * (angle / half_angle + 1.0) * SECTORS))
-                    value = value if distance <= min(nearest_heard, bounds[sector]) else 0.0
+                elif distance > nearest_heard:
+                    value = 0.0
                 if value != 0.0:
                     once = min(weights.cone_passed, known_free) if is_silent else weights.lowest
-                    odds[row, column] = _added(odds[row, column], value, max(weights.lowest, once), weights.highest)
+                    after = _added(odds[row, column], value, max(weights.lowest, once), weights.highest)
+                    odds[row, column] = after
+                    if after > 0.0 and value > 0.0:
+                        place[0] = max(place[0], ON_ARC)
+                    elif after <= 0.0 and place[0] == ON_ARC:
+                        place[0] = 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -322,8 +343,8 @@ def insert(odds, heard, echoes, words, corner_x, corner_y, cell, placed, limits,
 
     Args:
         odds: (rows, columns) float32 log odds, NaN for unknown, changed in place; must cover the whole scan.
-        heard: (rows, columns, 2) uint8, changed in place: how many readings of cones must see through a cell before its
-            echoes are outweighed, 0 without one, and the direction in which the last was heard, in 1/256 of a turn.
+        heard: (rows, columns, 2) uint8, changed in place: 0 without an echo of a cone, else `ON_ARC` plus the readings
+            that must see through the cell; the direction in which the last was heard, in 1/256 of a turn.
         echoes: (k, 6) rows of `placed`, changed in place: the last echoes of cones, newest first; +inf for none.
         words: Work array of `said_of`; all 0 again afterwards, except in the margin.
         corner_x, corner_y: Lower left corner of the grid, m, map frame.
@@ -342,7 +363,7 @@ def insert(odds, heard, echoes, words, corner_x, corner_y, cell, placed, limits,
     bounds = np.empty(SECTORS)
     for i in np.flatnonzero(is_cone):
         if placed[i, 4] < np.inf or weights.no_echo_clears:
-            _bounds(placed[i], echoes, limits[1], bounds)
+            _bounds(placed[i], echoes, limits[1], weights.depth, bounds)
             x, y = (placed[i, 0] - corner_x) / cell, (placed[i, 1] - corner_y) / cell
             _insert_cone(odds, heard, bounds, x, y, placed[i], cell, limits, weights)
 
@@ -351,13 +372,15 @@ def insert(odds, heard, echoes, words, corner_x, corner_y, cell, placed, limits,
 def render(odds, heard, occupied_from, is_ternary):  # type: ignore[no-untyped-def]
     """(rows, columns) int8 values to publish: -1 unknown, else percent, or 100 from `occupied_from` on and 0 below.
 
-    A place with an echo that is neither sure nor outweighed, see `insert`, is unknown: it must not look free.
+    A place with an echo that is neither sure nor outweighed, see `insert`, is unknown: it must not look free. So is the
+    rest of an arc where nothing has outweighed it: behind walls, flanks leave small positive log odds.
     """
     cells = np.empty(odds.shape, np.int8)
     for row in range(odds.shape[0]):
         for column in range(odds.shape[1]):
-            value = odds[row, column]
-            if value != value or (heard[row, column, 0] > 0 and value < occupied_from):
+            value, left = odds[row, column], heard[row, column, 0]
+            is_unsure = left > ON_ARC or (left == ON_ARC and value > 0.0)
+            if value != value or (is_unsure and value < occupied_from):
                 cells[row, column] = -1
             elif is_ternary:
                 cells[row, column] = 100 if value >= occupied_from else 0

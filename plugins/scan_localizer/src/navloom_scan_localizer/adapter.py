@@ -16,6 +16,7 @@ from navloom import (
     Pose2D,
     PoseEstimate,
     RangeScan,
+    Twist2D,
 )
 from numpy.typing import NDArray
 
@@ -23,13 +24,26 @@ from navloom_scan_localizer import beams, matching, search, sight, small, surfac
 from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
+from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.surface import LocalSurface
+from navloom_scan_localizer.sweep import Sweep, ordered
 from navloom_scan_localizer.tracking import PoseTracker, relative
+from navloom_scan_localizer.unaided import UnaidedMotion, hold_unseen
 
 __all__ = ["ScanMatching", "ScanOdometry"]
 
 _SEEN_TO = 0.9
 """Share of the range to which a beam without an echo shows that there is no wall: echoes from the end are weak."""
+
+
+_COVERED = 0.5
+"""Share of a scan's echoes on known surfaces with which the next scans can do without it."""
+
+_LOST_TURN_DEG = 30.0
+"""Standard deviation of the heading from which the pose is lost, degrees."""
+
+_WIDE = np.diag([0.1**2, 0.1**2, math.radians(10.0) ** 2])
+"""Covariance of the motion between two scans that wheels may have missed, m² and rad²."""
 
 
 class ScanMatching(Localizer[ScanMatchingParams]):
@@ -80,8 +94,9 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         if given.known is not None and given.known is not self._known:
             self._take_map(given.known)
         odometry, tracker = given.odometry, self._tracker
-        points = _predict(tracker, given, self._stamp_ns, round(1e9 * self.context.period), self.params)
+        _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
+        points = _echoes(given, odometry.twist, self.params)
         if points:
             echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
             tracker.correct(echoes)
@@ -121,7 +136,9 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         """Return to the start pose and forget all surfaces; odometry has to begin there too."""
         p, start = self.params, self.context.start
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
-        self._tracker, self._stamp_ns = PoseTracker(p.settings(), self._surface.field, np.zeros(3)), 0
+        self._aided, self._unaided = p.settings(), p.unaided()
+        self._tracker, self._stamp_ns = PoseTracker(self._aided, self._surface.field, np.zeros(3)), 0
+        self._motion, self._sweep = UnaidedMotion(), Sweep()
         self.place(start)
 
     def place(self, pose: Pose2D) -> None:
@@ -132,6 +149,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._tracker.field = self._surface.field
         self._tracker.place(place)
         self._key, self._scans = place, 0
+        self._motion.place(place)
         self._drift = np.zeros((3, 3))
 
     @classmethod
@@ -142,23 +160,85 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
-        odometry, tracker = given.odometry, self._tracker
-        points = _predict(tracker, given, self._stamp_ns, round(1e9 * self.context.period), self.params)
+        odometry, tracker, motion = given.odometry, self._tracker, self._motion
+        twist = odometry.twist
+        if motion.is_possible:
+            motion.see_odometry(_row(odometry.pose), _row(twist))
+        if motion.is_certain:
+            twist = Twist2D(*motion.velocity.tolist())
+            tracker.settings = self._unaided
+            passed = (odometry.stamp_ns - self._stamp_ns) / 1e9
+            tracker.advance(motion.velocity * passed, passed)
+        else:
+            tracker.settings = self._aided
+            _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
-        joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
-        joined = joined[: beams.keep_near(joined, self.params.max_range)]
-        if len(joined):
-            # The first scan has nothing to be matched with.
-            if self._scans:
-                tracker.correct(joined)
-            self._learn(joined)
+        points, can_wait = self._near(given, twist), False
+        # The first scan has nothing to be matched with.
+        if len(points) and self._scans:
+            if is_due := self._sweep.is_due(twist.wz, [scan.time_offsets for scan in _scans(given)]):
+                self._sweep.compare(lambda order: tracker.cost_of(self._near(given, twist, order)))
+                points = self._near(given, twist)
+            if motion.is_possible:
+                points, twist = self._correct_unaided(given, points, twist)
+            else:
+                tracker.correct(points)
+            # In an order that is not certain, scans would teach the surfaces their own distortion.
+            can_wait = is_due and (tracker.share or 0.0) > _COVERED
+        elif given.scans:
+            motion.stop()
+        if len(points) and not can_wait and (motion.is_certain or not motion.witnesses):
+            self._learn(points)
         covariance = tracker.covariance + self._drift
         sigma, limit = position_sigma(covariance, self.params.lost_sigma), self.params.lost_sigma
         is_lost = sigma > limit
         why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
+        turn_deg = math.degrees(math.sqrt(covariance[2, 2]))
+        if not is_lost and turn_deg > _LOST_TURN_DEG:
+            is_lost = True
+            why = f"the heading has a standard deviation of {turn_deg:.0f}°, more than {_LOST_TURN_DEG:g}°"
+        if is_lost and motion.is_certain:
+            # Scans that fit again do not tell how far the robot went unseen.
+            self._drift, tracker.covariance = covariance, 1e-6 * np.eye(3)
         pose = Pose2D(*tracker.pose.tolist())
         state: Literal["tracking", "lost"] = "lost" if is_lost else "tracking"
-        return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, covariance, state, why)
+        return PoseEstimate(odometry.stamp_ns, pose, twist, covariance, state, why)
+
+    def _near(self, given: LocalizerInput, twist: Twist2D, order: float | None = None) -> NDArray[np.float64]:
+        """The points of all scans within `max_range`, (n, 4), see `_points`, in that order or that of the sweep."""
+        points = _echoes(given, twist, self.params, self._sweep.order if order is None else order)
+        joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
+        return joined[: beams.keep_near(joined, self.params.max_range)]
+
+    def _correct_unaided(
+        self, given: LocalizerInput, points: NDArray[np.float64], twist: Twist2D
+    ) -> tuple[NDArray[np.float64], Twist2D]:
+        """Correct the pose by points, (n, 4), while odometry is or may be missing.
+
+        Returns:
+            The points, moved by the velocity that the scans show; and this velocity.
+        """
+        tracker, motion, time = self._tracker, self._motion, self._stamp_ns / 1e9
+        if not motion.is_certain:
+            pose, fused, inliers = tracker.fit(points, tracker.pose, tracker.covariance + _WIDE)
+            if inliers >= self.params.least_inliers:
+                motion.see_pose(pose, inverse(fused), time)
+            if not motion.is_certain:
+                tracker.correct(points)
+                return points, twist
+            tracker.covariance += _WIDE
+        prior, covariance = tracker.pose, tracker.covariance
+        if not tracker.correct(points):
+            motion.stop()
+            return points, twist
+        # The first fit shows the velocity during the scan; with it, the second is exact.
+        pose, _ = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
+        points = self._near(given, Twist2D(*motion.velocity_at(pose, time).tolist()))
+        tracker.pose, tracker.covariance = prior, covariance
+        tracker.correct(points)
+        tracker.pose, tracker.covariance = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
+        motion.see_pose(tracker.pose, tracker.covariance, time)
+        return points, Twist2D(*motion.velocity.tolist())
 
     def _learn(self, points: NDArray[np.float64]) -> None:
         """Add a scan to the surfaces if the robot has moved enough since the last one that was added."""
@@ -188,16 +268,26 @@ class _BeamLimits(Protocol):
     def max_age(self) -> float: ...
 
 
-def _predict(
-    tracker: PoseTracker, given: LocalizerInput, since_ns: int, period_ns: int, limits: _BeamLimits
-) -> list[NDArray[np.float64]]:
-    """Move the pose by the odometry since a stamp, and return the points of each scan, see `_points`."""
-    odometry = given.odometry
+def _predict(tracker: PoseTracker, odometry: Odometry, since_ns: int, period_ns: int) -> None:
+    """Move the pose by the odometry since a stamp."""
     # Before the first step, a tick at most has passed, whatever the run clock shows: a robot may have run for days.
     since_ns = since_ns or max(0, odometry.stamp_ns - period_ns)
-    seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9
-    tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
-    return [_points(scan, odometry, limits, scan.ranges) for scan in _scans(given)]
+    tracker.predict(_row(odometry.pose), (odometry.stamp_ns - since_ns) / 1e9)
+
+
+def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
+    """(3,) x, y, heading of a pose, or vx, vy, wz of a velocity."""
+    if isinstance(given, Pose2D):
+        return np.array([given.x, given.y, given.heading])
+    return np.array([given.vx, given.vy, given.wz])
+
+
+def _echoes(
+    given: LocalizerInput, twist: Twist2D, limits: _BeamLimits, order: float = 1.0
+) -> list[NDArray[np.float64]]:
+    """The points of each scan, see `_points`."""
+    stamp_ns = given.odometry.stamp_ns
+    return [_points(scan, stamp_ns, twist, limits, scan.ranges, order) for scan in _scans(given)]
 
 
 def _scans(given: LocalizerInput) -> list[RangeScan]:
@@ -211,17 +301,20 @@ def _silent(given: LocalizerInput, p: _BeamLimits) -> list[NDArray[np.float64]]:
         limit = scan.range_max - p.limit_margin
         if len(scan.ranges) and scan.ranges.max() >= limit:
             seen = np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
-            found.append(_points(scan, given.odometry, p, seen))
+            found.append(_points(scan, given.odometry.stamp_ns, given.odometry.twist, p, seen))
     return found
 
 
-def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits, ranges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 4) end points, m, and directions of a scan's beams, in the base frame at the time of the odometry."""
-    twist, late = odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
+def _points(
+    scan: RangeScan, stamp_ns: int, twist: Twist2D, p: _BeamLimits, ranges: NDArray[np.float64], order: float = 1.0
+) -> NDArray[np.float64]:
+    """(n, 4) end points, m, and directions of a scan's beams in one of `ORDERS`, in the base frame at a time, ns."""
+    late = (scan.stamp_ns - stamp_ns) / 1e9
     # The velocity is taken as constant in between, which holds for a moment only.
     if abs(late) > p.max_age:
         return np.empty((0, 4))
     limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
     rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
-    given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, ranges)
+    offsets = scan.time_offsets if order == 1.0 else ordered(scan.time_offsets, order)
+    given = (scan.origins, scan.bearings, scan.half_angles, offsets, ranges)
     return rows[: beams.beam_points(*given, limits, motion, rows)]

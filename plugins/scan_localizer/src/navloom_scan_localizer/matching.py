@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import distance_field, sample
 
-__all__ = ["fit_pose", "solve", "warm_up"]
+__all__ = ["fit_pose", "misfit_of", "solve", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -155,6 +155,23 @@ def fit_pose(values, frame, beams, predicted, information, options, iterations, 
     return inliers
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def misfit_of(values, frame, beams, pose, scale, walk):  # type: ignore[no-untyped-def]
+    """Sum of rho(r_i) of the beams at a pose, m², see the module; a beam without a wall counts as one far off.
+
+    Args:
+        values, frame, beams, pose: As for `fit_pose`.
+        scale: Robust scale, m. walk: Longest search for the front of a wall, m.
+    """
+    c, s, total, square = math.cos(pose[2]), math.sin(pose[2]), 0.0, scale * scale
+    for i in range(beams.shape[0]):
+        x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
+        dx, dy = c * beams[i, 2] - s * beams[i, 3], s * beams[i, 2] + c * beams[i, 3]
+        r, _, _, known = _misfit(values, frame, x, y, dx, dy, walk)
+        total += square * r * r / (square + r * r) if known else square
+    return total
+
+
 def warm_up() -> None:
     """Compile the kernels for the array types that the tracker passes."""
     field = distance_field(np.eye(3, dtype=np.bool_), 0.1, (0.0, 0.0, 0.0), 1.0)
@@ -162,3 +179,4 @@ def warm_up() -> None:
     options = np.array([1.0, 0.1, 0.1, 0.1, 0.1])
     for values in (field.values, field.values.copy()):  # that of a map is read-only, that of a local surface is not
         fit_pose(values, field.frame, beams, np.zeros(3), np.eye(3), options, 1, np.empty(3), np.empty((3, 3)))
+        misfit_of(values, field.frame, beams, np.zeros(3), 0.1, 0.1)

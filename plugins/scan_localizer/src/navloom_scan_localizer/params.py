@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from navloom import Params
 from pydantic import Field
@@ -106,11 +107,9 @@ class ScanOdometryParams(Params):
     heading_per_turn_deg: float = Field(
         3.0, gt=0.0, le=30.0, description="Spread of its heading after a turn of 1 rad, degrees/sqrt(rad)."
     )
-    rest_noise: float = Field(
-        0.002, ge=0.0, le=2.0, description="Spread of odometry in 1 s at rest, m/sqrt(s); 0.3 if there is none."
-    )
+    rest_noise: float = Field(0.002, ge=0.0, le=2.0, description="Spread of odometry in 1 s at rest, m/sqrt(s).")
     rest_turn_noise_deg: float = Field(
-        0.1, ge=0.0, le=90.0, description="Spread of its heading in 1 s at rest, degrees/sqrt(s); 30 if there is none."
+        0.1, ge=0.0, le=90.0, description="Spread of its heading in 1 s at rest, degrees/sqrt(s)."
     )
     drift: float = Field(0.01, ge=0.0, le=0.5, description="Spread of the scan matching after 1 m, m/sqrt(m).")
     drift_deg: float = Field(0.2, ge=0.0, le=30.0, description="The same of the heading, degrees/sqrt(m).")
@@ -162,3 +161,7 @@ class ScanOdometryParams(Params):
             max_turn=math.inf,
             lost_sigma=self.lost_sigma,
         )
+
+    def unaided(self) -> Settings:
+        """The settings for a robot whose odometry is missing: the spread covers 1 m/s² and 5 rad/s² between scans."""
+        return replace(self.settings(), rest_noise=0.3, rest_turn_noise=math.radians(30.0))

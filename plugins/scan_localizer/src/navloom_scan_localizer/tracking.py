@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.field import DistanceField
-from navloom_scan_localizer.matching import fit_pose
+from navloom_scan_localizer.matching import fit_pose, misfit_of
 from navloom_scan_localizer.sight import look_along
 from navloom_scan_localizer.small import inverse, propagated
 
@@ -144,11 +144,15 @@ class PoseTracker:
             odometry: (3,) x, y, m, heading, rad, odometry frame.
             time: Time since the last call, s.
         """
-        step = relative(self.odometry, odometry)
+        step, self.odometry = relative(self.odometry, odometry), odometry.copy()
+        self.advance(step, time)
+
+    def advance(self, step: Floats, time: float) -> None:
+        """Move the pose by a step, (3,) x, y, m, turn, rad, in its own frame, that took a time, s."""
         self.covariance = predicted_covariance(
             self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings
         )
-        self.pose, self.odometry = compose(self.pose, step), odometry.copy()
+        self.pose = compose(self.pose, step)
         self.inliers, self.share = 0, None
 
     def correct(self, beams: Floats) -> bool:
@@ -190,6 +194,14 @@ class PoseTracker:
         pose, fused = np.empty(3), np.empty((3, 3))
         inliers = fit_pose(field.values, field.frame, beams, start, information, options, s.iterations, pose, fused)
         return pose, fused, inliers if math.isfinite(sum(pose.tolist())) else 0
+
+    def cost_of(self, beams: Floats) -> float:
+        """Negative log likelihood of beams, (n, 4), at the pose that fits them best."""
+        s, field = self.settings, self.field
+        pose, _, inliers = self.fit(beams, self.pose, self.covariance)
+        place = pose if inliers else self.pose
+        misfit: float = misfit_of(field.values, field.frame, beams, place, s.robust_scale, s.reach)
+        return 0.5 * misfit / (s.sigma**2 * s.redundancy)
 
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""

@@ -22,7 +22,16 @@ from navloom_check.behaviour.measurements import (
     robot_of,
     scan_from,
 )
-from navloom_check.behaviour.obstacle_scene import ALL_ROUND, SONARS, TWO_LASERS, Post, Scene, Wall
+from navloom_check.behaviour.obstacle_scene import (
+    ALL_ROUND,
+    SHORT_SONARS,
+    SONARS,
+    TWO_LASERS,
+    WIDE_SONARS,
+    Post,
+    Scene,
+    Wall,
+)
 from navloom_check.behaviour.scene_drives import FinishedDrive, Pose, drive, estimate_at, towards
 
 __all__ = ["AVOIDERS", "place_in_map"]
@@ -33,8 +42,8 @@ BESIDE = 1.2
 """Distance of a wall from the way beside it, m."""
 SAME = 0.02
 """Greatest difference of two commands that should be equal, as a share of the robot's limits."""
-MOST_TURNS = 2.0 * math.tau
-"""Most turning on the way to a target in the open, rad; turns to both sides add up."""
+MOST_TURNS, MOST_WEAVES = 2.0 * math.tau, 4.0 * math.tau
+"""Most turning on the way to a target in the open, and beside a wall, rad; turns to both sides add up."""
 TRAPPED = 40
 """Consecutive trapped ticks after which a drive is over, since a recovery would start."""
 # Methods with a memory, as histograms, need several scans before their command settles.
@@ -84,12 +93,15 @@ def _ended(done: FinishedDrive) -> str:
 def open_scene(seed: int) -> Scene:
     """An open floor with a target 3 m away, in another direction for each seed.
 
-    In the last four of twelve scenes, the robot has sonars alone, and the target is ahead, beside a wall.
+    In the last four of twelve scenes, the robot has sonars alone, and the target is ahead, beside a wall; in two of
+    these, the sonars reach 1 m only, so that most hear nothing.
     """
     if seed % 12 >= 8:
         side = 1.0 if seed % 2 else -1.0
         wall = Wall(-1.0, side * BESIDE, 4.0, side * BESIDE)
         scene = Scene(Place(0.0, 0.0, side * (0.4, -0.4)[seed % 4 // 2]), (3.0, 0.0), walls=(wall,), lasers=SONARS)
+        if seed % 12 >= 10:
+            scene = replace(scene, lasers=SHORT_SONARS)
         return scene.moved(place_in_map(seed))
     # Both sides and behind: a method that is good at one side only must not pass by luck of the seed.
     bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 12]
@@ -101,11 +113,16 @@ def blocked_scene(seed: int) -> Scene:
     """Obstacles between the robot and its target: a wall, a post, posts, a dead end, a wall beside the way.
 
     In every fourth scene the robot points away from its target; from the seventh on, it has two lasers, fore and aft.
-    In three scenes, a small robot begins in front of a wall; in the last seven of 22, it has sonars alone.
+    In three scenes, a small robot begins in front of a wall. In the last 11 of 26, it has sonars alone; in four of
+    these, a wall is behind it, or the sonars are few and their cones wide.
     """
-    number = seed % 22
+    number = seed % 26
     if 12 <= number < 15:
         return near_scene(seed)
+    if number >= 24:
+        return wide_scene(seed)
+    if number >= 22:
+        return leaving_scene(seed)
     stream = np.random.default_rng([seed, 1])
     side, off = float(stream.choice([-1.0, 1.0])), float(stream.uniform(-0.25, 0.25))
     plain = Scene(Place(0.0, 0.0), (5.0, 0.0))
@@ -135,6 +152,25 @@ def near_scene(seed: int) -> Scene:
     wall = Wall(ahead, -3.0, ahead, 3.0)
     scene = Scene(Place(0.0, 0.0, slant), (4.0, 0.0), walls=(wall,), length=side, width=side)
     return scene.moved(place_in_map(seed))
+
+
+def leaving_scene(seed: int) -> Scene:
+    """A wall 4 cm behind a robot, which its rear would touch if it turned in place to its target.
+
+    Only sonars that look back see the wall; ahead and on both sides, the floor is free.
+    """
+    side = 1.0 if seed % 2 else -1.0
+    plain = Scene(Place(0.0, 0.0), (-3.0, side * 3.0), lasers=SONARS)
+    behind = -0.5 * plain.length - 0.04
+    return replace(plain, walls=(Wall(behind, -1.0, behind, 1.0),)).moved(place_in_map(seed))
+
+
+def wide_scene(seed: int) -> Scene:
+    """Posts that one of few sonars sees alone, or on the flanks of their wide cones, where no axis leads to them."""
+    ahead = (Post(1.1, 0.0, 0.1), Post(1.8, 0.1, 0.1))
+    aside = (Post(1.1, 0.15, 0.1), Post(1.8, -0.15, 0.1))
+    posts = aside if seed % 2 else ahead
+    return Scene(Place(0.0, 0.0), (4.0, 0.0), posts, lasers=WIDE_SONARS).moved(place_in_map(seed))
 
 
 def tight_scene(seed: int) -> Scene:
@@ -212,7 +248,8 @@ def reaches(make: Maker, scene: Scene) -> Measured:
     left = math.hypot(x - scene.target[0], y - scene.target[1])
     turned = float(np.abs(done.twists[:, 1]).sum()) * PERIOD
     said = f"ended {left:.2f} m from its target ({_ended(done)}), after {turned / math.tau:.1f} full turns"
-    return Measured(done.ended == "reached" and turned <= MOST_TURNS, said, left, (done.line,))
+    most = MOST_WEAVES if scene.walls else MOST_TURNS
+    return Measured(done.ended == "reached" and turned <= most, said, left, (done.line,))
 
 
 def no_contact(make: Maker, scene: Scene) -> Measured:
@@ -275,9 +312,10 @@ def mirror(make: Maker, scene: Scene) -> Measured:
 
 
 AVOIDERS = (
-    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and at most two full turns", open_scene,
-              reaches, 12),
-    Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 22),
+    Behaviour("avoider", Claim.REACHES,
+              f"to come within {NEAR} m in 45 s and at most two full turns, four beside a wall",
+              open_scene, reaches, 12),
+    Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 26),
     Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 16),
     Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,
               stops_when_closed, 4, False),

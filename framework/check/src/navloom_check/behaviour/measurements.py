@@ -30,10 +30,8 @@ Floats = NDArray[np.float64]
 PERIOD_NS = 50_000_000
 PERIOD = 1e-9 * PERIOD_NS
 """Control tick of the scenes, s."""
-REACH = 6.0
-"""Range of the lasers of the scenes, m."""
-CONE_REACH, RAYS = 4.0, 15
-"""Range of the sonars of the scenes, m, and rays over the width of a cone."""
+RAYS = 15
+"""Rays over the width of a cone."""
 TRIES = 60
 """Most scenes that are tried while a failing scene is reduced."""
 
@@ -206,14 +204,12 @@ def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stam
         spread = np.linspace(-laser.half_angle, laser.half_angle, RAYS)
         ways = bearings[:, None] + spread + pose[2]
         ranges = np.array([
-            scene.ranges((x, y), way, CONE_REACH).min() for (x, y), way in zip(places.tolist(), ways, strict=True)
+            scene.ranges((x, y), way, laser.reach).min() for (x, y), way in zip(places.tolist(), ways, strict=True)
         ])  # fmt: skip
-        reach = CONE_REACH
     else:
-        reach = REACH
-        ranges = scene.ranges((float(places[0, 0]), float(places[0, 1])), bearings + pose[2], reach)
+        ranges = scene.ranges((float(places[0, 0]), float(places[0, 1])), bearings + pose[2], laser.reach)
     return RangeScan(
-        stamp_ns, origins, bearings, np.full(count, laser.half_angle), np.zeros(count), ranges, 0.02, reach
+        stamp_ns, origins, bearings, np.full(count, laser.half_angle), np.zeros(count), ranges, 0.02, laser.reach
     )
 
 

@@ -13,7 +13,19 @@ from navloom.geometry.world import Place
 from navloom.messages import OccupancyGrid, Pose2D
 from numpy.typing import NDArray
 
-__all__ = ["ALL_ROUND", "CELL", "MAST", "SONARS", "TWO_LASERS", "Mount", "Post", "Scene", "Wall", "grid_of"]
+__all__ = [
+    "ALL_ROUND",
+    "CELL",
+    "MAST",
+    "SONARS",
+    "TWO_LASERS",
+    "WIDE_SONARS",
+    "Mount",
+    "Post",
+    "Scene",
+    "Wall",
+    "grid_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -55,6 +67,7 @@ class Mount:
         beams: Number of its beams over a full turn.
         half_angle: Half the opening of a beam, rad; 0 for a laser.
         rim: Radius of the ring on which its beams begin, m.
+        reach: Its greatest range, m.
     """
 
     name: str
@@ -65,6 +78,7 @@ class Mount:
     beams: int = 120
     half_angle: float = 0.0
     rim: float = 0.0
+    reach: float = 6.0
 
 
 ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
@@ -72,8 +86,11 @@ TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0
 """Two lasers, neither in the middle of the robot nor with a view all round."""
 MAST = (Mount("mast", -0.25, 0.15, 0.0, math.pi),)
 """One laser with a view all round, behind the middle of the robot and beside it."""
-SONARS = (Mount("sonars", 0.0, 0.0, 0.0, math.pi, 16, math.radians(15.0), 0.1),)
+SONARS = (Mount("sonars", 0.0, 0.0, 0.0, math.pi, 16, math.radians(15.0), 0.1, 4.0),)
 """A ring of sonars all round, whose cones overlap, and nothing else."""
+SHORT_SONARS = (replace(SONARS[0], reach=1.0),)
+WIDE_SONARS = (Mount("sonars", 0.0, 0.0, 0.0, math.pi, 5, math.radians(40.0), 0.1, 4.0),)
+"""Five sonars with wide cones: each is needed, and an echo may lie far from its axis."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +142,8 @@ class Scene:
             parts.append("driving backwards")
         if self.came:
             parts.append(f"after {self.came:g} m straight ahead")
-        if self.lasers is SONARS:
-            parts.append("a ring of 16 sonars")
+        if self.lasers[0].half_angle:
+            parts.append(f"a ring of {self.lasers[0].beams} sonars of {self.lasers[0].reach:g} m")
         elif self.lasers is not ALL_ROUND:
             parts.append("lasers at " + " and ".join(f"({laser.x:g}, {laser.y:g})" for laser in self.lasers))
         if self.map_heading:

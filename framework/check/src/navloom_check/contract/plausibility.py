@@ -45,6 +45,8 @@ TURNED_BY = (0.25 * math.pi, 0.5 * math.pi)
 """Angles by which a drive is turned, rad."""
 DRIVE, TICK_WAY = 100, 0.02
 """Ticks of that drive, and the way in each, m."""
+SOON = 20
+"""Ticks after which the covariance of a drive without readings is looked at first."""
 SAME_SHARE, SAME_RATIO = 0.4, 3.0
 """Greatest difference of turned position covariances, as a share of the larger variance; ratio of heading variances."""
 LEAST_VARIANCE = 1e-8
@@ -174,18 +176,47 @@ def covariance_turns(bench: Bench) -> Iterator[Finding]:
             return
 
 
-def _last_covariance(make: Maker, angle: float) -> Floats:
-    """Covariance at the end of a straight drive of 2 m through a room that is turned by an angle, rad."""
+@check("contract", {"localizer"}, "The covariance grows while the robot drives and sees nothing.")
+def covariance_grows(bench: Bench) -> Iterator[Finding]:
+    """A drive of 2 m without a reading. A localizer that gives no covariance, which is 0, is not judged."""
+    if any(not issubclass(kind, RangeScan) for kind in bench.subject.thing.accepts):
+        raise NotRun("it reads other sensors, which may show where it is")
+    bench.sound()
+    make = Maker(bench.subject.thing, bench.subject.params, bench.seed)
+    with alike():
+        try:
+            early, late = (_last_covariance(make, 0.0, ticks, is_blind=True) for ticks in (SOON, DRIVE))
+        except Unfit as error:
+            raise NotRun(str(error)) from None
+    before, after = (float(np.trace(found[:2, :2])) for found in (early, late))
+    if before > 0.0 and after <= before:
+        yield Finding(
+            f"gives position variances of {before:.2g} m² in all after {SOON * TICK_WAY:g} m without a reading, and "
+            f"{after:.2g} m² after {DRIVE * TICK_WAY:g} m", "a covariance that grows with the way, as odometry drifts",
+            given="a straight drive with odometry alone",
+        )  # fmt: skip
+
+
+def _last_covariance(make: Maker, angle: float, ticks: int = DRIVE, *, is_blind: bool = False) -> Floats:
+    """Covariance at the end of a straight drive through a room that is turned by an angle, rad.
+
+    Args:
+        make: Makes the localizer.
+        angle: Turn of the room, rad.
+        ticks: Duration of the drive, 2 cm a tick.
+        is_blind: There are no scans.
+    """
     scene = Scene(Place(-1.0, 0.3), (1.0, 0.3), (Post(0.5, 1.2, 0.2),), ROOM)
     turned = scene.moved(Place(0.0, 0.0, angle))
-    localizer, grid = make(turned, map=grid_of(scene, Place(0.0, 0.0, angle))), grid_of(scene, Place(0.0, 0.0, angle))
+    grid = grid_of(scene, Place(0.0, 0.0, angle))
+    localizer, sees = make(turned, map=grid), make.sees(RangeScan) and not is_blind
     known, heading = MapUpdate(0, grid, np.empty((0, 4)), ()), turned.start.heading
-    for tick in range(DRIVE):
+    for tick in range(ticks):
         way, stamp_ns = tick * TICK_WAY, tick * TICK_NS
         pose = (turned.start.x + way * math.cos(heading), turned.start.y + way * math.sin(heading), heading)
         speed = TICK_WAY / (1e-9 * TICK_NS)
         odometry = Odometry(stamp_ns, Pose2D(way, 0.0, 0.0), Twist2D(speed, 0.0, 0.0))
-        scans = (full_scan(turned, pose, stamp_ns),) if make.sees(RangeScan) else ()
+        scans = (full_scan(turned, pose, stamp_ns),) if sees else ()
         extra = make.extra(turned, stamp_ns, pose, (speed, 0.0), grid=lambda: grid)
         answer = localizer.localize(LocalizerInput(odometry, scans, known, ("laser",) * len(scans), extra=extra))
     found: Floats = answer.covariance
@@ -274,4 +305,4 @@ def _stamps_of(answer: Any) -> Iterator[tuple[str, int]]:
         yield from _stamps_of(tuple(answer.values()))
 
 
-CHECKS = (path_length, traversable, covariance, covariance_turns, scan_geometry, stamps)
+CHECKS = (path_length, traversable, covariance, covariance_turns, covariance_grows, scan_geometry, stamps)

@@ -56,9 +56,10 @@ def a_number(value: float | None) -> float | None:
 
 def a_heading(value: float | None) -> float | None:
     """Check of an argument: degrees within a turn to either side."""
-    value = a_number(value)
-    if value is not None and abs(value) > 360.0:
-        raise typer.BadParameter(f"got {value:g}, expected degrees of -360 to 360")
+    from navloom.inputs import heading_problem
+
+    if value is not None and (problem := heading_problem(value)):
+        raise typer.BadParameter(problem)
     return value
 
 

@@ -100,7 +100,8 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     problems.refuse(loaded.error)
     with problems.gather():
         if config.map is not None or any(part.cls.needs_map for part in parts.values()):
-            system.map = _known_map(loaded, discovery, world)
+            system.map_world = known = _known_world(loaded, discovery, world)
+            system.map = grid_of(known, (config.map or MapTable()).resolution, config.robot.height)
     _check_set_events(system, problems)
     problems.refuse(loaded.error)
     return system
@@ -160,7 +161,8 @@ def _resolve(loaded: Loaded, discovery: Discovery, place: str, reference: str) -
         raise ConfigError(f"{place}: {error}") from None
 
 
-def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> OccupancyGrid:
+def _known_world(loaded: Loaded, discovery: Discovery, world: World | None) -> World:
+    """The world of the known map."""
     table = loaded.config.map or MapTable()
     if table.ref != "world":
         world = _resolve(loaded, discovery, "map.ref", table.ref)
@@ -169,7 +171,7 @@ def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> Occ
             'map.ref: is "world", but there is no [world], and the platform has none; name a map, as in '
             'ref = "rosmap:F.yaml"'
         )
-    return grid_of(world, table.resolution, loaded.config.robot.height)
+    return world
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:

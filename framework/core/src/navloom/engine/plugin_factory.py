@@ -150,7 +150,9 @@ def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
 
 def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
     """A node for each plugin, or for those of some instances."""
-    settings = NodeSettings(system.config.navigation, system.robot, system.goal_tolerance, system.sensors)
+    settings = NodeSettings(
+        system.config.navigation, system.robot, system.goal_tolerance, system.sensors, system.map_world
+    )
     nodes: dict[tuple[str, str], Any] = {}
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
         plugin = system.plugin(*key)

@@ -38,6 +38,7 @@ class System:
         sensors: Sensors of the config.
         scans_on_request: The active mapper depends on sweeps that must be requested.
         map: The known map; None if the run has none.
+        map_world: The world that it was made from.
         absent: In a replay: active instance, by node, of recorded nodes that are not installed here.
     """
 
@@ -54,6 +55,7 @@ class System:
     sensors: tuple[SensorSpec, ...]
     scans_on_request: bool
     map: OccupancyGrid | None = field(default=None)
+    map_world: World | None = field(default=None)
     absent: Mapping[str, str] = field(default_factory=dict)
 
     @property

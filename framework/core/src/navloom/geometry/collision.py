@@ -57,7 +57,7 @@ def clearance(
 
 
 def unknown_remedy(footprint: Floats, pose: Place, world: World, height: float) -> str:
-    """What to do about a pose where only unknown cells of a map touch the robot; empty at any other pose.
+    """What to do about a pose in unknown cells of a map, or where no obstacle but these touches the robot; else empty.
 
     For the arguments see `clearance`.
     """
@@ -65,9 +65,22 @@ def unknown_remedy(footprint: Floats, pose: Place, world: World, height: float) 
     if raster is None or raster.unknown is None or clearance(footprint, pose, world, height=height)[0] > 0.0:
         return ""
     seen = replace(world, raster=replace(raster, occupied=raster.occupied & ~raster.unknown, unknown=None))
-    if clearance(footprint, pose, seen, height=height)[0] == 0.0:
+    is_inside, is_alone = _is_unknown(raster, pose), clearance(footprint, pose, seen, height=height)[0] > 0.0
+    if not (is_inside or is_alone):
         return ""
-    return f"{raster.name} is unknown there, which counts as an obstacle; {raster.name}?unknown=free leaves it free"
+    told = f"{raster.name} is unknown {'there' if is_inside else 'beside it'}, which counts as an obstacle"
+    return told + (
+        f"; {raster.name}?unknown=free leaves it free" if is_alone else ", and a known obstacle is beside it"
+    )
+
+
+def _is_unknown(raster: Raster, place: Place) -> bool:
+    """Whether a place is in an unknown cell."""
+    origin = np.array([raster.origin.x, raster.origin.y, raster.origin.heading])
+    at = transform(inverse(origin), np.array([[place.x, place.y]]))[0] / raster.resolution
+    col, row = np.floor(at).astype(np.int64).tolist()
+    is_inside = 0 <= row < raster.occupied.shape[0] and 0 <= col < raster.occupied.shape[1]
+    return raster.unknown is not None and is_inside and bool(raster.unknown[row, col])
 
 
 def _distances(

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from navloom.inputs.bounds import open_file as open_file
     from navloom.inputs.bounds import read_file as read_file
     from navloom.inputs.bounds import too_large as too_large
+    from navloom.inputs.headings import heading_problem as heading_problem
+    from navloom.inputs.headings import warn_of_radians as warn_of_radians
     from navloom.inputs.npz import Arrays as Arrays
     from navloom.inputs.texts import first_words as first_words
     from navloom.inputs.texts import json_of as json_of
@@ -39,6 +41,7 @@ else:
                 "ARRAYS_MB BAG_MB DEEPEST IMAGE_MB LOG_MB TEXT_MB YAML_MB Refusal bytes_of open_file read_file "
                 "too_large"
             ),
+            "navloom.inputs.headings": "heading_problem warn_of_radians",
             "navloom.inputs.npz": "Arrays",
             "navloom.inputs.texts": "first_words json_of shortened toml_of",
         },

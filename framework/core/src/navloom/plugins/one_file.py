@@ -11,13 +11,14 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 from navloom.entry_kinds import GROUP, installed_points
 from navloom.messages import Message
@@ -152,7 +153,8 @@ def _imported(path: Path) -> ModuleType:
     # Before it runs, as importlib does: dataclasses look their module up.
     sys.modules[name] = module
     try:
-        with _bounded(), _folder_on_path(path.parent):
+        Beside.add(path.parent)
+        with _bounded():
             spec.loader.exec_module(module)
     except BaseException as error:
         # Half a module must not be found by the next import.
@@ -163,23 +165,44 @@ def _imported(path: Path) -> ModuleType:
     return module
 
 
-@contextmanager
-def _folder_on_path(folder: Path) -> Iterator[None]:
-    """Let a file import modules that lie beside it. Its folder comes last, so that it hides no installed module."""
-    others = {path.parent for path in _LOADED} - {folder}
-    for file in folder.glob("*.py"):
-        held = Path(getattr(sys.modules.get(file.stem), "__file__", None) or "")
-        # Two folders may each have a `helpers.py`: each plugin file gets its own.
-        if held.parent in others and held not in _LOADED:
-            del sys.modules[file.stem]
-    if str(folder) in sys.path:
-        yield
-        return
-    sys.path.append(str(folder))
-    try:
-        yield
-    finally:
-        sys.path.remove(str(folder))
+IMPORTING = ("importlib", "_frozen_importlib")
+"""Modules whose frames lie between an import and its finder."""
+
+
+class Beside:
+    """Finds the modules that lie beside a plugin file, for imports that are written in that folder.
+
+    It is the last finder, so that a folder hides no installed module. An import in a function finds them too, and each
+    folder its own: with the folder on `sys.path`, a plugin would get the `helpers.py` of another.
+    """
+
+    folders: ClassVar[set[Path]] = set()
+
+    @classmethod
+    def find_spec(
+        cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The module of a name, if the importing code lies in such a folder or below; else None."""
+        if path is not None:  # a package looks for its own modules
+            return None
+        frame = sys._getframe(1)
+        while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith(IMPORTING):
+            frame = frame.f_back
+        importing = Path(frame.f_globals.get("__file__") or "")
+        folder = next((folder for folder in importing.parents if folder in cls.folders), None)
+        return PathFinder.find_spec(name, [str(folder)]) if folder is not None else None
+
+    @classmethod
+    def add(cls, folder: Path) -> None:
+        """Let the code in a folder import its modules."""
+        for file in folder.glob("*.py"):
+            held = Path(getattr(sys.modules.get(file.stem), "__file__", None) or "")
+            # Two folders may each have a `helpers.py`: each plugin file gets its own.
+            if held.parent in cls.folders - {folder} and held not in _LOADED:
+                del sys.modules[file.stem]
+        cls.folders.add(folder)
+        if cls not in sys.meta_path:
+            sys.meta_path.append(cls)
 
 
 @contextmanager

@@ -30,6 +30,7 @@ class Metric:
         bounds: Smallest and largest possible value, None for no bound; intervals are cut at them.
         is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
         reads: Streams of roles and nodes whose messages it needs, as `("people", "tracks")`: `trail.streams` has them.
+        is_detail: Another metric describes the same quantity: files have both, the tables of a report the other only.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Metric:
     bounds: tuple[float | None, float | None] = (None, None)
     is_share: bool = False
     reads: tuple[tuple[str, str], ...] = ()
+    is_detail: bool = False
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
@@ -234,12 +236,12 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "pose_error_p95", "m", "lower", metric_functions.pose_error_p95,
         "95th percentile of that distance. Undefined without ground truth.",
-        NOT_NEGATIVE,
+        NOT_NEGATIVE, is_detail=True,
     ),
     Metric(
         "pose_error_max", "m", "lower", metric_functions.pose_error_max,
         "Largest such distance. Undefined without ground truth.",
-        NOT_NEGATIVE,
+        NOT_NEGATIVE, is_detail=True,
     ),
     Metric(
         "gate_limits", "1", "lower", metric_functions.gate_limits,

@@ -16,9 +16,9 @@ from navloom.config.config_presets import preset_values
 from navloom.config.loader import parse_override
 from navloom.config.tables import DEFAULT_PLUGINS, FootprintTable, MapTable, RobotTable, RunTable
 from navloom.engine.build import grid_of, robot_spec
+from navloom.engine.nodes.planner_node import with_unknown_named
 from navloom.engine.random_streams import stream_source
-from navloom.geometry.collision import unknown_remedy
-from navloom.geometry.world import Place, World
+from navloom.geometry.world import World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.error_origin import raised_in
@@ -29,7 +29,6 @@ __all__ = ["blamed", "map_update", "plan_once"]
 
 LARGEST = 100.0
 """Longest side of a robot, m."""
-_OCCUPIED = {"start_occupied": "start", "goal_occupied": "goal"}
 POINT = 1e-6
 """Side length that represents a point robot, m."""
 
@@ -111,12 +110,9 @@ def plan_once(
             "outcome": "found", "reason": "", "place": None, "length_m": answer.length,
             "points": answer.points.tolist(), "planner": planner, "planner_ms": spent,
         }  # fmt: skip
-    place = Place(answer.place.x, answer.place.y)
-    reason, end = answer.detail, _OCCUPIED.get(answer.kind)
-    if end and (remedy := unknown_remedy(robot.footprint, place, world, robot.height)):
-        reason = f"the {end} ({place.x:.2f}, {place.y:.2f}): {remedy}"
+    answer = with_unknown_named(answer, robot, world)
     return {
-        "outcome": answer.kind, "reason": reason, "place": [place.x, place.y], "length_m": None,
+        "outcome": answer.kind, "reason": answer.detail, "place": [answer.place.x, answer.place.y], "length_m": None,
         "points": [], "planner": planner, "planner_ms": spent,
     }  # fmt: skip
 

@@ -7,6 +7,8 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+from navloom.geometry.angles import wrap
+from navloom.inputs.headings import heading_problem
 from navloom.inputs.texts import shortened
 from navloom.misspelt import did_you_mean
 from navloom.worlds.world_errors import WorldError
@@ -60,6 +62,13 @@ class FileTable:
         if not _is_number(value) or not least <= value <= _FARTHEST:
             raise self.error(f"{key} = {shortened(value)}, expected a number from {least:g} to {_FARTHEST:g}")
         return float(value)
+
+    def heading(self, key: str) -> float:
+        """A heading, rad in [-π, π), 0 by default; the file has degrees within a turn to either side."""
+        heading_deg = self.number(key, 0.0)
+        if problem := heading_problem(heading_deg):
+            raise self.error(f"{key}: {problem}")
+        return wrap(math.radians(heading_deg))
 
     def numbers(self, key: str, meaning: str) -> tuple[float, ...]:
         """As many finite numbers as `meaning` names, as in `[lowest, highest]`."""

@@ -32,12 +32,10 @@ loops = true
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from navloom.geometry.angles import wrap
 from navloom.geometry.solids import box_corners
 from navloom.geometry.world import Box, Cylinder, Interval, Obstacle, Place, Raster, Waypoint, World
 from navloom.inputs.bounds import TEXT_MB
@@ -110,7 +108,7 @@ def _box(table: FileTable, name: str) -> Box:
         table.interval("x"),
         table.interval("y"),
         table.interval("z", _TALL),
-        wrap(math.radians(table.number("yaw_deg", 0.0))),
+        table.heading("yaw_deg"),
         **_timing(table),
     )
 
@@ -165,7 +163,7 @@ def _place(table: FileTable, key: str) -> Place | None:
     if key not in table:
         return None
     place = FileTable(table.path, key, table.value(key), ("x", "y", "heading_deg"))
-    return Place(place.number("x"), place.number("y"), wrap(math.radians(place.number("heading_deg", 0.0))))
+    return Place(place.number("x"), place.number("y"), place.heading("heading_deg"))
 
 
 def _raster(table: FileTable) -> Raster:

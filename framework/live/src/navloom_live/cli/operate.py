@@ -42,12 +42,14 @@ def goal(
     Exit 0: the goal was reached; 2: it was rejected before the robot moved.
     """
     from navloom.cli.output import print_json
+    from navloom.inputs import warn_of_radians
 
     from navloom_live.cli.live_line import LiveLine, goal_line
     from navloom_live.operating.client import ClientError, Refused
     from navloom_live.operating.navigator import rejection
 
     points = [_point(text) for text in via or ()]
+    warn_of_radians(heading or 0.0)
     with robot.navigator() as navigator:
         try:
             handle = navigator.go(x, y, None if heading is None else math.radians(heading), points)
@@ -94,8 +96,11 @@ def place(
 
     Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
     """
+    from navloom.inputs import warn_of_radians
+
     from navloom_live.operating import operator_actions
 
+    warn_of_radians(heading)
     with robot.operate() as client:
         warning = operator_actions.place(client, x, y, math.radians(heading))
     if warning:

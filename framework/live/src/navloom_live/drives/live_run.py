@@ -85,6 +85,7 @@ class LiveRun:
         beside: Runs beside the robot from the time when every node is up to the end: a recorder.
         onlookers: Observers of plugins. They are notified when every node is up; the caller notifies them of the end.
         recording: File that `beside` writes; None for none.
+        reads: Streams that metrics read, `(role or node, port)`: the recorder keeps their messages.
 
     Attributes:
         judges: Whether the run is judged here, on the host of the platform; other hosts do not receive the data for it.
@@ -102,12 +103,14 @@ class LiveRun:
     status: GateStatus | None = None
     result: GoalResult | None = None
     log: RunLog = field(default_factory=RunLog)
-    recorder: Recorder = field(default_factory=Recorder)
+    recorder: Recorder = field(init=False)
     beside: Beside | None = None
     onlookers: Onlookers | None = None
     recording: Path | None = None
+    reads: frozenset[tuple[str, str]] = frozenset()
 
     def __post_init__(self) -> None:
+        self.recorder = Recorder(reads=self.reads)
         self.system: System = assemble(self.loaded)
         check_live(self.system)
         shares = spread(self.loaded.config, all_sources(self.system), self.host)
@@ -295,7 +298,7 @@ class LiveRun:
         """Begin a goal: drop the data of the previous one, except the map."""
         self._newest_goal, self._first_tick = goal_id, tick
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
-        self.recorder = Recorder(map=self.recorder.map, known=self.recorder.known)
+        self.recorder = Recorder(map=self.recorder.map, known=self.recorder.known, reads=self.reads)
         self._began_ns = time.perf_counter_ns()
         if self._shadows is not None:
             self._shadows.begin()
@@ -361,14 +364,14 @@ class LiveRun:
             self.status = message
             self.log.hear_gate(message)
         elif isinstance(message, Selection):
-            for role, instance in message.chosen.items() if message.epoch > self._epoch else ():
-                before = self._chosen.get(role, self._default(role))
+            for of, instance in message.chosen.items() if message.epoch > self._epoch else ():
+                before = self._chosen.get(of, self._default(of))
                 if instance != before:
-                    self.say(f"{role}: {instance} is active instead of {before} (selection {message.epoch})")
+                    self.say(f"{of}: {instance} is active instead of {before} (selection {message.epoch})")
             self._chosen, self._epoch = message.chosen, message.epoch
             self.log.swaps = message.epoch
-        else:
-            self.recorder.on_message(role, name, active, port, message, at)
+        # After a feedback, which begins a new goal.
+        self.recorder.on_message(role, name, active, port, message, at)
 
     def _tell_fault(self, source: tuple[str, str], fault: str, tick: int) -> None:
         """Report a node's exception; one that raises in each tick is not reported each time."""

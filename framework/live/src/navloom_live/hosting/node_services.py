@@ -275,7 +275,8 @@ class Services:
         assert isinstance(node, PlannerNode)
         for place in (asked.start, asked.goal):
             _refuse_wrong(x=place[0], y=place[1], heading=place[2])
-        request = PlanRequest(0, Pose2D(*asked.start), Pose2D(*asked.goal))
+        start, goal = (Pose2D(x, y, math.remainder(heading, math.tau)) for x, y, heading in (asked.start, asked.goal))
+        request = PlanRequest(0, start, goal)
         self._apply(runner, lambda: found.append(node.answer(request)), waits=True)
         (answer,) = found
         if answer is None:

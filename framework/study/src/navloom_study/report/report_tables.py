@@ -95,14 +95,14 @@ def head(metric: Metric) -> str:
 
 
 def results(study: StudyFiles) -> list[TextTable]:
-    """Every metric of every method with its interval, at most `ABREAST` methods a table."""
+    """The metrics of every method with their intervals, at most `ABREAST` methods a table."""
     found = study.comparison
     blocks = [study.methods[k : k + ABREAST] for k in range(0, len(study.methods), ABREAST)]
     total = len(study.tested) // len(study.methods)
     tables = []
     for block in blocks:
         rows = []
-        for metric in study.metrics:
+        for metric in study.table_metrics:
             estimates = [found.summary(method, metric.name) for method in block]
             every = [found.summary(method, metric.name).mean for method in study.methods]
             digits = decimals(every)
@@ -133,7 +133,7 @@ def differences(study: StudyFiles) -> list[TextTable]:
                         lines, "Primary.", (0, 1, 3))] if lines else []  # fmt: skip
     for block in (others[k : k + ABREAST] for k in range(0, len(others), ABREAST)):
         rows = []
-        for metric in study.metrics:
+        for metric in study.table_metrics:
             every = [found.difference(method, metric.name) for method in others]
             if all(one.estimate.mean is None or one.is_primary for one in every):
                 continue

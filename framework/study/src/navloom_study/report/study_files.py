@@ -112,6 +112,12 @@ class StudyFiles:
                 found.setdefault((row.key.method, row.key.world), []).append(value)
         return {key: float(np.mean(values)) for key, values in found.items()}
 
+    @property
+    def table_metrics(self) -> tuple[Metric, ...]:
+        """The metrics of the report's tables: one of each quantity, and the primary one."""
+        primary = {one.metric for one in self.comparison.differences if one.is_primary}
+        return tuple(metric for metric in self.metrics if not metric.is_detail or metric.name in primary)
+
     def metric(self, name: str) -> Metric | None:
         """A metric by name, or None."""
         return next((metric for metric in self.metrics if metric.name == name), None)

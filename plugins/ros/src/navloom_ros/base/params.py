@@ -67,7 +67,7 @@ class Mount(Params):
 
     x: float = Field(0.0, description="Forward offset, m.")
     y: float = Field(0.0, description="Offset to the left, m.")
-    heading_deg: float = Field(0.0, description="Heading, counter-clockwise, degrees.")
+    heading_deg: float = Field(0.0, ge=-360.0, le=360.0, description="Heading, counter-clockwise, degrees.")
 
     @property
     def heading(self) -> float:

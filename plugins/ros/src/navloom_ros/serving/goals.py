@@ -18,7 +18,7 @@ from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at
 from navloom_ros.times import time_of
 from navloom_ros.wire import monotonic_ns
 
-__all__ = ["Goals", "Place", "Robot", "place_of"]
+__all__ = ["NO_HEADING", "Goals", "Place", "Robot", "place_of"]
 
 TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
 FEEDBACK_CHECK_INTERVAL = 0.1
@@ -32,6 +32,8 @@ FAILED_WAYPOINT = 3
 """`waypoint_status` of a waypoint that was not reached (nav2_msgs/msg/WaypointStatus)."""
 DETACHING = 5.0
 """Longest wait until a cancelled goal has ended, s; longer than a robot takes to brake and its goal node to answer."""
+NO_HEADING = "its orientation is not a unit quaternion; for heading 0 give w = 1"
+"""Why a pose is refused. No heading is made up: an orientation of zeros is often a forgotten one."""
 
 
 class Place(NamedTuple):
@@ -170,11 +172,13 @@ class Goals:
         if not poses:
             return "it has no pose"
         for pose in poses:
-            frame, (x, y, _) = pose.header.frame_id, place_of(pose.pose)
+            frame, (x, y, heading) = pose.header.frame_id, place_of(pose.pose)
             if frame.lstrip("/") not in ("", self._frame):
                 return f"it is in the frame {frame!r}: expected {self._frame!r}"
             if not (math.isfinite(x) and math.isfinite(y)):
                 return f"its place {x:g}, {y:g} m is not finite"
+            if heading is None:
+                return NO_HEADING
         return ""
 
     def _work(self) -> None:

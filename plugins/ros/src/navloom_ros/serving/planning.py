@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_ros.actions import ActionServer, Goal
-from navloom_ros.frames import heading_of
 from navloom_ros.node import Node
 from navloom_ros.services import Call
 from navloom_ros.serving.error_codes import COMPUTE_PATH, error_code
-from navloom_ros.serving.goals import Goals
+from navloom_ros.serving.goals import NO_HEADING, Goals, place_of
 from navloom_ros.times import time_of
 from navloom_ros.wire import monotonic_ns
 
@@ -82,12 +81,14 @@ class Planning:
                 goal.abort(**self._types.known(f"{COMPUTE}_Result", given))
 
     def _planned(self, request: Any) -> tuple[list[tuple[float, float]], str, str]:
-        robot, start = self._goals.robot, self._goals.pose
-        if request.use_start:
-            start = _pose_of(request.start.pose)
+        robot, goal = self._goals.robot, place_of(request.goal.pose)
+        start = place_of(request.start.pose) if request.use_start else self._goals.pose
         if robot is None or start is None:
             return [], "robot_down", "the robot is down, or has no pose yet"
-        found: tuple[list[tuple[float, float]], str, str] = robot.plan(start, _pose_of(request.goal.pose))
+        for name, place in (("start", start), ("goal", goal)):
+            if place[2] is None:
+                return [], "refused", f"the {name}: {NO_HEADING}"
+        found: tuple[list[tuple[float, float]], str, str] = robot.plan(tuple(start), tuple(goal))
         return found
 
     def _path(self, points: list[tuple[float, float]]) -> dict[str, Any]:
@@ -102,11 +103,13 @@ class Planning:
     def _judge(self, call: Call) -> None:
         """Whether the robot fits at each pose of a path in the map."""
         request, grid, footprint = call.request, self._goals.map, self._goals.footprint
-        places = np.array([_pose_of(pose.pose) for pose in request.path.poses]).reshape(-1, 3)
+        places = np.array([place_of(pose.pose) for pose in request.path.poses], np.float64).reshape(-1, 3)
         if grid is None or footprint is None:
             bad = np.ones(len(places), np.bool_)
         else:
-            bad = self._hits(footprint, grid, places, getattr(request, "consider_unknown_as_obstacle", False))
+            unknown_hits = getattr(request, "consider_unknown_as_obstacle", False)
+            has_no_heading = np.isnan(places[:, 2])
+            bad = has_no_heading | self._hits(footprint, grid, np.nan_to_num(places), unknown_hits)
         call.answer(
             is_valid=bool(len(bad)) and not bad.any(), invalid_pose_indices=np.flatnonzero(bad).astype(np.int32)
         )
@@ -122,10 +125,6 @@ class Planning:
             call.drop()
         else:
             call.answer()
-
-
-def _pose_of(pose: Any) -> tuple[float, float, float]:
-    return float(pose.position.x), float(pose.position.y), heading_of(pose.orientation) or 0.0
 
 
 def _rotation(heading: float) -> dict[str, float]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from navloom_ros.node import Node
-from navloom_ros.serving.goals import place_of
+from navloom_ros.serving.goals import NO_HEADING, place_of
 
 __all__ = ["Poses"]
 
@@ -33,8 +33,10 @@ class Poses:
             frame = message.header.frame_id
             if frame.lstrip("/") not in ("", self._frame):
                 self._say(f"pose refused: it is in the frame {frame!r}: expected {self._frame!r}")
-            elif place.heading is None or not (math.isfinite(place.x) and math.isfinite(place.y)):
-                self._say("pose refused: a value is not finite, or its orientation is not a unit quaternion")
+            elif not (math.isfinite(place.x) and math.isfinite(place.y)):
+                self._say(f"pose refused: its place {place.x:g}, {place.y:g} m is not finite")
+            elif place.heading is None:
+                self._say(f"pose refused: {NO_HEADING}")
             else:
                 newest = place.x, place.y, place.heading
         return newest

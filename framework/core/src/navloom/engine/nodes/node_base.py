@@ -12,6 +12,7 @@ from navloom.messages import Message
 
 if TYPE_CHECKING:
     from navloom.config.tables import NavigationTable
+    from navloom.geometry.world import World
     from navloom.roles import RobotSpec, SensorSpec
 
 __all__ = ["Node", "NodeSettings", "Outputs", "Tick"]
@@ -45,12 +46,14 @@ class NodeSettings:
         robot: The robot.
         tolerance: How near to its goal the robot must come, m.
         sensors: The config's sensors.
+        map_world: The world of the known map; None without one.
     """
 
     navigation: NavigationTable
     robot: RobotSpec
     tolerance: float
     sensors: tuple[SensorSpec, ...]
+    map_world: World | None = None
 
 
 class Node(ABC):

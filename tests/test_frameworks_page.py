@@ -65,6 +65,11 @@ def test_an_old_statement_beside_a_new_one_is_named_alone(frameworks: ModuleType
     assert frameworks.stale(data, datetime.date(2026, 11, 28)) == ["Peer: read again, last on 2026-01-01 or later: ROS"]
 
 
+def test_ci_asks_for_the_warnings_once_a_week() -> None:
+    text = (SCRIPT.parents[2] / ".github" / "workflows" / "sources.yml").read_text("utf-8")
+    assert "schedule:" in text and "python3 docs/site/frameworks.py --stale" in text
+
+
 def test_warnings_fail_nothing() -> None:
     words = [sys.executable, str(SCRIPT), "--stale", "--today", "2100-01-01"]
     ran = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -250,6 +252,13 @@ def test_a_wall_of_one_cell_has_no_gaps_on_a_map_with_more_cells_than_pixels(hea
     (left, low), (right, high) = axes.transData.transform([(1.0, 40.0), (199.0, 180.0)]).astype(int)
     inside = pixels[len(pixels) - high : len(pixels) - low, left:right]
     assert is_near(inside, BLACK).any(axis=1).all()
+
+
+def test_matplotlib_is_imported_only_to_draw() -> None:
+    used = "navloom_study.picture_observer, navloom_study.commands, navloom_study.compare"
+    code = f"import sys; import {used}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "navloom_study.compare" in loaded and "matplotlib" not in loaded
 
 
 def test_a_picture_has_reproducible_bytes(toy: Episode) -> None:

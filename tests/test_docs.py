@@ -83,8 +83,8 @@ def test_the_two_set_up_commands_are_there() -> None:
     assert len(set_up) == 2 and all(text.startswith("python3 uv.py run ") for text in set_up)
 
 
-def test_the_readmes_swap_changes_the_avoider_that_drives(tmp_path: Path) -> None:
-    (step,) = [step for step in STEPS if step.kind == "file" and step.page == "README.md"]
+def test_the_tours_swap_changes_the_avoider_that_drives(tmp_path: Path) -> None:
+    (step,) = [step for step in STEPS if step.kind == "file" and step.page == "tour.md"]
     path = tmp_path / step.name
     path.write_text(step.text, "utf-8")
     drove = Drove()

@@ -13,8 +13,8 @@ import numpy as np
 from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom_optimal.free_space import TOLERANCE, to_segment_squared
-from navloom_optimal.shape_space import Buckets, segment_is_free
+from navloom_optimal.buckets import Buckets, segment_is_free
+from navloom_optimal.shapes import TOLERANCE, gap_to, to_segment_squared
 
 __all__ = ["ANGLE_SLACK", "ARRIVES", "ENDS", "GOAL", "LEAVES", "LENGTH", "SIDE", "visible_tangents"]
 
@@ -144,21 +144,26 @@ def _look_at(
     boxes, discs, radius = buckets[7:]
     if k < boxes.shape[0]:
         x, y, reach = boxes[k, 0], boxes[k, 1], math.hypot(boxes[k, 2], boxes[k, 3]) + radius
-        targets = (2 + 4 * k, 6 + 4 * k)
+        first, last = 2 + 4 * k, 6 + 4 * k
     else:
         m = k - boxes.shape[0]
         x, y, reach = discs[m, 0], discs[m, 1], discs[m, 2] + radius
-        targets = (2 + 3 * boxes.shape[0] + k, 3 + 3 * boxes.shape[0] + k)
-    away = math.hypot(x - circle[0], y - circle[1])
+        first, last = 2 + 3 * boxes.shape[0] + k, 3 + 3 * boxes.shape[0] + k
+    away = gap_to(k, circle[0], circle[1], boxes, discs, radius)
     width, low, span = _fan_width(circle, limits), 0.0, 2.0 * np.pi
-    if circle[2] + reach < 0.999 * away:
-        # The rays that touch a circle around the whole shape on its two sides.
-        low = _bearing(circle, x, y, reach)
-        span = _bearing(circle, x, y, -reach) - low
-        low = _along(circle, low)
-        if not _is_any_open(low, span, width, away - reach, limits):
+    if away > 1.001 * circle[2]:
+        # The outermost rays that touch the shape's circles, or one circle around it, are less than half a turn apart.
+        middle, left, right = _bearing(circle, x, y, 0.0), 0.0, 0.0
+        is_far = circle[2] + reach < 0.999 * math.hypot(x - circle[0], y - circle[1])
+        for target in range(first, first + 1 if is_far else last):
+            tx, ty, tr = (x, y, reach) if is_far else (places[target, 0], places[target, 1], places[target, 2])
+            for signed in (tr, -tr):
+                off = (_bearing(circle, tx, ty, signed) - middle + np.pi) % (2.0 * np.pi) - np.pi
+                left, right = min(left, off), max(right, off)
+        low, span = _along(circle, middle + left - ANGLE_SLACK), right - left + 2.0 * ANGLE_SLACK
+        if not _is_any_open(low, span, width, away, limits):
             return count
-    for target in range(targets[0], targets[1]):
+    for target in range(first, last):
         for turn in (1.0, -1.0):
             count = _add_tangent(found, count, circle, target, turn, places, usable)
     if may_hide:

@@ -152,14 +152,18 @@ def _look_at(
     away = gap_to(k, circle[0], circle[1], boxes, discs, radius)
     width, low, span = _fan_width(circle, limits), 0.0, 2.0 * np.pi
     if away > 1.001 * circle[2]:
-        # The outermost rays that touch the shape's circles, or one circle around it, are less than half a turn apart.
-        middle, left, right = _bearing(circle, x, y, 0.0), 0.0, 0.0
-        is_far = circle[2] + reach < 0.999 * math.hypot(x - circle[0], y - circle[1])
-        for target in range(first, first + 1 if is_far else last):
-            tx, ty, tr = (x, y, reach) if is_far else (places[target, 0], places[target, 1], places[target, 2])
-            for signed in (tr, -tr):
-                off = (_bearing(circle, tx, ty, signed) - middle + np.pi) % (2.0 * np.pi) - np.pi
-                left, right = min(left, off), max(right, off)
+        # The outermost rays that touch the shape's circles, which are less than half a turn apart. A circle around the
+        # whole shape has two rays instead of eight; a long shape may be beside the circle and within that.
+        if circle[2] + reach < 0.999 * math.hypot(x - circle[0], y - circle[1]):
+            middle, left = _bearing(circle, x, y, reach), 0.0
+            right = _bearing(circle, x, y, -reach) - middle
+        else:
+            middle, left, right = _bearing(circle, x, y, 0.0), 0.0, 0.0
+            for target in range(first, last):
+                for signed in (places[target, 2], -places[target, 2]):
+                    ray = _bearing(circle, places[target, 0], places[target, 1], signed)
+                    off = (ray - middle + np.pi) % (2.0 * np.pi) - np.pi
+                    left, right = min(left, off), max(right, off)
         low, span = _along(circle, middle + left - ANGLE_SLACK), right - left + 2.0 * ANGLE_SLACK
         if not _is_any_open(low, span, width, away, limits):
             return count
@@ -168,7 +172,7 @@ def _look_at(
             count = _add_tangent(found, count, circle, target, turn, places, usable)
     if may_hide:
         for start in (low, low - 2.0 * np.pi):
-            _hide(k, start, span, width, circle, limits, buckets)
+            _hide(k, away, start, span, width, circle, limits, buckets)
     return count
 
 
@@ -259,13 +263,19 @@ def _arc_to(bearing: float, turn: float, first: float, extent: float) -> float:
 
 
 @compiled
-def _hide(k: int, low: float, span: float, width: float, circle: Circle, limits: Floats, buckets: Buckets) -> None:
-    """Shorten the fans within an interval of angles along the arc whose two rays both enter shape k."""
+def _hide(
+    k: int, away: float, low: float, span: float, width: float, circle: Circle, limits: Floats, buckets: Buckets
+) -> None:
+    """Shorten the fans within an interval of angles along the arc whose two rays both enter shape k, `away` m away."""
     x, y, r, turn, first_angle = circle[:5]
-    first, last = max(0, math.ceil(low / width)), min(limits.shape[0], math.floor((low + span) / width))
+    fans = limits.shape[0]
+    first, last = max(0, math.ceil(low / width)), min(fans, math.floor((low + span) / width))
     before = False
     px, py = 0.0, 0.0
     for ray in range(first, last + 1):
+        if max(limits[max(ray - 1, 0)], limits[min(ray, fans - 1)]) <= away:
+            before = False
+            continue
         angle = first_angle - ANGLE_SLACK + ray * width
         nx, ny = math.cos(angle), math.sin(angle)
         # Slightly beyond the entry point, so that the line between two such points stays outside the circle.
@@ -273,8 +283,7 @@ def _hide(k: int, low: float, span: float, width: float, circle: Circle, limits:
         enters = math.isfinite(depth)
         qx, qy = x + r * nx - turn * depth * ny, y + r * ny + turn * depth * nx
         if before and enters and to_segment_squared(x, y, px, py, qx, qy) >= r * r:
-            away = max(math.hypot(px - x, py - y), math.hypot(qx - x, qy - y))
-            limits[ray - 1] = min(limits[ray - 1], away)
+            limits[ray - 1] = min(limits[ray - 1], max(math.hypot(px - x, py - y), math.hypot(qx - x, qy - y)))
         before, px, py = enters, qx, qy
 
 

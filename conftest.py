@@ -1,8 +1,10 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
+import fcntl
 import os
 import signal
 import sys
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from importlib import invalidate_caches
 from pathlib import Path
@@ -13,6 +15,8 @@ from hypothesis import settings
 from navloom.cli import main
 from navloom.cli.main import app
 from navloom.messages import SCHEMAS
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 from typer.main import get_command
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -32,6 +36,27 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if hasattr(config, "workerinput"):
+        _compile_each_kernel_once(config.rootpath / ".pytest_cache")
+
+
+def _compile_each_kernel_once(folder: Path) -> None:
+    """Let a worker that needs a kernel which another one compiles wait, and load it from the cache."""
+    compile_kernel = Dispatcher.compile
+    folder.mkdir(exist_ok=True)
+    file = (folder / "kernels.lock").open("w")
+
+    def compile_alone(self: Dispatcher, signature: Any) -> Any:
+        place = zlib.crc32(f"{self.py_func.__module__}.{self.py_func.__qualname__}".encode())
+        # Kernels are locked in the order in which they call each other, and threads by the compiler's own lock first.
+        with global_compiler_lock:
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+            try:
+                return compile_kernel(self, signature)
+            finally:
+                fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
+
+    Dispatcher.compile = compile_alone
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -485,15 +485,6 @@ def test_a_folder_within_a_file_is_refused(navloom: Run, done: list[int | None])
     assert code == 2 and "--out here/there: cannot be written: " in errors
 
 
-def test_without_matplotlib_it_says_what_to_install(
-    navloom: Run, done: list[int | None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    code, _, errors = navloom()
-    assert code == 2 and done == [] and not paper.DEFAULT.exists()
-    assert errors.startswith("navloom: ") and "navloom[plots]" in errors and errors.count("\n") == 1
-
-
 def test_an_experiment_that_came_to_nothing_is_exit_1(navloom: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     real = study.drive
 

@@ -58,7 +58,8 @@ def keep_near(beams, reach):  # type: ignore[no-untyped-def]
     count = 0
     for i in range(beams.shape[0]):
         if math.hypot(beams[i, 0], beams[i, 1]) <= reach:
-            beams[count] = beams[i]
+            for k in range(beams.shape[1]):
+                beams[count, k] = beams[i, k]
             count += 1
     return count
 

@@ -99,7 +99,9 @@ def _surfaces(cells, frame, reach, echoes):  # type: ignore[no-untyped-def]
                     # Grown by hand, since a list of tuples is slow in a kernel.
                     if count == found.shape[0]:
                         more = np.empty((2 * count, 2))
-                        more[:count] = found
+                        # Row by row: to assign a whole array compiles numba's message for unequal shapes, 2.5 s.
+                        for k in range(count):
+                            more[k, 0], more[k, 1] = found[k, 0], found[k, 1]
                         found = more
                     found[count, 0], found[count, 1] = px, py
                     count += 1

@@ -27,6 +27,8 @@ from typing import Any
 
 import numba
 
+from navloom.kernel_progress import Kernels, kernels_so_far
+
 __all__ = ["harden_kernel_cache", "tell_compiled"]
 
 caching: Any = import_module("numba.core.caching")
@@ -162,11 +164,11 @@ def _compile_less() -> None:
 
 
 _compiled = 0
-_listener: Callable[[int], None] | None = None
+_listener: Callable[[Kernels], None] | None = None
 
 
-def tell_compiled(listener: Callable[[int], None]) -> None:
-    """Call a function with the number of kernels that this process has compiled, after each of them."""
+def tell_compiled(listener: Callable[[Kernels], None] | None) -> None:
+    """Call a function with the kernels of this process after each that it compiles; None ends that."""
     global _listener
     _listener = listener
 
@@ -175,7 +177,7 @@ def _count_compiled() -> None:
     global _compiled
     _compiled += 1
     if _listener is not None:
-        _listener(_compiled)
+        _listener(kernels_so_far(_compiled))
 
 
 _told: set[str] = set()

@@ -314,7 +314,9 @@ def insert_beams(
     for i in range(ranges.size):
         if placed[i, 5] < np.inf:
             x, y = placed[i, 0] + placed[i, 5] * placed[i, 2], placed[i, 1] + placed[i, 5] * placed[i, 3]
-            mark_point(grid, origin, cell, x, y, np.int64(AXIS_CERTAINTY), at_once if half_angles[i] < THIN_BEAM else heard)
+            mark_point(
+                grid, origin, cell, x, y, np.int64(AXIS_CERTAINTY), at_once if half_angles[i] < THIN_BEAM else heard
+            )
 
 
 @njit(cache=True, nogil=True)

@@ -131,7 +131,5 @@ def _is_shown(px, py, normal_x, normal_y, echoes):  # type: ignore[no-untyped-de
 
 def warm_up() -> None:
     """Compile the kernels for the array types of messages."""
-    cells = np.full((2, 2), 100, np.int8)
-    for is_writeable in (True, False):
-        cells.flags.writeable = is_writeable
-        surfaces_without_echo(OccupancyGrid(cells, 0.1, Pose2D(0.0, 0.0, 0.0)), Pose2D(0.0, 0.0, 0.0), 1.0, NO_SURFACES)
+    grid = OccupancyGrid(np.full((2, 2), 100, np.int8), 0.1, Pose2D(0.0, 0.0, 0.0))
+    surfaces_without_echo(grid, Pose2D(0.0, 0.0, 0.0), 1.0, NO_SURFACES)

@@ -53,7 +53,8 @@ def kernels_so_far(compiled: int) -> Kernels:
             ready.add(id(kernel))
             # A kernel that is loaded from the cache contains those it calls, which are not loaded themselves.
             function = kernel.py_func
-            left += [value for name in function.__code__.co_names if _is_kernel(value := function.__globals__.get(name))]
+            named = [function.__globals__.get(name) for name in function.__code__.co_names]
+            left += [value for value in named if _is_kernel(value)]
     return Kernels(compiled, sum(id(kernel) in ready for kernel in _expected), len(_expected))
 
 

@@ -131,7 +131,7 @@ def mark_point(
     cell: float,
     x: float,
     y: float,
-    certainty: int,
+    certainty: int | np.int64,
     heard: NDArray[np.int64],
 ) -> None:
     """Assign a certainty to the cell of an echo, if the echo has support; echoes outside the window are ignored.

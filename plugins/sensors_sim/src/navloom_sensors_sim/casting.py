@@ -75,7 +75,7 @@ def cast_rays(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool, out: Floats) -> None:
+def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool | np.bool_, out: Floats) -> None:
     """Rotates (3, n) base-frame vectors into the map frame and, if `offset`, adds the robot's position."""
     c, s = math.cos(heading), math.sin(heading)
     x0, y0 = (x, y) if offset else (0.0, 0.0)

@@ -12,10 +12,12 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 from navloom.cli import run as run_module
-from navloom.cli.output import LOG, paced
+from navloom.cli.output import LOG, paced, stage
+from navloom.kernel_cache import _count_compiled
 from navloom.messages import PoseEstimate
 from navloom.navigation.dead_reckoning import OdometryLocalizer
 from navloom.roles import LocalizerInput
@@ -71,6 +73,23 @@ def test_other_output_leaves_no_second_line_of_progress() -> None:
     left = [re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line).strip() for line in lines]
     assert [line for line in left if line.startswith("navloom: ")] == [f"navloom: message {done}" for done in range(3)]
     assert sum("driving" in line for line in left) <= 1  # the last one, which the next code erases
+
+
+def test_without_a_terminal_the_first_kernel_is_told_and_then_one_in_ten_seconds(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    monkeypatch.setattr("navloom.kernel_progress._expected", 40 * [SimpleNamespace(signatures=[])])
+    with stage(quiet=True):
+        assert capsys.readouterr().err == ""
+        for now[0] in (1.0, 6.0, 11.0, 12.0):
+            _count_compiled()
+    _count_compiled()
+    assert capsys.readouterr().err.splitlines() == [
+        "navloom: compiling kernels, which later runs load: kernel 0 of 40",
+        "navloom: compiling kernel 0 of 40",
+    ]
 
 
 def test_a_slow_plugin_is_named_with_its_delay(in_process: Run, slowed: Callable[..., None]) -> None:

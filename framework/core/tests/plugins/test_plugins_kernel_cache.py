@@ -10,12 +10,14 @@ from importlib import invalidate_caches
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec, module_from_spec
 from pathlib import Path
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numba
 import numpy as np
 import pytest
 from navloom.kernel_cache import tell_compiled
+from navloom.kernel_progress import expect_kernels, kernels_so_far
 from navloom.plugins import Discovery
 
 PLUGIN = """
@@ -96,10 +98,39 @@ def test_each_compiled_kernel_is_told_and_a_loaded_one_is_not(start: Start, monk
     monkeypatch.setattr("navloom.kernel_cache._compiled", 0)
     monkeypatch.setattr("navloom.kernel_cache._listener", None)
     counts: list[int] = []
-    tell_compiled(counts.append)
+    tell_compiled(lambda kernels: counts.append(kernels.compiled))
     start()
     start()
     assert counts == [1, 2]
+
+
+def test_kernels_are_told_out_of_those_of_the_plugins_package(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`doubled` is the only kernel of the module, whatever the number of its types."""
+    told: list[str] = []
+    monkeypatch.setattr("navloom.kernel_progress._expected", [])
+    load = Discovery.role
+
+    def role(self: Discovery, *given: str) -> Any:
+        cls = load(self, *given)
+        expect_kernels([cls])
+        return cls
+
+    monkeypatch.setattr(Discovery, "role", role)
+    monkeypatch.setattr("navloom.kernel_cache._listener", None)
+    tell_compiled(lambda kernels: told.append(str(kernels)))
+    start()
+    assert told == ["kernel 1 of 1", "kernel 1 of 1"]
+
+
+def test_a_kernel_loaded_from_the_cache_counts_with_those_it_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    @numba.njit
+    def called(value: float) -> float:
+        return value
+
+    function = FunctionType(compile("called(1.0)", "caller", "eval"), {"called": called})
+    caller = SimpleNamespace(signatures=[()], py_func=function)
+    monkeypatch.setattr("navloom.kernel_progress._expected", [caller, called])
+    assert kernels_so_far(0) == (0, 2, 2)
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from navloom.kernel_progress import Kernels
 from navloom.messages import Feedback, GateStatus, GoalResult, Point2D, StopReason, Twist2D
 from navloom_live.cli.live_line import LiveLine, goal_line
 from navloom_live.cli.live_table import StatusTable
@@ -129,15 +130,15 @@ class Run:
         self.result: GoalResult | None = None
 
 
-def test_up_says_how_many_nodes_are_up_and_kernels_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_up_says_how_many_nodes_are_up_and_which_kernel_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
     now, said = [0.0], []
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     table = StatusTable(Run(), io.StringIO(), said.append)
-    for now[0], compiled in ((0.0, 0), (5.0, 9), (11.0, 12)):
-        table.missing([("planner", "astar")], 8, compiled)
+    for now[0], kernels in ((0.0, Kernels()), (5.0, Kernels(9, 9, 40)), (11.0, Kernels(10, 12, 40))):
+        table.missing([("planner", "astar")], 8, kernels)
     assert said == [
         "starting; the first run compiles kernels, later ones load them",
-        "7 of 8 nodes are up, 12 kernels compiled; waiting for planner astar",
+        "7 of 8 nodes are up, kernel 12 of 40; waiting for planner astar",
     ]
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 
 import pytest
+from navloom.kernel_progress import Kernels
 from navloom_live.hosting.heartbeat import Heart, HeartMonitor, StopDetector
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="memory is shared by name on Linux only")
@@ -72,8 +73,8 @@ def test_a_process_detects_that_it_was_stopped(monkeypatch: pytest.MonkeyPatch) 
 
 def test_kernels_are_counted_before_the_first_beat_and_anew_after_a_restart() -> None:
     monitor = HeartMonitor()
-    Heart(monitor.path).note_compiled(12)
-    assert (monitor.compiled, monitor.has_beaten) == (12, False)
+    Heart(monitor.path).note_compiled(Kernels(9, 12, 40))
+    assert (monitor.kernels, monitor.has_beaten) == (Kernels(9, 12, 40), False)
     monitor.reset()
-    assert monitor.compiled == 0
+    assert monitor.kernels == Kernels()
     monitor.close()

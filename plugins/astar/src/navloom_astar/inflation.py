@@ -104,7 +104,10 @@ def _grow(occupied: Bools, reach: Reach) -> Bools:
         for column in range(columns):
             away[row, column] = min(away[row, column], away[row + 1, column] + 1)
     spread = np.empty(far + 1, np.int32)
-    spread[:far], spread[far] = reach, -1
+    # Value by value: to assign a whole array compiles numba's message for unequal shapes, 2 s.
+    for k in range(far):
+        spread[k] = reach[k]
+    spread[far] = -1
     for row in range(rows):
         line, ahead = grown[low + row, left:right], -1
         for column in range(columns):

@@ -26,6 +26,8 @@ class Beams(NamedTuple):
         ranges: (n,) m, +inf for no echo.
         limits: (n, 2) range_min and range_max of each beam, m.
         sensors: (n,) int64, number of each beam's sensor.
+
+    The first four are read-only, as in messages: numba compiles a kernel again for a writable array.
     """
 
     origins: Floats
@@ -34,6 +36,23 @@ class Beams(NamedTuple):
     ranges: Floats
     limits: Floats
     sensors: NDArray[np.int64]
+
+    @classmethod
+    def fixed(
+        cls, origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats, limits: Floats,
+        sensors: NDArray[np.int64],
+    ) -> Beams:  # fmt: skip
+        """Beams of read-only views of the arrays."""
+        shown = [array.view() for array in (origins, bearings, half_angles, ranges)]
+        for array in shown:
+            array.flags.writeable = False
+        return cls(shown[0], shown[1], shown[2], shown[3], limits, sensors)
+
+    @classmethod
+    def sample(cls) -> Beams:
+        """A sonar's and a laser's beam with an echo 1 m ahead, to compile kernels with."""
+        angles, limits = np.array([0.2, 0.0]), np.tile([0.3, 4.0], (2, 1))
+        return cls.fixed(np.zeros((2, 2)), np.zeros(2), angles, np.ones(2), limits, np.zeros(2, np.int64))
 
 
 class Scan(Protocol):
@@ -55,8 +74,6 @@ class Scan(Protocol):
 
 class Joiner:
     """Joins scans; for sensors that do not change, only the ranges are updated.
-
-    It uses its own arrays, since numba would compile again for the read-only arrays of messages.
 
     Args:
         agreement: Largest difference of a laser's echoes that are averaged, m, see smoothing.smoothed(); 0 for no
@@ -101,7 +118,7 @@ class Joiner:
         sizes = [scan.ranges.size for scan in scans]
         limits = np.array([(scan.range_min, scan.range_max) for scan in scans]).repeat(sizes, axis=0)
         self._ranges = np.empty(sum(sizes))
-        self._beams = Beams(
+        self._beams = Beams.fixed(
             np.concatenate([scan.origins for scan in scans]),
             np.concatenate([scan.bearings for scan in scans]),
             np.concatenate([scan.half_angles for scan in scans]),

@@ -132,7 +132,7 @@ def mark_point(
     cell: float,
     x: float,
     y: float,
-    certainty: int,
+    certainty: int | np.int64,
     heard: NDArray[np.int64],
 ) -> None:
     """Assign a certainty to the cell of an echo, if the echo has support; echoes outside the window are ignored.
@@ -242,7 +242,7 @@ def mark_echo(
     for _ in range(count + 1):
         x, y = placed[i, 0] + dx, placed[i, 1] + dy
         if sensors[i] < 0 or not is_seen_through(x, y, i, placed, nearest, sensors, margin):
-            mark_point(grid, origin, cell, x, y, ARC_CERTAINTY, heard)
+            mark_point(grid, origin, cell, x, y, np.int64(ARC_CERTAINTY), heard)
         dx, dy = dx * cos_s - dy * sin_s, dx * sin_s + dy * cos_s
 
 
@@ -315,7 +315,9 @@ def insert_beams(
     for i in range(ranges.size):
         if placed[i, 5] < np.inf:
             x, y = placed[i, 0] + placed[i, 5] * placed[i, 2], placed[i, 1] + placed[i, 5] * placed[i, 3]
-            mark_point(grid, origin, cell, x, y, AXIS_CERTAINTY, at_once if half_angles[i] < THIN_BEAM else heard)
+            mark_point(
+                grid, origin, cell, x, y, np.int64(AXIS_CERTAINTY), at_once if half_angles[i] < THIN_BEAM else heard
+            )
 
 
 @njit(cache=True, nogil=True)

@@ -31,8 +31,7 @@ def smoothed(ranges: NDArray[np.float64], range_max: float, agreement: float) ->
 
 
 def warm_up_smoothing() -> None:
-    """Compile the kernel for writable and for read-only ranges."""
+    """Compile the kernel for the read-only ranges of messages."""
     ranges = np.ones(3)
-    for is_writeable in (True, False):
-        ranges.flags.writeable = is_writeable
-        smoothed(ranges, 8.0, 0.1)
+    ranges.flags.writeable = False
+    smoothed(ranges, 8.0, 0.1)

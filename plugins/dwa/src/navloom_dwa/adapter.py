@@ -92,4 +92,4 @@ def split_scans(scans: Sequence[RangeScan]) -> tuple[list[Beams], Beams | None]:
     if len(sonars) < 2:
         return lasers, sonars[0] if sonars else None
     parts = zip(*[(b.origins, b.bearings, b.half_angles, b.ranges, b.limits, b.sensors) for b in sonars], strict=True)
-    return lasers, Beams(*[np.concatenate(part) for part in parts])
+    return lasers, Beams.fixed(*[np.concatenate(part) for part in parts])

@@ -167,7 +167,8 @@ class DynamicWindow:
         p, pose = self.params, given.pose
         for beams in lasers:
             farthest = float(beams.limits[0, 1])
-            ranges = smoothed(beams.ranges, farthest, p.agreement) if p.agreement > 0.0 else beams.ranges
+            ranges = smoothed(beams.ranges, farthest, p.agreement) if p.agreement > 0.0 else beams.ranges.view()
+            ranges.flags.writeable = False
             self.count = remember(
                 self._points, self.count, pose, beams.origins, beams.bearings, ranges, farthest,
                 given.time, p.memory, p.reach, p.spacing, self.edges,

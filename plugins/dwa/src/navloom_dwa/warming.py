@@ -13,7 +13,7 @@ from navloom_dwa.params import PRINTED, DwaParams
 
 
 def warm_up() -> None:
-    """Run ticks of each objective with a laser and sonars, on writeable and on read-only arrays.
+    """Run ticks of each objective with a laser and sonars.
 
     The echoes ahead are too near to drive on, so backing up is compiled too.
     """
@@ -21,12 +21,9 @@ def warm_up() -> None:
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0, half_track=0.3)
     bearings = np.linspace(-1.0, 1.0, 3)
     for params in (DwaParams(blocked_patience=0.01), DwaParams(**PRINTED.values())):
-        for is_writeable in (True, False):
-            method = DynamicWindow(params, robot, 0.05)
-            arrays = np.zeros((3, 2)), bearings.copy(), np.full(3, 0.2), np.full(3, 0.6)
-            for array in arrays:
-                array.flags.writeable = is_writeable
-            cones = Beams(*arrays, np.tile([0.3, 4.0], (3, 1)), np.zeros(3, np.int64))
-            laser = Beams(*arrays, np.tile([0.1, 8.0], (3, 1)), np.zeros(3, np.int64))
-            for time in (0.0, 0.05, 0.1):
-                method.step([laser], cones, Given(time, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0), math.inf))
+        method = DynamicWindow(params, robot, 0.05)
+        arrays = np.zeros((3, 2)), bearings, np.full(3, 0.2), np.full(3, 0.6)
+        cones = Beams.fixed(*arrays, np.tile([0.3, 4.0], (3, 1)), np.zeros(3, np.int64))
+        laser = Beams.fixed(*arrays, np.tile([0.1, 8.0], (3, 1)), np.zeros(3, np.int64))
+        for time in (0.0, 0.05, 0.1):
+            method.step([laser], cones, Given(time, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0), math.inf))

@@ -299,7 +299,5 @@ def warm_up(*choices: ImprovedVfhParams) -> None:
     """Compile every kernel for the types of one tick, by running one tick for each parameter set."""
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
-    ones, none = np.ones(2), np.zeros((2, 2))
-    beams = Beams(none, np.zeros(2), np.array([0.2, 0.0]), ones, np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64))
     for params in choices:
-        Avoidance(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+        Avoidance(params, robot, 0.05).step(Beams.sample(), (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

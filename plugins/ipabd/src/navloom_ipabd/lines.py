@@ -99,7 +99,9 @@ def _extract(points: Floats, starts: NDArray[np.int64], tolerance: float) -> Flo
                 continue
             worst, segment = _total_least_squares(points, here, corners[c])
             a, b = points[here], points[corners[c]]
-            segments[count] = segment if worst <= tolerance else (a[0], a[1], b[0], b[1])
+            # Value by value: to assign a whole row compiles numba's message for unequal shapes, 2 s.
+            x1, y1, x2, y2 = segment if worst <= tolerance else (a[0], a[1], b[0], b[1])
+            segments[count, 0], segments[count, 1], segments[count, 2], segments[count, 3] = x1, y1, x2, y2
             count += 1
             here = corners[c]
     return segments[:count].copy()

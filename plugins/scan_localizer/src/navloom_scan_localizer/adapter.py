@@ -17,6 +17,7 @@ from navloom import (
     PoseEstimate,
     RangeScan,
     Twist2D,
+    read_only,
 )
 from numpy.typing import NDArray
 
@@ -319,5 +320,6 @@ def _points(
     limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
     rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
     offsets = scan.time_offsets if order == 1.0 else ordered(scan.time_offsets, order)
-    given = (scan.origins, scan.bearings, scan.half_angles, offsets, ranges)
+    # Computed ranges and offsets are writable, for which a kernel would compile while the robot drives.
+    given = (scan.origins, scan.bearings, scan.half_angles, read_only(offsets), read_only(ranges))
     return rows[: beams.beam_points(*given, limits, motion, rows)]

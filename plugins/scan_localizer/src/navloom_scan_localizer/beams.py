@@ -58,15 +58,15 @@ def keep_near(beams, reach):  # type: ignore[no-untyped-def]
     count = 0
     for i in range(beams.shape[0]):
         if math.hypot(beams[i, 0], beams[i, 1]) <= reach:
-            beams[count] = beams[i]
+            for k in range(beams.shape[1]):
+                beams[count, k] = beams[i, k]
             count += 1
     return count
 
 
 def warm_up() -> None:
-    """Compile the kernels for writable arrays and for read-only ones, as in messages."""
+    """Compile the kernels for the read-only arrays of messages."""
     keep_near(np.zeros((1, 4)), 1.0)
-    for is_writable in (True, False):
-        one, place = np.ones(1), np.zeros((1, 2))
-        one.flags.writeable = place.flags.writeable = is_writable
-        beam_points(place, one, one, one, one, np.array([0.0, 2.0, 2.0]), np.zeros(4), np.empty((1, 4)))
+    one, place = np.ones(1), np.zeros((1, 2))
+    one.flags.writeable = place.flags.writeable = False
+    beam_points(place, one, one, one, one, np.array([0.0, 2.0, 2.0]), np.zeros(4), np.empty((1, 4)))

@@ -177,6 +177,5 @@ def warm_up() -> None:
     field = distance_field(np.eye(3, dtype=np.bool_), 0.1, (0.0, 0.0, 0.0), 1.0)
     beams = np.array([[0.1, 0.1, 1.0, 0.0]])
     options = np.array([1.0, 0.1, 0.1, 0.1, 0.1])
-    for values in (field.values, field.values.copy()):  # that of a map is read-only, that of a local surface is not
-        fit_pose(values, field.frame, beams, np.zeros(3), np.eye(3), options, 1, np.empty(3), np.empty((3, 3)))
-        misfit_of(values, field.frame, beams, np.zeros(3), 0.1, 0.1)
+    fit_pose(field.values, field.frame, beams, np.zeros(3), np.eye(3), options, 1, np.empty(3), np.empty((3, 3)))
+    misfit_of(field.values, field.frame, beams, np.zeros(3), 0.1, 0.1)

@@ -45,7 +45,10 @@ class LocalSurface:
         self._values = np.full((count, count), np.nan, np.float32)
         self._weights = np.zeros((count, count), np.float32)
         self._frame = np.array([-self._half * spacing, -self._half * spacing, 1.0, 0.0, spacing])
-        self.field = DistanceField(self._values, self._frame)
+        # Read-only as that of a map is: numba compiles a kernel again for a writable array.
+        shown = self._values.view()
+        shown.flags.writeable = False
+        self.field = DistanceField(shown, self._frame)
 
     def follow(self, x: float, y: float) -> None:
         """Move the lattice by whole nodes if a point, m, map frame, is far from its middle."""

@@ -123,8 +123,8 @@ def read_laser(base, origins, directions, obstacles, options, normals, ranges): 
     """
     count = directions.shape[1]
     starts, ways, hits = np.empty((3, count)), np.empty((3, count)), np.empty(count, np.int64)
-    to_map(base[0], base[1], base[2], origins, True, starts)
-    to_map(base[0], base[1], base[2], directions, False, ways)
+    to_map(base[0], base[1], base[2], origins, np.bool_(True), starts)
+    to_map(base[0], base[1], base[2], directions, np.bool_(False), ways)
     cast_fan(starts, ways, base[2] + options[3], options[4], obstacles, options[1], ranges, hits)
     for i in range(count):
         # Every beam has its draw, hit or not: random numbers must not depend on the scene.
@@ -153,8 +153,8 @@ def read_cones(base, origins, directions, obstacles, options, closed, normals, u
     per_cone = total // count
     starts, ways, hits = np.empty((3, total)), np.empty((3, total)), np.empty(total, np.int64)
     found = np.empty(total)
-    to_map(base[0], base[1], base[2], origins, True, starts)
-    to_map(base[0], base[1], base[2], directions, False, ways)
+    to_map(base[0], base[1], base[2], origins, np.bool_(True), starts)
+    to_map(base[0], base[1], base[2], directions, np.bool_(False), ways)
     cast_block(starts, ways, obstacles, options[5] != 0.0, options[1], found, hits)
     for i in range(count):
         nearest = np.inf

@@ -75,7 +75,7 @@ def cast_rays(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool, out: Floats) -> None:
+def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool | np.bool_, out: Floats) -> None:
     """Rotates (3, n) base-frame vectors into the map frame and, if `offset`, adds the robot's position."""
     c, s = math.cos(heading), math.sin(heading)
     x0, y0 = (x, y) if offset else (0.0, 0.0)
@@ -94,12 +94,14 @@ def cast_block(origins, directions, obstacles, floor, reach, ranges, hits):  # t
     for start in range(0, count, _BLOCK):
         size = min(_BLOCK, count - start)
         _load(work, origins, directions, start, size, floor, reach)
+        # A plain 0 or False would be a literal, for which numba compiles the callees again.
+        first = np.int64(0)
         for k in range(boxes.shape[0]):
             if boxes[k, 8] != 0.0:
-                _cut_box(work, 0, size, boxes, k)
+                _cut_box(work, first, size, boxes, k)
         for k in range(cylinders.shape[0]):
             if cylinders[k, 5] != 0.0:
-                _cut_cylinder(work, 0, size, cylinders, k, float(boxes.shape[0] + k))
+                _cut_cylinder(work, first, size, cylinders, k, float(boxes.shape[0] + k))
         _finish(work, start, size, obstacles, ranges, hits)
 
 
@@ -124,7 +126,7 @@ def cast_fan(origins, directions, first_bearing, step, obstacles, reach, ranges,
     beam_spans(origins[:, 0], first_bearing, step, count, reach, obstacles, spans)
     for start in range(0, count, _BLOCK):
         size = min(_BLOCK, count - start)
-        _load(work, origins, directions, start, size, False, reach)
+        _load(work, origins, directions, start, size, np.bool_(False), reach)
         for k in range(spans.shape[0]):
             for side in range(0, 4, 2):
                 first, end = max(spans[k, side] - start, 0), min(spans[k, side + 1] - start, size)

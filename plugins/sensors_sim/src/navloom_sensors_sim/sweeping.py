@@ -67,8 +67,8 @@ def read_frames(track, times, mount, directions, obstacles, options, normals, ra
         starts[0, :] = x + c * mount[0] - s * mount[1]
         starts[1, :] = y + s * mount[0] + c * mount[1]
         starts[2, :] = mount[2]
-        to_map(x, y, heading, directions[f], False, ways)
-        cast_block(starts, ways, obstacles, True, options[1], ranges[f], hits)
+        to_map(x, y, heading, directions[f], np.bool_(False), ways)
+        cast_block(starts, ways, obstacles, np.bool_(True), options[1], ranges[f], hits)
         for i in range(count):
             measured = max(ranges[f, i] + options[3] + options[2] * normals[f, i], options[0])
             is_echo = ranges[f, i] < options[1] and measured < options[1]

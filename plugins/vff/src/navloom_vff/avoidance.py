@@ -190,7 +190,5 @@ def warm_up(*choices: VffParams) -> None:
     """Compile every kernel for the types of one tick."""
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
-    limits, sensors = np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64)
-    beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits, sensors)
     for params in choices:
-        ForceField(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+        ForceField(params, robot, 0.05).step(Beams.sample(), (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

@@ -102,6 +102,4 @@ class VfhStar(_HistogramAvoider[VfhStarParams]):
 
 def warm_up(method: HistogramAvoidance) -> None:
     """Compile every kernel for the types of one tick, with an occupied cell ahead so that every stage runs."""
-    limits = np.tile([0.3, 4.0], (2, 1))
-    beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits, np.zeros(2, np.int64))
-    method.step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+    method.step(Beams.sample(), (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

@@ -123,26 +123,51 @@ def log_of(house: str) -> logging.Logger:
 
 @contextmanager
 def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, float], None]]]:
-    """Progress on standard error: preparation, then the state of the run; a single line if there is no terminal."""
+    """Progress on standard error: preparation with the kernels that compile, then the state of the run.
+
+    Without a terminal only the kernels are told, at most one line in `INTERVAL`.
+    """
+    from navloom.kernel_cache import tell_compiled
+
     if quiet or not sys.stderr.isatty():
-        told: list[str] = []
-
-        def tell_once(text: str) -> None:
-            if not told:
-                told.append(text)
-                LOG.info("preparing; the first run compiles kernels, later ones load them")
-
-        yield tell_once, (lambda done, total: None)
+        tell_compiled(_log_of_kernels())
+        try:
+            yield (lambda text: None), (lambda done, total: None)
+        finally:
+            tell_compiled(None)
         return
     with progress_line("preparing") as update:
+        step = "preparing"
 
         def say(text: str) -> None:
-            update(description=f"{text} (compiles in the first run)")
+            nonlocal step
+            step = text
+            update(description=text)
+
+        def compiled(kernels: Any) -> None:
+            update(description=f"{step}: {kernels}", completed=kernels.ready, total=kernels.total)
 
         def progress(done: float, total: float) -> None:
             update(description=f"driving, {done:.0f} s of at most {total:.0f} s", completed=done, total=total)
 
-        yield say, progress
+        tell_compiled(compiled)
+        try:
+            yield say, progress
+        finally:
+            tell_compiled(None)
+
+
+def _log_of_kernels() -> Callable[[Any], None]:
+    says: list[Callable[[str], None]] = []
+
+    def compiled(kernels: Any) -> None:
+        if says:
+            says[0](f"compiling {kernels}")
+        else:
+            LOG.info(f"compiling kernels, which later runs load: {kernels}")
+            says.append(paced())
+
+    return compiled
 
 
 @contextmanager

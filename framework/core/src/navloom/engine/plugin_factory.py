@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -20,6 +20,7 @@ from navloom.engine.plugin_instances import Part
 from navloom.engine.random_streams import stream_source
 from navloom.engine.stepper import fault_text
 from navloom.engine.system import System
+from navloom.kernel_progress import expect_kernels
 from navloom.messages.packing import writer_of
 from navloom.navigation import blocked_trajectory, collision_monitor, handover, trajectory, trajectory_projection
 from navloom.plugins import PluginError
@@ -30,6 +31,10 @@ __all__ = ["blamed_on_part", "configure", "make_plugins", "role_nodes", "try_plu
 Progress = Callable[[str], None]
 YOUNG_OBJECTS = 10_000
 """New objects between two collections of the youngest generation; Python's default, 700, is a dozen ticks."""
+COMPILED_OBJECTS = 50_000
+"""The same while kernels compile, which makes many objects: with the default, it takes a tenth longer."""
+FRAMEWORK: tuple[Any, ...] = (blocked_trajectory, handover, collision_monitor, trajectory, trajectory_projection)
+"""Modules whose kernels every process needs."""
 # 2 kB each. At a fixed rate and not on demand, because a trace must not depend on what is recorded or viewed.
 DIAGNOSTICS_RATE_HZ = 2.0
 """Default rate of an avoider's diagnostics, Hz."""
@@ -43,24 +48,28 @@ def make_plugins(
     Raises:
         ConfigError: A plugin refuses its world, sensors or map.
     """
+    wanted = {source: part for source, part in system.parts.items() if only is None or source in only}
+    expect_kernels([*(module.__name__ for module in FRAMEWORK), *(part.cls for part in wanted.values())])
+    before = gc.get_threshold()
+    gc.set_threshold(COMPILED_OBJECTS, 20, 100)
+    try:
+        _make(system, wanted, progress)
+    finally:
+        gc.set_threshold(*before)
+    _spare_what_is_loaded()
+
+
+def _make(system: System, wanted: Mapping[tuple[str, str], Part], progress: Progress) -> None:
     progress("preparing the framework")
     # Compiled before the first tick: a kernel takes seconds, and a robot that drives must not wait for it.
-    for warm_up in (
-        blocked_trajectory.warm_up,
-        handover.warm_up,
-        collision_monitor.warm_up,
-        trajectory.warm_up,
-        trajectory_projection.warm_up,
-    ):
-        warm_up()
+    for module in FRAMEWORK:
+        module.warm_up()
     for spec in system.specs:
         for port in spec.ports:
             # Generated on first use, which would fall into a tick.
             writer_of(port.carries)
     warmed: set[type[Role]] = set()
-    for (role, instance), part in system.parts.items():
-        if only is not None and (role, instance) not in only:
-            continue
+    for (role, _), part in wanted.items():
         # Alternatives often share a class.
         if part.cls not in warmed:
             progress(f"preparing {role} {part.cls.name}")
@@ -68,7 +77,6 @@ def make_plugins(
                 part.cls.warm_up()
             warmed.add(part.cls)
         part.plugin = _made(system, part)
-    _spare_what_is_loaded()
 
 
 @cache

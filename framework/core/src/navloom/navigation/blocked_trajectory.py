@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom.geometry.frames import inverse, transform
+from navloom.geometry.world import read_only
 from navloom.messages import OccupancyGrid
 
 __all__ = ["OCCUPIED_FROM", "first_blocked", "warm_up"]
@@ -35,7 +36,8 @@ def first_blocked(samples: Floats, progress: float, radius: float, grid: Occupan
         return math.inf
     origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
     places = transform(inverse(origin), samples[:, 1:3]) / grid.resolution
-    return float(_first_blocked(samples[:, 0], places, progress, radius / grid.resolution, grid.cells, OCCUPIED_FROM))
+    lengths, cells = read_only(samples)[:, 0], read_only(grid.cells)
+    return float(_first_blocked(lengths, places, progress, radius / grid.resolution, cells, OCCUPIED_FROM))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -61,8 +63,5 @@ def warm_up() -> None:
     """Compile the kernel for the array types of messages."""
     # Two rows: a column of one row counts as contiguous, and that of a path does not.
     cells, samples = np.zeros((1, 1), np.int8), np.zeros((2, 6))
-    # Arrays of messages are read-only and those of tests are not: numba compiles the kernel once for each.
-    for is_writeable in (True, False):
-        cells.flags.writeable = samples.flags.writeable = is_writeable
-        places = samples[:, 1:3] / 1.0
-        _first_blocked(samples[:, 0], places, 0.0, 1.0, cells, OCCUPIED_FROM)
+    cells.flags.writeable = samples.flags.writeable = False
+    _first_blocked(samples[:, 0], samples[:, 1:3] / 1.0, 0.0, 1.0, cells, OCCUPIED_FROM)

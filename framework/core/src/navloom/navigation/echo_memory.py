@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom.geometry.world import read_only
 from navloom.messages import Pose2D, RangeScan
 
 __all__ = ["EchoMemory", "warm_up"]
@@ -58,7 +59,8 @@ class EchoMemory:
             half_width: Half width of the strip, m; the strip extends past the last point by as much.
             time: Run time, s; echoes since `time - keep` count. Scans must have been added in order of time.
         """
-        return float(_nearest(self._points, self._cursor, base.x, base.y, way, half_width, time - self.keep))
+        since = time - self.keep
+        return float(_nearest(self._points, self._cursor, base.x, base.y, read_only(way), half_width, since))
 
     def near(self, base: Pose2D, reach: float, time: float) -> Floats:
         """(k, 2) echoes within reach, m, of a pose in the map, in its frame, since `time - keep`, s."""
@@ -169,8 +171,4 @@ def warm_up() -> None:
         array.flags.writeable = False
     memory = EchoMemory(1.0, 0.5, capacity=4)
     memory.add(RangeScan(0, two, one, one, one, one, 0.1, 4.0), Pose2D(0.0, 0.0, 0.0), 0.0)
-    way = np.zeros((2, 2))
-    # Once for a writable and once for a read-only way: these are two types to numba.
-    for _ in range(2):
-        memory.nearest(Pose2D(0.0, 0.0, 0.0), way, 0.5, 0.0)
-        way.flags.writeable = False
+    memory.nearest(Pose2D(0.0, 0.0, 0.0), np.zeros((2, 2)), 0.5, 0.0)

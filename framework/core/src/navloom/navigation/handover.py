@@ -107,7 +107,7 @@ def warm_up() -> None:
     own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
     outline = np.zeros((3, 2))
     outline.flags.writeable = False  # as that of a robot is
-    first_touch(NO_TURN, 0, outline, NOWHERE, np.empty(0))
+    first_touch(NO_TURN, 0, outline, NOWHERE, np.empty(0), 0.0)
 
 
 class HandOverRule:
@@ -202,7 +202,7 @@ class HandOverRule:
         # A robot that drives back has its sensors in front: only the map shows what is behind it.
         mapped = NOWHERE if grid is None else surfaces_without_echo(grid, base, reach, echoes)
         for points in (echoes, mapped):
-            hit = first_touch(turn, len(turn), self.footprint, points, np.zeros(len(points)))
+            hit = first_touch(turn, len(turn), self.footprint, points, np.zeros(len(points)), 0.0)
             if hit >= 0:
                 return math.hypot(points[hit, 0], points[hit, 1])
         return math.inf

@@ -99,7 +99,9 @@ def _surfaces(cells, frame, reach, echoes):  # type: ignore[no-untyped-def]
                     # Grown by hand, since a list of tuples is slow in a kernel.
                     if count == found.shape[0]:
                         more = np.empty((2 * count, 2))
-                        more[:count] = found
+                        # Row by row: to assign a whole array compiles numba's message for unequal shapes, 2.5 s.
+                        for k in range(count):
+                            more[k, 0], more[k, 1] = found[k, 0], found[k, 1]
                         found = more
                     found[count, 0], found[count, 1] = px, py
                     count += 1
@@ -129,7 +131,5 @@ def _is_shown(px, py, normal_x, normal_y, echoes):  # type: ignore[no-untyped-de
 
 def warm_up() -> None:
     """Compile the kernels for the array types of messages."""
-    cells = np.full((2, 2), 100, np.int8)
-    for is_writeable in (True, False):
-        cells.flags.writeable = is_writeable
-        surfaces_without_echo(OccupancyGrid(cells, 0.1, Pose2D(0.0, 0.0, 0.0)), Pose2D(0.0, 0.0, 0.0), 1.0, NO_SURFACES)
+    grid = OccupancyGrid(np.full((2, 2), 100, np.int8), 0.1, Pose2D(0.0, 0.0, 0.0))
+    surfaces_without_echo(grid, Pose2D(0.0, 0.0, 0.0), 1.0, NO_SURFACES)

@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom.geometry.world import read_only
+
 __all__ = ["Projection", "point_at", "project", "warm_up", "way_ahead"]
 
 Floats = NDArray[np.float64]
@@ -65,12 +67,12 @@ def project(
         look_ahead: Arc length from the reference point to the target, m; the target does not pass the end.
         back, ahead: How much smaller or larger than the previous progress the new one may be, m.
     """
-    return Projection(*_project(samples, x, y, heading, progress, look_ahead, back, ahead))
+    return Projection(*_project(read_only(samples), x, y, heading, progress, look_ahead, back, ahead))
 
 
 def point_at(samples: Floats, progress: float) -> tuple[float, float]:
     """x, y, m, of a trajectory (n, 6) at an arc length, m; clamped to its ends."""
-    point: tuple[float, float] = _point_at(samples, progress)
+    point: tuple[float, float] = _point_at(read_only(samples), progress)
     return point
 
 
@@ -79,7 +81,7 @@ def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2
 
     Read-only. Near the end of the trajectory there are fewer points, but always at least one.
     """
-    points: Floats = _way_ahead(samples, progress, length, step)
+    points: Floats = _way_ahead(read_only(samples), progress, length, step)
     # It becomes part of a message as it is.
     points.setflags(write=False)
     return points
@@ -183,10 +185,8 @@ def _project(samples, x, y, heading, progress, look_ahead, back, ahead):  # type
 
 
 def warm_up() -> None:
-    """Compile the kernels, for writable and for read-only samples."""
+    """Compile the kernels."""
     samples = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.2], [1.0, 1.0, 0.0, 0.0, 0.0, 0.2]])
-    for _ in range(2):
-        project(samples, 0.5, 0.1, 0.0, 0.0, 1.0)
-        point_at(samples, 0.5)
-        way_ahead(samples, 0.0, 1.0)
-        samples.flags.writeable = False
+    project(samples, 0.5, 0.1, 0.0, 0.0, 1.0)
+    point_at(samples, 0.5)
+    way_ahead(samples, 0.0, 1.0)

@@ -46,11 +46,11 @@ class StatusTable:
         if self._live is not None:
             self._live.stop()
 
-    def missing(self, left: Sequence[tuple[str, str]], total: int, compiled: int) -> None:
-        """Show how many nodes are up, which are not yet, and how many kernels were compiled so far."""
-        kernels = f", {compiled} kernels compiled" if compiled else ""
+    def missing(self, left: Sequence[tuple[str, str]], total: int, kernels: Any) -> None:
+        """Show how many nodes are up, which are not yet, and which kernel compiles if any does."""
+        compiles = f", {kernels}" if kernels.compiled else ""
         names = ", ".join(f"{role} {name}" for role, name in left)
-        text = f"{total - len(left)} of {total} nodes are up{kernels}; waiting for {names}"
+        text = f"{total - len(left)} of {total} nodes are up{compiles}; waiting for {names}"
         if self._live is not None:
             self._live.update(text, refresh=True)
         elif self._waits is None:

@@ -131,7 +131,7 @@ class LiveRun:
     def run(
         self,
         until_idle: bool,
-        progress: Callable[[Any, int, int], None] = lambda left, total, compiled: None,
+        progress: Callable[[Any, int, Any], None] = lambda left, total, kernels: None,
         look: Callable[[LiveRobot], None] = lambda robot: None,
         ended: Callable[[Episode], None] | None = None,
     ) -> Episode | None:

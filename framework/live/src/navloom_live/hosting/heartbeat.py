@@ -11,6 +11,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from navloom.kernel_progress import Kernels
+
 from navloom_live.timing import HEART_CHECK_INTERVAL, STOPPED_GAP
 
 __all__ = ["Heart", "HeartMonitor", "StopDetector"]
@@ -42,9 +44,9 @@ class Heart:
         """Write the time of a heartbeat."""
         self._time[0] = time.monotonic_ns()
 
-    def note_compiled(self, kernels: int) -> None:
+    def note_compiled(self, kernels: Kernels) -> None:
         """Write how many kernels this process has compiled, a sign of life before the first beat."""
-        self._time[1] = kernels
+        self._time[1], self._time[2], self._time[3] = kernels
 
 
 class HeartMonitor:
@@ -68,7 +70,7 @@ class HeartMonitor:
     def reset(self) -> None:
         """Prepare the memory for another process, which has not beaten yet."""
         if self.path:
-            self._time[0] = self._time[1] = 0
+            self._time[0] = self._time[1] = self._time[2] = self._time[3] = 0
         self._silent = 0.0
 
     @property
@@ -77,9 +79,9 @@ class HeartMonitor:
         return not self.path or self._time[0] != 0
 
     @property
-    def compiled(self) -> int:
-        """Number of kernels that the process has compiled; 0 if the system cannot tell."""
-        return self._time[1] if self.path else 0
+    def kernels(self) -> Kernels:
+        """The kernels of the process; none until it compiles one, or if the system cannot tell."""
+        return Kernels(*self._time[1:4]) if self.path else Kernels()
 
     def close(self) -> None:
         """Free the memory."""

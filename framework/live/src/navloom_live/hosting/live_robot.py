@@ -12,6 +12,7 @@ from types import TracebackType
 
 from navloom.engine.system import System
 from navloom.errors import NavloomError
+from navloom.kernel_progress import Kernels
 
 from navloom_live.hosting.addition_service import Additions
 from navloom_live.hosting.network import Network
@@ -198,27 +199,28 @@ class LiveRobot:
     def wait_complete(
         self,
         timeout: float,
-        progress: Callable[[Sequence[Source], int, int], None] = lambda left, total, compiled: None,
+        progress: Callable[[Sequence[Source], int, Kernels], None] = lambda left, total, kernels: None,
         ends: Callable[[], bool] = lambda: False,
     ) -> None:
         """Wait until every node is alive, or `ends` cancels the wait.
 
         Args:
             timeout: Longest time without progress, s.
-            progress: Called with the missing nodes, the number of all, and that of kernels compiled so far.
+            progress: Called with the missing nodes, the number of all, and the kernels of all processes that compile.
             ends: Whether to give up.
 
         Raises:
             StartError: A node is missing and nothing has come up or been compiled for `timeout`, or a process cannot
                 start.
         """
-        limit, before = time.monotonic() + timeout, (0, 0)
+        limit, before = time.monotonic() + timeout, (0, Kernels())
         total = sum(source[0] != "operator" for source in all_sources(self.system))
         while (missing := self.missing()) and not ends():
-            compiled = sum(child.heart.compiled for child in self.supervisor.children.values())
-            progress(missing, total, compiled)
-            if before != (len(missing), compiled):
-                limit, before = time.monotonic() + timeout, (len(missing), compiled)
+            told = [child.heart.kernels for child in self.supervisor.children.values()]
+            kernels = Kernels(*(sum(column) for column in zip(*told, strict=True)))
+            progress(missing, total, kernels)
+            if before != (len(missing), kernels):
+                limit, before = time.monotonic() + timeout, (len(missing), kernels)
             if self._claims.lost:
                 raise DirectoryError(self._claims.lost)
             for child in self.supervisor.poll(restarts=not self.barrier):

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from navloom.geometry.footprints import circumscribed_radius
 from navloom.messages import Pose2D, PoseEstimate, Twist2D
 from navloom.roles import RobotSpec
 from numpy.typing import NDArray
@@ -65,8 +66,9 @@ def drive(
     """
     robot = robot_of(scene)
     x, y, heading, v, w = scene.start.x, scene.start.y, scene.start.heading, 0.0, 0.0
-    poses, twists, gap, ended = [(x, y, heading)], [(v, w)], scene.gap(x, y, heading), ""
-    still = 0
+    poses, twists, ended, still = [(x, y, heading)], [(v, w)], "", 0
+    gap = room = scene.gap(x, y, heading)
+    reach = circumscribed_radius(scene.outline)
     for tick in range(round(seconds / PERIOD)):
         asked = step(tick * PERIOD_NS, (x, y, heading), (v, w))
         if isinstance(asked, str):
@@ -80,7 +82,11 @@ def drive(
         heading = math.remainder(heading + w * PERIOD, math.tau)
         poses.append((x, y, heading))
         twists.append((v, w))
-        gap = min(gap, scene.gap(x, y, heading))
+        # No point of the footprint can have come nearer than by this way: mostly farther off than the least distance.
+        room -= (abs(v) + reach * abs(w)) * PERIOD
+        if room < gap:
+            room = scene.gap(x, y, heading)
+            gap = min(gap, room)
         still = still + 1 if abs(v) < STILL[0] and abs(w) < STILL[1] else 0
         if still > LONG and not may_stand:
             ended = "stopped"

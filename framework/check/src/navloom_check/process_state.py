@@ -67,7 +67,7 @@ LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     ENVIRONMENT: lambda: tuple(sorted(os.environ.items())),
     SEARCH_PATH: lambda: tuple(sys.path),
     "the recursion limit": sys.getrecursionlimit,
-    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold(), gc.get_freeze_count() > 0, gc.get_debug()),
+    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold(), gc.get_debug()),
     "the switch interval of threads": sys.getswitchinterval,
     "the decimal context": _context,
     "functions of Python or numpy": _functions,

@@ -8,7 +8,6 @@ from pathlib import PurePath
 from typing import Any
 
 from navloom.config import ConfigError
-from navloom.navigation.trajectory import warm_up
 from navloom.roles import ROLES, Role
 from navloom.roles.claims import Claim
 
@@ -63,6 +62,9 @@ def measured(behaviour: Behaviour, make: Maker, scene: Scene, subject: Subject) 
 
 def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Remark]:
     """Measure a plugin in every scene of one behaviour. `answers` reports a plugin that finishes no scene."""
+    # Here, as in `navloom_check.builders`.
+    from navloom.navigation.trajectory import warm_up
+
     if bench.of_topic(USUAL):
         bench.sound()
     cls, claim = bench.subject.thing, behaviour.claim

@@ -12,7 +12,7 @@ import numpy as np
 from navloom.engine.random_streams import stream_source
 from navloom.errors import NavloomError
 from navloom.geometry.frames import transform
-from navloom.geometry.world import Box, World
+from navloom.geometry.world import Box, World, read_only
 from navloom.messages import MapUpdate, Message, OccupancyGrid, PlanRequest, Pose2D, RangeScan
 from navloom.roles import Context, PlannerInput, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
@@ -198,26 +198,31 @@ def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stam
         stamp_ns: Run clock.
         beams: Beams over a full turn; 0 for those of the sensor.
     """
-    bearings, origins, spread = _beams(laser, beams or laser.beams)
+    bearings, origins, spread, half_angles, delays = _beams(laser, beams or laser.beams)
     angles = (bearings[:, None] + spread + pose[2]).ravel()
-    starts = np.repeat(transform(np.array(pose), origins), len(spread), axis=0)
-    level = np.zeros(len(angles))
-    seen = cast(scene.world, np.column_stack((starts, level + LEVEL)), np.column_stack((np.cos(angles), np.sin(angles),
-                level))).reshape(len(bearings), -1).min(axis=1)  # fmt: skip
-    return RangeScan(
-        stamp_ns, origins, bearings, np.full(len(bearings), laser.half_angle), np.zeros(len(bearings)),
-        np.where(seen <= laser.reach, seen, math.inf), 0.02, laser.reach,
-    )  # fmt: skip
+    starts, ways = np.full((len(angles), 3), LEVEL), np.zeros((len(angles), 3))
+    starts[:, :2] = np.repeat(transform(np.array(pose), origins), len(spread), axis=0)
+    ways[:, 0], ways[:, 1] = np.cos(angles), np.sin(angles)
+    seen = cast(scene.world, starts, ways).reshape(len(bearings), -1).min(axis=1)
+    seen[seen > laser.reach] = math.inf
+    return RangeScan(stamp_ns, origins, bearings, half_angles, delays, seen, 0.02, laser.reach)
 
 
 @lru_cache(maxsize=32)
-def _beams(laser: Mount, beams: int) -> tuple[Floats, Floats, Floats]:
-    """Bearings (n,), rad, and origins (n, 2), m, of a sensor's beams, base frame, and (m,) rays over one beam, rad."""
+def _beams(laser: Mount, beams: int) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """A sensor's beams, base frame.
+
+    Returns:
+        Bearings (n,), rad; origins (n, 2), m; rays over the width of a beam (m,), rad; half angles (n,), rad; time
+        offsets (n,), s.
+    """
     count = max(1, round(beams * laser.half_field / math.pi))
     turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
     bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
     origins = np.stack([laser.x + laser.rim * np.cos(bearings), laser.y + laser.rim * np.sin(bearings)], axis=1)
-    return bearings, origins, np.linspace(-laser.half_angle, laser.half_angle, RAYS if laser.half_angle else 1)
+    spread = np.linspace(-laser.half_angle, laser.half_angle, RAYS if laser.half_angle else 1)
+    half_angles, delays = np.full(count, laser.half_angle), np.zeros(count)
+    return read_only(bearings), read_only(origins), spread, read_only(half_angles), read_only(delays)
 
 
 def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:

@@ -14,7 +14,6 @@ from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place, Raster, World
 from navloom.messages import OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles.claims import Claim
-from navloom_optimal.shortest_path import optimal_length
 
 from navloom_check.behaviour.measurements import Behaviour, Line, Maker, Measured, Unfit
 from navloom_check.behaviour.obstacle_scene import CELL, Scene, grid_of, post, wall
@@ -113,6 +112,9 @@ def _length(points: np.ndarray) -> float:
 @lru_cache(maxsize=256)
 def shortest(scene: Scene, radius: float) -> float | None:
     """Exact length of the shortest path of a disc through the scene's cells, m; None if there is none."""
+    # Here, as in `navloom_check.builders`.
+    from navloom_optimal.shortest_path import optimal_length
+
     grid = grid_of(scene)
     world = World("scene", raster=Raster("cells", grid.cells > 0, CELL, Place(grid.origin.x, grid.origin.y)))
     return optimal_length(world, scene.start, Place(*scene.target), radius, 1.0)

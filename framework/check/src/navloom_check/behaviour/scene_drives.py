@@ -33,7 +33,8 @@ class FinishedDrive:
     Attributes:
         poses: (n, 3) x, y, m, heading, rad, map frame, one a tick.
         twists: (n, 2) speed, m/s, and turn rate, rad/s.
-        gap: Least distance of the footprint from any obstacle, m.
+        gap: Least distance of the footprint from any obstacle, m: exact in contact, else of the poses that were
+            measured, and at most twice the true one.
         ended: Why it ended: the reason that the step gave, "stopped" or "contact"; empty if the time was up.
     """
 
@@ -67,6 +68,7 @@ def drive(
     robot = robot_of(scene)
     x, y, heading, v, w = scene.start.x, scene.start.y, scene.start.heading, 0.0, 0.0
     poses, twists, ended, still = [(x, y, heading)], [(v, w)], "", 0
+    # The least distance so far, and the least that it can be now.
     gap = room = scene.gap(x, y, heading)
     reach = circumscribed_radius(scene.outline)
     for tick in range(round(seconds / PERIOD)):
@@ -82,9 +84,9 @@ def drive(
         heading = math.remainder(heading + w * PERIOD, math.tau)
         poses.append((x, y, heading))
         twists.append((v, w))
-        # No point of the footprint can have come nearer than by this way: mostly farther off than the least distance.
+        # No point of the footprint has come nearer than by this way; measuring takes longer than the step itself.
         room -= (abs(v) + reach * abs(w)) * PERIOD
-        if room < gap:
+        if room <= 0.5 * gap:
             room = scene.gap(x, y, heading)
             gap = min(gap, room)
         still = still + 1 if abs(v) < STILL[0] and abs(w) < STILL[1] else 0

@@ -93,7 +93,7 @@ class RawThread(Gap):
 
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
-        _thread.start_new_thread(time.sleep, (0.01,))
+        _thread.start_new_thread(time.sleep, (0.05,))
 
 
 @ENTRIES.plant("keeps_file", caught_by="no_files")

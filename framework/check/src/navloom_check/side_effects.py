@@ -5,10 +5,12 @@ Only the process of `navloom_check.worker` installs this, before it imports the 
 
 from __future__ import annotations
 
+import _thread
 import faulthandler
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +28,6 @@ KINDS = {
     "socket.connect": "socket", "socket.bind": "socket", "socket.getaddrinfo": "socket", "socket.__new__": "socket",
     "socket.gethostname": "socket", "open": "file",
     "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
-    "_thread.start_new_thread": "thread",
 }  # fmt: skip
 """Audit events of the interpreter that no verb needs, and the kind of side effect that each shows."""
 LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport", "linecache")
@@ -39,7 +40,7 @@ TIMEOUT = signal.SIGALRM
 
 
 class Deed(NamedTuple):
-    """A side effect of a call into a plugin: its kind, a description, and the plugin's file and line."""
+    """A side effect of a call into a plugin: its kind, a description, and the plugin's file and line, if known."""
 
     kind: str
     text: str
@@ -74,6 +75,8 @@ class Guard:
         # A system timer, since a watchdog thread could not run while a plugin holds the GIL.
         faulthandler.register(TIMEOUT, crash_file, all_threads=False, chain=True)
         sys.addaudithook(self._on_event)
+        # Before Python 3.12, a new thread raises no audit event: each thread of `threading` begins with this function.
+        threading.setprofile(self._on_thread)
         os.register_at_fork(after_in_child=lambda: os._exit(0))  # a fork would run the checks a second time
         for name in CLOCKS:
             # A clock raises no audit event, and whether it leads the answers shows only if it shows another time.
@@ -88,6 +91,7 @@ class Guard:
         """A call into the plugin. After `limit`, s (0: the usual limit), the process writes where it hangs and ends."""
         limit = limit or self.limit
         self.mark(what)
+        threads = _thread._count()
         self._depth += 1
         if limit:
             signal.setitimer(signal.ITIMER_REAL, limit)
@@ -97,6 +101,8 @@ class Guard:
             if limit:
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
             self._depth -= 1
+            if _thread._count() > threads:
+                self._keep(Deed("thread", what, ""))  # one that `threading` does not know
             self.mark("")
 
     @contextmanager
@@ -128,6 +134,11 @@ class Guard:
         place = self._own_place(sys._getframe(1))
         if place:
             self._keep(Deed(kind, f"{event} {_short(given)}".strip(), place))
+
+    def _on_thread(self, frame: FrameType, event: str, given: Any) -> None:
+        sys.setprofile(None)
+        if self._depth:
+            self._keep(Deed("thread", threading.current_thread().name, ""))
 
     def _keep(self, deed: Deed) -> None:
         """Keep the first side effects, each once: a growing list would disturb the memory check."""

@@ -83,8 +83,13 @@ class Guard:
             setattr(time, name, _wrapped(self, name, getattr(time, name)))
         variables: Any = type(os.environ)
         read = variables.__getitem__
+
+        def read_variable(mapping: Any, name: str) -> str:
+            self._note_variable(name)
+            return str(read(mapping, name))
+
         # Reading a variable raises no audit event either: only the mapping itself can tell.
-        variables.__getitem__ = lambda mapping, name: (self._read_variable(name), read(mapping, name))[1]
+        variables.__getitem__ = read_variable
 
     @contextmanager
     def within(self, what: str, limit: float = 0.0) -> Iterator[None]:
@@ -170,7 +175,7 @@ class Guard:
         seconds = start + self._readings * pace
         return round(seconds * 1e9) if name.endswith("_ns") else seconds
 
-    def _read_variable(self, name: str) -> None:
+    def _note_variable(self, name: str) -> None:
         """Keep a lookup in the environment if the plugin's own code makes it, not a library."""
         if not (self._depth or self._is_importing):
             return

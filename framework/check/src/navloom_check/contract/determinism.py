@@ -100,7 +100,7 @@ def fresh_process(bench: Bench) -> Iterator[Finding]:
 
 
 def _has_sets(bench: Bench) -> bool:
-    """Whether the plugin's own modules have sets of more than one, or call hash() or id(): each seed takes a process."""
+    """Whether the plugin has sets of more than one, or calls hash() or id(): each seed takes a process."""
     files = [str(getattr(module, "__file__", None)) for name, module in list(sys.modules.items())
              if bench.subject.is_own(name)]  # fmt: skip
     if not files or not all(file.endswith(".py") for file in files):

@@ -9,7 +9,7 @@ import threading
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from time import perf_counter, process_time
 from typing import Any
@@ -260,33 +260,6 @@ def _deeds(bench: Bench, kind: str) -> Iterator[Finding]:
                       scene.name)  # fmt: skip
 
 
-@dataclass
-class _Growth:
-    """Memory of a plugin after each quarter of many steps."""
-
-    steps: int
-    held: list[int] = field(default_factory=list)
-    resident: list[int] = field(default_factory=list)
-    sizes: list[dict[str, int]] = field(default_factory=list)
-    lines: tracemalloc.Snapshot | None = None
-
-    def rates(self, sizes: Sequence[int]) -> list[float]:
-        """Growth in each quarter but the first, bytes a step."""
-        return [(late - early) / (self.steps // 4) for early, late in itertools.pairwise(sizes)]
-
-    @property
-    def leaks(self) -> bool:
-        """Whether it holds more and more Python objects."""
-        growth = self.rates(self.held)
-        limit = GROWTH if self.steps >= FEW else GROWTH_OF_FEW
-        return min(growth) > limit and growth[-1] > 0.5 * growth[0]
-
-    @property
-    def leaks_natively(self) -> bool:
-        """Whether the process takes more and more memory."""
-        return min(self.rates(self.resident)[1:]) > NATIVE_GROWTH
-
-
 @check("contract", PLAYED, "Memory does not grow with the number of steps.")
 def memory(bench: Bench) -> Iterator[Finding]:
     """Repeat a scene with new input objects, rising stamps and poses that differ a little, and measure the memory."""
@@ -299,30 +272,36 @@ def memory(bench: Bench) -> Iterator[Finding]:
     count = int(np.clip(MEMORY_TIME / max(one_step, 1e-6) / 3.0, FEWEST, MOST)) // 4 * 4
     # What does not grow in a few steps is done; what does may be a memory that is still filling.
     for steps in sorted({min(FEW, count), count}):
-        seen = _grown(bench, scene, steps)
-        if not (seen.leaks or seen.leaks_natively):
+        held, resident, sizes, shot = _grown(bench, scene, steps)
+        growth, native = (
+            [4 * (late - early) / steps for early, late in itertools.pairwise(each)] for each in (held, resident)
+        )
+        limit = GROWTH if steps >= FEW else GROWTH_OF_FEW
+        leaks = min(growth) > limit and growth[-1] > 0.5 * growth[0]
+        if not leaks and min(native[1:]) <= NATIVE_GROWTH:
             return
     given = f"{count} steps of scene {scene.name!r}"
-    if seen.leaks:
-        names = _growing(seen.sizes, count // 4)
-        if names and all(name.startswith("bounded ") for name in names):
-            return
-        what = f": {', '.join(names)} grows" if names else ""
-        assert seen.lines is not None
+    if not leaks:
         yield Finding(
-            f"holds {seen.rates(seen.held)[-1]:.0f} bytes more after each step{what}",
-            "a bounded memory, as collections.deque(maxlen=…)", _line_that_holds(bench, seen.lines), given, scene.name,
-        )  # fmt: skip
-    else:
-        yield Finding(
-            f"takes {seen.rates(seen.resident)[-1]:.0f} bytes more after each step, outside Python's memory",
+            f"takes {native[-1]:.0f} bytes more after each step, outside Python's memory",
             "compiled code that frees its memory", given=given, scene=scene.name,
         )  # fmt: skip
+        return
+    names = _growing(sizes, count // 4)
+    if names and all(name.startswith("bounded ") for name in names):
+        return
+    what = f": {', '.join(names)} grows" if names else ""
+    yield Finding(
+        f"holds {growth[-1]:.0f} bytes more after each step{what}", "a bounded memory, as collections.deque(maxlen=…)",
+        _line_that_holds(bench, shot), given, scene.name,
+    )  # fmt: skip
 
 
-def _grown(bench: Bench, scene: PlayedScene, steps: int) -> _Growth:
-    """The memory of a new object in so many steps of a repeated scene."""
-    seen = _Growth(steps)
+def _grown(
+    bench: Bench, scene: PlayedScene, steps: int
+) -> tuple[list[int], list[int], list[dict[str, int]], tracemalloc.Snapshot]:
+    """Memory of Python and of the process, bytes, and sizes of containers, after each quarter of a repeated scene."""
+    held, resident, sizes = [], [], []
     tracemalloc.start(1)
     try:
         with alike():
@@ -333,16 +312,14 @@ def _grown(bench: Bench, scene: PlayedScene, steps: int) -> _Growth:
                 player.step(nudged(given, step))
                 if (step + 1) % (steps // 4) == 0:
                     gc.collect()
-                    seen.held.append(tracemalloc.get_traced_memory()[0])
-                    seen.resident.append(_resident())
-                    seen.sizes.append(_sizes(bench, player.plugin))
-        if seen.leaks:
-            seen.lines = tracemalloc.take_snapshot()
+                    held.append(tracemalloc.get_traced_memory()[0])
+                    resident.append(_resident())
+                    sizes.append(_sizes(bench, player.plugin))
+        return held, resident, sizes, tracemalloc.take_snapshot()
     except Fault as fault:
         raise NotRun(f"it fails when the scene is repeated: see the check `goes_on` ({fault.problem})") from None
     finally:
         tracemalloc.stop()
-    return seen
 
 
 def _resident() -> int:

@@ -43,8 +43,6 @@ DRIFT_WAY, DRIFT_TURN = 1.04, 0.05
 """Drift of odometry: distances are too long by this factor, and the heading is off by this much, rad per metre."""
 LATE = 4
 """Delay of the scans that a mapper gets, ticks."""
-BEAMS = 240
-"""Beams of the laser."""
 SCAN_EVERY = 2
 """Ticks from one scan to the next."""
 TRUE_SHARE, FOUND_SHARE = 0.9, 0.8
@@ -161,7 +159,7 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
 
 def _scan(scene: Scene, pose: list[float], stamp_ns: int) -> RangeScan:
     """Scan of a laser that is not in the middle of the robot."""
-    return scan_from(scene, MAST[0], (pose[0], pose[1], pose[2]), stamp_ns, BEAMS)
+    return scan_from(scene, MAST, (pose[0], pose[1], pose[2]), stamp_ns)
 
 
 def accurate_localizer(make: Maker, scene: Scene) -> Measured:

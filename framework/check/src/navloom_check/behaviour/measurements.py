@@ -188,17 +188,9 @@ def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int) -> 
     return scan_from(scene, ALL_ROUND[0], pose, stamp_ns)
 
 
-def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = 0) -> RangeScan:
-    """Scan of a laser or of a ring of sonars, of a robot that is at a pose.
-
-    Args:
-        scene: What it sees.
-        laser: The sensor.
-        pose: x, y, m, heading, rad, map frame.
-        stamp_ns: Run clock.
-        beams: Beams over a full turn; 0 for those of the sensor.
-    """
-    bearings, origins, spread, half_angles, delays = _beams(laser, beams or laser.beams)
+def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int) -> RangeScan:
+    """Scan of a laser or of a ring of sonars, of a robot that is at a pose: x, y, m, heading, rad, map frame."""
+    bearings, origins, spread, half_angles, delays = _beams(laser)
     angles = (bearings[:, None] + spread + pose[2]).ravel()
     starts, ways = np.full((len(angles), 3), LEVEL), np.zeros((len(angles), 3))
     starts[:, :2] = np.repeat(transform(np.array(pose), origins), len(spread), axis=0)
@@ -209,14 +201,14 @@ def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stam
 
 
 @lru_cache(maxsize=32)
-def _beams(laser: Mount, beams: int) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+def _beams(laser: Mount) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """A sensor's beams, base frame.
 
     Returns:
         Bearings (n,), rad; origins (n, 2), m; rays over the width of a beam (m,), rad; half angles (n,), rad; time
         offsets (n,), s.
     """
-    count = max(1, round(beams * laser.half_field / math.pi))
+    count = max(1, round(laser.beams * laser.half_field / math.pi))
     turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
     bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
     origins = np.stack([laser.x + laser.rim * np.cos(bearings), laser.y + laser.rim * np.sin(bearings)], axis=1)

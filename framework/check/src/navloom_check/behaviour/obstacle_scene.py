@@ -82,7 +82,7 @@ class Mount:
 ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
 TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0.0, 2.0))
 """Two lasers, neither in the middle of the robot nor with a view all round."""
-MAST = (Mount("mast", -0.25, 0.15, 0.0, math.pi),)
+MAST = Mount("mast", -0.25, 0.15, 0.0, math.pi, 240)
 """One laser with a view all round, behind the middle of the robot and beside it."""
 SONARS = (Mount("sonars", 0.0, 0.0, 0.0, math.pi, 16, math.radians(15.0), 0.1, 4.0),)
 """A ring of sonars all round, whose cones overlap, and nothing else."""

@@ -1,8 +1,10 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
+import fcntl
 import os
 import signal
 import sys
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from importlib import invalidate_caches
 from pathlib import Path
@@ -13,6 +15,8 @@ from hypothesis import settings
 from navloom.cli import main
 from navloom.cli.main import app
 from navloom.messages import SCHEMAS
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 from typer.main import get_command
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -32,15 +36,36 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if hasattr(config, "workerinput"):
+        _compile_each_kernel_once(config.rootpath / ".pytest_cache")
+
+
+def _compile_each_kernel_once(folder: Path) -> None:
+    """Let a worker that needs a kernel which another one compiles wait, and load it from the cache."""
+    compile_kernel = Dispatcher.compile
+    folder.mkdir(exist_ok=True)
+    file = (folder / "kernels.lock").open("w")
+
+    def compile_alone(self: Dispatcher, signature: Any) -> Any:
+        place = zlib.crc32(f"{self.py_func.__module__}.{self.py_func.__qualname__}".encode())
+        # Kernels are locked in the order in which they call each other, and threads by the compiler's own lock first.
+        with global_compiler_lock:
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+            try:
+                return compile_kernel(self, signature)
+            finally:
+                fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
+
+    Dispatcher.compile = compile_alone
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """Workers of `-n auto`: one more than processors, because tests that drive live robots mostly wait."""
+    """Workers of `-n auto`: two more than processors, because tests that drive live robots mostly wait."""
     if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
         return None
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return usable + 1
+    return usable + 2
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -51,9 +76,23 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Where tests are spread, begin with those that take long: at the end one worker would do them alone."""
-    if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: item.path.parent not in LONG)
+    """Where tests are spread, let half of the workers begin with live robots, and the others compute meanwhile.
+
+    A worker begins with an equal part of the list, and takes over tests from the end of another's part when it is done.
+    """
+    if not hasattr(config, "workerinput"):
+        return
+    workers = config.workerinput["workercount"]
+    waiting = [item for item in items if item.path.parent in LONG]
+    others = [item for item in items if item.path.parent not in LONG]
+    streams, part = max(1, workers // 2), len(items) // workers
+    ordered: list[pytest.Item] = []
+    for stream in range(streams):
+        live = waiting[len(waiting) * stream // streams : len(waiting) * (stream + 1) // streams]
+        count = max(0, part - len(live))
+        ordered += [*live, *others[:count]]
+        others = others[count:]
+    items[:] = ordered + others
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

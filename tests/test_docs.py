@@ -83,8 +83,8 @@ def test_the_two_set_up_commands_are_there() -> None:
     assert len(set_up) == 2 and all(text.startswith("python3 uv.py run ") for text in set_up)
 
 
-def test_the_readmes_swap_changes_the_avoider_that_drives(tmp_path: Path) -> None:
-    (step,) = [step for step in STEPS if step.kind == "file" and step.page == "README.md"]
+def test_the_tours_swap_changes_the_avoider_that_drives(tmp_path: Path) -> None:
+    (step,) = [step for step in STEPS if step.kind == "file" and step.page == "tour.md"]
     path = tmp_path / step.name
     path.write_text(step.text, "utf-8")
     drove = Drove()
@@ -95,6 +95,7 @@ def test_the_readmes_swap_changes_the_avoider_that_drives(tmp_path: Path) -> Non
 
 
 WRITING = TOP / "docs" / "writing-a-plugin.md"
+BEYOND = TOP / "docs" / "beyond-roles.md"
 
 
 class Drove:
@@ -165,8 +166,8 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    _in_one_file, controller, echoes, _test, _checks, *others = blocks(WRITING, "python")
-    node, avoider, observer, command = others
+    _in_one_file, controller, echoes, _test, _checks = blocks(WRITING, "python")
+    node, avoider, observer, command = blocks(BEYOND, "python")
     executed(echoes, "my_echoes")  # with its own asserts
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
@@ -194,7 +195,7 @@ def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
 
 
 def test_the_unit_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
-    avoider, _controller, _echoes, test, checks, *_ = blocks(WRITING, "python")
+    avoider, _controller, _echoes, test, checks = blocks(WRITING, "python")
     module = ModuleType("my_avoider")
     vars(module).update(executed(avoider, "my_avoider"))
     monkeypatch.setitem(sys.modules, "my_avoider", module)
@@ -208,6 +209,19 @@ def executed(source: str, module: str) -> dict[str, Any]:
     scope: dict[str, Any] = {"__name__": module}
     exec(compile(source, module, "exec", dont_inherit=True), scope)
     return scope
+
+
+def test_each_message_that_troubleshooting_quotes_is_one_of_the_code() -> None:
+    files = [path for part in ("framework", "plugins") for path in (TOP / part).glob("*/src/**/*.py")]
+    code = "".join(path.read_text("utf-8") for path in files)
+    code = re.sub(r'"\s*\n\s*f?"', "", code)  # literals that a line's end parts
+    rows = re.findall(r"^\|([^|]+)\|", (TOP / "docs" / "troubleshooting.md").read_text("utf-8"), re.MULTILINE)
+    quoted = [text for row in rows for text in re.findall(r"`([^`]+)`", row)]
+    # What differs from case to case.
+    given = r"…|[:,;] |\d[\d.]*|%|\b(?:NAME|SIGSEGV.*)|/\S+|geometry_msgs|jazzy|true|\bm away\b"
+    parts = {part.strip() for text in quoted for part in re.split(given, text) if len(part.strip()) >= 10}
+    assert len(parts) > 40
+    assert sorted(part for part in parts if part not in code) == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

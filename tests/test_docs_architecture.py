@@ -1,18 +1,20 @@
-"""docs/architecture.md, decisions.md, READMEs and docstrings of packages: what they name exists."""
+"""docs/architecture.md, lab/decisions.md, READMEs and docstrings of packages: what they name exists."""
 
 from __future__ import annotations
 
 import ast
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
 import pytest
+from navloom.roles import ROLES
 
 TOP = Path(__file__).resolve().parents[1]
 PARTS = [path for path in sorted(TOP.glob("framework/*/src/*")) if (path / "__init__.py").exists()]
 """Packages of the framework; a file is named from its package, or from the folder above."""
-PAGES = [TOP / "docs" / name for name in ("architecture.md", "decisions.md")]
+PAGES = [TOP / "docs" / name for name in ("architecture.md", "lab/decisions.md")]
 FILE = re.compile(r"`((?:[a-z_]+/)+[a-z_]+\.py)`")
 
 
@@ -90,6 +92,13 @@ def test_each_attribute_of_a_class_that_the_page_names_exists(page: Path) -> Non
         for cls, name in named
         if f"class {cls}" not in code or not re.search(rf"def {name}\b|\b{name}:|self\.{name} =|\b{name} =", code)
     ] == []
+
+
+def test_the_picture_of_the_nodes_is_what_its_script_draws() -> None:
+    script = TOP / "docs" / "pictures" / "architecture.py"
+    drawn = runpy.run_path(str(script))["picture"]()
+    assert drawn == script.with_suffix(".svg").read_text("utf-8"), f"run: python {script.relative_to(TOP)}"
+    assert all(f">{role}</text>" in drawn for role in ("platform", "operator", "gate", *ROLES))
 
 
 def named_files(text: str) -> list[str]:

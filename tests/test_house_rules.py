@@ -36,6 +36,7 @@ def test_the_code_is_formatted() -> None:
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.once
 def test_the_framework_and_every_plugin_type_check_strictly() -> None:
     sources = [
         path

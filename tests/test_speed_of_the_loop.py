@@ -9,7 +9,7 @@ from navloom.engine.lockstep_builder import lockstep_of
 from navloom.engine.plugin_factory import make_plugins
 
 LEAST = 30.0
-"""Robot time over wall time, at 20 Hz: a guard against regressions, a quarter of the figure in docs/measurements.md.
+"""Robot time over wall time, at 20 Hz: a guard against regressions, a quarter of what docs/lab/measurements.md has.
 The target of 300 is not met there; the page says why."""
 
 

@@ -130,7 +130,7 @@ def nodes_page() -> str:
              "ControllerPorts", "AvoiderPorts", "RecoveryPorts", "GatePorts", "OperatorPorts")  # fmt: skip
     return page(
         "Nodes without a role",
-        "[A whole node](../writing-a-plugin.md#a-whole-node) is a guide.",
+        "[A whole node](../beyond-roles.md#a-whole-node) is a guide.",
         public("NodePlugin", "Tick", "Latest", "New", "Track", "Sensors", "Publishes", "Quality"),
         "## Ports of the framework's nodes",
         "An input may name one of these instead of a message class, as in `Latest(GatePorts.command)`. "

@@ -10,7 +10,6 @@ from typing import Any
 import typer.main
 from navloom.cli.describing.plugins import kinds_of, rows_of
 from navloom.cli.main import app
-from navloom.cli.shells.tree import CommandEntry, commands
 from navloom.config.schema import Config
 from navloom.engine.catalogue import FRAMEWORK
 from navloom.engine.streams import STEP
@@ -168,26 +167,52 @@ def model_of(annotation: Any) -> tuple[Any, bool]:
 
 def command_sections() -> str:
     """Every command with its arguments and options."""
-    root, *others = commands(typer.main.get_command(app))
+    (_, root), *others = commands(typer.main.get_command(app), "navloom")
     parts = [
-        root.help,
+        root.help or "",
         table(("option", "", "meaning"), words(root)),
         "Exit codes: 0: done; 1: the run ended in another way, or something failed on the way; 2: the request was "
         "wrong, nothing ran, and nothing was written.",
     ]
-    for command in others:
-        parts += [f"## {command.name}", f"```text\n{command.name} {command.usage}\n```", plain(command.help)]
+    for name, command in others:
+        parts += [f"## {name}", f"```text\n{name} {usage(command)}\n```", plain(command.help or "")]
         if rows := list(words(command)):
             parts.append(table(("argument or option", "", "meaning"), rows))
     return "\n\n".join(parts)
 
 
-def words(command: CommandEntry) -> Iterator[tuple[str, str, str]]:
-    """Rows of a command's table."""
-    for word in (*command.arguments, *command.options):
-        if word.names != ("--help",):
-            names = ", ".join(code(name) for name in word.names) or code(word.metavar)
-            yield names, code(word.metavar) if word.names else "", plain(word.help)
+def commands(command: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Name and command of each below and with `command`, a group before its commands."""
+    yield name, command
+    inner = command.whole() if hasattr(command, "whole") else getattr(command, "commands", {})
+    for word, child in inner.items():
+        yield from commands(child, f"{name} {word}")
+
+
+def usage(command: Any) -> str:
+    """The synopsis after the name."""
+    parts = ["[OPTIONS]", *(["COMMAND …"] if hasattr(command, "commands") else [])]
+    for param in command.params:
+        if param.param_type_name == "argument" and not param.hidden:
+            name = placeholder(param) + "…" * (param.nargs == -1)
+            parts.append(name if param.required else f"[{name}]")
+    return " ".join(parts)
+
+
+def placeholder(param: Any) -> str:
+    """What stands for a value."""
+    name = str(param.metavar or param.name).rstrip("…")
+    return name.strip("[]") if name.startswith("[") else name
+
+
+def words(command: Any) -> Iterator[tuple[str, str, str]]:
+    """Rows of a command's table, arguments first."""
+    shown = [param for param in command.params if not param.hidden and param.name != "help"]
+    for param in sorted(shown, key=lambda param: param.param_type_name == "option"):
+        is_option = param.param_type_name == "option"
+        names = ", ".join(code(name) for name in param.opts) if is_option else code(placeholder(param))
+        value = "" if not is_option or param.is_flag else code(placeholder(param))
+        yield names, value, plain(param.help or "")
 
 
 def plain(text: str) -> str:

@@ -1,6 +1,6 @@
 """People near the robot: a sensor finds their beacons, nodes track them, an avoider slows down, a panel shows them.
 
-The example of docs/writing-a-plugin.md for own messages, sensors, nodes and panels; people.toml runs it.
+The example of docs/beyond-roles.md for own messages, sensors, nodes and panels; people.toml runs it.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Some kinds of abuse of a viewer's certificate on one driving robot: no process restarts, no goal is lost.
 
-`abuse.py` measures how often the robot stops meanwhile (docs/abuse-campaigns.md); here other tests share the
+`abuse.py` measures how often the robot stops meanwhile (docs/lab/abuse-campaigns.md); here other tests share the
 processors.
 """
 

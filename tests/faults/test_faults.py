@@ -1,6 +1,6 @@
 """One fault of each important kind at full speed: the robot stops, recovers, reaches its goal and ends.
 
-`campaign.py` measures how fast it stops (docs/fault-campaigns.md); here other tests share the processors.
+`campaign.py` measures how fast it stops (docs/lab/fault-campaigns.md); here other tests share the processors.
 """
 
 from __future__ import annotations

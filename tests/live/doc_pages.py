@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parents[2]
-PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md")), *sorted((TOP / "docs" / "lab").glob("*.md"))]
 
 NOT_RUN = {
-    ("README.md", "navloom place"): "puts the robot of the page where it is not",
+    ("tour.md", "navloom place"): "puts the robot of the page where it is not",
     ("command-line.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
+    ("operating.md", "navloom stop --all"): "would hold the robot of the page; test_cli_stop.py has some",
     ("deploying.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
-    ("README.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
-    ("comparing.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
-    ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("tour.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
+    ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
+    ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",
@@ -58,17 +59,18 @@ PROGRAMS = {"mkdir", "navloom", "python"}
 """Programs whose commands are run unless NOT_RUN lists them."""
 
 STAND_INS = {
-    ("README.md", "navloom paper"): "navloom paper --help",
+    ("tour.md", "navloom paper"): "navloom paper --help",
     ("paper.md", "navloom paper"): "navloom paper --help",
     ("bench.md", "navloom bench"): "navloom bench --help",
     ("performance.md", "navloom bench"): "navloom bench --help",
     ("writing-a-plugin.md", "navloom check avoider.gap"): (
         "navloom check avoider.gap --plugin my_avoider.py --only signatures --only answers"
     ),
-    ("README.md", "navloom compare"): SHORT_STUDY,
+    ("tour.md", "navloom compare"): SHORT_STUDY,
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",
+    ("choosing.md", "navloom compare"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
 """Slow commands: page and beginning of the command -> what is run instead, except with `-m slow`."""

@@ -271,8 +271,8 @@ def a_carmen_log(reader: Reader) -> None:
     (reader.folder / "drive.log").write_text("\n".join(lines) + "\n")
 
 
-def the_readmes_robot(reader: Reader) -> None:
-    for step in steps(TOP / "README.md"):
+def the_tours_robot(reader: Reader) -> None:
+    for step in steps(TOP / "docs" / "tour.md"):
         if step.kind == "file" and step.name == "robot.toml":
             reader.take(step)
 
@@ -291,7 +291,7 @@ SCENES: dict[str, Callable[[Reader], None]] = {
     "a bag": a_bag,
     "a CARMEN log": a_carmen_log,
     "the tutorial's avoider": the_tutorials_avoider,
-    "robot.toml of the README": the_readmes_robot,
+    "robot.toml of the tour": the_tours_robot,
     "think is stopped": lambda reader: reader.send(signal.SIGSTOP, "think"),
     "think goes on": lambda reader: reader.send(signal.SIGCONT, "think"),
     "drive is killed": lambda reader: reader.send(signal.SIGKILL, "drive"),

@@ -411,6 +411,7 @@ class Mine(Avoider):
 """
 
 
+@pytest.mark.once
 def test_mypy_knows_the_class_of_an_extra_input(tmp_path: Path) -> None:
     source = tmp_path / "typed.py"
     source.write_text(TYPED, "utf-8")

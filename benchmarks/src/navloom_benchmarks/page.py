@@ -13,8 +13,9 @@ HEAD = """\
 How fast this version of navloom (*ours*) is beside other software that does the same task (*theirs*), on one machine.
 [bench.md](bench.md) explains the entries. *Times as fast* is the median over the rounds of theirs / ours, with its
 quartiles; below 1, ours is slower. It varies less than the durations, which depend on the machine and its load.
-[measurements.md](measurements.md) has what this command cannot measure: earlier versions, live robots, and comparisons
-that need other software. `navloom bench --page docs/performance.md` makes this page; do not edit it by hand.
+[measurements.md](lab/measurements.md) has what this command cannot measure: earlier versions, live robots, and
+comparisons that need other software. `navloom bench --page docs/performance.md` makes this page; do not edit it by
+hand.
 """
 COLUMNS = ("measured", "ours", "theirs", "unit", "times as fast", "quartiles", "compared with")
 

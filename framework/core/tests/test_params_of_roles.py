@@ -98,6 +98,7 @@ class Old(Avoider):
 """
 
 
+@pytest.mark.once
 def test_mypy_knows_the_params_and_accepts_a_role_without_its_parameter(tmp_path: Path) -> None:
     source = tmp_path / "gap.py"
     source.write_text(SOURCE, "utf-8")

@@ -260,3 +260,19 @@ def test_a_recording_that_joined_a_running_robot_does_not_differ_at_what_was_pub
     assert [one.envelope.tick for one in Recording(late).messages(["mapper/*/map"])] == [0]
     mapper = replayed(late)["mapper toy_blank"]
     assert (mapper.steps, mapper.messages, mapper.differing, mapper.unrecorded) == (149, 0, 0, 0)
+
+
+@pytest.mark.parametrize("is_live", [False, True])
+def test_differences_of_a_node_whose_state_is_not_known_are_not_held_against_it(tmp_path: Path, is_live: bool) -> None:
+    """A recorder joins a live robot at tick 10; one recorded command was changed."""
+    path, _ = record(tmp_path)
+
+    def change(message: Any, at: Envelope) -> Any:
+        is_changed = at.tick == 20 and at.key.startswith("controller/") and isinstance(message, Command)
+        return None if at.tick < 10 else Command(Twist2D(0.123, 0.0, 0.0)) if is_changed else message
+
+    recording = Recording(rewritten(path, change))
+    replayer = Replayer(recording, assemble(recording.header.loaded(), discovery()))
+    replayer.is_live = is_live
+    (controller,) = [one for one in check(replayer) if one.node.startswith("controller")]
+    assert (controller.differing > 0, controller.unverified > 0) == (not is_live, is_live)

@@ -17,7 +17,7 @@ from navloom_ros.base import sources
 from navloom_ros.base.readings import Anchor
 from ros_heard import Said
 
-PAGE = Path(__file__).parents[3] / "docs" / "recording.md"
+PAGE = Path(__file__).parents[3] / "docs" / "importing.md"
 START = bags.START_NS
 ECHOES = np.linspace(1.0, 3.0, 181)
 STEP = math.pi / 180.0
@@ -141,4 +141,4 @@ def test_the_table_in_the_docs_is_what_both_say(tmp_path: Path) -> None:
         live, imported = why_live(case), why_imported(case, folder)
         rows.append(f"| {case} | {live} | {'the same' if imported == live else imported} |")
     table = "\n".join(rows)
-    assert table in PAGE.read_text("utf-8"), f"docs/recording.md needs this table:\n{table}\n"
+    assert table in PAGE.read_text("utf-8"), f"docs/importing.md needs this table:\n{table}\n"

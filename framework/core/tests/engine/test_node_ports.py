@@ -67,6 +67,7 @@ class Wrong(Node):
 """
 
 
+@pytest.mark.once
 def test_a_wrongly_typed_wire_fails_mypy(tmp_path: Path) -> None:
     source = tmp_path / "wrong.py"
     source.write_text(WRONG, "utf-8")

@@ -46,6 +46,7 @@ class NodeCheck:
         steps: Number of replayed steps.
         messages: Number of messages compared bit for bit.
         differing: Number of them that differ, messages that only one side published included.
+        unverified: Number of messages that differ where the node's state is not known, which may be why.
         first: The first difference; None if there is none.
         not_fed: Number of steps that lacked an input.
         first_not_fed: The first of them, and what it lacked.
@@ -59,6 +60,7 @@ class NodeCheck:
     steps: int = 0
     messages: int = 0
     differing: int = 0
+    unverified: int = 0
     first: ReplayDifference | None = None
     not_fed: int = 0
     first_not_fed: str = ""
@@ -75,6 +77,8 @@ class NodeCheck:
     def caveats(self) -> list[str]:
         """Why equality proves less than it seems, or why a difference may have its cause before the recording."""
         found = list(self.notes)
+        if self.unverified:
+            found.append(f"{self.unverified} of its messages differ, which its unknown state may explain")
         if self.not_fed:
             found.append(f"{self.not_fed} steps were not fed in full: {self.first_not_fed}")
         if self.unrecorded:
@@ -108,17 +112,23 @@ class _Checker:
             found.first_fault = found.first_fault or found.last_fault
         if stepped.fault != step.report.fault:
             recorded, replayed = step.report.fault or "no fault", stepped.fault or "no fault"
-            self._differs(found, ReplayDifference(step.at.tick, found.node, "fault", "", recorded, replayed))
+            self._differs(node, found, ReplayDifference(step.at.tick, found.node, "fault", "", recorded, replayed))
         for port, wanted in numbers.items():
             given = [message for name, message in stepped.outputs if name == port]
             entries = [self.outcomes.entry(step, port, number, shelf) for number in wanted]
             if not stepped.follows and not all(_is_of(entry, step.at.tick) for entry in entries):
                 # The node made it in a step before the recording, as a map that the recorder received when it joined.
                 continue
-            self._compare(found, step.at.tick, port, given, entries)
+            self._compare(node, found, step.at.tick, port, given, entries)
 
     def _compare(
-        self, node_check: NodeCheck, tick: int, port: str, given: list[Message], entries: list[Entry | None]
+        self,
+        node: ReplayNode,
+        node_check: NodeCheck,
+        tick: int,
+        port: str,
+        given: list[Message],
+        entries: list[Entry | None],
     ) -> None:
         for place in range(max(len(given), len(entries))):
             is_recorded = place < len(entries)
@@ -130,9 +140,12 @@ class _Checker:
             node_check.messages += 1
             difference = _difference(entry, given[place] if place < len(given) else None)
             if difference is not None:
-                self._differs(node_check, ReplayDifference(tick, node_check.node, port, *difference))
+                self._differs(node, node_check, ReplayDifference(tick, node_check.node, port, *difference))
 
-    def _differs(self, node_check: NodeCheck, difference: ReplayDifference) -> None:
+    def _differs(self, node: ReplayNode, node_check: NodeCheck, difference: ReplayDifference) -> None:
+        if node.is_unknown:
+            node_check.unverified += 1
+            return
         node_check.differing += 1
         node_check.first = node_check.first or difference
 

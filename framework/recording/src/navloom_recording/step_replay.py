@@ -44,6 +44,7 @@ class ReplayNode:
         previous: Its previous step record.
         lives: Number of starts of its process, as far as recorded.
         notes: What a reader must know about its replay.
+        is_unknown: The recording joined a running node, so that its state at the first recorded step is not known.
     """
 
     source: Source
@@ -52,6 +53,7 @@ class ReplayNode:
     previous: Step | None = None
     lives: int = 1
     notes: list[str] = field(default_factory=list)
+    is_unknown: bool = False
 
 
 @dataclass(frozen=True)
@@ -221,6 +223,7 @@ class Replayer:
             self._start_again(node, step)
             before = None
         elif before is None and step.at.sequence > 1 and self.is_live:
+            node.is_unknown = True
             node.notes.append(
                 f"the recording begins after its first step, so its state at tick {step.at.tick} is not known"
             )
@@ -280,7 +283,7 @@ class Replayer:
         if node.source in self.system.parts:
             make_plugins(self.system, only={node.source})
         fresh = self._begin(node.source)
-        node.fed, node.versions = fresh.fed, 0
+        node.fed, node.versions, node.is_unknown = fresh.fed, 0, False
         if isinstance(node.fed.node, (GateNode, GoalNode)):
             node.notes.append("what it received from the other processes at that time is not recorded")
 

@@ -220,12 +220,15 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         """
         tracker, motion, time = self._tracker, self._motion, self._stamp_ns / 1e9
         if not motion.is_certain:
-            pose, fused, inliers = tracker.fit(points, tracker.pose, tracker.covariance + _WIDE)
+            # While a scan has shown motion, the robot is no longer near the pose at which the tracker holds it.
+            guess = motion.pose_at(time) if motion.witnesses else tracker.pose
+            pose, fused, inliers = tracker.fit(points, guess, tracker.covariance + _WIDE)
             if inliers >= self.params.least_inliers:
                 motion.see_pose(pose, inverse(fused), time)
             if not motion.is_certain:
                 tracker.correct(points)
                 return points, twist
+            tracker.pose = guess
             tracker.covariance += _WIDE
         prior, covariance = tracker.pose, tracker.covariance
         if not tracker.correct(points):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.small import inverse
-from navloom_scan_localizer.tracking import relative
+from navloom_scan_localizer.tracking import compose, relative
 
 __all__ = ["UnaidedMotion", "hold_unseen"]
 
@@ -84,6 +84,10 @@ class UnaidedMotion:
     def stop(self) -> None:
         """Take the velocity as 0, since the scans no longer show it: a turn would go on for ever."""
         self.velocity = np.zeros(3)
+
+    def pose_at(self, time: float) -> Floats:
+        """The pose, (3,), m, rad, map frame, at a time, s, if the velocity has stayed the same since the last scan."""
+        return compose(self._last, self.velocity * max(0.0, time - self._time))
 
     def velocity_at(self, pose: Floats, time: float) -> Floats:
         """The velocity, (3,), if the robot is at a pose, (3,), map frame, at a time, s."""

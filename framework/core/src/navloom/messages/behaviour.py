@@ -43,7 +43,7 @@ class AvoiderDiagnostics(Message):
 
 @message()
 class Avoidance(Message):
-    """An avoider's answer.
+    """An avoider's answer; its node publishes it as a Command and an AvoiderStatus.
 
     Attributes:
         twist: Requested velocity, base frame; the gate limits it to what the robot can do.
@@ -62,8 +62,9 @@ class AvoiderStatus(Message):
     """Status of the avoider, published with the command.
 
     Attributes:
-        status: Status in the avoider's answer.
-        diagnostics: Why it chose its answer; None in most ticks.
+        status: As in Avoidance.
+        diagnostics: Why it chose its answer: at the avoider's `diagnostics_rate_hz`, and when it becomes trapped;
+            otherwise None.
     """
 
     status: Literal["clear", "steering", "trapped"]

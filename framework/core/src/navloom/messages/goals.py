@@ -32,8 +32,8 @@ class Goal(Message):
     Attributes:
         goal_id: Increases with each goal.
         x, y: Position, m, map frame.
-        heading: Heading at the goal, rad, or None for any.
-        via: Points to pass on the way, in order.
+        heading: Heading at the goal, rad, map frame, or None for any.
+        via: Points to pass on the way, in order, map frame.
     """
 
     goal_id: int
@@ -48,7 +48,7 @@ class OperatorRequest(Message):
     """A request of an operator, in either executor.
 
     Attributes:
-        do: The action; "release" ends the operator's driving, and "enter_unseen" lets the operator drive into space
+        do: What to do; "release" ends teleoperation, and "enter_unseen" lets the operator drive into space
             that no sensor has seen.
         goal: For "goal"; for "place", the pose where the robot is, with its heading.
         role, instance: For "swap", the role and its new active instance; for "set", whose parameters change.
@@ -69,7 +69,7 @@ class Drive(Message):
     Attributes:
         goal_id: Number of the goal.
         path_id: Number of the plan to follow; 0 for none.
-        turn_to: Heading to turn to in place at the end of the plan, rad, or None.
+        turn_to: Heading to turn to in place at the end of the plan, rad, map frame, or None.
         stop_here: The end position has been reached: only turn.
     """
 
@@ -85,9 +85,11 @@ class Feedback(Message):
 
     Attributes:
         goal_id: Number of the goal; 0 for none.
-        state: State of its state machine.
+        state: State of its state machine; `waiting`: the platform is silent; `searching`: the localizer is not
+            tracking.
         distance: Remaining distance along the trajectory, m.
-        time_left: Estimated remaining time, s.
+        time_left: Estimated remaining time, s: along the trajectory and the straight way through the points behind it,
+            at the speeds of the reference, corrected by the measured progress.
         cross_track: Distance from the trajectory, m, positive to the left.
         recoveries: Number of recoveries so far.
         localizer: State and reason of a localizer that is not tracking; otherwise empty.
@@ -127,10 +129,11 @@ class GoalResult(Message):
 
     Attributes:
         goal_id: Number of the goal.
-        outcome: One of `OUTCOMES`.
-        reason: The reason in one phrase.
+        outcome: How it ended.
+        reason: Why, in one phrase.
         place: Where the robot was, or where the planner failed, map frame.
-        code: The reason for programs.
+        code: Why, for programs, as `blocked` or `goal_occupied`; `navloom messages GoalResult` lists them. Empty if it
+            is not known, as in version 1.
     """
 
     goal_id: int

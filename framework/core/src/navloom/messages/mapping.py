@@ -64,7 +64,11 @@ class MapUpdate(Message):
 
 @message()
 class ClearRequest(Message):
-    """Asks the mapper to clear what it can observe again; `request_id` increases with each request."""
+    """Asks the mapper to clear what it can observe again.
+
+    Attributes:
+        request_id: Increases with each request.
+    """
 
     request_id: int
 
@@ -110,7 +114,7 @@ class PlanFailure(Message):
 
     Attributes:
         request_id: Number of the request that it answers.
-        kind: Kind of failure.
+        kind: What is wrong.
         place: Place of the failure, map frame: the occupied start or goal, the point outside, or where the search came
             nearest.
         detail: Explanation in one sentence.

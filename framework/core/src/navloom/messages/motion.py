@@ -32,7 +32,12 @@ class Point2D(Message):
 
 @message()
 class Pose2D(Message):
-    """Position x, y, m, and heading, rad, counter-clockwise in [-π, π), in the frame its holder names."""
+    """A position and a heading, in the frame that its holder names.
+
+    Attributes:
+        x, y: Position, m.
+        heading: rad, counter-clockwise from the frame's x axis, in [-π, π).
+    """
 
     x: float
     y: float
@@ -41,7 +46,13 @@ class Pose2D(Message):
 
 @message()
 class Twist2D(Message):
-    """Velocity in the base frame: vx forward and vy left, m/s; wz counter-clockwise, rad/s."""
+    """A velocity, base frame.
+
+    Attributes:
+        vx: Forward, m/s.
+        vy: To the left, m/s; 0 for a robot with two driven wheels.
+        wz: Turn rate, rad/s, counter-clockwise.
+    """
 
     vx: float
     vy: float
@@ -116,7 +127,7 @@ class PoseEstimate(Message):
 
 @message()
 class PoseTrack(Message):
-    """Poses over time, for sensors whose data spans a movement.
+    """Poses over time, for sensors whose data spans a movement. Not published: the mapper's node collects it.
 
     Attributes:
         stamps_ns: (n,) run clock, increasing.
@@ -188,7 +199,8 @@ class TrackingCommand(Message):
 
     Attributes:
         twist: Requested velocity, base frame.
-        e1, e2: How far the reference is ahead and to the left of the robot, m, base frame: eq. (4).
+        e1, e2: How far the reference is ahead and to the left of the robot, m, base frame: eq. (4) of Hoang et al.
+            2013.
         e3: Heading of the reference less that of the robot, rad in [-π, π).
     """
 
@@ -202,16 +214,20 @@ class TrackingCommand(Message):
 class GateStatus(Message):
     """Status of the gate: which source drives, or why none does.
 
+    `reason` is `why` as one text, such as `no_trajectory` or `stale: controller main`; `--json` prints it too. In
+    version 1 it was the field itself.
+
     Attributes:
         source: Role whose command passed, or "none".
         instance: Name of its instance; empty for none.
         stopped: The gate commands zero.
         latched: The stop stays until `resume`.
-        why: Why it is stopped, or brakes to a stop; None while a source drives.
+        why: Why it is stopped, or brakes to a stop (`source` is none, and `stopped` still false); None while a source
+            drives.
         pending: "role instance" of swaps that wait for the instance to warm up, sorted by role.
-        share: Share of the command that passes when the monitor slows the robot; 1 for all of it.
-        limit: Why the monitor slows or stops the robot: an `obstacle`, or `unseen` space; empty for no reason;
-            `overridden` if an operator lets it enter unseen space.
+        share: Share of the command that the collision monitor lets pass; 1 for all of it.
+        limit: Why the collision monitor slows or stops the robot: an `obstacle`, or `unseen` space; empty for no
+            reason; `overridden` if an operator lets it enter unseen space.
         place: Place of the obstacle or unseen space in the base frame, m.
         distance: Distance from the footprint to it, m.
     """

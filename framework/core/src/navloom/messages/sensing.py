@@ -16,7 +16,12 @@ Floats = NDArray[np.float64]
 
 @message()
 class RangeScan(Message):
-    """Ranges of a planar laser or of a ring of sonars.
+    """Ranges of a planar laser or of a ring of sonars, one entry per beam, in any order.
+
+    The echo of a beam is at `origins + ranges * (cos bearings, sin bearings)`. A reading of `range_max` or more is no
+    echo: a platform reports it as +inf, and the platform's node turns other values into +inf before any node reads
+    them. Recordings of earlier versions may still hold `range_max` itself, so select the beams with an echo by
+    `ranges < range_max`. `navloom.geometry.echoes.scan_points(scan)` does both.
 
     Attributes:
         stamp_ns: Run clock of the scan.
@@ -41,6 +46,11 @@ class RangeScan(Message):
 @message()
 class Sweep(Message):
     """One up or down movement of a pitching planar laser: a 3D image.
+
+    With range R, pitch α and bearing b, an echo is, from the sensor forward, left and up, at
+    (R cos α cos b, R cos α sin b, R sin α) for `paper`, and at (R cos b cos α, R sin b, R cos b sin α) for
+    `rigid_pitch`. `navloom.geometry.echoes.sweep_points(sweep)` gives the points in the base frame,
+    `sweep_points_in_map(sweep, track)` the echoes in the map.
 
     Attributes:
         stamp_ns: Run clock at which the sweep began.

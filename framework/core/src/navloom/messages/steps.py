@@ -25,7 +25,12 @@ class InputRead(Message):
 
 @message()
 class PortMark(Message):
-    """High-water mark of a port: sequence number of the last message published on it; 0 for none yet."""
+    """High-water mark of a port.
+
+    Attributes:
+        port: Name of the port.
+        sequence: Number of the last message published on it; 0 for none yet.
+    """
 
     port: Name
     sequence: int

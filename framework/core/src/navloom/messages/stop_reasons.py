@@ -161,8 +161,11 @@ STOPS: dict[StopKind, Stop] = {
 class StopReason(Message):
     """Why the gate stops the robot.
 
+    The table `STOPS` of `navloom.messages.stop_reasons` says of each kind what people read, what to do, whether the
+    robot brakes by a ramp, and what else follows. `navloom messages StopReason` lists the kinds.
+
     Attributes:
-        kind: What `STOPS` explains.
+        kind: What happened.
         who: Node, role or sensor that is the cause; empty if the kind says it.
         of: What it waits for, or where it runs; empty for nothing.
     """

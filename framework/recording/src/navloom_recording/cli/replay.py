@@ -150,7 +150,7 @@ def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: P
                 raise typer.Exit(0) from None
         differing = [one.first for one in found if one.differing and one.first is not None]
         first = min(differing, key=lambda one: one.tick, default=None)
-        compared = sum(one.messages for one in found)
+        compared = sum(one.messages - one.unverified for one in found)
         result = {
             "file": str(recording.path),
             "kind": recording.header.kind,
@@ -201,7 +201,7 @@ def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
     if first is not None:
         typer.echo(f"first difference: {first}")
     elif compared:
-        typer.echo(f"all {compared} messages are those recorded, bit for bit")
+        typer.echo(f"all {compared} messages that could be compared are those recorded, bit for bit")
     else:
         typer.echo("nothing could be compared: the recording holds no step records")
 

@@ -8,6 +8,7 @@ from navloom import Avoidance, Avoider, Box, Cylinder, Extra, GateStatus, Params
 from navloom.testing import (
     avoider_input,
     box,
+    cast,
     closed,
     controller_input,
     corridor,
@@ -101,6 +102,21 @@ def test_a_scan_sees_an_obstacle_where_it_is_at_its_stamp():
     )
     seen = [scan(world, beams=1, stamp=stamp).ranges[0] for stamp in (0.0, 5.0, 7.0)]
     assert seen == pytest.approx([1.5, 2.5, 1.0])
+
+
+def test_a_ray_touches_the_faces_that_it_runs_along_and_misses_what_lies_beside_it():
+    world = World("boxes", (Box("left", (2.0, 3.0), (0.0, 1.0)), Box("right", (5.0, 6.0), (-1.0, 0.0), (0.0, 0.2))))
+    starts = np.array([[0.0, y, 0.2] for y in (-1e-9, 0.0, 1.0, 1.0 + 1e-9)])
+    assert cast(world, starts, np.tile([1.0, 0.0, 0.0], (4, 1))) == pytest.approx([5.0, 2.0, 2.0, math.inf])
+
+
+def test_a_ray_meets_a_turned_box_and_a_cylinder_from_outside_and_from_within():
+    turned = Box("turned", (1.0, 3.0), (-1.0, 1.0), yaw=0.25 * math.pi)
+    world = World("both", (turned, Cylinder("post", -2.0, 0.0, 0.5, (0.0, 1.0))))
+    # The corner of the square is sqrt(2) m from its centre at x = 2; the third ray starts in the post.
+    starts = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [-2.0, 0.0, 0.5]])
+    ways = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    assert cast(world, starts, ways) == pytest.approx([2.0 - math.sqrt(2.0), 1.5, 0.0])
 
 
 def test_an_extra_input_that_a_step_does_not_have_names_what_to_do():

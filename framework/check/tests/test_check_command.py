@@ -1,7 +1,12 @@
 """`navloom check` on shipped plugins and on names that do not exist."""
 
 import json
+import os
+import select
+import subprocess
 import sys
+
+import pytest
 
 METRIC = """
 from navloom import Metric, hookimpl
@@ -124,3 +129,39 @@ def test_the_checks_are_listed_with_what_they_demand(in_process):
     listed = json.loads(out)
     assert code == 0 and len({load["name"] for load in listed}) == len(listed) >= 15
     assert all(load["demands"] for load in listed)
+
+
+SLEEPS = """
+import time
+
+from navloom import Avoidance, Avoider, AvoiderInput
+
+
+class Sleeps(Avoider):
+    name = "sleeps"
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        time.sleep(3600.0)
+"""
+STARTS = """
+import os, pathlib, signal, sys
+from navloom.plugins.one_file import use_files
+from navloom_check.worker_process import Process
+use_files([pathlib.Path(sys.argv[1])])
+job = {"name": "avoider.sleeps", "params": [], "seed": 0, "out": "", "checks": ["answers"], "limit": 3600.0}
+with Process(job) as process:
+    next(line for line in process.lines() if "start" in line)
+    print(process._child.pid, flush=True)
+    signal.pause()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent died")
+def test_the_process_of_a_plugin_that_does_not_return_ends_with_a_command_that_is_killed(tmp_path):
+    file = tmp_path / "sleeps.py"
+    file.write_text(SLEEPS, "utf-8")
+    with subprocess.Popen([sys.executable, "-c", STARTS, str(file)], stdout=subprocess.PIPE, text=True) as command:
+        worker = os.pidfd_open(int(command.stdout.readline()))
+        command.kill()
+    assert select.select([worker], [], [], 60.0)[0] == [worker]
+    os.close(worker)

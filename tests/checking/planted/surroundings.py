@@ -10,6 +10,7 @@ import signal
 import sys
 import time
 import warnings
+from contextlib import suppress
 from typing import ClassVar
 
 import numpy as np
@@ -81,8 +82,8 @@ class ReadsFolder(Proportional):
     """Takes a gain from a file of the folder in which navloom was started."""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
-        if os.path.exists("tuning.txt"):
-            raise ValueError("unread")
+        with suppress(FileNotFoundError), open("tuning.txt", encoding="utf-8") as file:
+            raise ValueError(f"unread: {file.read()}")
         return super().control(given)
 
 
@@ -92,7 +93,7 @@ class RawThread(Gap):
 
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
-        _thread.start_new_thread(time.sleep, (0.01,))
+        _thread.start_new_thread(time.sleep, (0.05,))
 
 
 @ENTRIES.plant("keeps_file", caught_by="no_files")

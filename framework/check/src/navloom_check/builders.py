@@ -39,7 +39,6 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.messages import Reference as ReferenceMessage
-from navloom.navigation.trajectory_projection import project, way_ahead
 from navloom.roles import (
     AvoiderInput,
     Context,
@@ -191,6 +190,9 @@ def controller_input(
         stamp: Run clock, s.
         extra: The plugin's own extra inputs.
     """
+    # Here, since it takes numba, which takes longer to import than everything else: not every plugin needs it.
+    from navloom.navigation.trajectory_projection import project, way_ahead
+
     followed = messages.trajectory() if trajectory is None else trajectory
     samples, base = followed.samples, pose(at)
     on = project(samples, base.x, base.y, base.heading, progress, look_ahead)

@@ -33,7 +33,6 @@ from navloom.messages.behaviour import AvoiderStatus, HandOver
 from navloom.messages.goals import Drive, Feedback
 from navloom.messages.kinds import Kind
 from navloom.messages.motion import Selection
-from navloom.navigation.trajectory_projection import project, way_ahead
 from numpy.typing import NDArray
 
 __all__ = ["Moment", "framework_message", "nothing_of", "straight_way"]
@@ -103,6 +102,9 @@ def framework_message(kind: type[M], now: Moment) -> M | None:
 
 
 def _reference(now: Moment) -> Reference:
+    # Here, as in `builders`.
+    from navloom.navigation.trajectory_projection import project, way_ahead
+
     length = float(now.samples[-1, 0])
     # The robot is not followed from tick to tick here, so the search begins near the robot.
     near = float(now.samples[np.hypot(*(now.samples[:, 1:3] - now.pose[:2]).T).argmin(), 0])

@@ -10,7 +10,6 @@ import logging
 import math
 import os
 import random
-import resource
 import signal
 import socket
 import sys
@@ -18,6 +17,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -32,7 +32,6 @@ _SHARED = tuple(
     for module in (builtins, math, random, np, np.linalg)
 )
 """Modules that everything uses, and the names of their functions and classes."""
-_LIMITS = (resource.RLIMIT_NOFILE, resource.RLIMIT_AS, resource.RLIMIT_STACK, resource.RLIMIT_CORE, resource.RLIMIT_CPU)
 
 
 def _signal_handlers() -> tuple[str, ...]:
@@ -42,13 +41,6 @@ def _signal_handlers() -> tuple[str, ...]:
 def _functions() -> tuple[int, ...]:
     """Which functions the shared modules have: a plugin that replaces one changes it for everything else."""
     return tuple(id(vars(module).get(name)) for module, names in _SHARED for name in names)
-
-
-def _umask() -> int:
-    """The mask of the modes of new files; it can only be read by setting it."""
-    mask = os.umask(0o22)
-    os.umask(mask)
-    return mask
 
 
 def _context() -> tuple[Any, ...]:
@@ -75,12 +67,12 @@ LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
     ENVIRONMENT: lambda: tuple(sorted(os.environ.items())),
     SEARCH_PATH: lambda: tuple(sys.path),
     "the recursion limit": sys.getrecursionlimit,
-    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold(), gc.get_freeze_count() > 0, gc.get_debug()),
+    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold(), gc.get_debug()),
     "the switch interval of threads": sys.getswitchinterval,
     "the decimal context": _context,
     "functions of Python or numpy": _functions,
-    "the umask": _umask,
-    "the limits of the process": lambda: tuple(resource.getrlimit(limit) for limit in _LIMITS),
+    # As the kernel tells it: `os.umask` reads the mask only by setting it.
+    "the umask": lambda: Path("/proc/self/status").read_text("ascii").partition("Umask:")[2].split()[0],
     "the stack size of threads": threading.stack_size,
     "the time zone": lambda: (time.tzname, time.timezone),
     "the tracing of calls": lambda: (sys.gettrace() is None, sys.getprofile() is None),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from navloom.config.tables import MapTable
@@ -19,6 +21,8 @@ Floats = NDArray[np.float64]
 THICK = 0.2
 """Thickness of a wall, m."""
 HEIGHT = (0.0, 2.4)
+TOUCH = 1e-15
+"""Distance at which a ray along a face of an obstacle touches it, m."""
 RESOLUTION = MapTable().resolution
 """Edge of a cell of a map, m."""
 
@@ -108,17 +112,16 @@ def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False, ti
     Returns:
         (n,) m; +inf where a ray meets nothing.
     """
+    there = [solid for solid in world.obstacles if is_present(solid, time, False)]
+    boxes = [solid for solid in there if isinstance(solid, Box)]
+    discs = [solid for solid in there if not isinstance(solid, Box)]
     best = np.full(len(ways), math.inf)
-    for solid in world.obstacles:
-        if not is_present(solid, time, False):
-            continue
-        x, y = centre_at(solid, time)
-        if isinstance(solid, Box):
-            enter, leave = _box_span(solid, origins - (x, y, 0.0), ways)
-        else:
-            enter, leave = _cylinder_span(solid, origins - (x, y, 0.0), ways)
-        meets = (enter <= leave) & (leave > 0.0)
-        best = np.where(meets, np.minimum(best, np.maximum(enter, 0.0)), best)
+    steep = _no_zeros(ways)
+    for solids, spans in ((boxes, _box_spans), (discs, _disc_spans)):
+        if solids:
+            enter, leave = spans(solids, np.array([centre_at(solid, time) for solid in solids]), origins, steep)
+            meets = (enter <= leave) & (leave > 2.0 * TOUCH)
+            best = np.minimum(best, np.where(meets, np.maximum(enter, 0.0), math.inf).min(axis=0))
     if world.raster is not None:
         best = np.minimum(best, _to_raster(world.raster, origins, ways))
     if floor:
@@ -128,43 +131,47 @@ def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False, ti
     return best
 
 
-def _slab(low: float, high: float, start: Floats, way: Floats) -> tuple[Floats, Floats]:
-    """Where rays enter and leave the space between two planes."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = (low - start) / way, (high - start) / way
-    is_inside = (start >= low) & (start <= high)
-    enter, leave = np.minimum(one, other), np.maximum(one, other)
-    enter = np.where(way == 0.0, np.where(is_inside, -math.inf, math.inf), enter)
-    leave = np.where(way == 0.0, np.where(is_inside, math.inf, -math.inf), leave)
-    return enter, leave
+def _no_zeros(ways: Floats) -> Floats:
+    """Directions that meet every plane: those along a plane meet it so far away that another plane decides."""
+    return np.where(ways == 0.0, 1e-300, ways)
 
 
-def _box_span(solid: Box, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
-    """Where rays enter and leave a box; the origins are seen from its centre."""
-    turn = np.array([0.0, 0.0, -solid.yaw])
-    starts = transform(turn, origins[:, :2])
-    turned = transform(turn, ways[:, :2])
-    half_x, half_y = 0.5 * (solid.x[1] - solid.x[0]), 0.5 * (solid.y[1] - solid.y[0])
-    spans = (
-        _slab(-half_x, half_x, starts[:, 0], turned[:, 0]),
-        _slab(-half_y, half_y, starts[:, 1], turned[:, 1]),
-        _slab(*solid.z, origins[:, 2], ways[:, 2]),
-    )
-    return np.maximum.reduce([span[0] for span in spans]), np.minimum.reduce([span[1] for span in spans])
+def _slab(low: Floats, high: Floats, start: Floats, way: Floats) -> tuple[Floats, Floats]:
+    """Where rays enter and leave the space between two planes, which is closed; no component of a way is 0."""
+    one, other = (low - start - TOUCH) / way, (high - start + TOUCH) / way
+    return np.minimum(one, other), np.maximum(one, other)
 
 
-def _cylinder_span(solid: Cylinder, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
-    """Where rays enter and leave a cylinder; the origins are seen from its centre."""
-    to = origins[:, :2]
-    a = (ways[:, :2] ** 2).sum(axis=1)
-    b = (to * ways[:, :2]).sum(axis=1)
-    root = b**2 - a * ((to**2).sum(axis=1) - solid.radius**2)
+def _box_spans(solids: Sequence[Any], centres: Floats, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
+    """(k, n) where n rays enter and leave k boxes with these centres (k, 2)."""
+    cos, sin = (function([[solid.yaw] for solid in solids]) for function in (np.cos, np.sin))
+    x, y = origins[:, 0] - centres[:, :1], origins[:, 1] - centres[:, 1:]
+    half = 0.5 * np.array([(solid.x[1] - solid.x[0], solid.y[1] - solid.y[0]) for solid in solids])
+    along = _no_zeros(cos * ways[:, 0] + sin * ways[:, 1])
+    across = _no_zeros(cos * ways[:, 1] - sin * ways[:, 0])
+    low, high = _slab(*_heights(solids), origins[:, 2], ways[:, 2])
+    near_x, far_x = _slab(-half[:, :1], half[:, :1], cos * x + sin * y, along)
+    near_y, far_y = _slab(-half[:, 1:], half[:, 1:], cos * y - sin * x, across)
+    return np.maximum(np.maximum(near_x, near_y), low), np.minimum(np.minimum(far_x, far_y), high)
+
+
+def _disc_spans(solids: Sequence[Any], centres: Floats, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:
+    """(k, n) where n rays enter and leave k cylinders with these centres (k, 2)."""
+    x, y = origins[:, 0] - centres[:, :1], origins[:, 1] - centres[:, 1:]
+    a = ways[:, 0] ** 2 + ways[:, 1] ** 2
+    b = x * ways[:, 0] + y * ways[:, 1]
+    root = b**2 - a * (x**2 + y**2 - np.array([[solid.radius**2] for solid in solids]))
     meets = (root >= 0.0) & (a > 0.0)
-    half = np.sqrt(np.maximum(root, 0.0))
     a = np.where(a > 0.0, a, 1.0)
-    low, high = _slab(*solid.z, origins[:, 2], ways[:, 2])
-    enter, leave = np.where(meets, (-b - half) / a, math.inf), np.where(meets, (-b + half) / a, -math.inf)
+    half = np.sqrt(np.maximum(root, 0.0)) / a
+    low, high = _slab(*_heights(solids), origins[:, 2], ways[:, 2])
+    enter, leave = np.where(meets, -b / a - half, math.inf), np.where(meets, half - b / a, -math.inf)
     return np.maximum(low, enter), np.minimum(high, leave)
+
+
+def _heights(solids: Sequence[Any]) -> tuple[Floats, Floats]:
+    low, high = np.array([solid.z for solid in solids]).T[:, :, None]
+    return low, high
 
 
 def _to_raster(raster: Raster, origins: Floats, ways: Floats) -> Floats:
@@ -173,8 +180,9 @@ def _to_raster(raster: Raster, origins: Floats, ways: Floats) -> Floats:
     starts = transform(to_raster, origins[:, :2]) / raster.resolution
     turned = transform(np.array([0.0, 0.0, to_raster[2]]), ways[:, :2]) / raster.resolution
     rows, columns = raster.occupied.shape
-    spans = [_slab(0.0, float(n), starts[:, k], turned[:, k]) for k, n in enumerate((columns, rows))]
-    low, high = _slab(*raster.z, origins[:, 2], ways[:, 2])
+    steep, zero = _no_zeros(turned), np.zeros(1)
+    spans = [_slab(zero, zero + n, starts[:, k], steep[:, k]) for k, n in enumerate((columns, rows))]
+    low, high = _slab(zero + raster.z[0], zero + raster.z[1], origins[:, 2], _no_zeros(ways)[:, 2])
     at = np.maximum.reduce([spans[0][0], spans[1][0], low, np.zeros(len(ways))])
     end = np.minimum.reduce([spans[0][1], spans[1][1], high])
     found = np.full(len(ways), math.inf)

@@ -12,6 +12,7 @@ the file `crash` its line, if faulthandler could still write it.
 
 from __future__ import annotations
 
+import gc
 import json
 import mmap
 import os
@@ -40,7 +41,6 @@ from navloom_check.findings import Finding, NotRun, Remark, Result
 from navloom_check.plugin_player import Fault
 from navloom_check.process_state import PROCESS_STATE
 from navloom_check.side_effects import GUARD
-from navloom_check.tiers import find_check
 from navloom_check.worker_process import MARK_SIZE
 
 __all__ = ["main"]
@@ -72,9 +72,10 @@ def main() -> None:
     request = CheckRequest(job["name"], tuple(job["params"]), job["seed"])
     subject = _loaded(request, job["checks"], tell)
     if subject is not None:
+        gc.freeze()  # the collector need not look through the modules again in each of its runs
         bench = Bench(subject, request, Path(job["out"]) if job["out"] else None)
         if job["checks"]:
-            _run_checks(bench, [one for name in job["checks"] if (one := find_check(name))], tell)
+            _run_checks(bench, job["checks"], tell)
         else:
             tell({"digests": _digests(bench, job["steps"], bool(job["alike"]))})
     tell({"done": True})
@@ -102,9 +103,8 @@ def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject
         missing = _missing_part(error)
     except (Exception, SystemExit) as error:
         text, place = f"warm_up() raises {type(error).__name__}: {error}", subject.place
-    for name in checks:
-        found = find_check(name)
-        assert found is not None
+    for found in _found(checks):
+        name = found.name
         if missing:
             result = Result(name, found.tier, "not_run", reason=missing)
         elif name == "registers":
@@ -125,8 +125,15 @@ def _missing_part(error: BaseException | None) -> str:
     return ""
 
 
-def _run_checks(bench: Bench, checks: Iterable[Check], tell: Tell) -> None:
-    for check in checks:
+def _found(names: Iterable[str]) -> list[Check]:
+    # Here, since a process that only compares answers needs no check.
+    from navloom_check.tiers import find_check
+
+    return [check for name in names if (check := find_check(name))]
+
+
+def _run_checks(bench: Bench, names: Iterable[str], tell: Tell) -> None:
+    for check in _found(names):
         tell({"start": check.name})
         tell({"result": _run(bench, check).to_json()})
 

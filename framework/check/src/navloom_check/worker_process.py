@@ -18,6 +18,7 @@ from typing import Any
 
 from navloom_check.checked_plugin import CheckRequest
 from navloom_check.findings import Finding
+from navloom_check.side_effects import TIMEOUT
 
 __all__ = ["FLAGS", "MARK_SIZE", "Process", "digests_of"]
 
@@ -103,12 +104,12 @@ class Process:
         call = self.mark.read_bytes().rstrip(b"\0 ").decode(errors="replace")
         place = _place_in(crash, folder) or usual_place
         what = f"{call}()" if call else "its code"
-        if crash.startswith("Timeout") or self.is_silent:
+        code = self._child.returncode
+        if code == -TIMEOUT or self.is_silent:
             return "returns", Finding(f"{what} does not return", "a call that ends within its time", place)
         if crash.startswith("Fatal Python error"):
             fatal = crash.splitlines()[0].removeprefix("Fatal Python error: ")
             return "survives", Finding(f"{what} crashes the process: {fatal}", "code that never does", place)
-        code = self._child.returncode
         how = f"is killed by signal {-code}" if code < 0 else f"ends with exit code {code}"
         self._errors.seek(0)
         last = (self._errors.read().strip().splitlines() or [""])[-1]

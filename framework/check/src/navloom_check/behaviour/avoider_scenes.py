@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from navloom.geometry.world import Place
+from navloom.geometry.world import Box, Cylinder, Place
 from navloom.messages import Point2D, RangeScan, Twist2D
 from navloom.roles import AvoiderInput
 from navloom.roles.claims import Claim
@@ -28,9 +28,9 @@ from navloom_check.behaviour.obstacle_scene import (
     SONARS,
     TWO_LASERS,
     WIDE_SONARS,
-    Post,
     Scene,
-    Wall,
+    post,
+    wall,
 )
 from navloom_check.behaviour.scene_drives import FinishedDrive, Pose, drive, estimate_at, towards
 
@@ -66,7 +66,7 @@ def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[fl
 
 def drive_avoider(make: Maker, scene: Scene, seconds: float) -> FinishedDrive:
     """Drive to the target until it is reached, the robot is in contact, trapped or stopped, or the time is up."""
-    if not make.sees(RangeScan) and (scene.posts or scene.walls):
+    if not make.sees(RangeScan) and scene.obstacles:
         # Not a failure: the claim may hold with the sensors that it does read.
         raise Unfit("it takes no RangeScan: it sees nothing of the scenes")
     avoider = make(scene)
@@ -98,8 +98,8 @@ def open_scene(seed: int) -> Scene:
     """
     if seed % 12 >= 8:
         side = 1.0 if seed % 2 else -1.0
-        wall = Wall(-1.0, side * BESIDE, 4.0, side * BESIDE)
-        scene = Scene(Place(0.0, 0.0, side * (0.4, -0.4)[seed % 4 // 2]), (3.0, 0.0), walls=(wall,), lasers=SONARS)
+        beside = wall(-1.0, side * BESIDE, 4.0, side * BESIDE)
+        scene = Scene(Place(0.0, 0.0, side * (0.4, -0.4)[seed % 4 // 2]), (3.0, 0.0), (beside,), lasers=SONARS)
         if seed % 12 >= 10:
             scene = replace(scene, lasers=SHORT_SONARS)
         return scene.moved(place_in_map(seed))
@@ -127,16 +127,16 @@ def blocked_scene(seed: int) -> Scene:
     side, off = float(stream.choice([-1.0, 1.0])), float(stream.uniform(-0.25, 0.25))
     plain = Scene(Place(0.0, 0.0), (5.0, 0.0))
     kinds = (
-        replace(plain, walls=(Wall(2.0, -3.0, 2.0, 3.0),)),
-        replace(plain, posts=(Post(1.8, off, 0.2),)),
-        replace(plain, walls=(Wall(1.2, -1.5 + off, 3.0, 1.5 + off),)).moved(Place(0.0, 0.0)),
-        replace(plain, posts=_posts(stream)),
-        replace(plain, walls=(Wall(-0.5, 0.8, 3.5, 0.8), Wall(-0.5, -0.8, 3.5, -0.8), Wall(3.5, -0.8, 3.5, 0.8))),
-        replace(plain, walls=(Wall(1.5, side * -0.3, 1.5, side * 3.0),), posts=(Post(3.0, side * -1.0, 0.3),)),
-        replace(plain, target=(3.0, side * 2.0), walls=(Wall(-1.0, side * 0.7, 6.0, side * 0.7),)),
+        replace(plain, obstacles=(wall(2.0, -3.0, 2.0, 3.0),)),
+        replace(plain, obstacles=(post(1.8, off, 0.2),)),
+        replace(plain, obstacles=(wall(1.2, -1.5 + off, 3.0, 1.5 + off),)).moved(Place(0.0, 0.0)),
+        replace(plain, obstacles=_posts(stream)),
+        replace(plain, obstacles=(wall(-0.5, 0.8, 3.5, 0.8), wall(-0.5, -0.8, 3.5, -0.8), wall(3.5, -0.8, 3.5, 0.8))),
+        replace(plain, obstacles=(post(3.0, side * -1.0, 0.3), wall(1.5, side * -0.3, 1.5, side * 3.0))),
+        replace(plain, target=(3.0, side * 2.0), obstacles=(wall(-1.0, side * 0.7, 6.0, side * 0.7),)),
         # Seen from one side alone, as a mirror image or not at all on that side.
-        replace(plain, walls=(Wall(1.5, 0.1, 1.5, 3.0),)),
-        replace(plain, walls=(Wall(1.5, -0.1, 1.5, -3.0),)),
+        replace(plain, obstacles=(wall(1.5, 0.1, 1.5, 3.0),)),
+        replace(plain, obstacles=(wall(1.5, -0.1, 1.5, -3.0),)),
     )
     scene = kinds[number % 7 if number < 20 else number - 13]
     if seed % 4 == 3:
@@ -149,8 +149,8 @@ def near_scene(seed: int) -> Scene:
     """A wall 6 cm ahead of the circle in which a small robot turns, so that echoes are near from the first step on."""
     side = (0.3, 0.2, 0.4)[seed % 3]
     ahead, slant = math.hypot(0.5 * side, 0.5 * side) + 0.06, (0.0, 0.3, -0.3)[seed % 3]
-    wall = Wall(ahead, -3.0, ahead, 3.0)
-    scene = Scene(Place(0.0, 0.0, slant), (4.0, 0.0), walls=(wall,), length=side, width=side)
+    obstacles = (wall(ahead, -3.0, ahead, 3.0),)
+    scene = Scene(Place(0.0, 0.0, slant), (4.0, 0.0), obstacles, length=side, width=side)
     return scene.moved(place_in_map(seed))
 
 
@@ -162,13 +162,13 @@ def leaving_scene(seed: int) -> Scene:
     side = 1.0 if seed % 2 else -1.0
     plain = Scene(Place(0.0, 0.0), (-3.0, side * 3.0), lasers=SONARS)
     behind = -0.5 * plain.length - 0.04
-    return replace(plain, walls=(Wall(behind, -1.0, behind, 1.0),)).moved(place_in_map(seed))
+    return replace(plain, obstacles=(wall(behind, -1.0, behind, 1.0),)).moved(place_in_map(seed))
 
 
 def wide_scene(seed: int) -> Scene:
     """Posts that one of few sonars sees alone, or on the flanks of their wide cones, where no axis leads to them."""
-    ahead = (Post(1.1, 0.0, 0.1), Post(1.8, 0.1, 0.1))
-    aside = (Post(1.1, 0.15, 0.1), Post(1.8, -0.15, 0.1))
+    ahead = (post(1.1, 0.0, 0.1), post(1.8, 0.1, 0.1))
+    aside = (post(1.1, 0.15, 0.1), post(1.8, -0.15, 0.1))
     posts = aside if seed % 2 else ahead
     return Scene(Place(0.0, 0.0), (4.0, 0.0), posts, lasers=WIDE_SONARS).moved(place_in_map(seed))
 
@@ -185,8 +185,8 @@ def tight_scene(seed: int) -> Scene:
         scene = blocked_scene(seed // 2 % 12)
         return replace(scene, length=length, width=width, lasers=sensors or scene.lasers)
     half = 0.5 * width + float(stream.choice([-0.15, -0.05]))
-    walls = (Wall(1.8, half, 1.8, 3.0), Wall(1.8, -3.0, 1.8, -half))
-    scene = Scene(Place(0.0, 0.0), (4.0, 0.0), walls=walls, length=length, width=width, lasers=sensors or ALL_ROUND)
+    walls = (wall(1.8, half, 1.8, 3.0), wall(1.8, -3.0, 1.8, -half))
+    scene = Scene(Place(0.0, 0.0), (4.0, 0.0), walls, length=length, width=width, lasers=sensors or ALL_ROUND)
     return scene.moved(place_in_map(seed))
 
 
@@ -195,11 +195,11 @@ def closed_scene(seed: int) -> Scene:
     reach = 0.36 + 0.02 * (seed % 4)
     target = (4.0 * math.cos(seed), 4.0 * math.sin(seed))
     if seed % 2:
-        box = (Wall(-reach, -reach, reach, -reach), Wall(reach, -reach, reach, reach),
-               Wall(reach, reach, -reach, reach), Wall(-reach, reach, -reach, -reach))  # fmt: skip
-        return Scene(Place(0.0, 0.0), target, walls=box).moved(place_in_map(seed))
+        box = (wall(-reach, -reach, reach, -reach), wall(reach, -reach, reach, reach),
+               wall(reach, reach, -reach, reach), wall(-reach, reach, -reach, -reach))  # fmt: skip
+        return Scene(Place(0.0, 0.0), target, box).moved(place_in_map(seed))
     ring = [(math.cos(math.tau * k / 24), math.sin(math.tau * k / 24)) for k in range(24)]
-    posts = tuple(Post((reach + 0.1) * x, (reach + 0.1) * y, 0.1) for x, y in ring)
+    posts = tuple(post((reach + 0.1) * x, (reach + 0.1) * y, 0.1) for x, y in ring)
     return Scene(Place(0.0, 0.0), target, posts).moved(place_in_map(seed))
 
 
@@ -207,25 +207,25 @@ def look_scene(seed: int) -> Scene:
     """A stopped robot at the origin, with a few posts and at times a wall at random places around it."""
     stream = np.random.default_rng([seed, 3])
     posts = _posts(stream, count=int(stream.integers(1, 5)))
-    wall = Wall(*stream.uniform(-1.0, 4.0, 2).tolist(), *stream.uniform(1.5, 4.0, 2).tolist())
+    beside = wall(*stream.uniform(-1.0, 4.0, 2).tolist(), *stream.uniform(1.5, 4.0, 2).tolist())
     # A wall too close leaves only commands to stop, and comparing those shows nothing.
-    walls = (wall,) if seed % 2 and _wall_away(wall) > 0.9 else ()
+    walls = (beside,) if seed % 2 and _away(beside) > 0.9 else ()
     bearing = float(stream.uniform(-1.0, 1.0))
-    return Scene(Place(0.0, 0.0), (4.0 * math.cos(bearing), 4.0 * math.sin(bearing)), posts, walls)
+    return Scene(Place(0.0, 0.0), (4.0 * math.cos(bearing), 4.0 * math.sin(bearing)), (*posts, *walls))
 
 
-def _wall_away(wall: Wall) -> float:
-    return Scene(Place(0.0, 0.0), (1.0, 0.0), walls=(wall,), length=0.02, width=0.02).gap(0.0, 0.0, 0.0)
+def _away(beside: Box) -> float:
+    return Scene(Place(0.0, 0.0), (1.0, 0.0), (beside,), length=0.02, width=0.02).gap(0.0, 0.0, 0.0)
 
 
-def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Post, ...]:
+def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Cylinder, ...]:
     """Posts ahead; their centres are over 1.2 m from the start, 1 m from the target and 1.6 m from each other."""
-    found: list[Post] = []
+    found: list[Cylinder] = []
     for x, y, r in stream.uniform((0.8, -2.0, 0.1), (4.2, 2.0, 0.3), (200, 3)).tolist():
         others = [(p.x, p.y) for p in found]
         is_far = math.hypot(x, y) > 1.2 and math.hypot(x - 5.0, y) > 1.0
         if is_far and all(math.hypot(x - a, y - b) > 1.6 for a, b in others):
-            found.append(Post(x, y, r))
+            found.append(post(x, y, r))
         if len(found) == count:
             break
     return tuple(found)

@@ -10,8 +10,6 @@ from functools import partial
 import numpy as np
 from navloom.geometry.world import Place
 from navloom.messages import Point2D, Pose2D, Reference, Trajectory
-from navloom.navigation.trajectory import SpeedLimits, make_trajectory
-from navloom.navigation.trajectory_projection import project, way_ahead
 from navloom.roles import ControllerInput
 from navloom.roles.claims import Claim
 from navloom.roles.extra import Extras
@@ -45,6 +43,9 @@ SAME = 0.02
 def samples_of(scene: Scene) -> Floats:
     """(n, 6) samples of the trajectory along the scene's way, as `Trajectory` has them."""
     gentle = replace(robot_of(scene), max_deceleration=0.5)
+    # Here, as in `navloom_check.builders`.
+    from navloom.navigation.trajectory import SpeedLimits, make_trajectory
+
     limits = SpeedLimits(gentle, 0.2, 0.4, 0.3)
     return make_trajectory(np.array(scene.way), limits).samples
 
@@ -79,6 +80,8 @@ class Referee:
         self.stops_here = False
 
     def given(self, stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> ControllerInput:
+        from navloom.navigation.trajectory_projection import project, way_ahead
+
         at = project(self.samples, *pose, self.progress, 1.0)
         self.progress = at.progress
         self.cross_track = at.cross_track

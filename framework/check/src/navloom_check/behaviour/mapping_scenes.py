@@ -11,14 +11,15 @@ import numpy as np
 from navloom.geometry.cells import cells_at, has_cells
 from navloom.geometry.echoes import scan_points
 from navloom.geometry.frames import compose, transform
-from navloom.geometry.world import Place
+from navloom.geometry.world import Box, Place
 from navloom.messages import MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseTrack, RangeScan, Sweep, Twist2D
 from navloom.roles import LocalizerInput, MapperInput
 from navloom.roles.claims import Claim
 from numpy.typing import NDArray
 
 from navloom_check.behaviour.measurements import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, scan_from
-from navloom_check.behaviour.obstacle_scene import MAST, Post, Scene, Wall, grid_of
+from navloom_check.behaviour.obstacle_scene import MAST, Scene, ends_of, grid_of, post, wall
+from navloom_check.scenes import cast
 
 __all__ = ["LOCALIZERS", "MAPPERS"]
 
@@ -42,8 +43,6 @@ DRIFT_WAY, DRIFT_TURN = 1.04, 0.05
 """Drift of odometry: distances are too long by this factor, and the heading is off by this much, rad per metre."""
 LATE = 4
 """Delay of the scans that a mapper gets, ticks."""
-BEAMS = 240
-"""Beams of the laser."""
 SCAN_EVERY = 2
 """Ticks from one scan to the next."""
 TRUE_SHARE, FOUND_SHARE = 0.9, 0.8
@@ -52,8 +51,6 @@ OCCUPIED = 65
 """Occupancy, percent, from which a cell counts as occupied."""
 BETTER = 0.25
 """Share of the hits that a map gains in occupied cells when it is moved by half a cell, from which it is shifted."""
-HEIGHT = 1.0
-"""Height of walls and posts, m."""
 MOUNT = 0.4
 """Height of the pitching laser, m."""
 
@@ -65,21 +62,20 @@ def room(seed: int) -> Scene:
     """
     stream = np.random.default_rng([seed, 8])
     walls = (
-        Wall(-3.5, -2.5, 3.5, -2.5), Wall(3.5, -2.5, 3.5, 1.0), Wall(3.5, 1.0, 2.5, 1.0), Wall(2.5, 1.0, 2.5, 2.5),
-        Wall(2.5, 2.5, -3.5, 2.5), Wall(-3.5, 2.5, -3.5, -2.5),
+        wall(-3.5, -2.5, 3.5, -2.5), wall(3.5, -2.5, 3.5, 1.0), wall(3.5, 1.0, 2.5, 1.0), wall(2.5, 1.0, 2.5, 2.5),
+        wall(2.5, 2.5, -3.5, 2.5), wall(-3.5, 2.5, -3.5, -2.5),
     )  # fmt: skip
-    posts = (Post(-2.4, 1.6, 0.2), Post(-2.5, -1.5, 0.15), Post(1.8, -1.7, 0.25))
+    posts = (post(-2.4, 1.6, 0.2), post(-2.5, -1.5, 0.15), post(1.8, -1.7, 0.25))
     place = Place(*stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()) if seed else Place(0.0, 0.0)
-    return Scene(Place(-1.2, 0.0), (1.2, 0.0), posts, walls, backs=seed % 3 == 2).moved(place)
+    return Scene(Place(-1.2, 0.0), (1.2, 0.0), (*walls, *posts), backs=seed % 3 == 2).moved(place)
 
 
 def open_room(seed: int) -> Scene:
     """The same room with an opening in a wall, through which beams meet nothing."""
     scene = room(seed)
-    long = scene.walls[4]
-    share = 0.3
-    shorter = replace(long, x2=long.x1 + share * (long.x2 - long.x1), y2=long.y1 + share * (long.y2 - long.y1))
-    return replace(scene, walls=(*scene.walls[:4], shorter, scene.walls[5]))
+    start, end = ends_of(scene.walls[4])
+    shorter = wall(*start.tolist(), *(start + 0.3 * (end - start)).tolist())
+    return replace(scene, obstacles=(*scene.obstacles[:4], shorter, *scene.obstacles[5:]))
 
 
 def speed_of(scene: Scene) -> float:
@@ -163,7 +159,7 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
 
 def _scan(scene: Scene, pose: list[float], stamp_ns: int) -> RangeScan:
     """Scan of a laser that is not in the middle of the robot."""
-    return scan_from(scene, MAST[0], (pose[0], pose[1], pose[2]), stamp_ns, BEAMS)
+    return scan_from(scene, MAST, (pose[0], pose[1], pose[2]), stamp_ns)
 
 
 def accurate_localizer(make: Maker, scene: Scene) -> Measured:
@@ -211,17 +207,14 @@ def _track(poses: Floats, tick: int) -> PoseTrack:
 def sweep_at(scene: Scene, pose: Floats, stamp_ns: int) -> tuple[Sweep, Floats]:
     """A sweep of a stopped robot, from below the horizon upwards, and its hits above the floor, (n, 2) m, map frame."""
     pitches, bearings = np.radians(np.linspace(-20.0, 5.0, 60)), np.radians(np.linspace(-50.0, 50.0, 101))
-    level = scene.ranges((float(pose[0]), float(pose[1])), bearings + pose[2], 30.0)
-    sin, cos = np.sin(pitches)[:, None], np.cos(pitches)[:, None]
-    walls = np.broadcast_to(level, (60, 101)) / cos
-    at_wall = MOUNT + walls * sin
-    with np.errstate(divide="ignore"):
-        floor = np.where(sin < 0.0, -MOUNT / sin, np.inf)
-    meets = np.isfinite(walls) & (at_wall >= 0.0) & (at_wall <= HEIGHT)
-    ranges = np.where(meets, walls, np.where(walls < floor, np.inf, floor * np.ones_like(walls)))
+    tilt, turn = pitches[:, None], bearings + pose[2]
+    ways = np.stack(np.broadcast_arrays(np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)), 2)
+    from_laser = np.tile([pose[0], pose[1], MOUNT], (ways[..., 0].size, 1)), ways.reshape(-1, 3)
+    ranges, ahead = (cast(scene.world, *from_laser, floor=floor).reshape(60, 101) for floor in (True, False))
     times = np.linspace(0.0, 1.2, 60)
     sweep = Sweep(stamp_ns, 0, ranges, pitches, times, bearings, "paper", 0.0, 0.0, MOUNT, 0.1, 80.0)
-    seen = np.isfinite(level) & meets.any(axis=0)
+    level = np.where(ranges == ahead, ahead * np.cos(tilt), np.inf).min(axis=0)
+    seen = np.isfinite(level)
     local = np.stack([level[seen] * np.cos(bearings[seen]), level[seen] * np.sin(bearings[seen])], axis=1)
     return sweep, transform(pose, local)
 
@@ -307,12 +300,14 @@ def _near_share(points: Floats, others: Floats, reach: float) -> float:
 def _surface(scene: Scene) -> Floats:
     """(n, 2) points on the posts and walls of a scene, 2 cm apart, m, map frame."""
     found = []
-    for p in scene.posts:
-        turns = np.linspace(0.0, math.tau, max(8, int(math.tau * p.radius / 0.02)))
-        found.append(np.stack([p.x + p.radius * np.cos(turns), p.y + p.radius * np.sin(turns)], axis=1))
-    for w in scene.walls:
-        share = np.linspace(0.0, 1.0, 2 + int(math.hypot(w.x2 - w.x1, w.y2 - w.y1) / 0.02))[:, None]
-        found.append((1.0 - share) * (w.x1, w.y1) + share * (w.x2, w.y2))
+    for one in scene.obstacles:
+        if isinstance(one, Box):
+            start, end = ends_of(one)
+            share = np.linspace(0.0, 1.0, 2 + int(np.hypot(*(end - start)) / 0.02))[:, None]
+            found.append((1.0 - share) * start + share * end)
+        else:
+            turns = np.linspace(0.0, math.tau, max(8, int(math.tau * one.radius / 0.02)))
+            found.append(np.stack([one.x + one.radius * np.cos(turns), one.y + one.radius * np.sin(turns)], axis=1))
     return np.concatenate(found) if found else np.empty((0, 2))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from navloom.engine.random_streams import stream_source
 from navloom.errors import NavloomError
 from navloom.geometry.frames import transform
-from navloom.geometry.world import World
+from navloom.geometry.world import Box, World, read_only
 from navloom.messages import MapUpdate, Message, OccupancyGrid, PlanRequest, Pose2D, RangeScan
 from navloom.roles import Context, PlannerInput, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from navloom_check.behaviour.obstacle_scene import ALL_ROUND, Mount, Scene, grid_of
 from navloom_check.drive_streams import Moment, framework_message, nothing_of, straight_way
+from navloom_check.scenes import cast
 
 __all__ = ["PERIOD", "PERIOD_NS", "Behaviour", "Line", "Maker", "Measured", "Unfit", "full_scan", "robot_of",
            "scan_from", "shrunk"]  # fmt: skip
@@ -32,6 +33,8 @@ PERIOD = 1e-9 * PERIOD_NS
 """Control tick of the scenes, s."""
 RAYS = 15
 """Rays over the width of a cone."""
+LEVEL = 0.2
+"""Height of lasers and sonars above the floor, m."""
 TRIES = 60
 """Most scenes that are tried while a failing scene is reduced."""
 
@@ -152,7 +155,7 @@ class Behaviour:
         scene: Makes the scene of a seed.
         measure: Measures a new instance in a scene.
         scenes: Number of seeds, and so of scenes.
-        shrinks: A failing scene may be reduced: with fewer posts and walls it still shows the same fault.
+        shrinks: A failing scene may be reduced: with fewer obstacles it still shows the same fault.
     """
 
     role: str
@@ -185,36 +188,37 @@ def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int) -> 
     return scan_from(scene, ALL_ROUND[0], pose, stamp_ns)
 
 
-def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = 0) -> RangeScan:
-    """Scan of a laser or of a ring of sonars, of a robot that is at a pose.
+def scan_from(scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int) -> RangeScan:
+    """Scan of a laser or of a ring of sonars, of a robot that is at a pose: x, y, m, heading, rad, map frame."""
+    bearings, origins, spread, half_angles, delays = _beams(laser)
+    angles = (bearings[:, None] + spread + pose[2]).ravel()
+    starts, ways = np.full((len(angles), 3), LEVEL), np.zeros((len(angles), 3))
+    starts[:, :2] = np.repeat(transform(np.array(pose), origins), len(spread), axis=0)
+    ways[:, 0], ways[:, 1] = np.cos(angles), np.sin(angles)
+    seen = cast(scene.world, starts, ways).reshape(len(bearings), -1).min(axis=1)
+    seen[seen > laser.reach] = math.inf
+    return RangeScan(stamp_ns, origins, bearings, half_angles, delays, seen, 0.02, laser.reach)
 
-    Args:
-        scene: What it sees.
-        laser: The sensor.
-        pose: x, y, m, heading, rad, map frame.
-        stamp_ns: Run clock.
-        beams: Beams over a full turn; 0 for those of the sensor.
+
+@lru_cache(maxsize=32)
+def _beams(laser: Mount) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """A sensor's beams, base frame.
+
+    Returns:
+        Bearings (n,), rad; origins (n, 2), m; rays over the width of a beam (m,), rad; half angles (n,), rad; time
+        offsets (n,), s.
     """
-    count = max(1, round((beams or laser.beams) * laser.half_field / math.pi))
+    count = max(1, round(laser.beams * laser.half_field / math.pi))
     turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
     bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
     origins = np.stack([laser.x + laser.rim * np.cos(bearings), laser.y + laser.rim * np.sin(bearings)], axis=1)
-    places = transform(np.array(pose), origins)
-    if laser.half_angle:
-        spread = np.linspace(-laser.half_angle, laser.half_angle, RAYS)
-        ways = bearings[:, None] + spread + pose[2]
-        ranges = np.array([
-            scene.ranges((x, y), way, laser.reach).min() for (x, y), way in zip(places.tolist(), ways, strict=True)
-        ])  # fmt: skip
-    else:
-        ranges = scene.ranges((float(places[0, 0]), float(places[0, 1])), bearings + pose[2], laser.reach)
-    return RangeScan(
-        stamp_ns, origins, bearings, np.full(count, laser.half_angle), np.zeros(count), ranges, 0.02, laser.reach
-    )
+    spread = np.linspace(-laser.half_angle, laser.half_angle, RAYS if laser.half_angle else 1)
+    half_angles, delays = np.full(count, laser.half_angle), np.zeros(count)
+    return read_only(bearings), read_only(origins), spread, read_only(half_angles), read_only(delays)
 
 
 def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:
-    """The smallest scene found that still fails, with posts and walls left out, and its result."""
+    """The smallest scene found that still fails, with obstacles left out, and its result."""
     left = TRIES
     is_smaller = behaviour.shrinks
     while is_smaller and left > 0:
@@ -236,8 +240,10 @@ def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> t
 def _rounded(scene: Scene) -> tuple[Scene, ...]:
     """The scene with rounded numbers; empty if they are round already."""
     target = (round(scene.target[0], 1), round(scene.target[1], 1))
-    posts = tuple(
-        replace(p, x=round(p.x, 1), y=round(p.y, 1), radius=max(0.1, round(p.radius, 1))) for p in scene.posts
-    )
-    rounded = replace(scene, target=target, posts=posts)
+    obstacles = tuple(
+        one if isinstance(one, Box)
+        else replace(one, x=round(one.x, 1), y=round(one.y, 1), radius=max(0.1, round(one.radius, 1)))
+        for one in scene.obstacles
+    )  # fmt: skip
+    rounded = replace(scene, target=target, obstacles=obstacles)
     return () if rounded == scene else (rounded,)

@@ -1,58 +1,56 @@
-"""Small scenes: posts, walls, a robot and its target. What a sensor sees of them is exact."""
+"""Small scenes: posts and walls in a world, a robot and its target."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.frames import transform
-from navloom.geometry.world import Place
+from navloom.geometry.grid import world_to_grid
+from navloom.geometry.solids import box_corners
+from navloom.geometry.world import Box, Cylinder, Obstacle, Place, World
 from navloom.messages import OccupancyGrid, Pose2D
 from numpy.typing import NDArray
 
-__all__ = [
-    "ALL_ROUND",
-    "CELL",
-    "MAST",
-    "SONARS",
-    "TWO_LASERS",
-    "WIDE_SONARS",
-    "Mount",
-    "Post",
-    "Scene",
-    "Wall",
-    "grid_of",
-]
+__all__ = ["ALL_ROUND", "CELL", "HEIGHT", "MAST", "SHORT_SONARS", "SONARS", "TWO_LASERS", "WIDE_SONARS", "Mount",
+           "Scene", "ends_of", "grid_of", "post", "wall"]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
 CELL = 0.05
 """Edge of a cell of the maps, m."""
 
-FEW = 5
-"""Most posts, and most walls, that the description of a scene lists."""
+MARGIN = 1.0
+"""Free floor round what the map of a scene shows, m."""
+HEIGHT = 1.0
+"""Height of walls and posts, and of the robot, m."""
+THIN = 1e-6
+"""Thickness of a wall, m."""
+FEW = 8
+"""Most obstacles that the description of a scene lists."""
 
 
-@dataclass(frozen=True)
-class Post:
-    """A disc: centre and radius, m, map frame."""
-
-    x: float
-    y: float
-    radius: float
+def post(x: float, y: float, radius: float) -> Cylinder:
+    """A post: centre and radius, m, map frame."""
+    return Cylinder("post", x, y, radius, (0.0, HEIGHT))
 
 
-@dataclass(frozen=True)
-class Wall:
-    """A straight wall without thickness: its ends, m, map frame."""
+def wall(x1: float, y1: float, x2: float, y2: float) -> Box:
+    """A straight wall of no thickness that counts: its ends, m, map frame."""
+    x, y, half = 0.5 * (x1 + x2), 0.5 * (y1 + y2), 0.5 * math.hypot(x2 - x1, y2 - y1)
+    yaw = math.atan2(y2 - y1, x2 - x1)
+    return Box("wall", (x - half, x + half), (y - 0.5 * THIN, y + 0.5 * THIN), (0.0, HEIGHT), yaw)
 
-    x1: float
-    y1: float
-    x2: float
-    y2: float
+
+def ends_of(box: Box) -> Floats:
+    """(2, 2) ends of a wall, m, map frame."""
+    way = 0.5 * (box.x[1] - box.x[0]) * np.array([math.cos(box.yaw), math.sin(box.yaw)])
+    return np.array([box.centre - way, box.centre + way])
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ class Mount:
 ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
 TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0.0, 2.0))
 """Two lasers, neither in the middle of the robot nor with a view all round."""
-MAST = (Mount("mast", -0.25, 0.15, 0.0, math.pi),)
+MAST = Mount("mast", -0.25, 0.15, 0.0, math.pi, 240)
 """One laser with a view all round, behind the middle of the robot and beside it."""
 SONARS = (Mount("sonars", 0.0, 0.0, 0.0, math.pi, 16, math.radians(15.0), 0.1, 4.0),)
 """A ring of sonars all round, whose cones overlap, and nothing else."""
@@ -100,7 +98,7 @@ class Scene:
     Attributes:
         start: Pose of the robot at the start.
         target: Where the robot must go: x, y, m.
-        posts, walls: The obstacles.
+        obstacles: Posts and walls.
         length, width: Size of the robot's footprint, m.
         way: Corners of a way to follow, m; empty if there is none.
         lasers: Lasers on the robot, or its ring of sonars.
@@ -112,8 +110,7 @@ class Scene:
 
     start: Place
     target: tuple[float, float]
-    posts: tuple[Post, ...] = ()
-    walls: tuple[Wall, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     length: float = 0.5
     width: float = 0.4
     way: tuple[tuple[float, float], ...] = ()
@@ -123,10 +120,24 @@ class Scene:
     backs: bool = False
     came: float = 0.0
 
+    @cached_property
+    def world(self) -> World:
+        """The obstacles as sensors see them."""
+        return World("scene", self.obstacles)
+
     @property
+    def walls(self) -> list[Box]:
+        """The walls among the obstacles."""
+        return [one for one in self.obstacles if isinstance(one, Box)]
+
+    @cached_property
     def outline(self) -> Floats:
         """(4, 2) corners of the footprint, m, base frame."""
         return rectangle(self.length, self.width)
+
+    def gap(self, x: float, y: float, heading: float) -> float:
+        """Distance of the footprint, at a pose, from the nearest obstacle, m; 0 in contact, +inf without obstacles."""
+        return clearance(self.outline, Place(x, y, heading), self.world, height=HEIGHT)[0]
 
     @property
     def words(self) -> str:
@@ -136,8 +147,7 @@ class Scene:
             f"robot of {self.length:g} m x {self.width:g} m at {_at(s.x, s.y)} heading {math.degrees(s.heading):.0f}°"
         ]
         parts.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
-        parts += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
-        parts += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
+        parts += map(_named, self.obstacles[:FEW])
         if self.backs:
             parts.append("driving backwards")
         if self.came:
@@ -150,7 +160,7 @@ class Scene:
             parts.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
         if self.has_earlier_map:
             parts.append("after a request on the mirrored map")
-        more = max(0, len(self.posts) - FEW) + max(0, len(self.walls) - FEW)
+        more = max(0, len(self.obstacles) - FEW)
         return ", ".join(parts) + (f" and {more} more obstacles" if more else "")
 
     def moved(self, place: Place) -> Scene:
@@ -161,141 +171,56 @@ class Scene:
             new_x, new_y = transform(to_map, np.array([x, y])).tolist()
             return new_x, new_y
 
-        heading = math.remainder(self.start.heading + place.heading, math.tau)
-        return replace(
-            self,
-            start=Place(*at(self.start.x, self.start.y), heading),
-            target=at(*self.target),
-            posts=tuple(Post(*at(p.x, p.y), p.radius) for p in self.posts),
-            walls=tuple(Wall(*at(w.x1, w.y1), *at(w.x2, w.y2)) for w in self.walls),
-            way=tuple(at(x, y) for x, y in self.way),
-        )
+        return self._through(at, math.remainder(self.start.heading + place.heading, math.tau))
 
     def mirrored(self) -> Scene:
         """The scene mirrored at the x axis: left becomes right."""
+        return self._through(lambda x, y: (x, -y), -self.start.heading)
+
+    def _through(self, at: Callable[[float, float], tuple[float, float]], heading: float) -> Scene:
+        """The scene with each point moved by `at`, and another heading of the start."""
         return replace(
-            self,
-            start=Place(self.start.x, -self.start.y, -self.start.heading),
-            target=(self.target[0], -self.target[1]),
-            posts=tuple(Post(p.x, -p.y, p.radius) for p in self.posts),
-            walls=tuple(Wall(w.x1, -w.y1, w.x2, -w.y2) for w in self.walls),
-            way=tuple((x, -y) for x, y in self.way),
-        )
+            self, start=Place(*at(self.start.x, self.start.y), heading), target=at(*self.target),
+            obstacles=tuple(_moved(one, at) for one in self.obstacles), way=tuple(at(x, y) for x, y in self.way),
+        )  # fmt: skip
 
     def smaller(self) -> Iterator[Scene]:
-        """Scenes with fewer posts or walls: first with half of them, then with one less."""
-        for name in ("posts", "walls"):
-            kept = getattr(self, name)
-            half = len(kept) // 2
-            parts = [kept[:half], kept[half:]] if half else []
-            for part in (*parts, *(kept[:k] + kept[k + 1 :] for k in range(len(kept)))):
-                yield replace(self, **{name: part})
-
-    def ranges(self, origin: tuple[float, float], directions: Floats, reach: float) -> Floats:
-        """(n,) distance to the first obstacle in each direction, m; +inf if there is none within reach.
-
-        Args:
-            origin: Place of the sensor, m, map frame.
-            directions: (n,) rad, map frame.
-            reach: Longest distance, m.
-        """
-        x, y = origin
-        cos, sin = np.cos(directions), np.sin(directions)
-        nearest = np.full(len(directions), np.inf)
-        for post in self.posts:
-            along = cos * (post.x - x) + sin * (post.y - y)
-            off = cos * (post.y - y) - sin * (post.x - x)
-            with np.errstate(invalid="ignore"):
-                hit = along - np.sqrt(post.radius**2 - off**2)
-            nearest = np.where(hit >= 0.0, np.minimum(nearest, hit), nearest)
-        for wall in self.walls:
-            ux, uy = wall.x2 - wall.x1, wall.y2 - wall.y1
-            wx, wy = wall.x1 - x, wall.y1 - y
-            across = cos * uy - sin * ux
-            with np.errstate(divide="ignore", invalid="ignore"):
-                hit = (wx * uy - wy * ux) / across
-                share = (wx * sin - wy * cos) / across
-            there = (hit >= 0.0) & (share >= 0.0) & (share <= 1.0)
-            nearest = np.where(there, np.minimum(nearest, hit), nearest)
-        return np.where(nearest <= reach, nearest, np.inf)
-
-    def gap(self, x: float, y: float, heading: float) -> float:
-        """Distance of the footprint, at a pose, from the nearest obstacle, m; 0 in contact, +inf without obstacles."""
-        outline = transform(np.array([x, y, heading]), self.outline)
-        gaps = [max(0.0, _to_polygon(outline, p.x, p.y) - p.radius) for p in self.posts]
-        gaps += [_wall_gap(outline, w) for w in self.walls]
-        return min(gaps, default=math.inf)
-
-    def cells(self, resolution: float, margin: float = 1.0) -> tuple[NDArray[np.bool_], tuple[float, float]]:
-        """The scene as a raster: (rows, cols) which cells are occupied, and the lower left corner, m, map frame."""
-        ends = [(self.start.x, self.start.y), self.target, *self.way]
-        ends += [(p.x + s * p.radius, p.y + s * p.radius) for p in self.posts for s in (-1.0, 1.0)]
-        ends += [(w.x1, w.y1) for w in self.walls] + [(w.x2, w.y2) for w in self.walls]
-        low = np.floor((np.min(ends, axis=0) - margin) / resolution) * resolution
-        cols, rows = np.ceil((np.max(ends, axis=0) + margin - low) / resolution).astype(int).tolist()
-        x = low[0] + (np.arange(cols) + 0.5) * resolution
-        y = (low[1] + (np.arange(rows) + 0.5) * resolution)[:, None]
-        occupied = np.zeros((rows, cols), dtype=np.bool_)
-        for p in self.posts:
-            occupied |= np.hypot(x - p.x, y - p.y) <= p.radius
-        for w in self.walls:
-            occupied |= _segment_field(x, y, w) <= 0.51 * resolution
-        return occupied, (float(low[0]), float(low[1]))
+        """Scenes with fewer obstacles: first with half of them, then with one less."""
+        kept, half = self.obstacles, len(self.obstacles) // 2
+        parts = [kept[:half], kept[half:]] if half else []
+        for part in (*parts, *(kept[:k] + kept[k + 1 :] for k in range(len(kept)))):
+            yield replace(self, obstacles=part)
 
 
 def grid_of(scene: Scene, place: Place | None = None) -> OccupancyGrid:
     """The map of a scene; a place turns and moves it as a whole."""
-    occupied, (x, y) = scene.cells(CELL)
+    ends = [(scene.start.x, scene.start.y), scene.target, *scene.way]
+    for one in scene.obstacles:
+        ends += box_corners(one).tolist() if isinstance(one, Box) else [
+            (one.x + side * one.radius, one.y + side * one.radius) for side in (-1.0, 1.0)
+        ]  # fmt: skip
+    low = np.floor((np.min(ends, axis=0) - MARGIN) / CELL) * CELL
+    high = low + np.ceil((np.max(ends, axis=0) + MARGIN - low) / CELL) * CELL
+    drawn = world_to_grid(scene.world, CELL, (0.0, HEIGHT), (*low.tolist(), *high.tolist()))
     at = Place(0.0, 0.0) if place is None else place
-    left, low = transform(np.array([at.x, at.y, at.heading]), np.array([x, y])).tolist()
-    heading = math.remainder(at.heading, math.tau)
-    return OccupancyGrid(np.where(occupied, 100, 0).astype(np.int8), CELL, Pose2D(left, low, heading))
+    left, lower = transform(np.array([at.x, at.y, at.heading]), low).tolist()
+    return OccupancyGrid(drawn.cells, CELL, Pose2D(left, lower, math.remainder(at.heading, math.tau)))
+
+
+def _moved(one: Obstacle, at: Callable[[float, float], tuple[float, float]]) -> Obstacle:
+    if isinstance(one, Box):
+        start, end = ends_of(one).tolist()
+        return wall(*at(*start), *at(*end))
+    x, y = at(*one.centre)
+    return replace(one, x=x, y=y)
+
+
+def _named(one: Obstacle) -> str:
+    if isinstance(one, Cylinder):
+        return f"post of {one.radius:.2g} m at {_at(one.x, one.y)}"
+    start, end = ends_of(one).tolist()
+    return f"wall from {_at(*start)} to {_at(*end)}"
 
 
 def _at(x: float, y: float) -> str:
     return f"({x:.2f}, {y:.2f})"
-
-
-def _segment_field(x: Floats, y: Floats, w: Wall) -> Floats:
-    """Distance of each point of a raster from a wall, m."""
-    ux, uy = w.x2 - w.x1, w.y2 - w.y1
-    share = np.clip(((x - w.x1) * ux + (y - w.y1) * uy) / max(ux * ux + uy * uy, 1e-12), 0.0, 1.0)
-    field: Floats = np.hypot(x - w.x1 - share * ux, y - w.y1 - share * uy)
-    return field
-
-
-def _to_segment(x: float, y: float, x1: float, y1: float, x2: float, y2: float) -> float:
-    ux, uy = x2 - x1, y2 - y1
-    share = min(1.0, max(0.0, ((x - x1) * ux + (y - y1) * uy) / max(ux * ux + uy * uy, 1e-12)))
-    return math.hypot(x - x1 - share * ux, y - y1 - share * uy)
-
-
-def _edges(outline: Floats) -> list[tuple[float, float, float, float]]:
-    corners = [(float(x), float(y)) for x, y in outline]
-    return [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-
-
-def _to_polygon(outline: Floats, x: float, y: float) -> float:
-    """Distance of a point from a convex polygon, counter-clockwise, m; 0 within it."""
-    edges = _edges(outline)
-    if all((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1) >= 0.0 for x1, y1, x2, y2 in edges):
-        return 0.0
-    return min(_to_segment(x, y, *edge) for edge in edges)
-
-
-def _wall_gap(outline: Floats, wall: Wall) -> float:
-    """Distance of a wall from a convex polygon, m; 0 where they meet."""
-    ends = (wall.x1, wall.y1), (wall.x2, wall.y2)
-    if any(_cross(edge, (*ends[0], *ends[1])) for edge in _edges(outline)):
-        return 0.0
-    from_ends = min(_to_polygon(outline, *end) for end in ends)
-    return min(from_ends, *(_to_segment(x, y, *ends[0], *ends[1]) for x, y in outline.tolist()))
-
-
-def _cross(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    """Whether two segments cross each other."""
-
-    def side(s: tuple[float, float, float, float], x: float, y: float) -> float:
-        return (s[2] - s[0]) * (y - s[1]) - (s[3] - s[1]) * (x - s[0])
-
-    return side(a, *b[:2]) * side(a, *b[2:]) < 0.0 and side(b, *a[:2]) * side(b, *a[2:]) < 0.0

@@ -8,11 +8,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from navloom_check.check_bench import Bench
+from navloom_check.check_bench import Bench, alike
+from navloom_check.check_scenes import PlayedScene
 from navloom_check.checks import PLAYED, check
 from navloom_check.contract.parameter_bounds import values_of
 from navloom_check.findings import NotRun, Remark
-from navloom_check.plugin_player import Fault
+from navloom_check.plugin_player import Fault, digest
 
 __all__ = ["CHECKS"]
 
@@ -41,12 +42,20 @@ def _has_effect(bench: Bench, name: str, given: dict[str, Any]) -> bool:
     for value in others:
         try:
             params = model.model_validate({**given, name: value})
-            if any(bench.play(scene, params) != bench.answers(scene) for scene in bench.sound()):
+            if any(_differs(bench, scene, params) for scene in bench.sound()):
                 return True
             tried = True
         except (ValidationError, Fault):
             return True
     return not tried
+
+
+def _differs(bench: Bench, scene: PlayedScene, params: Any) -> bool:
+    """Whether a play with other parameters differs from the first play of a scene; it ends where it does."""
+    with alike():
+        player = bench.player(scene, params)
+        return any(digest(player.step(given)) != answer
+                   for given, answer in zip(scene.inputs, bench.answers(scene), strict=True))  # fmt: skip
 
 
 CHECKS = (effects,)

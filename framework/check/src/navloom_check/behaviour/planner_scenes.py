@@ -7,16 +7,16 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+from navloom.geometry.cells import places_of
 from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
 from navloom.geometry.frames import transform
 from navloom.geometry.polylines import Polyline
 from navloom.geometry.world import Place, Raster, World
 from navloom.messages import OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles.claims import Claim
-from navloom_optimal.shortest_path import optimal_length
 
 from navloom_check.behaviour.measurements import Behaviour, Line, Maker, Measured, Unfit
-from navloom_check.behaviour.obstacle_scene import CELL, Post, Scene, Wall, grid_of
+from navloom_check.behaviour.obstacle_scene import CELL, Scene, grid_of, post, wall
 
 __all__ = ["PLANNERS"]
 
@@ -64,18 +64,18 @@ def room(seed: int) -> Scene:
     """
     stream = np.random.default_rng([seed, 5])
     box = (
-        Wall(-4.0, -3.0, 4.0, -3.0),
-        Wall(4.0, -3.0, 4.0, 3.0),
-        Wall(4.0, 3.0, -4.0, 3.0),
-        Wall(-4.0, 3.0, -4.0, -3.0),
+        wall(-4.0, -3.0, 4.0, -3.0),
+        wall(4.0, -3.0, 4.0, 3.0),
+        wall(4.0, 3.0, -4.0, 3.0),
+        wall(-4.0, 3.0, -4.0, -3.0),
     )
     side = float(stream.choice([-1.0, 1.0]))
-    jut = Wall(float(stream.uniform(-0.8, 0.8)), side * 3.0, float(stream.uniform(-0.8, 0.8)), side * -0.8)
+    jut = wall(float(stream.uniform(-0.8, 0.8)), side * 3.0, float(stream.uniform(-0.8, 0.8)), side * -0.8)
     posts = tuple(
-        Post(x, side * y, r) for x, y, r in stream.uniform((-2.2, 0.2, 0.15), (-1.4, 1.8, 0.4), (1, 3)).tolist()
+        post(x, side * y, r) for x, y, r in stream.uniform((-2.2, 0.2, 0.15), (-1.4, 1.8, 0.4), (1, 3)).tolist()
     )
     start, target = (-3.2, side * float(stream.uniform(0.5, 2.0))), (3.2, side * float(stream.uniform(0.5, 2.2)))
-    scene = Scene(Place(*start, float(stream.uniform(-3.0, 3.0))), target, posts, (*box, jut))
+    scene = Scene(Place(*start, float(stream.uniform(-3.0, 3.0))), target, (*posts, *box, jut))
     return replace(scene, map_heading=0.7 if seed % 3 == 1 else 0.0, has_earlier_map=seed % 3 == 2)
 
 
@@ -85,9 +85,9 @@ def room_or_cell(seed: int) -> Scene:
     if seed % 3 != 2:
         return scene
     x, y = scene.target
-    cell = (Wall(x - 0.7, y - 0.7, x + 0.7, y - 0.7), Wall(x + 0.7, y - 0.7, x + 0.7, y + 0.7),
-            Wall(x + 0.7, y + 0.7, x - 0.7, y + 0.7), Wall(x - 0.7, y + 0.7, x - 0.7, y - 0.7))  # fmt: skip
-    return replace(scene, walls=(*scene.walls, *cell))
+    cell = (wall(x - 0.7, y - 0.7, x + 0.7, y - 0.7), wall(x + 0.7, y - 0.7, x + 0.7, y + 0.7),
+            wall(x + 0.7, y + 0.7, x - 0.7, y + 0.7), wall(x - 0.7, y + 0.7, x - 0.7, y - 0.7))  # fmt: skip
+    return replace(scene, obstacles=(*scene.obstacles, *cell))
 
 
 def tight(seed: int) -> Scene:
@@ -96,9 +96,9 @@ def tight(seed: int) -> Scene:
     box, x = room(seed).walls[:4], float(stream.uniform(-0.5, 0.5))
     length, width = ((0.5, 0.4), (1.0, 0.8), (0.8, 0.8))[seed % 3]
     narrow, side = width - 0.15, float(stream.choice([-1.0, 1.0]))
-    walls = (Wall(x, -3.0, x, -2.4), Wall(x, -0.6, x, -0.5 * narrow), Wall(x, 0.5 * narrow, x, 3.0))
+    walls = (wall(x, -3.0, x, -2.4), wall(x, -0.6, x, -0.5 * narrow), wall(x, 0.5 * narrow, x, 3.0))
     ends = float(stream.uniform(0.0, 0.8)), float(stream.uniform(-0.3, 0.8))
-    scene = Scene(Place(-3.0, ends[0]), (3.0, ends[1]), (), (*box, *walls), length, width)
+    scene = Scene(Place(-3.0, ends[0]), (3.0, ends[1]), (*box, *walls), length, width)
     return scene if side > 0.0 else scene.mirrored()
 
 
@@ -112,8 +112,11 @@ def _length(points: np.ndarray) -> float:
 @lru_cache(maxsize=256)
 def shortest(scene: Scene, radius: float) -> float | None:
     """Exact length of the shortest path of a disc through the scene's cells, m; None if there is none."""
-    occupied, (x, y) = scene.cells(CELL)
-    world = World("scene", raster=Raster("cells", occupied, CELL, Place(x, y)))
+    # Here, as in `navloom_check.builders`.
+    from navloom_optimal.shortest_path import optimal_length
+
+    grid = grid_of(scene)
+    world = World("scene", raster=Raster("cells", grid.cells > 0, CELL, Place(grid.origin.x, grid.origin.y)))
     return optimal_length(world, scene.start, Place(*scene.target), radius, 1.0)
 
 
@@ -150,13 +153,12 @@ def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
     if isinstance(answer, PlanFailure):
         return Measured(True, _told(answer), 0.0)
     points = transform(np.array([0.0, 0.0, -scene.map_heading]), answer.points)
-    occupied, (x, y) = scene.cells(CELL)
-    rows, cols = np.nonzero(occupied)
+    grid = grid_of(scene)
+    centres = places_of(grid, np.argwhere(grid.cells > 0))
     least = math.inf
-    if len(rows):
+    if len(centres):
         from scipy.spatial import KDTree
 
-        centres = np.stack([x + (cols + 0.5) * CELL, y + (rows + 0.5) * CELL], axis=1)
         line = Polyline(points)
         dense = line.at(np.linspace(0.0, line.length, 2 + int(line.length / (0.2 * CELL))))
         least = float(KDTree(centres).query(dense)[0].min())

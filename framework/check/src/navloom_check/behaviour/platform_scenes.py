@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 from navloom.geometry.frames import compose, inverse
-from navloom.geometry.world import Place, World
+from navloom.geometry.world import Cylinder, Place, World
 from navloom.messages import RangeScan, Twist2D
 from navloom.roles import Platform, PlatformInput, RecoveryInput
 from navloom.roles.claims import Claim
 
 from navloom_check.behaviour.avoider_scenes import place_in_map
 from navloom_check.behaviour.measurements import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan
-from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall
+from navloom_check.behaviour.obstacle_scene import Scene, post, wall
 from navloom_check.behaviour.scene_drives import FinishedDrive, Pose, drive, estimate_at
 
 __all__ = ["PLATFORMS", "RECOVERIES"]
@@ -92,13 +92,13 @@ def stuck_scene(seed: int) -> Scene:
 
     From the seventh scene on, something has stepped behind it since.
     """
-    scene = Scene(Place(0.0, 0.0), (3.0, 0.0), walls=(Wall(0.45, -2.0, 0.45, 2.0),), came=1.2)
+    scene = Scene(Place(0.0, 0.0), (3.0, 0.0), obstacles=(wall(0.45, -2.0, 0.45, 2.0),), came=1.2)
     if seed % 2:
-        scene = replace(scene, walls=(*scene.walls, Wall(-3.0, 0.5, 0.45, 0.5), Wall(-3.0, -0.5, 0.45, -0.5)))
+        scene = replace(scene, obstacles=(*scene.obstacles, wall(-3.0, 0.5, 0.45, 0.5), wall(-3.0, -0.5, 0.45, -0.5)))
     if seed % 3 == 2:
-        scene = replace(scene, walls=(*scene.walls, Wall(-0.65, -1.0, -0.65, 1.0)), came=0.3)
+        scene = replace(scene, obstacles=(*scene.obstacles, wall(-0.65, -1.0, -0.65, 1.0)), came=0.3)
     if seed >= FOLLOWED:
-        scene = replace(scene, posts=(Post(-0.52, 0.0, 0.1),), came=1.2)
+        scene = replace(scene, obstacles=(*scene.obstacles, post(-0.52, 0.0, 0.1)), came=1.2)
     return scene.moved(place_in_map(seed))
 
 
@@ -127,7 +127,7 @@ def drive_recovery(make: Maker, scene: Scene) -> tuple[FinishedDrive, str]:
 
 
 def recovery_no_contact(make: Maker, scene: Scene) -> Measured:
-    if scene.posts and not make.sees(RangeScan):
+    if any(isinstance(one, Cylinder) for one in scene.obstacles) and not make.sees(RangeScan):
         return Measured(True, "was not asked, since it sees nothing", math.inf)
     done, _ = drive_recovery(make, scene)
     how = "touched something" if done.gap <= 0.0 else f"kept {done.gap:.3f} m away"

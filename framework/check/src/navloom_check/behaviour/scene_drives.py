@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from navloom.geometry.footprints import circumscribed_radius
 from navloom.messages import Pose2D, PoseEstimate, Twist2D
 from navloom.roles import RobotSpec
 from numpy.typing import NDArray
@@ -32,7 +33,8 @@ class FinishedDrive:
     Attributes:
         poses: (n, 3) x, y, m, heading, rad, map frame, one a tick.
         twists: (n, 2) speed, m/s, and turn rate, rad/s.
-        gap: Least distance of the footprint from any obstacle, m.
+        gap: Least distance of the footprint from any obstacle, m: exact in contact, else of the poses that were
+            measured, and at most twice the true one.
         ended: Why it ended: the reason that the step gave, "stopped" or "contact"; empty if the time was up.
     """
 
@@ -65,8 +67,10 @@ def drive(
     """
     robot = robot_of(scene)
     x, y, heading, v, w = scene.start.x, scene.start.y, scene.start.heading, 0.0, 0.0
-    poses, twists, gap, ended = [(x, y, heading)], [(v, w)], scene.gap(x, y, heading), ""
-    still = 0
+    poses, twists, ended, still = [(x, y, heading)], [(v, w)], "", 0
+    # The least distance so far, and the least that it can be now.
+    gap = room = scene.gap(x, y, heading)
+    reach = circumscribed_radius(scene.outline)
     for tick in range(round(seconds / PERIOD)):
         asked = step(tick * PERIOD_NS, (x, y, heading), (v, w))
         if isinstance(asked, str):
@@ -80,7 +84,11 @@ def drive(
         heading = math.remainder(heading + w * PERIOD, math.tau)
         poses.append((x, y, heading))
         twists.append((v, w))
-        gap = min(gap, scene.gap(x, y, heading))
+        # No point of the footprint has come nearer than by this way; measuring takes longer than the step itself.
+        room -= (abs(v) + reach * abs(w)) * PERIOD
+        if room <= 0.5 * gap:
+            room = scene.gap(x, y, heading)
+            gap = min(gap, room)
         still = still + 1 if abs(v) < STILL[0] and abs(w) < STILL[1] else 0
         if still > LONG and not may_stand:
             ended = "stopped"

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.frames import transform
+from navloom.geometry.world import Box
 from navloom.palette import GREY, OKABE_ITO
 from navloom.parts import part
 
 from navloom_check.behaviour.measurements import Line, Measured
-from navloom_check.behaviour.obstacle_scene import Scene
+from navloom_check.behaviour.obstacle_scene import Scene, ends_of
 
 __all__ = ["draw"]
 
@@ -44,10 +45,11 @@ def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:
 def _draw_scene(axis: Any, scene: Scene) -> None:
     from matplotlib.patches import Circle
 
-    for post in scene.posts:
-        axis.add_patch(Circle((post.x, post.y), post.radius, facecolor=GREY, edgecolor="none"))
-    for wall in scene.walls:
-        axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=GREY, linewidth=2.4, solid_capstyle="butt")
+    for one in scene.obstacles:
+        if isinstance(one, Box):
+            axis.plot(*ends_of(one).T, color=GREY, linewidth=2.4, solid_capstyle="butt")
+        else:
+            axis.add_patch(Circle((one.x, one.y), one.radius, facecolor=GREY, edgecolor="none"))
     axis.plot(*scene.target, marker="x", color="black", linestyle="none", label="target")
     _draw_outline(axis, scene, (scene.start.x, scene.start.y, scene.start.heading), "black")
 

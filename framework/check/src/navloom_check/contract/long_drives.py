@@ -26,8 +26,8 @@ __all__ = ["CHECKS"]
 
 LONG = 4.0
 """Processor time after which a long drive ends, s, once the fewest steps were played."""
-FEWEST, MOST = 240, 12_000
-"""Fewest and most steps of a long drive: 12 s and 10 min of robot time where each step is a tick."""
+FEWEST, MOST = 240, 6_400
+"""Fewest and most steps of a long drive: 12 s and over 5 min of robot time where each step is a tick."""
 FEW = 3
 """Most scenes that one round of a long drive joins."""
 SEAM = 5

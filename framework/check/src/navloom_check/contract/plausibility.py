@@ -16,7 +16,7 @@ from navloom.roles import LocalizerInput
 from numpy.typing import NDArray
 
 from navloom_check.behaviour.measurements import Maker, Unfit, full_scan
-from navloom_check.behaviour.obstacle_scene import Post, Scene, Wall, grid_of
+from navloom_check.behaviour.obstacle_scene import Scene, grid_of, post, wall
 from navloom_check.check_bench import Bench, alike
 from navloom_check.checks import check
 from navloom_check.findings import Finding, NotRun
@@ -51,7 +51,7 @@ SAME_SHARE, SAME_RATIO = 0.4, 3.0
 """Greatest difference of turned position covariances, as a share of the larger variance; ratio of heading variances."""
 LEAST_VARIANCE = 1e-8
 """Variance below which differences do not matter, m² or rad²."""
-ROOM = (Wall(-3.0, -0.8, 3.0, -0.8), Wall(3.0, -0.8, 3.0, 1.4), Wall(3.0, 1.4, -3.0, 1.4), Wall(-3.0, 1.4, -3.0, -0.8))
+ROOM = (wall(-3.0, -0.8, 3.0, -0.8), wall(3.0, -0.8, 3.0, 1.4), wall(3.0, 1.4, -3.0, 1.4), wall(-3.0, 1.4, -3.0, -0.8))
 """Walls of a long room, 6 m x 2.2 m, in which the place along it is less sure than that across."""
 
 
@@ -206,7 +206,7 @@ def _last_covariance(make: Maker, angle: float, ticks: int = DRIVE, *, is_blind:
         ticks: Duration of the drive, 2 cm a tick.
         is_blind: There are no scans.
     """
-    scene = Scene(Place(-1.0, 0.3), (1.0, 0.3), (Post(0.5, 1.2, 0.2),), ROOM)
+    scene = Scene(Place(-1.0, 0.3), (1.0, 0.3), (post(0.5, 1.2, 0.2), *ROOM))
     turned = scene.moved(Place(0.0, 0.0, angle))
     grid = grid_of(scene, Place(0.0, 0.0, angle))
     localizer, sees = make(turned, map=grid), make.sees(RangeScan) and not is_blind

@@ -1,4 +1,4 @@
-"""Draw docs/pictures/drive.png and drive.webp: `uv run --group plots python docs/pictures/drive.py`.
+"""Draw docs/pictures/drive.png and drive.webp: `uv run python docs/pictures/drive.py`.
 
 Both show the run of `navloom run paper`. The still is the README's picture: plan and track, who drove each part, and
 when. The loop is the front page's.

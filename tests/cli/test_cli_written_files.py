@@ -77,7 +77,7 @@ def study(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
             return real(study, out, executor=executor, progress=options["progress"])
 
     monkeypatch.setattr(compare, "run_study", in_thread)
-    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    monkeypatch.setattr(study_report, "svg_of", lambda figure: "<svg></svg>")
     return lambda *words: in_process("compare", *words)
 
 
@@ -259,15 +259,15 @@ def test_a_replay_follows_the_same_rules(in_process: Run, config: str, tmp_path:
     assert code == 2 and "holds result.json of an earlier result" in errors
 
 
-def test_a_replay_without_matplotlib_keeps_the_rest(
+def test_a_replay_without_navloom_study_keeps_the_rest(
     in_process: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     record, out = tmp_path / "run.mcap", tmp_path / "out"
     in_process("run", config, "--record", str(record), "--json")
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "navloom_study", None)
     code, said, errors = in_process("replay", str(record), "--controller", "lyapunov_tracker", "--out", str(out))
     assert code == 0 and f"written to {out}: result.json, ticks.csv\n" in said
-    assert "navloom: no picture is drawn, the rest is kept: figures need the extra `plots`" in errors
+    assert "no picture is drawn, the rest is kept: a picture needs navloom-study, which is not installed" in errors
     assert names(out) == ["result.json", "ticks.csv"]
 
 

@@ -1,6 +1,7 @@
 """`navloom check` on shipped plugins and on names that do not exist."""
 
 import json
+import sys
 
 METRIC = """
 from navloom import Metric, hookimpl
@@ -83,6 +84,14 @@ def test_a_plugin_that_is_not_installed_is_a_wrong_request(in_process):
     assert code == 2 and "did you mean 'improved_vfh'?" in err
     code, _, err = in_process("check", "avoider.vff", "--only", "repeat")
     assert code == 2 and "did you mean 'repeats'?" in err
+
+
+def test_pictures_without_navloom_study_are_refused_before_anything_runs(in_process, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "navloom_study", None)
+    out = tmp_path / "out"
+    code, _, err = in_process("check", "avoider.vff", "--only", "no_contact", "--out", str(out))
+    assert code == 2 and not out.exists()
+    assert err == "navloom: --out needs navloom-study, which is not installed: pip install navloom-study\n"
 
 
 def test_a_plugin_named_without_its_role_is_suggested_with_it(in_process):

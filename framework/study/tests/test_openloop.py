@@ -159,7 +159,7 @@ def test_the_report_has_the_disagreement_of_each_tick(run: tuple[Study, Path], m
     assert abs(kept.max() - max(line.max or 0.0 for line in told)) <= 5.1e-4
     drawn = over_time_figure(study, data)
     assert drawn is not None and drawn[1] == ["empty"] and len(drawn[0].axes) == len(data.quantities)
-    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    monkeypatch.setattr(study_report, "svg_of", lambda figure: "<svg></svg>")
     page = study_report.build_report(study)
     assert "On the same inputs" in page.html
     assert "The traces of all 2 episodes are those of the baseline alone, bit for bit." in page.markdown

@@ -154,7 +154,7 @@ def test_studies_of_any_size_have_a_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, methods: int, worlds: int, seeds: int, outcome: str, draws: bool
 ) -> None:
     if not draws:
-        monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+        monkeypatch.setattr(study_report, "svg_of", lambda figure: "<svg></svg>")
     names = [f"method_{k}" for k in range(methods)]
     places = ["empty"] if worlds == 1 else [f"clutter:{k}" for k in range(worlds)]
     folder = study_folder(tmp_path / "s", names, places, range(seeds), one_of_each(outcome))
@@ -177,7 +177,7 @@ def test_undefined_metrics_and_missing_tracks_are_stated(tmp_path: Path) -> None
 def test_false_successes_and_successes_without_truth_are_stated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    monkeypatch.setattr(study_report, "svg_of", lambda figure: "<svg></svg>")
     limits = {"period": 1.0, "limit": 120.0, "max_linear": 0.5, "max_deceleration": 1.0, "reaction": 0.1}
 
     def trail_of(method: str, world: str, seed: int) -> Trail:
@@ -195,15 +195,6 @@ def test_false_successes_and_successes_without_truth_are_stated(
     rows = {(row["method"], row["metric"]): row["mean"] for row in table(folder / "summary.csv")}
     assert (rows["wrong", "success"], rows["wrong", "spl"], rows["wrong", "false_success"]) == ("0", "0", "1")
     assert (rows["blind", "false_success"], rows["blind", "time"]) == ("", "")
-
-
-def test_without_matplotlib_the_report_has_the_tables_and_says_what_to_install(
-    two: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
-    made = study_report.build_report(read_study(two))
-    assert "navloom[plots]" in made.html and "<svg" not in made.html and not made.has_figures
-    assert made.summary_csv == (two / "summary.csv").read_text("utf-8")
 
 
 def test_without_the_world_only_its_walls_are_missing(two: Path) -> None:
@@ -255,7 +246,7 @@ def test_the_command_names_its_files_and_refuses_in_one_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = study_folder(tmp_path / "s", ("a", "b"), ("empty",), (0,), one_of_each("succeeded"))
-    monkeypatch.setattr(study_report, "find_spec", lambda name: None)
+    monkeypatch.setattr(study_report, "svg_of", lambda figure: "<svg></svg>")
     assert command(monkeypatch, str(folder), "--json") == 0
     assert json.loads(capsys.readouterr().out)["files"] == list(study_report.FILES)
     assert all((folder / name).stat().st_size for name in study_report.FILES)

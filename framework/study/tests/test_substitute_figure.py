@@ -5,12 +5,9 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-import pytest
 from navloom.runs.shadow_comparison import Disagreement
 from navloom_recording.substitutes import Substitute
 from navloom_study.report.substitute_figure import substitute_figure
-
-pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
 
 
 def test_tick_labels_of_a_run_of_days_and_the_legend_hide_nothing() -> None:

@@ -117,7 +117,7 @@ def test_law_6_copes_with_wrong_wheels_only_if_odometry_knows_them() -> None:
 
 @pytest.mark.slow
 def test_the_docs_state_what_the_campaign_gives() -> None:
-    page = (Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "lab" / "paper-results.md").read_text("utf-8")
     found = {(entry.parameter, entry.error, entry.knows): entry.tally for entry in calibrations(lambda text: None)}
     for level in LEVELS:
         tallies = [found[parameter, level, knows] for parameter, _ in PARAMETERS for knows in (False, True)]

@@ -257,7 +257,8 @@ def _words_of_the_drives(made: Reproduction) -> list[str]:
 
 
 def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
-    page = " ".join((Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8").split())
+    docs = Path(__file__).resolve().parents[3] / "docs"
+    page = " ".join("".join((docs / name).read_text("utf-8") for name in ("paper.md", "lab/paper-results.md")).split())
     first, printed = made.errata.orders
     plans = {variant.name: length_of(variant.drive) for variant in made.errata.grids}
     bare = plans["0.40 m, the printed test, not grown"].replace(", gate", " through gate")
@@ -483,15 +484,6 @@ def test_a_folder_within_a_file_is_refused(navloom: Run, done: list[int | None])
     Path("here").write_text("mine", "utf-8")
     code, _, errors = navloom("--out", "here/there")
     assert code == 2 and "--out here/there: cannot be written: " in errors
-
-
-def test_without_matplotlib_it_says_what_to_install(
-    navloom: Run, done: list[int | None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    code, _, errors = navloom()
-    assert code == 2 and done == [] and not paper.DEFAULT.exists()
-    assert errors.startswith("navloom: ") and "navloom[plots]" in errors and errors.count("\n") == 1
 
 
 def test_an_experiment_that_came_to_nothing_is_exit_1(navloom: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ def navloom_run_finished(episode: Any, out: Any) -> None:
     """Draw the run."""
     if episode is None or out is None or out.folder is None:
         return
-    from navloom_study.report.run_picture import draw_run, png_of
+    from navloom_study.report.plotting import png_of
+    from navloom_study.report.run_picture import draw_run
 
     out.write({"run.png": png_of(draw_run(episode))})

@@ -40,12 +40,10 @@ def paper(
     """
     from navloom.cli import print_json
     from navloom.runs import OutFolder
-    from navloom_study.report import need_matplotlib
 
     from navloom_hoang2013.measured import statements_of
     from navloom_hoang2013.reproduction import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps
 
-    need_matplotlib()
     try:
         with OutFolder(out or DEFAULT, FILES) as folder:
             with _progress(as_json, steps(campaigns)) as say:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from navloom.geometry.frames import transform
 from navloom.messages import Pose2D
-from navloom_study.report import GREY, new_figure
+from navloom_study.report import GREY, draw_footprints, draw_outlines, new_figure, outline_of
 from numpy.typing import NDArray
 
 from navloom_hoang2013.figures import (
@@ -26,9 +27,6 @@ from navloom_hoang2013.figures import (
     set_room,
 )
 from navloom_hoang2013.runs import GATE_LINE, Choice, Drive, box
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["avoiding_figure", "choice_figure", "tracking_figure"]
 
@@ -104,24 +102,16 @@ def avoiding_figure(drive: Drive) -> Figure:
 
 
 def _draw_o(axes: Any, drive: Drive) -> None:
-    from matplotlib.patches import Rectangle
-
     obstacle = box(drive.world, "obstacle O")
-    x, y = obstacle.x, obstacle.y
-    axes.add_patch(Rectangle((x[0], y[0]), x[1] - x[0], y[1] - y[0], facecolor=FILL, edgecolor=BLACK, linewidth=0.7,
-                             zorder=3))  # fmt: skip
-    axes.annotate("O", (x[0], y[1]), (-3, 1), textcoords="offset points", ha="right", fontsize=9, fontweight="bold",
-                  zorder=7)  # fmt: skip
+    draw_outlines(axes, [outline_of(obstacle)], BLACK, facecolors=FILL, zorder=3)
+    axes.annotate("O", (obstacle.x[0], obstacle.y[1]), (-3, 1), textcoords="offset points", ha="right", fontsize=9,
+                  fontweight="bold", zorder=7)  # fmt: skip
 
 
 def _draw_outlines(axes: Any, drive: Drive) -> None:
     """Draw the robot's outline every two seconds."""
-    outline = drive.episode.system.robot.footprint
-    every = round(2.0 / drive.episode.system.config.run.period)
-    for number, (_, x, y, heading, _, _) in enumerate(drive.episode.recorder.truth[::every]):
-        corners = transform(np.array([x, y, heading]), outline)
-        axes.fill(*corners.T, fill=False, edgecolor=GREEN, linewidth=0.4, zorder=2.4,
-                  label="robot, every 2 s" if number == 0 else None)  # fmt: skip
+    poses = [row[1:4] for row in drive.episode.recorder.truth[:: round(2.0 / drive.episode.system.config.run.period)]]
+    draw_footprints(axes, poses, drive.episode.system.robot.footprint, GREEN, "robot, every 2 s")
 
 
 def choice_figure(drive: Drive) -> Figure:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from navloom_study.report import GREY, OKABE_ITO, new_figure
 
 from navloom_hoang2013.cloud import Cloud
@@ -25,9 +26,6 @@ from navloom_hoang2013.figures import (
 )
 from navloom_hoang2013.law import BAND
 from navloom_hoang2013.runs import box
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["anchor_figure", "gain_figure", "geometry_figure", "grid_rules_figure", "height_figure", "order_figure"]
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, TypeGuard
+from typing import Any, Literal, TypeGuard
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import OccupancyGrid
-from navloom_study.report import GREY, OKABE_ITO, new_figure
+from navloom_study.report import GREY, OKABE_ITO, draw_cells, draw_outlines, new_figure, outline_of
 from numpy.typing import NDArray
 
 from navloom_hoang2013.cloud import Cloud
 from navloom_hoang2013.runs import GATE_LINE, Drive, gates_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["COLUMN", "cells_of", "cloud_figure", "draw_kinds", "draw_places", "draw_world", "grid_figure", "is_drawn",
            "legend_below", "map_figure", "plan_axes", "set_room", "union_figure"]  # fmt: skip
@@ -64,23 +63,10 @@ def is_drawn(obstacle: Obstacle, shows_o: bool = False) -> TypeGuard[Box]:
 
 def draw_world(axes: Any, world: World, height: float, shows_o: bool = False) -> None:
     """Draw the outlines of boxes in the room: solid if a box hinders a robot of `height`, m, dotted if it is above."""
-    from matplotlib.patches import Rectangle
-
-    for obstacle in world.obstacles:
-        if is_drawn(obstacle, shows_o):
-            hinders = overlaps(obstacle.z, (0.0, height))
-            axes.add_patch(
-                Rectangle(
-                    (obstacle.x[0], obstacle.y[0]),
-                    obstacle.x[1] - obstacle.x[0],
-                    obstacle.y[1] - obstacle.y[0],
-                    fill=False,
-                    linewidth=0.6,
-                    edgecolor=GREY,
-                    linestyle="-" if hinders else (0, (1, 1)),
-                    zorder=1.5,
-                )
-            )
+    shown = [obstacle for obstacle in world.obstacles if is_drawn(obstacle, shows_o)]
+    for hinders, linestyle in ((True, "-"), (False, (0, (1, 1)))):
+        outlines = [outline_of(box) for box in shown if overlaps(box.z, (0.0, height)) == hinders]
+        draw_outlines(axes, outlines, GREY, linewidths=0.6, linestyles=linestyle, zorder=1.5)
 
 
 def draw_places(axes: Any, drive: Drive, gates_at: float = 4.72, beside: float = 0.0, size: float = 9.0) -> None:
@@ -232,26 +218,18 @@ def cells_of(grid: OccupancyGrid, other: OccupancyGrid) -> Bools:
 
 def draw_kinds(axes: Any, grid: OccupancyGrid, occupied: Bools, grown: Bools) -> None:
     """Draw free, grown and occupied cells of a grid in white, grey and dark grey, as in Fig. 9."""
-    from matplotlib.colors import ListedColormap
-
-    kinds = np.where(occupied, 2, np.where(grown, 1, 0))
-    rows, columns = kinds.shape
+    kinds = np.where(occupied, 2, np.where(grown, 1, 0)).astype(np.uint8)
+    draw_cells(axes, kinds, grid.origin, grid.resolution, ("#FFFFFF", GROWN, OCCUPIED))
+    rows, columns = occupied.shape
     x = grid.origin.x + grid.resolution * np.arange(columns + 1)
     y = grid.origin.y + grid.resolution * np.arange(rows + 1)
-    limits = axes.get_xlim(), axes.get_ylim()
-    axes.imshow(kinds, cmap=ListedColormap(["#FFFFFF", GROWN, OCCUPIED]), vmin=0, vmax=2, origin="lower",
-                extent=(x[0], x[-1], y[0], y[-1]), interpolation="nearest", zorder=1)  # fmt: skip
     axes.vlines(x, y[0], y[-1], color="#E2E2E2", linewidth=0.3, zorder=1.1)
     axes.hlines(y, x[0], x[-1], color="#E2E2E2", linewidth=0.3, zorder=1.1)
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
     axes.grid(False)
 
 
 def grid_figure(drive: Drive) -> Figure:
     """Fig. 9: the grid, its grown cells, and the path found by A*."""
-    from matplotlib.patches import Patch
-
     assert drive.map is not None and drive.path is not None and drive.path.traversable is not None
     assert drive.trajectory is not None
     figure, axes = plan_axes(90.0)

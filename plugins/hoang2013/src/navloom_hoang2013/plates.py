@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from navloom_hoang2013.cloud import Cloud
 from navloom_hoang2013.drive_readings import DriveReadings
@@ -31,9 +32,6 @@ from navloom_hoang2013.reading_figures import (
 from navloom_hoang2013.runs import Drive
 from navloom_hoang2013.seeds import Calibration
 from navloom_hoang2013.strips import speeds_figure, strip_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["Plate", "Reproduction", "plates_of"]
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from navloom_study.report import GREY, OKABE_ITO, new_figure
+from matplotlib.figure import Figure
+from navloom_study.report import GREY, OKABE_ITO, draw_outlines, new_figure, outline_of
 
 from navloom_hoang2013.drive_readings import IN_PLACE, OFFS, DriveReadings
 from navloom_hoang2013.figures import (
@@ -23,9 +24,6 @@ from navloom_hoang2013.figures import (
 )
 from navloom_hoang2013.runs import Choice, Drive, box
 from navloom_hoang2013.seeds import LEVELS, Calibration, Tally
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["avoiders_figure", "calibration_figure", "range_figure", "shapes_figure", "turns_figure"]
 
@@ -99,14 +97,11 @@ def avoiders_figure(readings: DriveReadings) -> Figure:
 
 
 def _draw_tracks(axes: Any, run: Drive, tally: Tally) -> None:
-    from matplotlib.patches import Rectangle
-
     axes.set_aspect("equal")
     axes.set_xlim(*AROUND_O[:2])
     axes.set_ylim(*AROUND_O[2:])
-    obstacle = box(run.world, "obstacle O")
-    size = float(np.ptp(obstacle.x)), float(np.ptp(obstacle.y))
-    axes.add_patch(Rectangle((obstacle.x[0], obstacle.y[0]), *size, facecolor=BLACK, linewidth=0.0, zorder=3))
+    outline = outline_of(box(run.world, "obstacle O"))
+    draw_outlines(axes, [outline], BLACK, facecolors=BLACK, linewidths=0.0, zorder=3)
     assert run.trajectory is not None
     axes.plot(*run.trajectory.samples[:, 1:3].T, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
     for result in tally.results:

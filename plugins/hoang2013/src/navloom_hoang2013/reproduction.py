@@ -80,11 +80,7 @@ def _driven(run: Drive) -> Drive:
 
 
 def files_of(made: Reproduction, say: Say = lambda text: None) -> dict[str, bytes]:
-    """All files by name: each figure as PNG and SVG, `report.html`, `numbers.json`. Repeated calls give the same bytes.
-
-    Raises:
-        ConfigError: matplotlib is not installed.
-    """
+    """All files by name: figures as PNG and SVG, `report.html`, `numbers.json`. Repeated calls give the same bytes."""
     files, drawings = {}, []
     for plate in plates_of(made):
         say(f"drawing {plate.stem}")
@@ -98,7 +94,7 @@ def files_of(made: Reproduction, say: Say = lambda text: None) -> dict[str, byte
 
 
 def drawn(plate: Plate) -> tuple[str, bytes]:
-    """A figure as SVG and as PNG of 300 dpi. Raises ConfigError if matplotlib is not installed."""
+    """A figure as SVG and as PNG of 300 dpi."""
     from navloom_study.report import png_of, svg_of
 
     figure = plate.draw()

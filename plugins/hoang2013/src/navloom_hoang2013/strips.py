@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from navloom.geometry.frames import transform
-from navloom_study.report import GREY, new_figure
+from navloom_study.report import GREY, draw_outlines, new_figure, outline_of
 from numpy.typing import NDArray
 
 from navloom_hoang2013.figures import BLACK, BLUE, COLUMN, ORANGE, SKY, VERMILION, draw_world
 from navloom_hoang2013.runs import Drive, box, moving_speeds
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["FRAMES", "moments_of", "speeds_figure", "strip_figure"]
 
@@ -52,8 +50,6 @@ def strip_figure(drive: Drive) -> Figure:
 
 def _draw_moment(axes: Any, drive: Drive, row: Floats) -> None:
     """Draw the room, O once it is there, the robot, and its track up to the time of the row."""
-    from matplotlib.patches import Rectangle
-
     time, x, y, heading = row[:4]
     axes.set_aspect("equal")
     axes.set_xlim(*VIEW[:2])
@@ -63,10 +59,9 @@ def _draw_moment(axes: Any, drive: Drive, row: Floats) -> None:
     axes.tick_params(labelsize=6)
     robot = drive.episode.system.robot
     draw_world(axes, drive.world, robot.height)
-    obstacle = box(drive.world, "obstacle O")
     if time >= drive.sweep.frame_times[-1]:
-        size = float(np.ptp(obstacle.x)), float(np.ptp(obstacle.y))
-        axes.add_patch(Rectangle((obstacle.x[0], obstacle.y[0]), *size, facecolor=BLACK, linewidth=0.0, zorder=3))
+        outline = outline_of(box(drive.world, "obstacle O"))
+        draw_outlines(axes, [outline], BLACK, facecolors=BLACK, linewidths=0.0, zorder=3)
     for source, colour, label in (("controller", BLUE, "law (6) drives"), ("avoider", VERMILION, "avoider drives")):
         for number, part in enumerate(drive.driven_by(source)):
             until = _until(part, drive, time)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from navloom.config import ConfigError
 from navloom.navigation.trajectory import warm_up
 from navloom.roles import ROLES, Role
 from navloom.roles.claims import Claim
@@ -142,14 +141,11 @@ def _name(seed: int) -> str:
 
 
 def _drawn(title: str, behaviour: Behaviour, bench: Bench, seed: int, scene: Scene, seen: Measured) -> str:
-    """Draw the picture of a scene. Gives its path; empty if no pictures are wanted or matplotlib is missing."""
+    """Draw the picture of a scene. Gives its path; empty if no pictures are wanted."""
     if bench.out is None:
         return ""
     path = bench.out / f"{bench.subject.full_name}-{behaviour.name}-{seed}.png"
-    try:
-        draw(path, title, scene, seen)
-    except ConfigError:
-        return ""
+    draw(path, title, scene, seen)
     return str(path)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -23,21 +22,15 @@ OUTLINES = 8
 
 
 def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:
-    """Draw a scene, or the two that were compared side by side, into a PNG file.
-
-    Raises:
-        ConfigError: matplotlib is not installed.
-    """
+    """Draw a scene, or the two that were compared side by side, into a PNG file."""
     scenes = seen.scenes or (scene,)
-    plotting = part("navloom_study.report.plotting", "a figure", "'navloom[plots]'")
+    plotting = part("navloom_study.report.plotting")
     figure, axes = plotting.new_figure(WIDTH * len(scenes), 84.0, 1, len(scenes))
     with plotting.styled():
         figure.suptitle(title, fontsize=8.5)
-        for k, shown in enumerate(scenes):
-            axis = axes[k] if len(scenes) > 1 else axes
+        for k, (axis, shown) in enumerate(zip(np.atleast_1d(axes), scenes, strict=True)):
             _draw_scene(axis, shown)
-            lines = seen.lines[k :: len(scenes)] if len(scenes) > 1 else seen.lines
-            for number, line in enumerate(lines):
+            for number, line in enumerate(seen.lines[k :: len(scenes)]):
                 _draw_line(axis, line, shown, OKABE_ITO[number])
             axis.set_aspect("equal", "datalim")
             axis.margins(0.08)
@@ -70,11 +63,7 @@ def _draw_line(axis: Any, line: Line, scene: Scene, colour: str) -> None:
 
 
 def _draw_outline(axis: Any, scene: Scene, pose: Any, colour: str) -> None:
-    outline = transform(np.array(pose), scene.outline)
-    closed = np.concatenate([outline, outline[:1]])
-    axis.plot(closed[:, 0], closed[:, 1], color=colour, linewidth=0.7)
-    nose = 0.5 * scene.length
-    axis.plot(
-        [pose[0], pose[0] + nose * math.cos(pose[2])], [pose[1], pose[1] + nose * math.sin(pose[2])],
-        color=colour, linewidth=0.7,
-    )  # fmt: skip
+    """Draw the footprint, and a line from its middle to its front."""
+    apart, ahead = [(np.nan, np.nan)], [(0.0, 0.0), (0.5 * scene.length, 0.0)]
+    drawn = np.vstack([scene.outline, scene.outline[:1], apart, ahead])
+    axis.plot(*transform(np.array(pose), drawn).T, color=colour, linewidth=0.7)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from navloom.cli.interrupts import terminate_as_interrupted
 from navloom.cli.options import AsJson, PluginFiles
+from navloom.parts import part
 
 if TYPE_CHECKING:
     from navloom_check.findings import CheckReport
@@ -77,6 +78,7 @@ def check(
         _end(check_hardware(hardware, name, set_ or (), drive, say_so), as_json)
         return
     if out is not None:
+        part("navloom_study", "--out")
         out.mkdir(parents=True, exist_ok=True)
     with progress_line(f"checking {name}") as update:
         say = paced()

@@ -115,10 +115,10 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
     if found.poses is not None:
         files["poses.csv"] = found.poses.table().encode()
     if has_part("navloom_study"):
-        picture = part("navloom_study.report.run_picture")
+        picture, png_of = part("navloom_study.report.run_picture"), part("navloom_study.report.plotting").png_of
         if found.map is not None:
-            files["map.png"] = picture.png_of(picture.draw_map_update(found.map, found.way))
+            files["map.png"] = png_of(picture.draw_map_update(found.map, found.way))
         if found.poses is not None and len(found.poses.poses):
             drawn = picture.draw_poses(found.poses.poses, found.known, found.poses.is_tracking)
-            files["poses.png"] = picture.png_of(drawn)
+            files["poses.png"] = png_of(drawn)
     return files

@@ -11,13 +11,12 @@ __all__ = ["can_draw", "tell_substitute"]
 
 
 def can_draw() -> bool:
-    """Whether matplotlib is installed; if not, logs what to install, and that the rest is complete."""
-    from navloom.config import ConfigError
+    """Whether navloom-study is installed; if not, logs what to install, and that the rest is complete."""
     from navloom.parts import MissingPartError, part
 
     try:
-        part("navloom_study.report.plotting", "a figure", "'navloom[plots]'").need_matplotlib()
-    except (ConfigError, MissingPartError) as error:
+        part("navloom_study", "a picture")
+    except MissingPartError as error:
         LOG.warning(f"no picture is drawn, the rest is kept: {error}")
         return False
     return True

@@ -235,13 +235,11 @@ def _reported(result: StudyResult, out: Path) -> StudyResult:
     """Write the report beside the tables, and add its files to the result."""
     from dataclasses import replace
 
-    from navloom_study.report.study_report import FILES, PLOTS_MISSING, write_report
+    from navloom_study.report.study_report import FILES, write_report
 
     if result.missing:  # the report is made from these tables
         return result
     made = write_report(out, result.study.baseline)
-    if not made.has_figures:
-        LOG.warning(PLOTS_MISSING)
     names = [name for name in FILES if name not in made.missing]
     return replace(result, files=(*result.files, *names), missing=made.missing)
 

@@ -72,7 +72,8 @@ def map_recording(
 def _files(mapped: Any, result: dict[str, Any]) -> dict[str, bytes]:
     import json
 
-    from navloom_study.report.run_picture import draw_map_update, png_of
+    from navloom_study.report.plotting import png_of
+    from navloom_study.report.run_picture import draw_map_update
 
     text = json.dumps(result, indent=2) + "\n"
     return {"result.json": text.encode(), "map.png": png_of(draw_map_update(mapped.update))}

@@ -27,17 +27,14 @@ def report(
     from navloom.cli.output import print_json
     from navloom.runs.result_folder import failure_of
 
-    from navloom_study.report.study_report import FILES, PLOTS_MISSING, write_report
+    from navloom_study.report.study_report import FILES, write_report
 
     made = write_report(folder, baseline)
     names = [name for name in FILES if name not in made.missing]
     if as_json:
-        print_json({"out": str(folder), "files": names, "has_figures": made.has_figures})
-    else:
-        if not made.has_figures:
-            LOG.warning(PLOTS_MISSING)
-        if names:
-            typer.echo(f"written to {folder}: {', '.join(names)}")
+        print_json({"out": str(folder), "files": names})
+    elif names:
+        typer.echo(f"written to {folder}: {', '.join(names)}")
     if made.missing:
         LOG.warning(failure_of(str(folder), names, made.missing))
         raise typer.Exit(1)

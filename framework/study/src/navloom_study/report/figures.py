@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from navloom.messages import OUTCOMES
 from navloom.palette import GREY, OKABE_ITO
 from navloom.runs.episode_trail import FALSE_SUCCESS
@@ -16,9 +19,6 @@ from navloom_study.episode_rows import Row
 from navloom_study.report import html_page
 from navloom_study.report.plotting import new_figure, styled
 from navloom_study.report.study_files import StudyFiles
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["difference_figures", "distribution_figures", "line_of", "method_keys", "nested_width", "outcome_figure",
            "scatter_figure", "success_figures", "world_figures"]  # fmt: skip
@@ -55,31 +55,31 @@ def shortened(name: str, most: int = 26) -> str:
     return name if len(name) <= most else "…" + name[1 - most :]
 
 
+@styled()
 def outcome_figure(study: StudyFiles) -> Figure:
     """Stacked bars with the share of each outcome, by method."""
     counts, methods = study.comparison.outcomes, study.methods
     figure, axes = new_figure(PAIR, 30.0 + 6.5 * len(methods))
-    with styled():
-        left = np.zeros(len(methods))
-        totals = np.array([max(1, sum(counts[method].values())) for method in methods], dtype=np.float64)
-        for kind in (*OUTCOMES, FALSE_SUCCESS):
-            share = np.array([counts[method].get(kind, 0) for method in methods]) / totals
-            if not share.any():
-                continue
-            axes.barh(methods, share, left=left, color=COLOURS[kind], label=kind, edgecolor="white", linewidth=0.6)
-            for k, method in enumerate(methods):
-                if share[k] > 0.03:
-                    dark = kind in ("succeeded", "collision", "rejected", "error", FALSE_SUCCESS)
-                    axes.text(
-                        left[k] + 0.5 * share[k], k, str(counts[method][kind]), ha="center", va="center", fontsize=7,
-                        color="white" if dark else "black",
-                    )  # fmt: skip
-            left += share
-        axes.invert_yaxis()
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("share of the episodes")
-        axes.grid(False)
-        figure.legend(loc="outside upper center", ncols=4)
+    left = np.zeros(len(methods))
+    totals = np.array([max(1, sum(counts[method].values())) for method in methods], dtype=np.float64)
+    for kind in (*OUTCOMES, FALSE_SUCCESS):
+        share = np.array([counts[method].get(kind, 0) for method in methods]) / totals
+        if not share.any():
+            continue
+        axes.barh(methods, share, left=left, color=COLOURS[kind], label=kind, edgecolor="white", linewidth=0.6)
+        for k, method in enumerate(methods):
+            if share[k] > 0.03:
+                dark = kind in ("succeeded", "collision", "rejected", "error", FALSE_SUCCESS)
+                axes.text(
+                    left[k] + 0.5 * share[k], k, str(counts[method][kind]), ha="center", va="center", fontsize=7,
+                    color="white" if dark else "black",
+                )  # fmt: skip
+        left += share
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xlabel("share of the episodes")
+    axes.grid(False)
+    figure.legend(loc="outside upper center", ncols=4)
     return figure
 
 
@@ -90,41 +90,39 @@ def success_figures(study: StudyFiles) -> list[Figure]:
     return [_success(study, study.worlds[first : first + each]) for first in range(0, len(study.worlds), each)]
 
 
+@styled()
 def _success(study: StudyFiles, worlds: Sequence[str]) -> Figure:
     methods = study.methods
     width = max(PAIR, min(WIDTH, 55.0 + 21.0 * len(methods)))
     figure, axes = new_figure(width, 22.0 + 4.7 * max(len(worlds), 2))
-    with styled():
-        from matplotlib import colormaps
-        from matplotlib.patches import Rectangle
-
-        colours = colormaps["Blues"]
-        for row, world in enumerate(worlds):
-            for column, method in enumerate(methods):
-                ends = study.outcomes.get((method, world), [])
-                wins = sum(end == "succeeded" for end in ends)
-                share = wins / len(ends) if ends else 0.0
-                axes.add_patch(Rectangle((column, row), 1, 1, facecolor=colours(0.08 + 0.8 * share), edgecolor="white"))
-                axes.text(
-                    column + 0.5, row + 0.5, f"{wins}/{len(ends)}", ha="center", va="center", fontsize=7,
-                    color="white" if share > 0.55 else "black",
-                )  # fmt: skip
-        axes.set_xlim(0, len(methods))
-        axes.set_ylim(len(worlds), 0)
-        turned = len(methods) > 6 or max(map(len, methods)) > 16
-        axes.set_xticks(
-            np.arange(len(methods)) + 0.5, [shortened(name) for name in methods], rotation=40 if turned else 0,
-            ha="left" if turned else "center", rotation_mode="anchor",
-        )  # fmt: skip
-        axes.xaxis.tick_top()
-        axes.set_yticks(np.arange(len(worlds)) + 0.5, [shortened(world) for world in worlds])
-        axes.tick_params(length=0)
-        axes.grid(False)
-        for side in axes.spines.values():
-            side.set_visible(False)
+    colours = colormaps["Blues"]
+    for row, world in enumerate(worlds):
+        for column, method in enumerate(methods):
+            ends = study.outcomes.get((method, world), [])
+            wins = sum(end == "succeeded" for end in ends)
+            share = wins / len(ends) if ends else 0.0
+            axes.add_patch(Rectangle((column, row), 1, 1, facecolor=colours(0.08 + 0.8 * share), edgecolor="white"))
+            axes.text(
+                column + 0.5, row + 0.5, f"{wins}/{len(ends)}", ha="center", va="center", fontsize=7,
+                color="white" if share > 0.55 else "black",
+            )  # fmt: skip
+    axes.set_xlim(0, len(methods))
+    axes.set_ylim(len(worlds), 0)
+    turned = len(methods) > 6 or max(map(len, methods)) > 16
+    axes.set_xticks(
+        np.arange(len(methods)) + 0.5, [shortened(name) for name in methods], rotation=40 if turned else 0,
+        ha="left" if turned else "center", rotation_mode="anchor",
+    )  # fmt: skip
+    axes.xaxis.tick_top()
+    axes.set_yticks(np.arange(len(worlds)) + 0.5, [shortened(world) for world in worlds])
+    axes.tick_params(length=0)
+    axes.grid(False)
+    for side in axes.spines.values():
+        side.set_visible(False)
     return figure
 
 
+@styled()
 def difference_figures(study: StudyFiles) -> list[Figure]:
     """Differences from the baseline with their intervals, one figure a metric."""
     others = [method for method in study.methods if method != study.baseline]
@@ -134,8 +132,7 @@ def difference_figures(study: StudyFiles) -> list[Figure]:
     figures = []
     for metric in shown:
         figure, axes = new_figure(PANEL, 17.0 + 5.5 * len(others))
-        with styled():
-            _difference_panel(axes, study, metric, others)
+        _difference_panel(axes, study, metric, others)
         figures.append(figure)
     return figures
 
@@ -170,6 +167,7 @@ def _difference_panel(axes: Any, study: StudyFiles, metric: Metric, others: Sequ
     axes.grid(axis="y", visible=False)
 
 
+@styled()
 def distribution_figures(study: StudyFiles) -> list[Figure]:
     """Empirical distributions over all episodes, one figure a metric that is defined in any episode."""
     figures = []
@@ -180,21 +178,21 @@ def distribution_figures(study: StudyFiles) -> list[Figure]:
         low, high = min(v[0] for v in told if v.size), max(v[-1] for v in told if v.size)
         edge = 0.04 * (high - low) or 0.05 * abs(high) or 1.0
         figure, axes = new_figure(PANEL, 52.0)
-        with styled():
-            for k, values in enumerate(told):
-                if values.size:
-                    steps = np.array([0.0, *(np.arange(values.size + 1) / values.size), 1.0])
-                    places = np.array([low - edge, values[0], *values, high + edge])
-                    axes.step(places, steps, where="post", linewidth=nested_width(k, len(told)), **line_of(k))
-            axes.set_xlim(low - edge, high + edge)
-            axes.set_title(_title(metric), loc="left")
-            axes.set_ylim(0.0, 1.02)
-            axes.locator_params(axis="x", nbins=5)
-            axes.set_ylabel("share of episodes")
+        for k, values in enumerate(told):
+            if values.size:
+                steps = np.array([0.0, *(np.arange(values.size + 1) / values.size), 1.0])
+                places = np.array([low - edge, values[0], *values, high + edge])
+                axes.step(places, steps, where="post", linewidth=nested_width(k, len(told)), **line_of(k))
+        axes.set_xlim(low - edge, high + edge)
+        axes.set_title(_title(metric), loc="left")
+        axes.set_ylim(0.0, 1.02)
+        axes.locator_params(axis="x", nbins=5)
+        axes.set_ylabel("share of episodes")
         figures.append(figure)
     return figures
 
 
+@styled()
 def world_figures(study: StudyFiles) -> list[Figure]:
     """Means of the chief metrics by world and method, one figure a metric, at most `ROWS` worlds each."""
     figures = []
@@ -205,8 +203,7 @@ def world_figures(study: StudyFiles) -> list[Figure]:
         for first in range(0, len(study.worlds), ROWS):
             worlds = study.worlds[first : first + ROWS]
             figure, axes = new_figure(PANEL, 18.0 + (2.5 + 1.6 * len(study.methods)) * len(worlds))
-            with styled():
-                _world_panel(axes, study, metric, worlds, means)
+            _world_panel(axes, study, metric, worlds, means)
             figures.append(figure)
     return figures
 
@@ -228,27 +225,27 @@ def _world_panel(
     axes.set_title(_title(metric), loc="left")
 
 
+@styled()
 def scatter_figure(study: StudyFiles) -> Figure | None:
     """Success against the time of the successful episodes: each method, and small, each method in each world."""
     if study.metric("time") is None or study.metric("success") is None:
         return None
     figure, axes = new_figure(PANEL, 62.0)
     shown = False
-    with styled():
-        for k, method in enumerate(study.methods):
-            style = {"color": line_of(k)["color"], "linestyle": "none", "marker": marker_of(k)}
-            rows = [row for row in study.tested if row.key.method == method]
-            for world in (None, *study.worlds):
-                at = _success_and_time([row for row in rows if world in (None, row.key.world)])
-                if at is not None:
-                    size, alpha = (9.0, 1.0) if world is None else (3.5, 0.45)
-                    axes.plot(at[1], at[0], markersize=size, alpha=alpha, markeredgecolor="white", **style)
-                    shown = True
-        axes.set_ylim(-0.04, 1.06)
-        axes.margins(x=0.12)
-        axes.set_title("success against time, top left is best", loc="left")
-        axes.set_xlabel("time of successes, s")
-        axes.set_ylabel("share of successes")
+    for k, method in enumerate(study.methods):
+        style = {"color": line_of(k)["color"], "linestyle": "none", "marker": marker_of(k)}
+        rows = [row for row in study.tested if row.key.method == method]
+        for world in (None, *study.worlds):
+            at = _success_and_time([row for row in rows if world in (None, row.key.world)])
+            if at is not None:
+                size, alpha = (9.0, 1.0) if world is None else (3.5, 0.45)
+                axes.plot(at[1], at[0], markersize=size, alpha=alpha, markeredgecolor="white", **style)
+                shown = True
+    axes.set_ylim(-0.04, 1.06)
+    axes.margins(x=0.12)
+    axes.set_title("success against time, top left is best", loc="left")
+    axes.set_xlabel("time of successes, s")
+    axes.set_ylabel("share of successes")
     return figure if shown else None
 
 

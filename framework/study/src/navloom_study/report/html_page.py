@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
 __all__ = ["Section", "code", "figure", "folded", "heading", "legend", "listing", "page", "panels", "paragraph",
-           "picture", "table"]  # fmt: skip
+           "table"]  # fmt: skip
 
 STYLE = """
 :root { --ink: #1a1a1a; --soft: #5c5c5c; --line: #d4d4d4; --wash: #f4f6f8; --mark: #0072b2; }
@@ -38,7 +37,7 @@ td.text { white-space: normal; overflow-wrap: break-word; }
 td.text .detail { white-space: normal; overflow-wrap: anywhere; }
 tr.marked { background: #fff6e0; }
 figure { margin: 1rem 0 1.4rem; }
-figure svg, figure img { width: 100%; height: auto; display: block; }
+figure svg { width: 100%; height: auto; display: block; }
 .panels { display: grid; gap: .8rem 1.2rem; align-items: start;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, var(--least)), 1fr)); }
 .panel { overflow-x: auto; min-width: 0; }
@@ -220,12 +219,3 @@ def _points(svg: str) -> float:
     """Drawn width of an SVG of matplotlib, points."""
     found = re.search(r'<svg[^>]*? width="([0-9.]+)pt"', svg)
     return float(found[1]) if found else NARROW
-
-
-def picture(png: bytes, caption: str, width_mm: float) -> str:
-    """A PNG file with its caption below, `width_mm` mm wide, or narrower if there is less room."""
-    held = base64.b64encode(png).decode("ascii")
-    return (
-        f'<figure><img src="data:image/png;base64,{held}" alt="{escape(caption)}" style="width:{width_mm:g}mm">\n'
-        f"<figcaption>{escape(caption)}</figcaption></figure>\n"
-    )

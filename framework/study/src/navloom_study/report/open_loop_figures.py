@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from navloom.engine.difference_units import TOLERANCES, UNITS
 from numpy.typing import NDArray
 
@@ -18,9 +21,6 @@ from navloom_study.report.report_tables import NONE, TextTable, decimals, number
 from navloom_study.report.study_files import StudyFiles
 from navloom_study.study_folder import Compared, OpenLoopLine
 from navloom_study.tracks import StoredWay
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["OpenLoopData", "open_loop_data", "over_time_figure", "shadow_summary", "spread_figure"]
 
@@ -138,6 +138,7 @@ def _pooled_sizes(lines: Sequence[Compared]) -> tuple[float | None, float | None
     return math.sqrt(square / count), max(most for _, _, most in known)
 
 
+@styled()
 def over_time_figure(study: StudyFiles, data: OpenLoopData) -> tuple[Figure, list[str]] | None:
     """Figure of the RMS difference over seeds at each time, and the worlds drawn; None if nothing differs."""
     worlds = [world for world in study.worlds if any(key[2] == world for key in data.values)]
@@ -149,16 +150,15 @@ def over_time_figure(study: StudyFiles, data: OpenLoopData) -> tuple[Figure, lis
     height = 34.0 * len(worlds) + 14.0 + 5.0 * math.ceil((len(data.shadows) + 1) / 5)
     figure, axes = new_figure(WIDTH, height, len(worlds), columns)
     panels = np.atleast_1d(axes).reshape(len(worlds), columns)
-    with styled():
-        for row, world in enumerate(worlds):
-            for column, quantity in enumerate(data.quantities):
-                panel = panels[row, column]
-                _over_time(panel, study, data, world, quantity)
-                panel.set_title(f"{shortened(world)}: {quantity}, {UNITS[quantity]}", loc="left")
-                if row == len(worlds) - 1:
-                    panel.set_xlabel("run time, s")
-        handles = _handles(study, data)
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)))
+    for row, world in enumerate(worlds):
+        for column, quantity in enumerate(data.quantities):
+            panel = panels[row, column]
+            _over_time(panel, study, data, world, quantity)
+            panel.set_title(f"{shortened(world)}: {quantity}, {UNITS[quantity]}", loc="left")
+            if row == len(worlds) - 1:
+                panel.set_xlabel("run time, s")
+    handles = _handles(study, data)
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)))
     return figure, worlds
 
 
@@ -190,13 +190,11 @@ def _over_time(axes: Any, study: StudyFiles, data: OpenLoopData, world: str, qua
 
 
 def _handles(study: StudyFiles, data: OpenLoopData) -> list[Any]:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     lines: list[Any] = [Line2D([], [], label=shortened(m), **line_of(study.methods.index(m))) for m in data.shadows]
     return [*lines, Patch(color="#E4E4E4", label="share of seeds in which the avoider drove")]
 
 
+@styled()
 def spread_figure(study: StudyFiles, data: OpenLoopData) -> Figure | None:
     """Figure of each method's differences from the baseline over all ticks, on a log scale; None if nothing differs."""
     shown = [name for name in data.quantities if any(data.pooled(method, name).size for method in data.shadows)]
@@ -204,24 +202,23 @@ def spread_figure(study: StudyFiles, data: OpenLoopData) -> Figure | None:
         return None
     figure, axes = new_figure(WIDTH, 24.0 + 6.0 * len(data.shadows), 1, len(shown))
     panels = np.atleast_1d(axes).tolist()
-    with styled():
-        for number_of, (panel, quantity) in enumerate(zip(panels, shown, strict=True)):
-            least = TOLERANCES[quantity] / 10.0
-            for k, method in enumerate(data.shadows):
-                values = data.pooled(method, quantity)
-                if not values.size:
-                    continue
-                marks = np.maximum(np.percentile(values, [5, 25, 50, 75, 95]), least)
-                colour = line_of(study.methods.index(method))["color"]
-                panel.plot(marks[[0, 4]], [k, k], color=colour, linewidth=1.0)
-                panel.plot(marks[[1, 3]], [k, k], color=colour, linewidth=4.0, solid_capstyle="butt")
-                panel.plot([marks[2]], [k], "o", color="white", markeredgecolor=colour, markersize=4.5)
-            panel.axvline(TOLERANCES[quantity], color="black", linewidth=0.7, linestyle=":")
-            panel.set_xscale("log")
-            panel.set_xlim(left=0.8 * least)
-            panel.set_yticks(range(len(data.shadows)), [shortened(name, 20) for name in data.shadows])
-            panel.set_ylim(len(data.shadows) - 0.5, -0.5)
-            panel.tick_params(labelleft=number_of == 0)
-            panel.set_title(f"|difference| of {quantity}, {UNITS[quantity]}", loc="left")
-            panel.grid(axis="y", visible=False)
+    for number_of, (panel, quantity) in enumerate(zip(panels, shown, strict=True)):
+        least = TOLERANCES[quantity] / 10.0
+        for k, method in enumerate(data.shadows):
+            values = data.pooled(method, quantity)
+            if not values.size:
+                continue
+            marks = np.maximum(np.percentile(values, [5, 25, 50, 75, 95]), least)
+            colour = line_of(study.methods.index(method))["color"]
+            panel.plot(marks[[0, 4]], [k, k], color=colour, linewidth=1.0)
+            panel.plot(marks[[1, 3]], [k, k], color=colour, linewidth=4.0, solid_capstyle="butt")
+            panel.plot([marks[2]], [k], "o", color="white", markeredgecolor=colour, markersize=4.5)
+        panel.axvline(TOLERANCES[quantity], color="black", linewidth=0.7, linestyle=":")
+        panel.set_xscale("log")
+        panel.set_xlim(left=0.8 * least)
+        panel.set_yticks(range(len(data.shadows)), [shortened(name, 20) for name in data.shadows])
+        panel.set_ylim(len(data.shadows) - 0.5, -0.5)
+        panel.tick_params(labelleft=number_of == 0)
+        panel.set_title(f"|difference| of {quantity}, {UNITS[quantity]}", loc="left")
+        panel.grid(axis="y", visible=False)
     return figure

@@ -6,15 +6,12 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from navloom.config import ConfigError
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["MM", "need_matplotlib", "new_figure", "png_of", "styled", "svg_of"]
+__all__ = ["MM", "new_figure", "png_of", "styled", "svg_of"]
 
 MM = 1.0 / 25.4
 """One millimetre in inches, matplotlib's unit."""
@@ -45,44 +42,21 @@ STYLE: Any = {
 }
 
 
-def need_matplotlib() -> None:
-    """Raise ConfigError that names the extra to install if matplotlib is missing."""
-    try:
-        import_module("matplotlib")
-    except ImportError:
-        raise ConfigError(
-            "figures need the extra `plots`: uv sync --group plots, or pip install 'navloom[plots]'"
-        ) from None
-
-
 @contextmanager
 def styled() -> Iterator[None]:
-    """Apply navloom's style within a `with` statement; other users of matplotlib are not affected.
-
-    Raises:
-        ConfigError: matplotlib is not installed.
-    """
-    need_matplotlib()
-    from matplotlib import rc_context
-
+    """Apply navloom's style, as a decorator or within `with`; other users of matplotlib are not affected."""
     with rc_context(STYLE):
         yield
 
 
+@styled()
 def new_figure(width_mm: float, height_mm: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
     """A figure in navloom's style, and its axes as `Figure.subplots` returns them: one, or an array.
 
-    Draw within `with styled():`, because matplotlib reads sizes of titles, legends and lines when it adds them.
-
-    Raises:
-        ConfigError: matplotlib is not installed.
+    Draw where `styled()` applies, because matplotlib reads sizes of titles, legends and lines when it adds them.
     """
-    with styled():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(width_mm * MM, height_mm * MM))
-        axes = figure.subplots(rows, columns)
-    return figure, axes
+    figure = Figure(figsize=(width_mm * MM, height_mm * MM))
+    return figure, figure.subplots(rows, columns)
 
 
 def svg_of(figure: Figure) -> str:
@@ -100,8 +74,8 @@ def png_of(figure: Figure, dpi: int = 200) -> bytes:
     return _saved(figure, "png", dpi=dpi, metadata={"Software": None})
 
 
+@styled()
 def _saved(figure: Figure, kind: str, **options: Any) -> bytes:
     buffer = io.BytesIO()
-    with styled():
-        figure.savefig(buffer, format=kind, **options)
+    figure.savefig(buffer, format=kind, **options)
     return buffer.getvalue()

@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.util import find_spec
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from navloom.files import write_each
 from navloom.palette import GREY, OKABE_ITO
 from navloom.runs.episode_trail import FALSE_SUCCESS
 
 from navloom_study.episode_rows import Row
 from navloom_study.report import html_page, report_tables
+from navloom_study.report.figures import (
+    difference_figures,
+    distribution_figures,
+    method_keys,
+    outcome_figure,
+    scatter_figure,
+    success_figures,
+    world_figures,
+)
 from navloom_study.report.html_page import Section
 from navloom_study.report.open_loop_figures import open_loop_data, over_time_figure, shadow_summary, spread_figure
+from navloom_study.report.plotting import svg_of
 from navloom_study.report.report_tables import TextTable
 from navloom_study.report.study_files import StudyFiles, read_study
+from navloom_study.report.track_figures import failure_figure, ways_figures, worlds_shown
 from navloom_study.statistics import THESE_WORLDS
 from navloom_study.verdict import verdicts
 
 __all__ = ["WrittenReport", "build_report", "write_report"]
 
-PLOTS_MISSING = (
-    "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
-    "pip install 'navloom[plots]') and write the report again with `navloom report`."
-)
 FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
 
 
@@ -63,10 +70,11 @@ class ReportPart:
         self.html.append(html_page.listing(entries))
         self.markdown.append("".join(f"- {entry}\n" for entry in entries))
 
-    def draw(self, svgs: Sequence[str], caption: str, keys: str = "", large: int = 0) -> None:
-        """Add pictures side by side to the HTML, see `html_page.panels`; Markdown has none."""
-        if svgs:
-            self.html.append(html_page.panels([(svg, "") for svg in svgs], caption, keys, large))
+    def draw(self, figures: Iterable[Figure | None], caption: str, keys: str = "", large: int = 0) -> None:
+        """Add figures side by side to the HTML, see `html_page.panels`; Markdown has none."""
+        panels = [(svg_of(figure), "") for figure in figures if figure is not None]
+        if panels:
+            self.html.append(html_page.panels(panels, caption, keys, large))
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,6 @@ class WrittenReport:
     Attributes:
         html, markdown: The whole report.
         summary_csv, differences_csv: Its numbers.
-        has_figures: Whether matplotlib was installed.
         missing: Why a file was not written, by name.
     """
 
@@ -84,7 +91,6 @@ class WrittenReport:
     markdown: str
     summary_csv: str
     differences_csv: str
-    has_figures: bool
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -105,21 +111,18 @@ def write_report(folder: Path, baseline: str = "") -> WrittenReport:
 
 def build_report(study: StudyFiles) -> WrittenReport:
     """The report of a study. It is reproducible, except for the section from `timing.json`."""
-    draws = find_spec("matplotlib") is not None
-    parts = [_in_short(study), _outcomes(study, draws), _results(study, draws)]
+    parts = [_in_short(study), _outcomes(study), _results(study)]
     if len(study.methods) > 1:
-        parts.append(_differences(study, draws))
-    parts += [_ways(study, draws), _failures(study, draws), _worst(study)]
+        parts.append(_differences(study))
+    parts += [_ways(study), _failures(study), _worst(study)]
     if "open_loop" in study.request:
-        parts.append(_open_loop(study, draws))
-    parts += [_conditions(study), _computing(study, draws)]
-    if not draws:
-        parts[0].say(PLOTS_MISSING, "note")
+        parts.append(_open_loop(study))
+    parts += [_conditions(study), _computing(study)]
     title = f"{' / '.join(study.methods)}" if len(study.methods) <= 3 else f"{len(study.methods)} methods compared"
     title = f"Study of {study.request['config']}: {title}"
     page = html_page.page(title, [Section(part.title, "\n".join(part.html)) for part in parts])
     text = f"# {title}\n\n" + "\n".join(f"## {part.title}\n\n" + "\n".join(part.markdown) for part in parts)
-    return WrittenReport(page, text, report_tables.summary_csv(study), report_tables.differences_csv(study), draws)
+    return WrittenReport(page, text, report_tables.summary_csv(study), report_tables.differences_csv(study))
 
 
 def _in_short(study: StudyFiles) -> ReportPart:
@@ -176,29 +179,18 @@ def _in_short(study: StudyFiles) -> ReportPart:
     return part
 
 
-def _outcomes(study: StudyFiles, draws: bool) -> ReportPart:
+def _outcomes(study: StudyFiles) -> ReportPart:
     part = ReportPart("Outcomes")
-    if draws:
-        from navloom_study.report.figures import (
-            method_keys,
-            outcome_figure,
-            scatter_figure,
-            success_figures,
-            world_figures,
-        )
-        from navloom_study.report.plotting import svg_of
-
-        part.draw(
-            [svg_of(figure) for figure in (outcome_figure(study), *success_figures(study))],
-            f"How the episodes of each method ended{_where(study)}, and which succeeded by world and method.",
-        )
-        scatter = scatter_figure(study)
-        part.draw(
-            [svg_of(figure) for figure in (*([scatter] if scatter else []), *world_figures(study))],
-            "Success against the time of the successful episodes: large each method, small each method in each world; "
-            "what never succeeded is not there. Then means by world, of the episodes in which the metric is defined.",
-            method_keys(study.methods),
-        )
+    part.draw(
+        [outcome_figure(study), *success_figures(study)],
+        f"How the episodes of each method ended{_where(study)}, and which succeeded by world and method.",
+    )
+    part.draw(
+        [scatter_figure(study), *world_figures(study)],
+        "Success against the time of the successful episodes: large each method, small each method in each world; "
+        "what never succeeded is not there. Then means by world, of the episodes in which the metric is defined.",
+        method_keys(study.methods),
+    )
     part.add(report_tables.outcome_table(study))
     failures = report_tables.reasons(study)
     if failures.rows:
@@ -206,7 +198,7 @@ def _outcomes(study: StudyFiles, draws: bool) -> ReportPart:
     return part
 
 
-def _results(study: StudyFiles, draws: bool) -> ReportPart:
+def _results(study: StudyFiles) -> ReportPart:
     part, few = ReportPart("Metrics"), study.comparison.scope == THESE_WORLDS
     part.say(
         "Mean over worlds of the mean within each, with its 95 % interval: exact for success and other shares, else a "
@@ -217,19 +209,15 @@ def _results(study: StudyFiles, draws: bool) -> ReportPart:
     )
     for table in report_tables.results(study):
         part.add(table)
-    if draws:
-        from navloom_study.report.figures import distribution_figures, method_keys
-        from navloom_study.report.plotting import svg_of
-
-        part.draw(
-            [svg_of(figure) for figure in distribution_figures(study)],
-            "Distribution over all episodes in which the metric is defined: share at or below each value.",
-            method_keys(study.methods),
-        )
+    part.draw(
+        distribution_figures(study),
+        "Distribution over all episodes in which the metric is defined: share at or below each value.",
+        method_keys(study.methods),
+    )
     return part
 
 
-def _differences(study: StudyFiles, draws: bool) -> ReportPart:
+def _differences(study: StudyFiles) -> ReportPart:
     part = ReportPart(f"Differences from {study.baseline}")
     part.say(
         "Paired by world and seed: method minus baseline. Below each are the interval and the p-value of one sign-flip "
@@ -239,36 +227,25 @@ def _differences(study: StudyFiles, draws: bool) -> ReportPart:
         "without any difference. Metrics without a better direction are not tested. Where the number of pairs cannot "
         "give a p of 0.05, the smallest attainable one is named, and there may be no interval."
     )
-    if draws:
-        from navloom_study.report.figures import difference_figures
-        from navloom_study.report.plotting import svg_of
-
-        part.draw(
-            [svg_of(figure) for figure in difference_figures(study)],
-            f"Difference from {study.baseline} with the interval of its test; filled where 0 is outside.",
-            html_page.legend([("better", OKABE_ITO[0], ""), ("worse", OKABE_ITO[1], ""), ("not told apart", GREY, "")]),
-        )
+    part.draw(
+        difference_figures(study),
+        f"Difference from {study.baseline} with the interval of its test; filled where 0 is outside.",
+        html_page.legend([("better", OKABE_ITO[0], ""), ("worse", OKABE_ITO[1], ""), ("not told apart", GREY, "")]),
+    )
     for table in report_tables.differences(study):
         part.add(table)
     return part
 
 
-def _ways(study: StudyFiles, draws: bool) -> ReportPart:
+def _ways(study: StudyFiles) -> ReportPart:
     part = ReportPart("Tracks")
-    if not draws:
-        part.say("The tracks are drawn if matplotlib is installed.")
-        return part
-    from navloom_study.report.figures import method_keys
-    from navloom_study.report.plotting import svg_of
-    from navloom_study.report.track_figures import ways_figures, worlds_shown
-
     shown = worlds_shown(study)
     if not shown:
         part.say("Nothing to draw: in no stored track did a robot drive 0.1 m.")
     for what, ways in shown:
         unseen = "" if study.world(ways.world) is not None else f" {study.why_no_world(ways.world)}"
         part.draw(
-            [svg_of(figure) for figure in ways_figures(study, ways)],
+            ways_figures(study, ways),
             f"{ways.world}, {what} by success of all methods, among those in which a robot drove. First {ways.seeds} "
             "seeds; numbers: successes of all seeds. Disc: start; star: goal; cross: ended without success. Dark: what "
             "the robot can touch; pale: above or below it; hatched: appears later; outlined with a dotted line: "
@@ -279,7 +256,7 @@ def _ways(study: StudyFiles, draws: bool) -> ReportPart:
     return part
 
 
-def _failures(study: StudyFiles, draws: bool) -> ReportPart:
+def _failures(study: StudyFiles) -> ReportPart:
     """A gallery of failed episodes, each with its command."""
     part, told = ReportPart("Failures"), report_tables.failures(study)
     if not told:
@@ -295,15 +272,12 @@ def _failures(study: StudyFiles, draws: bool) -> ReportPart:
         words = f"{row.key.method}, {row.key.world}, seed {row.key.seed}: {row.outcome}, {row.reason}"
         command = study.command(row.key.method, row.key.world, row.key.seed)
         part.markdown.append(f"- {words}\n  `{command}`\n")
-        drawn.append((_failure_svg(study, row) if draws else "", html_page.paragraph(words) + html_page.code(command)))
+        drawn.append((_failure_svg(study, row), html_page.paragraph(words) + html_page.code(command)))
     part.html.append(html_page.panels(drawn, "Failed episodes.", large=0))
     return part
 
 
 def _failure_svg(study: StudyFiles, row: Row) -> str:
-    from navloom_study.report.plotting import svg_of
-    from navloom_study.report.track_figures import failure_figure
-
     figure = failure_figure(study, row)
     return html_page.paragraph("No picture: the robot did not drive.") if figure is None else svg_of(figure)
 
@@ -325,7 +299,7 @@ def _worst(study: StudyFiles) -> ReportPart:
     return part
 
 
-def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
+def _open_loop(study: StudyFiles) -> ReportPart:
     part, data = ReportPart("On the same inputs"), open_loop_data(study)
     assert data is not None
     part.say(
@@ -345,22 +319,17 @@ def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
     else:
         part.say(f"The traces of all {data.compared} episodes are those of the baseline alone, bit for bit.")
     part.add(shadow_summary(study, data))
-    if draws:
-        from navloom_study.report.plotting import svg_of
-
-        spread = spread_figure(study, data)
-        if spread is not None:
-            part.draw(
-                [svg_of(spread)],
-                "Disagreement with the baseline over all ticks of all worlds: median, middle half, 5 to 95 %. Dotted: "
-                "what counts as the same; values below a tenth of it are drawn there.",
-            )
-        over_time = over_time_figure(study, data)
-        if over_time is not None:
-            figure, worlds = over_time
-            left = len(study.worlds) - len(worlds)
-            more = f" The {len(worlds)} worlds with the largest disagreement." if left else ""
-            part.draw([svg_of(figure)], f"Disagreement over time, RMS over seeds of each half second.{more}")
+    part.draw(
+        [spread_figure(study, data)],
+        "Disagreement with the baseline over all ticks of all worlds: median, middle half, 5 to 95 %. Dotted: what "
+        "counts as the same; values below a tenth of it are drawn there.",
+    )
+    over_time = over_time_figure(study, data)
+    if over_time is not None:
+        figure, worlds = over_time
+        left = len(study.worlds) - len(worlds)
+        more = f" The {len(worlds)} worlds with the largest disagreement." if left else ""
+        part.draw([figure], f"Disagreement over time, RMS over seeds of each half second.{more}")
     return part
 
 
@@ -375,7 +344,7 @@ def _conditions(study: StudyFiles) -> ReportPart:
     return part
 
 
-def _computing(study: StudyFiles, draws: bool) -> ReportPart:
+def _computing(study: StudyFiles) -> ReportPart:
     part = ReportPart("Compute time")
     part.say("Wall-clock figures of this machine, from timing.json. The rest of this report is reproducible.")
     if not study.timing:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from navloom.engine.difference_units import UNITS
 from navloom.palette import GREY, OKABE_ITO
 from navloom_recording.substitutes import Substitute
 
+from navloom_study.report.plan_view import draw_lines
 from navloom_study.report.plotting import new_figure, png_of, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["draw_substitute", "substitute_figure"]
 
@@ -28,6 +28,7 @@ def draw_substitute(result: Substitute, what: str) -> bytes:
     return png_of(substitute_figure(result, what))
 
 
+@styled()
 def substitute_figure(result: Substitute, what: str) -> Figure:
     """Figure of the places on the track where the answers differ, and of the differences over time.
 
@@ -37,19 +38,16 @@ def substitute_figure(result: Substitute, what: str) -> Figure:
     """
     found = result.found
     names = [name for name in found.values if np.nanmax(np.abs(found.values[name]), initial=0.0) > 0.0][:3]
-    with styled():
-        from matplotlib.ticker import MaxNLocator
-
-        figure, axes = new_figure(180.0, 100.0, 1, 2)
-        _draw_way(axes[0], result, what)
-        _draw_series(axes[1], result, names)
-        figure.suptitle(f"{found.role} {found.instance} on the recorded inputs of {what}", fontsize=9.0)
-        for axis in axes:
-            axis.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
-            axis.ticklabel_format(axis="x", useOffset=axis.get_xlim()[1] > LARGE)
-            handles, labels = axis.get_legend_handles_labels()
-            if handles:  # below the axes, where it hides nothing that is drawn
-                axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
+    figure, axes = new_figure(180.0, 100.0, 1, 2)
+    _draw_way(axes[0], result, what)
+    _draw_series(axes[1], result, names)
+    figure.suptitle(f"{found.role} {found.instance} on the recorded inputs of {what}", fontsize=9.0)
+    for axis in axes:
+        axis.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
+        axis.ticklabel_format(axis="x", useOffset=axis.get_xlim()[1] > LARGE)
+        handles, labels = axis.get_legend_handles_labels()
+        if handles:  # below the axes, where it hides nothing that is drawn
+            axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
     return figure
 
 
@@ -58,8 +56,7 @@ def _draw_way(axes: Any, result: Substitute, what: str) -> None:
     update = result.recorded_map
     way = np.array(result.way, dtype=np.float64).reshape(-1, 3)
     if update is not None:
-        for x1, y1, x2, y2 in update.segments:
-            axes.plot([x1, x2], [y1, y2], color=GREY, lw=2.0, solid_capstyle="round")
+        draw_lines(axes, update.segments.reshape(-1, 2, 2), GREY, "", 2.0)
     axes.plot(way[:, 1], way[:, 2], color=OKABE_ITO[5], lw=5.0, solid_capstyle="round", label=f"driven by {what}")
     differing = {tick for tick, differs in zip(found.ticks, found.differing, strict=True) if differs}
     at = way[np.isin(way[:, 0], sorted(differing))]

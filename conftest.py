@@ -61,11 +61,11 @@ def _compile_each_kernel_once(folder: Path) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """Workers of `-n auto`: one more than processors, because tests that drive live robots mostly wait."""
+    """Workers of `-n auto`: two more than processors, because tests that drive live robots mostly wait."""
     if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
         return None
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return usable + 1
+    return usable + 2
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -76,9 +76,23 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Where tests are spread, begin with those that take long: at the end one worker would do them alone."""
-    if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: item.path.parent not in LONG)
+    """Where tests are spread, let half of the workers begin with live robots, and the others compute meanwhile.
+
+    A worker begins with an equal part of the list, and takes over tests from the end of another's part when it is done.
+    """
+    if not hasattr(config, "workerinput"):
+        return
+    workers = config.workerinput["workercount"]
+    waiting = [item for item in items if item.path.parent in LONG]
+    others = [item for item in items if item.path.parent not in LONG]
+    streams, part = max(1, workers // 2), len(items) // workers
+    ordered: list[pytest.Item] = []
+    for stream in range(streams):
+        live = waiting[len(waiting) * stream // streams : len(waiting) * (stream + 1) // streams]
+        count = max(0, part - len(live))
+        ordered += [*live, *others[:count]]
+        others = others[count:]
+    items[:] = ordered + others
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

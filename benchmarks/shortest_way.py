@@ -2,9 +2,8 @@
 
     python benchmarks/shortest_way.py [--json]
 
-The worlds are scattered boxes, and walls with gaps. The lazy search is measured; up to 250 boxes also the search in the
-graph of all tangents, which must find the same length. Times are CPU times, s; memory is the growth of the peak memory
-of the process, MB.
+The worlds are scattered boxes, and walls with gaps. Times are CPU times, s; memory is the growth of the peak memory of
+the process, MB.
 """
 
 from __future__ import annotations
@@ -20,14 +19,12 @@ from typing import Any
 import numpy as np
 from navloom.geometry.world import Box, Place
 from navloom_optimal import shortest_path
-from navloom_optimal.lazy_tangents import TangentSearch
-from navloom_optimal.shape_space import ShapeSpace
-from navloom_optimal.tangents import ShortestPath, shortest_among
+from navloom_optimal.buckets import buckets_of
+from navloom_optimal.circles import circles_of
+from navloom_optimal.tangent_search import TangentSearch
 
 __all__ = ["WORLDS", "measured"]
 
-WHOLE_UP_TO = 250
-"""Most boxes for which the graph of all tangents is also measured."""
 RADIUS = 0.3
 """Radius of the robot, m."""
 Boxes = list[Box]
@@ -54,28 +51,16 @@ WORLDS: dict[str, Callable[[int], tuple[Boxes, float]]] = {"scattered": scattere
 
 
 def measured(kind: str, count: int) -> dict[str, Any]:
-    """Measure a world: length, m, time of the lazy search and of the whole graph, s, tangents examined, memory, MB."""
+    """Measure a world: length, m, time of the search, s, number of tangents examined, memory, MB."""
     boxes, edge = WORLDS[kind](count)
     shapes = shortest_path._shapes(list(boxes), Place(0.0, 0.0), RADIUS)
-    ends = shortest_path._points(np.array([(-1.0, -1.0), (edge + 1.5, edge + 1.5)]))
-    circles = shortest_path._joined(ends, shortest_path._shape_circles(shapes))
     before, began = _peak(), time.process_time()
-    search = TangentSearch(circles, ShapeSpace(shapes))
+    circles = circles_of(shapes, np.array([(-1.0, -1.0), (edge + 1.5, edge + 1.5)]))
+    search = TangentSearch(circles, buckets_of(shapes))
     found = search.run()
-    lazy, grown = time.process_time() - began, _peak() - before
-    whole = None
-    if count <= WHOLE_UP_TO:
-        began = time.process_time()
-        _agree(found, shortest_among(circles, ShapeSpace(shapes)))
-        whole = time.process_time() - began
-    length = None if found is None else found.length
-    return {"world": kind, "boxes": len(boxes), "length_m": length, "lazy_s": lazy, "whole_s": whole,
-            "looked_at": search.looked_at, "memory_mb": grown}  # fmt: skip
-
-
-def _agree(one: ShortestPath | None, other: ShortestPath | None) -> None:
-    lengths = [None if path is None else path.length for path in (one, other)]
-    assert lengths[0] == lengths[1] or (one and other and abs(one.length - other.length) < 1e-9), lengths
+    return {"world": kind, "boxes": len(boxes), "length_m": None if found is None else found.length,
+            "search_s": time.process_time() - began, "looked_at": search.looked_at,
+            "memory_mb": _peak() - before}  # fmt: skip
 
 
 def _peak() -> float:
@@ -89,10 +74,9 @@ def main() -> None:
     if "--json" in sys.argv[1:]:
         print(json.dumps(found))
         return
-    print(f"{'world':<10} {'boxes':>5} {'lazy, s':>8} {'whole, s':>8} {'looked at':>9} {'memory, MB':>10}")
+    print(f"{'world':<10} {'boxes':>5} {'search, s':>9} {'looked at':>9} {'memory, MB':>10}")
     for one in found:
-        whole = "-" if one["whole_s"] is None else f"{one['whole_s']:.2f}"
-        print(f"{one['world']:<10} {one['boxes']:>5} {one['lazy_s']:>8.2f} {whole:>8} {one['looked_at']:>9} "
+        print(f"{one['world']:<10} {one['boxes']:>5} {one['search_s']:>9.2f} {one['looked_at']:>9} "
               f"{one['memory_mb']:>10.0f}")  # fmt: skip
 
 

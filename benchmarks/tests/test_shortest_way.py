@@ -1,4 +1,4 @@
-"""The lazy search and the graph of all tangents, measured in one run."""
+"""The search of the shortest path, measured."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from shortest_way import WORLDS, measured
 
 @pytest.mark.benchmark
 @pytest.mark.parametrize("kind", list(WORLDS))
-def test_the_lazy_search_is_faster_than_the_whole_graph_and_grows_with_the_boxes(kind: str) -> None:
+def test_the_work_of_the_search_grows_with_the_boxes(kind: str) -> None:
     shortest_path.warm_up()
     few, many = measured(kind, 250), measured(kind, 1000)
-    assert few["whole_s"] > 3.0 * few["lazy_s"]
     assert many["looked_at"] < 12 * few["looked_at"]  # the number of all pairs grows by 16

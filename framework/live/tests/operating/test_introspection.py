@@ -195,6 +195,8 @@ def test_status_of_a_lost_robot_says_so_with_a_remedy() -> None:
     assert found["goal"] == "2: searching, localizer lost: 24% of the echoes fit the map"
     assert found["stopped"].startswith("it does not know where it is; `navloom place X Y HEADING`")
     assert found["localizer"].startswith("lost: 24% of the echoes fit the map; `navloom place X Y HEADING`")
+    last["goal/main/feedback"] = Feedback(0, "idle", 0.0, 0.0, 0.0, 0, "lost: 24% of the echoes fit the map")
+    assert status_rows(last)["stopped"].endswith("the row above comes first, then `navloom goal X Y` gives it a goal")
     last["goal/main/feedback"] = Feedback(2, "driving", 1.0, 2.0, 0.0, 0)
     assert "localizer" not in status_rows(last)
 

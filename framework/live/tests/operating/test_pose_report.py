@@ -44,3 +44,5 @@ def test_status_of_a_robot_without_a_goal_says_that_its_localizer_is_not_trackin
     at = PoseEstimate(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)), "searching", "few echoes fit")
     found = status_rows(at)
     assert found["localizer"].startswith("searching: few echoes fit; `navloom place X Y HEADING` tells it where it is")
+    tracking = PoseEstimate(0, at.pose, at.twist, at.covariance)
+    assert status_rows(tracking)["localizer"] == "tracking"

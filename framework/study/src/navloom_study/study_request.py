@@ -181,18 +181,14 @@ class StudyResult:
         return verdicts(self.comparison, self.metrics, self.untested)
 
     def summary(self) -> dict[str, Any]:
-        """By method: number of episodes and outcomes; in the worlds that tested it, the mean of each metric over the
+        """By method, in the worlds that tested it: number of episodes and outcomes, the mean of each metric over the
         episodes for which it is defined, and the exact 95 % interval of each share, see `compare_methods`."""
         found, tested = {}, without_untested(self.rows, self.untested)
         for method in self.study.methods:
-            rows = [row for row in self.rows if row.key.method == method.name]
+            rows = [row for row in tested if row.key.method == method.name]
             means = {}
             for name in self.study.metrics:
-                values = [
-                    value
-                    for row in tested
-                    if row.key.method == method.name and (value := row.metrics[name]) is not None
-                ]
+                values = [value for row in rows if (value := row.metrics[name]) is not None]
                 means[name] = float(np.mean(values)) if values else None
             intervals = {}
             for metric in self.metrics:

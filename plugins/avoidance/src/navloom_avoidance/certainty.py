@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom_avoidance.clearance import outside_distance
 from navloom_avoidance.support import age_record, has_support
 
 AXIS_CERTAINTY = 3
@@ -347,10 +348,7 @@ def occupied_cells(
                 continue
             dx = (origin[0] + c + 0.5) * cell - x
             bx, by = dx * cos_t + dy * sin_t, dy * cos_t - dx * sin_t
-            outside = 1.0 if edges.shape[0] == 0 else -1.0e9
-            for k in range(edges.shape[0]):
-                outside = max(outside, edges[k, 0] * bx + edges[k, 1] * by - edges[k, 2])
-            if outside < -0.5 * cell:
+            if edges.shape[0] > 0 and outside_distance(edges, bx, by) < -0.5 * cell:
                 grid[r, c] = 0
                 continue
             cells_in_base[count, 0], cells_in_base[count, 1], cells_in_base[count, 2] = bx, by, grid[r, c]

@@ -13,8 +13,8 @@ import numpy as np
 from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom_optimal.free_space import TOLERANCE, to_segment_squared
-from navloom_optimal.shape_space import Buckets, segment_is_free
+from navloom_optimal.buckets import Buckets, segment_is_free
+from navloom_optimal.shapes import TOLERANCE, gap_to, to_segment_squared
 
 __all__ = ["ANGLE_SLACK", "ARRIVES", "ENDS", "GOAL", "LEAVES", "LENGTH", "SIDE", "visible_tangents"]
 
@@ -144,26 +144,35 @@ def _look_at(
     boxes, discs, radius = buckets[7:]
     if k < boxes.shape[0]:
         x, y, reach = boxes[k, 0], boxes[k, 1], math.hypot(boxes[k, 2], boxes[k, 3]) + radius
-        targets = (2 + 4 * k, 6 + 4 * k)
+        first, last = 2 + 4 * k, 6 + 4 * k
     else:
         m = k - boxes.shape[0]
         x, y, reach = discs[m, 0], discs[m, 1], discs[m, 2] + radius
-        targets = (2 + 3 * boxes.shape[0] + k, 3 + 3 * boxes.shape[0] + k)
-    away = math.hypot(x - circle[0], y - circle[1])
+        first, last = 2 + 3 * boxes.shape[0] + k, 3 + 3 * boxes.shape[0] + k
+    away = gap_to(k, circle[0], circle[1], boxes, discs, radius)
     width, low, span = _fan_width(circle, limits), 0.0, 2.0 * np.pi
-    if circle[2] + reach < 0.999 * away:
-        # The rays that touch a circle around the whole shape on its two sides.
-        low = _bearing(circle, x, y, reach)
-        span = _bearing(circle, x, y, -reach) - low
-        low = _along(circle, low)
-        if not _is_any_open(low, span, width, away - reach, limits):
+    if away > 1.001 * circle[2]:
+        # The outermost rays that touch the shape's circles, which are less than half a turn apart. A circle around the
+        # whole shape has two rays instead of eight; a long shape may be beside the circle and within that.
+        if circle[2] + reach < 0.999 * math.hypot(x - circle[0], y - circle[1]):
+            middle, left = _bearing(circle, x, y, reach), 0.0
+            right = _bearing(circle, x, y, -reach) - middle
+        else:
+            middle, left, right = _bearing(circle, x, y, 0.0), 0.0, 0.0
+            for target in range(first, last):
+                for signed in (places[target, 2], -places[target, 2]):
+                    ray = _bearing(circle, places[target, 0], places[target, 1], signed)
+                    off = (ray - middle + np.pi) % (2.0 * np.pi) - np.pi
+                    left, right = min(left, off), max(right, off)
+        low, span = _along(circle, middle + left - ANGLE_SLACK), right - left + 2.0 * ANGLE_SLACK
+        if not _is_any_open(low, span, width, away, limits):
             return count
-    for target in range(targets[0], targets[1]):
+    for target in range(first, last):
         for turn in (1.0, -1.0):
             count = _add_tangent(found, count, circle, target, turn, places, usable)
     if may_hide:
         for start in (low, low - 2.0 * np.pi):
-            _hide(k, start, span, width, circle, limits, buckets)
+            _hide(k, away, start, span, width, circle, limits, buckets)
     return count
 
 
@@ -254,13 +263,19 @@ def _arc_to(bearing: float, turn: float, first: float, extent: float) -> float:
 
 
 @compiled
-def _hide(k: int, low: float, span: float, width: float, circle: Circle, limits: Floats, buckets: Buckets) -> None:
-    """Shorten the fans within an interval of angles along the arc whose two rays both enter shape k."""
+def _hide(
+    k: int, away: float, low: float, span: float, width: float, circle: Circle, limits: Floats, buckets: Buckets
+) -> None:
+    """Shorten the fans within an interval of angles along the arc whose two rays both enter shape k, `away` m away."""
     x, y, r, turn, first_angle = circle[:5]
-    first, last = max(0, math.ceil(low / width)), min(limits.shape[0], math.floor((low + span) / width))
+    fans = limits.shape[0]
+    first, last = max(0, math.ceil(low / width)), min(fans, math.floor((low + span) / width))
     before = False
     px, py = 0.0, 0.0
     for ray in range(first, last + 1):
+        if max(limits[max(ray - 1, 0)], limits[min(ray, fans - 1)]) <= away:
+            before = False
+            continue
         angle = first_angle - ANGLE_SLACK + ray * width
         nx, ny = math.cos(angle), math.sin(angle)
         # Slightly beyond the entry point, so that the line between two such points stays outside the circle.
@@ -268,8 +283,7 @@ def _hide(k: int, low: float, span: float, width: float, circle: Circle, limits:
         enters = math.isfinite(depth)
         qx, qy = x + r * nx - turn * depth * ny, y + r * ny + turn * depth * nx
         if before and enters and to_segment_squared(x, y, px, py, qx, qy) >= r * r:
-            away = max(math.hypot(px - x, py - y), math.hypot(qx - x, qy - y))
-            limits[ray - 1] = min(limits[ray - 1], away)
+            limits[ray - 1] = min(limits[ray - 1], max(math.hypot(px - x, py - y), math.hypot(qx - x, qy - y)))
         before, px, py = enters, qx, qy
 
 

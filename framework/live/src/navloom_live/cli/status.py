@@ -96,8 +96,8 @@ def rows(
         ("goal", _goal(words["goal/feedback"], nodes)),
         ("last goal", _result(words["goal/result"])),
         ("pose", _pose(pose)),
-        ("localizer", _localizer(words["goal/feedback"], pose)),
-        _driver(words, nodes),
+        ("localizer", localizer := _localizer(words["goal/feedback"], pose)),
+        _driver(words, nodes, localizer in ("", "tracking")),
         ("platform", _platform(nodes)),
         ("active", _selection(words["gate/selection"])),
         *((f"in shadow, {state.role} {state.instance}", differing_text(state)) for state in shadows),
@@ -155,16 +155,18 @@ def _pose(estimate: Any) -> str:
 
 
 def _localizer(feedback: Any, estimate: Any) -> str:
-    """Why it is not tracking, and what to do; empty while it is tracking, or if that is not known."""
+    """Whether it is tracking; if not, why, and what to do; empty if that is not known."""
     from navloom.navigation.status_words import WHERE_IT_IS
 
     said = feedback.localizer if feedback is not None else ""
     if estimate is not None:
-        said = "" if estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}".removesuffix(": ")
+        if estimate.state == "tracking":
+            return "tracking"
+        said = f"{estimate.state}: {estimate.reason}".removesuffix(": ")
     return f"{said}; {WHERE_IT_IS}" if said else ""
 
 
-def _driver(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
+def _driver(words: Mapping[str, Any], nodes: Sequence[Node], knows_place: bool) -> tuple[str, str]:
     """The row with the source that drives, or with why the robot is stopped."""
     from navloom.navigation.status_words import who_drives
 
@@ -174,6 +176,8 @@ def _driver(words: Mapping[str, Any], nodes: Sequence[Node]) -> tuple[str, str]:
     if not gate.stopped:
         return "drives", who_drives(gate).removesuffix(" drives")
     why, remedy = _why_stopped(words, nodes)
+    if remedy and not knows_place and not getattr(words["goal/feedback"], "goal_id", 0):
+        remedy = f"the row above comes first, then {remedy}"  # a goal would end as lost again
     return "stopped", why + (f"; {remedy}" if remedy else "")
 
 

@@ -1,4 +1,4 @@
-"""Free space of a disc's centre among many boxes and cylinders. Implements `Space` with a grid of buckets.
+"""Free space of a disc's centre among many boxes and cylinders, in a grid of buckets.
 
 A bucket holds the shapes that reach into its square when inflated by the disc's radius. A query examines only the
 buckets that it touches, so its cost depends on nearby shapes and not on their total number.
@@ -7,21 +7,19 @@ buckets that it touches, so its cost depends on nearby shapes and not on their t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-from navloom_optimal.free_space import TOLERANCE, Shapes, gap_to, is_near_segment
+from navloom_optimal.shapes import TOLERANCE, Shapes, gap_to, is_near_segment
 
-__all__ = ["Buckets", "ShapeSpace", "arc_is_free", "bucket_span", "segment_is_free"]
+__all__ = ["Buckets", "arc_is_free", "buckets_of", "segment_is_free"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Buckets = tuple[float, float, float, int, int, Ints, Ints, Floats, Floats, float]
-"""A `ShapeSpace` for compiled functions: corner x, y and edge of the buckets, m, rows, columns,
+"""Shapes sorted by place: corner x, y and edge of the buckets, m, rows, columns,
 (rows * columns + 1) offsets into the shape numbers, the shape numbers (boxes first), then the attributes of `Shapes`.
 """
 
@@ -33,41 +31,16 @@ _FINEST_ARC = 1e-4
 """Shortest length to which arcs are halved along an obstacle, m."""
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeSpace:
-    """The plane with boxes and cylinders in it, tested exactly.
-
-    Attributes:
-        shapes: The obstacles, and the radius of the disc.
-        buckets: The same obstacles, sorted by place.
-    """
-
-    shapes: Shapes
-    buckets: Buckets = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "buckets", _fill_buckets(self.shapes))
-
-    def points_free(self, points: Floats) -> Bools:
-        """See `Space`."""
-        return self.segments_free(np.concatenate([points, points], axis=1))
-
-    def segments_free(self, segments: Floats) -> Bools:
-        """See `Space`."""
-        return _segments_in_buckets(segments, self.buckets)
-
-    def arcs_free(self, circles: Floats, angles: Floats, owners: Ints) -> Bools:
-        """See `Space`."""
-        return _arcs_in_buckets(circles, angles, owners, self.buckets)
-
-
-def _fill_buckets(shapes: Shapes) -> Buckets:
+def buckets_of(shapes: Shapes) -> Buckets:
+    """Sort shapes into buckets."""
     boxes, discs, radius = shapes.boxes, shapes.discs, shapes.radius
-    reach = np.concatenate([np.hypot(boxes[:, 2], boxes[:, 3]), discs[:, 2]]) + radius
+    cosine, sine = np.abs(boxes[:, 4:].T)
+    around = cosine * boxes[:, 2] + sine * boxes[:, 3], sine * boxes[:, 2] + cosine * boxes[:, 3]
+    reach = np.concatenate([np.stack(around, axis=-1), np.tile(discs[:, 2:], 2)]) + radius
     centres = np.concatenate([boxes[:, :2], discs[:, :2]])
     if not len(centres):
-        centres, reach = np.zeros((1, 2)), np.full(1, radius)
-    low, high = (centres - reach[:, None]).min(axis=0), (centres + reach[:, None]).max(axis=0)
+        centres, reach = np.zeros((1, 2)), np.full((1, 2), radius)
+    low, high = (centres - reach).min(axis=0), (centres + reach).max(axis=0)
     wide, tall = (high - low).tolist()
     count = _PER_SHAPE * len(centres)
     edge = max(math.sqrt(wide * tall / count), max(wide, tall) / count)
@@ -81,7 +54,7 @@ def _fill_buckets(shapes: Shapes) -> Buckets:
 
 
 @compiled
-def bucket_span(low: float, high: float, origin: float, edge: float, count: int) -> tuple[int, int]:
+def _span(low: float, high: float, origin: float, edge: float, count: int) -> tuple[int, int]:
     """First index and last index + 1 of the `count` buckets that an interval, m, touches."""
     first, last = math.floor((low - origin) / edge), math.floor((high - origin) / edge)
     return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
@@ -112,8 +85,8 @@ def _sort_in(
             m = k - boxes.shape[0]
             x, y, reach = discs[m, 0], discs[m, 1], discs[m, 2]
         reach += radius + near
-        first_row, last_row = bucket_span(y - reach, y + reach, y0, edge, rows)
-        first_col, last_col = bucket_span(x - reach, x + reach, x0, edge, cols)
+        first_row, last_row = _span(y - reach, y + reach, y0, edge, rows)
+        first_col, last_col = _span(x - reach, x + reach, x0, edge, cols)
         for row in range(first_row, last_row):
             for col in range(first_col, last_col):
                 if gap_to(k, x0 + (col + 0.5) * edge, y0 + (row + 0.5) * edge, boxes, discs, radius) <= near:
@@ -128,7 +101,7 @@ def segment_is_free(ax: float, ay: float, bx: float, by: float, buckets: Buckets
     x0, y0, edge, rows, cols, offsets, numbers, boxes, discs, radius = buckets
     if ay > by:
         ax, ay, bx, by = bx, by, ax, ay
-    first_row, last_row = bucket_span(ay, by, y0, edge, rows)
+    first_row, last_row = _span(ay, by, y0, edge, rows)
     for row in range(first_row, last_row):
         # Part of the segment within this row of buckets.
         low, high = 0.0, 1.0
@@ -136,7 +109,7 @@ def segment_is_free(ax: float, ay: float, bx: float, by: float, buckets: Buckets
             low = min(max((y0 + (row - _SLACK) * edge - ay) / (by - ay), 0.0), 1.0)
             high = min(max((y0 + (row + 1 + _SLACK) * edge - ay) / (by - ay), 0.0), 1.0)
         left, right = ax + low * (bx - ax), ax + high * (bx - ax)
-        first_col, last_col = bucket_span(min(left, right), max(left, right), x0, edge, cols)
+        first_col, last_col = _span(min(left, right), max(left, right), x0, edge, cols)
         for bucket in range(row * cols + first_col, row * cols + last_col):
             for place in range(offsets[bucket], offsets[bucket + 1]):
                 if is_near_segment(numbers[place], ax, ay, bx, by, boxes, discs, radius):
@@ -154,8 +127,8 @@ def arc_is_free(x: float, y: float, r: float, first: float, last: float, owner: 
         middle = 0.5 * (low + high)
         half = 0.5 * (high - low) * r
         px, py = x + r * math.cos(middle), y + r * math.sin(middle)
-        first_row, last_row = bucket_span(py - half, py + half, y0, edge, rows)
-        first_col, last_col = bucket_span(px - half, px + half, x0, edge, cols)
+        first_row, last_row = _span(py - half, py + half, y0, edge, rows)
+        first_col, last_col = _span(px - half, px + half, x0, edge, cols)
         gap = np.inf
         for row in range(first_row, last_row):
             for place in range(offsets[row * cols + first_col], offsets[row * cols + last_col]):
@@ -167,20 +140,3 @@ def arc_is_free(x: float, y: float, r: float, first: float, last: float, owner: 
             waiting.append((low, middle))
             waiting.append((middle, high))
     return True
-
-
-@compiled
-def _segments_in_buckets(segments: Floats, buckets: Buckets) -> Bools:
-    free = np.empty(segments.shape[0], dtype=np.bool_)
-    for n in range(segments.shape[0]):
-        free[n] = segment_is_free(segments[n, 0], segments[n, 1], segments[n, 2], segments[n, 3], buckets)
-    return free
-
-
-@compiled
-def _arcs_in_buckets(circles: Floats, angles: Floats, owners: Ints, buckets: Buckets) -> Bools:
-    free = np.empty(circles.shape[0], dtype=np.bool_)
-    for n in range(circles.shape[0]):
-        x, y, r = circles[n, 0], circles[n, 1], circles[n, 2]
-        free[n] = arc_is_free(x, y, r, angles[n, 0], angles[n, 1], owners[n], buckets)
-    return free

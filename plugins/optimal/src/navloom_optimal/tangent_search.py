@@ -1,7 +1,8 @@
 """The shortest path among many shapes: A* on a tangent graph that is built only where the search reaches it.
 
-A shortest path turns around each circle in one sense, so a vertex is a departure from a side: a circle with its sense
-of turning. A side's departures are found when the search first arrives there. See `tangents` for the whole graph.
+In the graph of all free tangents and arcs, the shortest path is exactly the shortest path of the disc. It turns around
+each circle in one sense, so a vertex is a departure from a side: a circle with its sense of turning. A side's
+departures are found when the search first arrives there.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_optimal.shape_space import ShapeSpace, arc_is_free
-from navloom_optimal.tangents import Circles, ShortestPath, on_arc
+from navloom_optimal.buckets import Buckets, arc_is_free
+from navloom_optimal.circles import Circles, ShortestPath, on_arc
 from navloom_optimal.visible_tangents import (
     ANGLE_SLACK,
     ARRIVES,
@@ -48,8 +49,8 @@ class TangentSearch:
     """One search.
 
     Attributes:
-        circles: Start, goal, four corners of each box, cylinders; radius 0 for start and goal.
-        space: The shapes.
+        circles: The ends of the path, and the circles of all shapes.
+        buckets: The shapes.
         sides: Sides with known departures, by number.
         side_of: Number of each departure's side.
         sides_there, arrives, lengths: For each departure's tangent: the side it arrives at, the arc to the arrival
@@ -62,7 +63,7 @@ class TangentSearch:
     """
 
     circles: Circles
-    space: ShapeSpace
+    buckets: Buckets
     sides: dict[int, _Side] = field(default_factory=dict)
     side_of: array[int] = field(default_factory=lambda: array("q"))
     sides_there: array[int] = field(default_factory=lambda: array("q"))
@@ -124,7 +125,7 @@ class TangentSearch:
             first, extent = self.circles.usable[side.circle].tolist()
             low = first + at if side.turn > 0.0 else first + extent - at - span
             owner = int(self.circles.owners[side.circle])
-            if arc_is_free(x, y, r, low, low + span, owner, self.space.buckets):
+            if arc_is_free(x, y, r, low, low + span, owner, self.buckets):
                 self._offer(departure, reached, before)
 
     def _offer(self, departure: int, cost: float, before: int) -> None:
@@ -143,9 +144,7 @@ class TangentSearch:
         side = self.sides.get(number)
         if side is None:
             circle, turn = number // 2, -1.0 if number % 2 else 1.0
-            found, looked_at = visible_tangents(
-                circle, turn, self.circles.places, self.circles.usable, self.space.buckets
-            )
+            found, looked_at = visible_tangents(circle, turn, self.circles.places, self.circles.usable, self.buckets)
             side = _Side(circle, turn, len(self.costs), array("d", found[:, LEAVES].tobytes()))
             self.sides[number] = side
             self.looked_at += looked_at

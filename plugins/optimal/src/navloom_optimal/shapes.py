@@ -1,23 +1,20 @@
-"""Interface of the space in which a disc moves, and the limits by one box or cylinder.
+"""Boxes and cylinders among which a disc moves, and the limits that each sets to it.
 
-Contact is free, within `TOLERANCE`. For many shapes see `shape_space`, for a raster map `field_space`.
+Contact is free, within `TOLERANCE`. For many shapes see `buckets`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
-__all__ = ["TOLERANCE", "Shapes", "Space", "gap_to", "is_near_segment", "shape_gap", "to_segment_squared"]
+__all__ = ["TOLERANCE", "Shapes", "gap_to", "is_near_segment", "to_segment_squared"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 TOLERANCE = 1e-7
 """Largest overlap of the disc with an obstacle that still counts as contact, m."""
@@ -38,25 +35,6 @@ class Shapes:
     radius: float
 
 
-class Space(Protocol):
-    """Free space of the disc's centre."""
-
-    def points_free(self, points: Floats) -> Bools:
-        """(n,) whether points (n, 2), m, are free."""
-        ...
-
-    def segments_free(self, segments: Floats) -> Bools:
-        """(n,) whether segments (n, 4) x1, y1, x2, y2, m, are free."""
-        ...
-
-    def arcs_free(self, circles: Floats, angles: Floats, owners: Ints) -> Bools:
-        """(n,) whether arcs are free: circles (n, 3) x, y, radius, m; angles (n, 2) first, last (>= first), rad.
-
-        `owners`: (n,) the obstacle that the circle surrounds, boxes first, which is not tested; -1 for none.
-        """
-        ...
-
-
 @compiled
 def gap_to(k: int, x: float, y: float, boxes: Floats, discs: Floats, radius: float) -> float:
     """Distance of the disc's rim from shape k, boxes first, m; negative if they overlap."""
@@ -68,15 +46,6 @@ def gap_to(k: int, x: float, y: float, boxes: Floats, discs: Floats, radius: flo
         return float(math.hypot(max(along, 0.0), max(across, 0.0)) - radius)
     m = k - count
     return float(math.hypot(x - discs[m, 0], y - discs[m, 1]) - discs[m, 2] - radius)
-
-
-@compiled
-def shape_gap(x: float, y: float, boxes: Floats, discs: Floats, radius: float) -> float:
-    """Distance of the disc's rim from the nearest shape, m; negative if they overlap."""
-    best: float = np.inf
-    for k in range(boxes.shape[0] + discs.shape[0]):
-        best = min(best, gap_to(k, x, y, boxes, discs, radius))
-    return best
 
 
 @compiled

@@ -15,9 +15,7 @@ COLUMNS = ("stream", "count", "Hz", "jitter\nms", "max\nms", "age50\nms", "age99
 
 
 def hz(
-    key: Annotated[
-        str, typer.Argument(metavar="KEY", help="role/port or role/instance/port, with * for any.")
-    ] = "*/*",
+    key: Annotated[str, typer.Argument(metavar="KEY", help="role/port or role/instance/port, with * for any.")] = "*/*",
     duration: Annotated[
         float, typer.Option("--for", metavar="S", min=0.1, help="s to listen.", callback=seconds)
     ] = 3.0,

@@ -15,6 +15,7 @@ from hypothesis import settings
 from navloom.cli import main
 from navloom.cli.main import app
 from navloom.messages import SCHEMAS
+from numba.core.caching import FunctionCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from typer.main import get_command
@@ -36,6 +37,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Tests start hundreds of processes: each would compile our sources again.
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if hasattr(config, "workerinput"):
         _compile_each_kernel_once(config.rootpath / ".pytest_cache")
 
@@ -47,6 +51,8 @@ def _compile_each_kernel_once(folder: Path) -> None:
     file = (folder / "kernels.lock").open("w")
 
     def compile_alone(self: Dispatcher, signature: Any) -> Any:
+        if not isinstance(self._cache, FunctionCache):  # it is compiled again in each process anyway
+            return compile_kernel(self, signature)
         place = zlib.crc32(f"{self.py_func.__module__}.{self.py_func.__qualname__}".encode())
         # Kernels are locked in the order in which they call each other, and threads by the compiler's own lock first.
         with global_compiler_lock:

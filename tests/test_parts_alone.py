@@ -68,7 +68,9 @@ def undeclared(source: Path, declared: set[str]) -> list[str]:
         for path in sorted(source.rglob("*.py"))
         for package, line in imports_of(ast.parse(path.read_text("utf-8")))
         if package not in known
-        and declared.isdisjoint({OURS.get(package, package), *(name.lower() for name in INSTALLED.get(package, ()))})
+        and declared.isdisjoint(
+            {OURS.get(package, package), *(name.lower().replace("_", "-") for name in INSTALLED.get(package, ()))}
+        )
     ]
 
 

@@ -61,6 +61,7 @@ PROGRAMS = {"mkdir", "navloom", "python"}
 STAND_INS = {
     ("tour.md", "navloom paper"): "navloom paper --help",
     ("paper.md", "navloom paper"): "navloom paper --help",
+    ("paper-results.md", "navloom paper"): "navloom paper --help",
     ("bench.md", "navloom bench"): "navloom bench --help",
     ("performance.md", "navloom bench"): "navloom bench --help",
     ("writing-a-plugin.md", "navloom check avoider.gap"): (

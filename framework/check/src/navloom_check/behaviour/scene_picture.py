@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -43,13 +44,12 @@ def draw(path: Path, title: str, scene: Scene, seen: Measured) -> None:
 
 
 def _draw_scene(axis: Any, scene: Scene) -> None:
-    from matplotlib.patches import Circle
-
+    turns = np.linspace(0.0, math.tau, 48)
     for one in scene.obstacles:
         if isinstance(one, Box):
             axis.plot(*ends_of(one).T, color=GREY, linewidth=2.4, solid_capstyle="butt")
         else:
-            axis.add_patch(Circle((one.x, one.y), one.radius, facecolor=GREY, edgecolor="none"))
+            axis.fill(one.x + one.radius * np.cos(turns), one.y + one.radius * np.sin(turns), color=GREY, linewidth=0.0)
     axis.plot(*scene.target, marker="x", color="black", linestyle="none", label="target")
     _draw_outline(axis, scene, (scene.start.x, scene.start.y, scene.start.heading), "black")
 

@@ -136,6 +136,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(("page", "block"), CONFIGS)
 def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
     page: Path,

@@ -20,6 +20,7 @@ from navloom.config import load_config
 from navloom.plugins import one_file
 from navloom.runs.episode import run_episode
 
+pytestmark = pytest.mark.once
 TOP = Path(__file__).resolve().parents[1]
 EXAMPLES = TOP / "examples"
 RUN = {f"people/{name}" for name in ("navloom_people.py", "pyproject.toml", "people.toml")}

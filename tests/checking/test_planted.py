@@ -81,6 +81,7 @@ def test_each_fault_names_a_check_of_its_kind() -> None:
     assert [name for name, (entry, _) in FAULTS.items() if entry.kind not in checks[entry.caught_by].kinds] == []
 
 
+@pytest.mark.once
 def test_a_fault_of_each_quick_check_is_caught_and_blamed_on_the_plugin() -> None:
     pairs = first_of_each_check(DEADLY | SLOW)
     assert missed(pairs, results_of(pairs)) == []

@@ -28,6 +28,7 @@ from live_rig import COMMAND, runtime_folder
 from navloom.cli import main
 from navloom.plugins import Registry
 
+pytestmark = pytest.mark.once
 START, END = 120.0, 30.0
 """Longest time for a command to start its work, and to end once asked to, s."""
 STAYING = {

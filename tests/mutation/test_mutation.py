@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.once
 SCRIPT = Path(__file__).parent / "mutate.py"
 MODULE = '''"""A toy."""
 

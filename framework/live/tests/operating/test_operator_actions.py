@@ -6,13 +6,15 @@ import math
 from typing import Any
 
 import pytest
+from navloom.messages import GateStatus, StopReason
 from navloom_live.live.description import Description
 from navloom_live.live.requests import Placed, Planned
 from navloom_live.live.service import Service
 from navloom_live.operating import operator_actions
 from navloom_live.operating.client import ClientError, Refused
+from navloom_live.operating.teleoperation import Driver
 
-from .described import described
+from .described import BusInWords, client, described, everyone
 
 
 class Robot:
@@ -97,3 +99,12 @@ def test_the_active_planner_plans_and_the_active_mapper_clears() -> None:
     operator_actions.clear_map(robot)  # type: ignore[arg-type]
     assert found.points == ((0.0, 0.0), (1.0, 0.0))
     assert asked == [("planner", "b", "plan", (0.0, 0.0, 0.0), (1.0, 0.0, 0.5)), ("mapper", "b", "clear")]
+
+
+def test_teleop_names_the_stop_also_while_the_robot_still_brakes() -> None:
+    driver = Driver(client(BusInWords(everyone())))
+    driver._heed(GateStatus("none", "", False, True, StopReason("operator"), ()))
+    with pytest.raises(ClientError, match=r"is stopped: by an operator; `navloom resume` lets it drive again"):
+        driver._refuse_if_latched()
+    driver._heed(GateStatus("none", "", True, False, StopReason("no_trajectory"), ()))
+    driver._refuse_if_latched()

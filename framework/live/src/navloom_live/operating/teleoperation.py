@@ -6,6 +6,7 @@ import contextlib
 import math
 import threading
 import time
+from dataclasses import replace
 from types import TracebackType
 
 from navloom.messages import Command, Envelope, GateStatus, Message, Odometry, Twist2D
@@ -19,6 +20,8 @@ from navloom_live.transport.quality_of_service import most_of, quality_of
 
 __all__ = ["Driver", "limit_in_words"]
 
+RESUMED_WAIT = 0.5
+"""Longest wait for the status that a `resume` just before changes with the next tick, s: longer than a tick."""
 PLATFORM_WAIT = 3.0
 """Longest wait for the platform, s."""
 
@@ -84,6 +87,9 @@ class Driver:
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
         # The status is published on changes only: the present one must be asked for.
         self._heed(last(self._client, "gate", "main", "status"))
+        until = time.monotonic() + RESUMED_WAIT
+        while self._latched and time.monotonic() < until:
+            time.sleep(0.02)
         self._refuse_if_latched()
         if self._enters_unseen:
             self._client.call("gate", "main", ENTER_UNSEEN, Nothing())
@@ -131,7 +137,8 @@ class Driver:
             self.before, self.granted = self.granted, said.twist
         elif isinstance(said, GateStatus):
             self.status = said
-            self._latched = "; ".join(why_stopped(said)) if said.latched else ""
+            # Also while it still brakes, when it is not stopped yet.
+            self._latched = "; ".join(why_stopped(replace(said, stopped=True))) if said.latched else ""
 
     def _hear(self, key: str, data: bytes | None, label: str) -> None:
         with contextlib.suppress(CodecError):

@@ -1,7 +1,7 @@
 """Writes docs/frameworks.md from frameworks.toml: `python docs/site/frameworks.py`; `--stale` warns of old cells.
 
-`--stale` prints one line for each framework that has cells older than `FRESH`, and exits 0: somebody reads the sources
-again, and writes what they say and the date into frameworks.toml. `--today DATE` counts from another day.
+`--stale` prints one line for each framework that has cells older than `FRESH`, and exits 0. Read these sources again,
+and write what they say and the date into frameworks.toml. `--today DATE` counts from another day.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ HEAD = """# navloom beside other frameworks
 <!-- python docs/site/frameworks.py writes this page from docs/site/frameworks.toml -->
 
 What each framework says of itself, in its documentation or its repository. Behind each statement stands the date on
-which we read it; the date links to what we read. A dash means that we searched and found nothing, which does not prove
-that there is nothing. If a statement about your framework is wrong, correct it in `docs/site/frameworks.toml`.
+which we read it; the date links to what we read, or to the repository if that was the package which it publishes. A
+dash means that we searched and found nothing, which does not prove that there is nothing. If a statement about
+your framework is wrong, correct it in `docs/site/frameworks.toml`.
 
 If you need production maturity, 3D navigation, SLAM, fleets or ready-made drivers today, choose one of the others.
 navloom is for comparing methods: it repeats runs bit for bit, runs methods in shadow on the same inputs, and its

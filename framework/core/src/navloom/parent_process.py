@@ -20,7 +20,7 @@ def die_with_parent(parent: int, number: int = signal.SIGTERM) -> None:
         number: The signal.
     """
     if sys.platform == "linux":
-        # The kernel tells it: a parent that is killed can tell nobody.
+        # The kernel sends the signal: a parent that is killed cannot.
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:  # the parent died before the call
         os._exit(1)

@@ -1,4 +1,4 @@
-"""The outcome of an import for the user: what became of each topic, and notes."""
+"""The outcome of an import for the user: what was taken of each topic, and notes."""
 
 from __future__ import annotations
 

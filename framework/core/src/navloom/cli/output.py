@@ -125,7 +125,7 @@ def log_of(house: str) -> logging.Logger:
 def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, float], None]]]:
     """Progress on standard error: preparation with the kernels that compile, then the state of the run.
 
-    Without a terminal only the kernels are told, at most one line in `INTERVAL`.
+    Without a terminal it prints only the kernels, at most one line in `INTERVAL`.
     """
     from navloom.kernel_cache import tell_compiled
 

@@ -107,7 +107,7 @@ class Raster:
         resolution: Edge of a cell, m.
         origin: Pose of the lower left corner of cell (0, 0) in the map frame.
         z: Height interval of its walls, m.
-        unknown: (rows, cols) bool, read-only: cells of `occupied` that nobody has seen; None if there is none.
+        unknown: (rows, cols) bool, read-only: cells of `occupied` that no sensor has seen; None if there is none.
     """
 
     name: str

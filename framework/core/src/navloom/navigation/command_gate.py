@@ -288,7 +288,7 @@ class CommandGate:
         # An operator may drive a robot home whose planner or mapper has died.
         if sensed.gone and source != "operator":
             return sensed.gone
-        # Both, whoever drives: a silent avoider could no longer take over, and its hand-over would be stale.
+        # Both, whichever of them drives: a silent avoider could no longer take over, and its hand-over would be stale.
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)

@@ -210,7 +210,7 @@ def differing(nodes: Sequence[Description]) -> list[Finding]:
 def unheard(nodes: Sequence[Description]) -> list[Finding]:
     """Findings for processes that do not receive the platform's messages while others do."""
     silent = {where(node): (node, node.silence_s) for node in nodes if node.silence_s is not None}
-    # If nobody hears the platform, the fault is the platform's, and reported as such.
+    # If no process receives its messages, the fault is the platform's, and reported as such.
     if not silent or min(silence for _, silence in silent.values()) > PLATFORM_SILENCE:
         return []
     home = {node.host for node in nodes if node.role == "platform"}

@@ -10,7 +10,7 @@ import numpy as np
 from navloom import Context, LocalizerInput, OccupancyGrid, Odometry, Pose2D, RangeScan, RobotSpec, Twist2D
 from navloom_scan_localizer.adapter import ScanMatching
 from navloom_scan_localizer.params import ScanMatchingParams
-from navloom_scan_localizer.tracking import compose, relative
+from navloom_scans.poses import compose, relative
 from scan_localizer_rooms import fan, ranges_in
 from scipy.ndimage import distance_transform_edt, uniform_filter1d
 

@@ -17,9 +17,9 @@ from navloom import (
     Twist2D,
 )
 from navloom_scan_localizer.adapter import ScanMatching
-from navloom_scan_localizer.beams import beam_points
-from navloom_scan_localizer.matching import fit_pose
 from navloom_scan_localizer.params import ScanMatchingParams
+from navloom_scans.beams import beam_points
+from navloom_scans.matching import fit_pose
 from pydantic import ValidationError
 from scan_localizer_rooms import fan, ranges_in, room
 

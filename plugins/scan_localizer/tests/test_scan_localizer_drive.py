@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom_scan_localizer.field import distance_field
-from navloom_scan_localizer.tracking import PoseTracker, Settings, compose, relative
+from navloom_scan_localizer.tracking import PoseTracker, Settings
+from navloom_scans.field import distance_field
+from navloom_scans.poses import compose, relative
 from scan_localizer_rooms import beams_of, fan, ranges_in
 from scipy.ndimage import distance_transform_edt, uniform_filter1d
 

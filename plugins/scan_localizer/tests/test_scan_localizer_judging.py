@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from navloom_scan_localizer.field import distance_field
 from navloom_scan_localizer.judging import Judge
-from navloom_scan_localizer.search import candidates
 from navloom_scan_localizer.tracking import PoseTracker, Settings
+from navloom_scans.field import distance_field
+from navloom_scans.search import candidates
 from scan_localizer_rooms import beams_of, fan, ranges_in, room
 
 CELL, PERIOD = 0.1, 0.05

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from navloom_scan_localizer.field import distance_field
-from navloom_scan_localizer.tracking import PoseTracker, Settings, compose, predicted_covariance, relative
+from navloom_scan_localizer.tracking import PoseTracker, Settings, predicted_covariance
+from navloom_scans.field import distance_field
+from navloom_scans.poses import compose, relative
 from scan_localizer_rooms import beams_of, fan, ranges_in, room
 
 CELL = 0.1

@@ -14,7 +14,7 @@ NAMES = {
     "navloom.geometry.world": "Box Cylinder Obstacle Place Raster World position_at read_only",
     "navloom.messages": (
         "Array Avoidance AvoiderDiagnostics AvoiderStatus ClearRequest Command Contact Count Drive Envelope "
-        "Feedback GateStatus Goal GoalResult GoalState HandOver Heading InputRead MapUpdate Message "
+        "Feedback GateStatus Goal GoalResult GoalState HandOver Heading Hypotheses InputRead MapUpdate Message "
         "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
         "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "
         "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference SCHEMAS Selection Stamp StepRecord "
@@ -23,7 +23,7 @@ NAMES = {
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (
-        "Avoider AvoiderInput Claim Context Controller ControllerInput Extra Extras InputError Localizer "
+        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Extra Extras InputError Localizer "
         "LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
         "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
     ),

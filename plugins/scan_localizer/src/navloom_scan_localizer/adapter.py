@@ -19,16 +19,18 @@ from navloom import (
     Twist2D,
     read_only,
 )
+from navloom_scans import beams, matching, search, sight, small
+from navloom_scans.maps import field_of_map
+from navloom_scans.poses import relative
+from navloom_scans.small import inverse
 from numpy.typing import NDArray
 
-from navloom_scan_localizer import beams, matching, search, sight, small, surface
+from navloom_scan_localizer import surface
 from navloom_scan_localizer.judging import Judge, position_sigma
-from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
-from navloom_scan_localizer.small import inverse
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep, ordered
-from navloom_scan_localizer.tracking import PoseTracker, relative
+from navloom_scan_localizer.tracking import PoseTracker
 from navloom_scan_localizer.unaided import UnaidedMotion, hold_unseen
 
 __all__ = ["ScanMatching", "ScanOdometry"]

@@ -6,12 +6,13 @@ import math
 from typing import Literal
 
 import numpy as np
+from navloom_scans.poses import relative
+from navloom_scans.search import candidates
+from navloom_scans.sight import Sight, compare_views, look_along
+from navloom_scans.small import inverse
 from numpy.typing import NDArray
 
-from navloom_scan_localizer.search import candidates
-from navloom_scan_localizer.sight import Sight, compare_views, look_along
-from navloom_scan_localizer.small import inverse
-from navloom_scan_localizer.tracking import PoseTracker, relative
+from navloom_scan_localizer.tracking import PoseTracker
 
 __all__ = ["Judge", "position_sigma"]
 

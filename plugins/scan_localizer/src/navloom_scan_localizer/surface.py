@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from navloom_scans.field import DistanceField
 from numba import njit
 from numpy.typing import NDArray
-
-from navloom_scan_localizer.field import DistanceField
 
 __all__ = ["LocalSurface", "warm_up"]
 

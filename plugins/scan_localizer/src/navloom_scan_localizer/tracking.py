@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from navloom_scans.field import DistanceField
+from navloom_scans.matching import fit_pose, misfit_of
+from navloom_scans.poses import compose, pose_of, relative
+from navloom_scans.sight import look_along
+from navloom_scans.small import inverse, propagated
 from numpy.typing import NDArray
 
-from navloom_scan_localizer.field import DistanceField
-from navloom_scan_localizer.matching import fit_pose, misfit_of
-from navloom_scan_localizer.sight import look_along
-from navloom_scan_localizer.small import inverse, propagated
-
-__all__ = ["PoseTracker", "Settings", "compose", "predicted_covariance", "relative"]
+__all__ = ["PoseTracker", "Settings", "predicted_covariance"]
 
 Floats = NDArray[np.float64]
 
@@ -69,26 +69,6 @@ class Settings:
     patience: float = 0.5
     lost_after: float = 3.0
     lost_sigma: float = 1.0
-
-
-def compose(a: Floats, b: Floats) -> Floats:
-    """Pose b, given relative to pose a, in the frame in which a is given: (3,) x, y, m, heading, rad in [-π, π)."""
-    (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
-    c, s = math.cos(heading), math.sin(heading)
-    return _pose(ax + c * bx - s * by, ay + s * bx + c * by, heading + turned)
-
-
-def _pose(x: float, y: float, heading: float) -> Floats:
-    """(3,) x, y, m, and the heading, rad, wrapped to [-π, π)."""
-    turn = math.remainder(heading, math.tau)
-    return np.array([x, y, -math.pi if turn == math.pi else turn])
-
-
-def relative(a: Floats, b: Floats) -> Floats:
-    """Pose b relative to pose a: (3,) x, y, m, heading, rad."""
-    (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
-    c, s, x, y = math.cos(heading), math.sin(heading), bx - ax, by - ay
-    return np.array([c * x + s * y, c * y - s * x, math.remainder(turned - heading, math.tau)])
 
 
 def predicted_covariance(covariance: Floats, heading: float, step: Floats, time: float, s: Settings) -> Floats:
@@ -206,7 +186,7 @@ class PoseTracker:
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""
         self.is_proven = False
-        self.pose = _pose(*pose.tolist())
+        self.pose = pose_of(*pose.tolist())
         self.covariance = 0.5 * (covariance + covariance.T)
 
     def _move(self, shift: Floats, covariance: Floats) -> None:
@@ -215,6 +195,6 @@ class PoseTracker:
         x, y, turn = shift.tolist()
         share = min(1.0, s.max_shift / max(math.hypot(x, y), 1e-12), s.max_turn / max(abs(turn), 1e-12))
         moved = self.pose + share * shift
-        self.pose = _pose(*moved.tolist())
+        self.pose = pose_of(*moved.tolist())
         mixed = (1.0 - share) * self.covariance + share * covariance
         self.covariance = 0.5 * (mixed + mixed.T)

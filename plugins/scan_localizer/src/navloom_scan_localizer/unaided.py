@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from navloom_scans.poses import compose, relative
+from navloom_scans.small import inverse
 from numpy.typing import NDArray
-
-from navloom_scan_localizer.small import inverse
-from navloom_scan_localizer.tracking import compose, relative
 
 __all__ = ["UnaidedMotion", "hold_unseen"]
 

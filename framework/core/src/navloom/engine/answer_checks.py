@@ -22,6 +22,7 @@ from navloom.errors import NavloomError
 from navloom.messages import (
     Avoidance,
     Contact,
+    Hypotheses,
     MapUpdate,
     Message,
     Odometry,
@@ -56,6 +57,8 @@ STAMP_LEAD_NS = 1_000_000_000
 """Largest lead of a stamp over the run clock, ns: a driver's clock may differ a little."""
 MAP_STEP_BACK_NS = 1_000_000_000
 """Largest step back of a map's stamp, ns: a map that was cleared restarts from older data."""
+MOST_PLACES = 64
+"""Most places in a localizer's hypotheses."""
 FAR = 10.0
 """Multiple of a limit beyond which a command is reported: the cause is a wrong unit, not a high gain."""
 
@@ -220,6 +223,14 @@ class LocalizerDoor(_Door):
         if min(variances) < 0.0:
             self.refuse(f"gave variances {variances}", "values of at least 0 on the diagonal of the covariance")
         return answer
+
+    def check_places(self, places: object) -> Hypotheses:
+        """The places where the robot may be, as they are. Raises AnswerError."""
+        if not isinstance(places, Hypotheses):
+            self.refuse_type(places, "Hypotheses or None")
+        if len(places.poses) > MOST_PLACES:
+            self.refuse(f"gave {len(places.poses)} hypotheses", f"at most {MOST_PLACES}")
+        return places
 
 
 class MapperDoor(_Door):

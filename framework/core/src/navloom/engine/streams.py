@@ -16,6 +16,7 @@ from navloom.messages import (
     GateStatus,
     GoalResult,
     HandOver,
+    Hypotheses,
     MapUpdate,
     Message,
     OccupancyGrid,
@@ -86,6 +87,7 @@ class LocalizerPorts(Ports, role="localizer"):
     """Where the robot is."""
 
     pose = Port(PoseEstimate, STATE, required=True, answers=True)
+    hypotheses = Port(Hypotheses, PLAIN, retained=True)
 
 
 class MapperPorts(Ports, role="mapper"):

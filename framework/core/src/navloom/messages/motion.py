@@ -126,6 +126,21 @@ class PoseEstimate(Message):
 
 
 @message()
+class Hypotheses(Message):
+    """The places where a robot may be that does not know where it is.
+
+    Attributes:
+        stamp_ns: Run clock of the poses.
+        poses: (n, 3) x, y, m, heading, rad in [-π, π), of base in the map frame, the likeliest first; at most 64.
+        weights: (n,) how likely each is, 0 to 1; their sum is at most 1.
+    """
+
+    stamp_ns: Stamp
+    poses: Annotated[Floats, Array("float64", ("n", 3))]
+    weights: Annotated[Floats, Array("float64", ("n",))]
+
+
+@message()
 class PoseTrack(Message):
     """Poses over time, for sensors whose data spans a movement. Not published: the mapper's node collects it.
 

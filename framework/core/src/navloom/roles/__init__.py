@@ -11,7 +11,7 @@ from functools import cache
 from typing import get_args, get_type_hints
 
 from navloom.roles.avoider import Avoider, AvoiderInput
-from navloom.roles.base import Context, InputError, Params, RobotSpec, Role, SensorSpec
+from navloom.roles.base import ANYWHERE, Context, InputError, Params, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
 from navloom.roles.controller import Controller, ControllerInput
 from navloom.roles.extra import Extra, Extras
@@ -54,6 +54,7 @@ def answers_of(role: str) -> tuple[type, ...]:
 
 
 __all__ = [
+    "ANYWHERE",
     "ROLES",
     "ROLE_API",
     "Avoider",

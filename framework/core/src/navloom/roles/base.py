@@ -27,7 +27,17 @@ if TYPE_CHECKING:  # the default keeps `class Mine(Avoider)` valid under mypy --
 else:
     P = TypeVar("P")
 
-__all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
+__all__ = [
+    "ANYWHERE",
+    "RESERVED_KEYS",
+    "Context",
+    "InputError",
+    "Params",
+    "RobotSpec",
+    "Role",
+    "SensorSpec",
+    "StrictModel",
+]
 
 RESERVED_KEYS = ("plugin", "preset", "name", "sensors", "inputs", "rate_hz", "latency", "diagnostics_rate_hz", "role",
                  "shadow", "required")  # fmt: skip
@@ -127,6 +137,10 @@ class SensorSpec:
         return SensorSpec, (self.name, self.kind, dict(self.settings))
 
 
+ANYWHERE = (math.inf, math.inf)
+"""Standard deviations, m and rad, of a place that is not known at all."""
+
+
 @dataclass(frozen=True, eq=False)
 class Context:
     """What a plugin receives from the framework at its construction.
@@ -138,6 +152,8 @@ class Context:
         stream: Returns the random stream of a name, seeded from (run seed, role, instance, name). A second call
             returns the same stream, continued.
         start: Start pose, map frame.
+        start_sigma: For a Localizer: standard deviations of the start, of x and of y, m, and of the heading, rad, if
+            it is a guess; `ANYWHERE` if it is not known, and then `start` says nothing; None for a start that is known.
         sensors: For a Platform: the sensors to provide.
         world: For a Platform: the ground truth, or None.
         map: For a Mapper or Localizer: the known map, or None.
@@ -153,6 +169,7 @@ class Context:
     world: World | None = None
     map: OccupancyGrid | None = None
     diagnostics_rate_hz: float = math.inf
+    start_sigma: tuple[float, float] | None = None
 
 
 class Role(ABC, Generic[P]):

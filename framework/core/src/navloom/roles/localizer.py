@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
-from navloom.messages import MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan
-from navloom.roles.base import InputError, P, Role
+from navloom.messages import Hypotheses, MapUpdate, OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan
+from navloom.roles.base import ANYWHERE, InputError, P, Role
 from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.facts import RoleFacts
@@ -39,7 +40,11 @@ class LocalizerInput:
 
 
 class Localizer(Role[P]):
-    """Turns odometry and scans into a pose in the map."""
+    """Turns odometry and scans into a pose in the map.
+
+    Class attributes:
+        can_search: It finds a robot whose place is not known: it reads `Context.start_sigma` and has `search`.
+    """
 
     role = "localizer"
     facts = RoleFacts(
@@ -50,6 +55,8 @@ class Localizer(Role[P]):
         sees_map=True,
     )
 
+    can_search: ClassVar[bool] = False
+
     def place(self, pose: Pose2D) -> None:
         """Take this pose in the map, which an operator gives, as the robot's. Called live, between two steps.
 
@@ -57,6 +64,25 @@ class Localizer(Role[P]):
             InputError: This localizer does not accept a pose.
         """
         raise InputError(f"localizer {self.name} does not accept a pose")
+
+    def search(self, near: Pose2D | None = None, sigma: tuple[float, float] = ANYWHERE) -> None:
+        """Forget where the robot is and find it again. Called live, between two steps.
+
+        Args:
+            near: Where it probably is, map frame; None for anywhere on the map.
+            sigma: Standard deviations of `near`: of x and of y, m, and of the heading, rad.
+
+        Raises:
+            InputError: This localizer cannot search.
+        """
+        raise InputError(f"localizer {self.name} cannot search for the robot: place it")
+
+    def hypotheses(self) -> Hypotheses | None:
+        """The places where the robot may be; None for a localizer that keeps one.
+
+        Called after each `localize`; published whenever it is another object. While it tracks, that is its pose alone.
+        """
+        return None
 
     @abstractmethod
     def localize(self, given: LocalizerInput) -> PoseEstimate:

@@ -11,7 +11,7 @@ from navloom.engine.node_ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.nodes.node_base import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.streams import LocalizerPorts, MapperPorts, PlatformPorts
-from navloom.messages import MapUpdate, OperatorRequest, Pose2D
+from navloom.messages import Hypotheses, MapUpdate, OperatorRequest, Pose2D
 from navloom.roles import Localizer, LocalizerInput
 from navloom.roles.base import InputError
 
@@ -30,12 +30,14 @@ class LocalizerNode(RoleNode[Localizer]):
     map = Latest(MapperPorts.map, delayed=True)
     known = Latest(MapperPorts.known, delayed=True)
     pose = Output(LocalizerPorts.pose)
+    hypotheses = Output(LocalizerPorts.hypotheses)
     cause = odometry
 
     def __init__(self, plugin: Localizer) -> None:
         self.plugin = plugin
         self.door = LocalizerDoor(plugin)
         self._known: MapUpdate | None = None
+        self._hypotheses: Hypotheses | None = None
 
     def place(self, request: OperatorRequest, is_active: bool) -> None:
         """Take the pose of an operator's "place", between two steps.
@@ -61,3 +63,8 @@ class LocalizerNode(RoleNode[Localizer]):
         map = self.map.value if known is None else self._known
         seen = LocalizerInput(odometry, scans, map, names, readings_of(self.readings), self.extra(), known)
         self.pose.put(self.door.check(self.plugin.localize(seen), seen))
+        places = self.plugin.hypotheses()
+        # By identity, as for the mapper's known map.
+        if places is not None and places is not self._hypotheses:
+            self._hypotheses = places
+            self.hypotheses.put(self.door.check_places(places))

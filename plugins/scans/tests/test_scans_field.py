@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_scan_localizer.field import distance_field, sample
+from navloom_scans.field import distance_field, sample
 
 CELL = 0.1
 

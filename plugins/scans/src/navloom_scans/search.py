@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_scan_localizer.field import DistanceField, distance_field
+from navloom_scans.field import DistanceField, distance_field
 
 __all__ = ["candidates", "warm_up"]
 

@@ -2,28 +2,43 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from navloom import InputError, OccupancyGrid
 
-from navloom_scan_localizer.field import DistanceField, distance_field
-from navloom_scan_localizer.params import ScanMatchingParams
+from navloom_scans.field import DistanceField, distance_field
 
-__all__ = ["field_of_map"]
+__all__ = ["MapReading", "field_of_map"]
 
 _MAX_CELLS = 16_000_000
 """Most cells of a map. Computing the field of a larger one, with four nodes per cell, would take some gigabytes."""
 
 
-def field_of_map(grid: OccupancyGrid | None, params: ScanMatchingParams) -> DistanceField:
+class MapReading(Protocol):
+    """How a map is read: cells of at least `occupied_from` percent are walls, and unknown ones if `unknown_is_wall`.
+
+    `reach` is the longest distance from a beam's end at which a wall is searched, m.
+    """
+
+    @property
+    def occupied_from(self) -> int: ...
+    @property
+    def unknown_is_wall(self) -> bool: ...
+    @property
+    def reach(self) -> float: ...
+
+
+def field_of_map(grid: OccupancyGrid | None, params: MapReading) -> DistanceField:
     """Distance field of a map, limited to ± twice the reach.
 
     Raises:
         InputError: There is no map, its cells have no size, or it has no cells or too many of them.
     """
     if grid is None:
-        raise InputError('scan_matching: got no map, expected one; name it in [map], as in ref = "world"')
+        raise InputError('localizer: got no map, expected one; name it in [map], as in ref = "world"')
     if not 0 < grid.cells.size <= _MAX_CELLS or not grid.resolution > 0.0:
         given = f"a map of {grid.cells.shape} cells of {grid.resolution:g} m"
-        raise InputError(f"scan_matching: got {given}, expected 1 to {_MAX_CELLS} cells of more than 0 m")
+        raise InputError(f"localizer: got {given}, expected 1 to {_MAX_CELLS} cells of more than 0 m")
     walls = grid.cells >= params.occupied_from
     if params.unknown_is_wall:
         walls |= grid.cells < 0

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_scan_localizer.field import distance_field, sample
+from navloom_scans.field import distance_field, sample
 
 __all__ = ["fit_pose", "misfit_of", "solve", "warm_up"]
 

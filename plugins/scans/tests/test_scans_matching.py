@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_scan_localizer.field import distance_field
-from navloom_scan_localizer.matching import fit_pose, solve
+from navloom_scans.field import distance_field
+from navloom_scans.matching import fit_pose, solve
 from scan_localizer_rooms import beams_of, fan, ranges_in, room, turned
 
 CELL = 0.1

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from navloom_scan_localizer.field import distance_field
-from navloom_scan_localizer.sight import Sight, compare_views, look_along
+from navloom_scans.field import distance_field
+from navloom_scans.sight import Sight, compare_views, look_along
 
 GATE = 0.16
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_scan_localizer.field import DistanceField, distance_field, sample
+from navloom_scans.field import DistanceField, distance_field, sample
 
 __all__ = ["Sight", "look_along", "compare_views", "warm_up"]
 

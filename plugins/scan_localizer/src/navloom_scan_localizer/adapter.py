@@ -26,8 +26,10 @@ from navloom_scans.small import inverse
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import surface
+from navloom_scan_localizer.ambiguity import Ambiguity
 from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
+from navloom_scan_localizer.smoothing import SmoothPose
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep, ordered
 from navloom_scan_localizer.tracking import PoseTracker
@@ -72,12 +74,17 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         start = self.context.start
         place = np.array([start.x, start.y, start.heading])
         self._tracker, self._stamp_ns = PoseTracker(self.params.settings(), self._field, place), 0
-        self._judge = Judge(self._tracker)
+        self._begin()
 
     def place(self, pose: Pose2D) -> None:
         """Move the estimate to a pose, with a new judge."""
         self._tracker.place(np.array([pose.x, pose.y, pose.heading]))
-        self._judge = Judge(self._tracker)
+        self._begin()
+
+    def _begin(self) -> None:
+        tracker = self._tracker
+        self._judge, self._ambiguity = Judge(tracker), Ambiguity(tracker)
+        self._shown = SmoothPose(tracker.pose, tracker.odometry)
 
     def configure(self, params: ScanMatchingParams) -> None:
         """Take new parameters and keep the pose."""
@@ -102,14 +109,18 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         points = _echoes(given, odometry.twist, self.params)
         if points:
             echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
-            tracker.correct(echoes)
+            if tracker.correct(echoes):
+                self._ambiguity.look(echoes)
             if self._judge.is_due(time):
                 silent = _silent(given, self.params)
                 beams = np.concatenate((echoes, *silent)) if silent else echoes
                 self._judge.look(beams, time, len(echoes))
-        state, reason = self._judge.state, self._judge.reason
-        pose = Pose2D(*tracker.pose.tolist())
-        return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
+        state, reason, shown = self._judge.state, self._judge.reason, self._shown
+        limits = tracker.settings.max_shift, tracker.settings.max_turn
+        if not shown.follow(tracker.pose, tracker.odometry, limits, at_once=state != "tracking"):
+            state, reason = "searching", "scans contradict odometry by more than can be corrected in motion"
+        covariance = tracker.covariance + self._ambiguity.spread + np.outer(shown.behind, shown.behind)
+        return PoseEstimate(odometry.stamp_ns, Pose2D(*shown.pose.tolist()), odometry.twist, covariance, state, reason)
 
     def _take_map(self, known: OccupancyGrid) -> None:
         """Match another known map from now on; another message of the same map changes nothing."""

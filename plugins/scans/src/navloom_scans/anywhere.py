@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from navloom_scans import matching, sight
 from navloom_scans.field import DistanceField, distance_field
-from navloom_scans.lattice import FULL, expand, pyramid_of
+from navloom_scans.lattice import FULL, expand, offsets_of, pyramid_of
 from navloom_scans.poses import pose_of
 from navloom_scans.sight import look_along
 
@@ -169,7 +169,7 @@ class MapSearch:
         headings = math.ceil(math.tau / turn) if half >= math.pi else 2 * math.ceil(half / turn) + 1
         spacing = math.tau / headings if half >= math.pi else (2.0 * half / max(headings - 1, 1))
         self._turns = middle + (np.arange(headings) - (headings // 2)) * spacing
-        self._offsets = _offsets(used, self._turns, self._step)
+        self._offsets = offsets_of(used, self._turns, self._step)
         self._heads = np.full(FULL * max(len(used), 1) + 1, -1)
         self._queue = np.empty((_FIRST_CAPACITY, 5), dtype=np.int64)
         self._marks = np.array([0, 0, -1, 0, 0])
@@ -260,14 +260,6 @@ def _spread(beams: Floats, count: int) -> Floats:
     if len(beams) <= count:
         return np.ascontiguousarray(beams)
     return np.ascontiguousarray(beams[np.arange(count) * len(beams) // count])
-
-
-def _offsets(beams: Floats, turns: Floats, step: float) -> NDArray[np.int32]:
-    """(headings, n, 2) row and column of each end point relative to the robot's cell, at each heading."""
-    c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
-    columns, rows = c * beams[:, 0] - s * beams[:, 1], s * beams[:, 0] + c * beams[:, 1]
-    found: NDArray[np.int32] = np.floor(np.stack((rows, columns), axis=2) / step + 0.5).astype(np.int32)
-    return found
 
 
 def warm_up() -> None:

@@ -14,7 +14,7 @@ from numba import njit
 
 from navloom_scans.sight import is_through
 
-__all__ = ["FULL", "expand", "pyramid_of"]
+__all__ = ["FULL", "expand", "offsets_of", "pyramid_of"]
 
 FULL = 255
 """Value of a lattice cell at a wall."""
@@ -49,6 +49,22 @@ def pyramid_of(values, levels):  # type: ignore[no-untyped-def]
             for c in range(columns + pad):
                 right = min(c + half, columns + pad - 1)
                 here[r, c] = max(max(below[r, c], below[r, right]), max(below[up, c], below[up, right]))
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def offsets_of(beams, turns, step):  # type: ignore[no-untyped-def]
+    """(headings, n, 2) row and column, int32, of each end point relative to the robot's cell, at each heading.
+
+    Args:
+        beams: (n, 4) end point, m, first, base frame. turns: (headings,) rad, raster frame. step: Edge of a cell, m.
+    """
+    found = np.empty((len(turns), len(beams), 2), dtype=np.int32)
+    for k in range(len(turns)):
+        c, s = math.cos(turns[k]), math.sin(turns[k])
+        for i in range(len(beams)):
+            found[k, i, 0] = math.floor((s * beams[i, 0] + c * beams[i, 1]) / step + 0.5)
+            found[k, i, 1] = math.floor((c * beams[i, 0] - s * beams[i, 1]) / step + 0.5)
     return found
 
 

@@ -35,7 +35,7 @@ def _groups(bins, turns):  # type: ignore[no-untyped-def]
     count = bins.shape[0]
     parent = np.arange(count)
     for i in range(count):
-        for dx in range(0, 2):
+        for dx in range(2):
             for dy in range(-1, 2):
                 for dt in range(-1, 2):
                     x, y, t = bins[i, 0] + dx, bins[i, 1] + dy, (bins[i, 2] + dt) % turns
@@ -104,7 +104,9 @@ def clusters_of(particles: Floats, weights: Floats, bins: Ints, which: Ints, tur
     order = np.argsort(-sums[:, 0], kind="stable")[:most]
     order = order[sums[order, 0] > 0.0]
     found = sums[order]
-    poses = np.column_stack((found[:, 1] / found[:, 0], found[:, 2] / found[:, 0], np.arctan2(found[:, 4], found[:, 3])))
+    poses = np.column_stack(
+        (found[:, 1] / found[:, 0], found[:, 2] / found[:, 0], np.arctan2(found[:, 4], found[:, 3]))
+    )
     poses[poses[:, 2] >= math.pi, 2] = -math.pi
     covariances = np.empty((len(order), 3, 3))
     for k, group in enumerate(order):

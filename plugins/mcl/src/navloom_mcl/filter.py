@@ -74,9 +74,9 @@ class ParticleFilter:
 
     def __init__(self, field: DistanceField, settings: FilterSettings, random: np.random.Generator) -> None:
         self.settings, self.field, self._random = settings, field, random
-        self.particles, self.weights = np.empty((0, 3)), np.empty(0)
         self._part = 0
         self._places: Places | None = None
+        self.clear()
 
     def spread(self, poses: Floats, covariances: Floats, weights: Floats | None = None, count: int = 0) -> None:
         """Replace all particles by samples of a mixture of normal distributions.
@@ -90,6 +90,10 @@ class ParticleFilter:
         count = count or self.settings.most
         self.particles = self._drawn(poses, covariances, weights, count)
         self.weights, self._places = np.full(count, 1.0 / count), None
+
+    def clear(self) -> None:
+        """Drop all particles."""
+        self.particles, self.weights, self._places = np.empty((0, 3)), np.empty(0), None
 
     def inject(self, poses: Floats, covariances: Floats, weights: Floats | None, share: float) -> None:
         """Add samples of a mixture, as for `spread`, which then hold a share of the weight, 0 to 1.

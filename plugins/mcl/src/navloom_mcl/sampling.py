@@ -49,7 +49,9 @@ def bins_of(particles: Floats, size: float, turns: int) -> tuple[Ints, Ints]:
         return_inverse=True,
     )
     places = keys // turns
-    bins = np.column_stack((places // _MOST_BINS - _MOST_BINS // 2, places % _MOST_BINS - _MOST_BINS // 2, keys % turns))
+    bins = np.column_stack(
+        (places // _MOST_BINS - _MOST_BINS // 2, places % _MOST_BINS - _MOST_BINS // 2, keys % turns)
+    )
     return bins, which
 
 

@@ -83,6 +83,7 @@ class MapSearch:
     Attributes:
         is_complete: Whether the last search saw the whole map, or the whole guess: `most_work` ended it otherwise.
         work: Work of the last search, in nodes.
+        shape: Extent of the map along y and x of its raster, m.
         bytes: Memory of the pyramid and of the places where the robot may stand.
     """
 
@@ -110,6 +111,7 @@ class MapSearch:
         may_stand = free[np.ix_(_index(v - 0.5, rows), _index(u - 0.5, columns))] & (distance > settings.clearance)
         self._pyramid = pyramid_of(values, settings.levels)
         self._standing = _blocks(may_stand, settings.levels)
+        self.shape = (rows * cell, columns * cell)
         self.bytes = self._pyramid.nbytes + self._standing.nbytes
         self.is_complete, self.work = True, 0
         self._is_over, self._places, self._scores = True, np.empty((0, 3)), np.empty(0)
@@ -175,7 +177,9 @@ class MapSearch:
         self._marks = np.array([0, 0, -1, 0, 0])
         self._found = np.empty((max(count, 1), 4))
         share = FULL * max(len(used), 1)
-        self._limits = np.array([self._step, s.gate, FULL, s.apart, s.turned, max(1.0, s.least * share), s.margin * share])
+        self._limits = np.array(
+            [self._step, s.gate, FULL, s.apart, s.turned, max(1.0, s.least * share), s.margin * share]
+        )
         self._is_searched = not len(used) or count < 1
 
     def step(self, budget: int) -> bool:
@@ -270,5 +274,3 @@ def warm_up() -> None:
     matching.warm_up()
     sight.warm_up()
     MapSearch(field, ~walls).search(np.array([[-0.3, 0.0, -1.0, 0.0]]), 1, 1)
-
-

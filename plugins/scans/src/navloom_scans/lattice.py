@@ -72,7 +72,7 @@ def offsets_of(beams, turns, step):  # type: ignore[no-untyped-def]
 def _bound(layer, offsets, row, column):  # type: ignore[no-untyped-def]
     """Sum of a pyramid's level over the end points, (n, 2) rows and columns, of a block at a padded row and column."""
     rows, columns = layer.shape
-    total = 0
+    total = np.int64(0)
     for i in range(offsets.shape[0]):
         # Unsigned, so that one comparison also catches what is below 0.
         r, c = np.uint64(row + offsets[i, 0]), np.uint64(column + offsets[i, 1])
@@ -133,7 +133,8 @@ def expand(  # type: ignore[no-untyped-def]
         rays: (m, 4) end point, m, and direction, base frame, of the beams that are followed along the map: first
             `echoes` beams with an echo, then those without one.
         limits: (7,) edge of a cell, m; depth behind a wall's front from which a beam passes through it, m; score of one
-            beam through a wall; least distance of two results, m and rad; least score; largest difference from the best score.
+            beam through a wall; least distance of two results, m and rad; least score; largest
+            difference from the best score.
         queue: (capacity, 5) next node of the same bound, stage, heading, row, column. heads: (bounds,) first node.
         marks: (5,) next root, slots used, first free slot, largest bound, number of results.
         found: (k, 4) filled: heading, row, column, score of each result.
@@ -194,9 +195,7 @@ def expand(  # type: ignore[no-untyped-def]
             x, y = frame[0] + c * u - s * v, frame[1] + s * u + c * v
             turn = turns[heading] + math.atan2(s, c)
             most = (bound - least) / limits[2]
-            score = bound - np.int64(
-                limits[2] * _through(field, frame, rays, echoes, x, y, turn, limits[1], most)
-            )
+            score = bound - np.int64(limits[2] * _through(field, frame, rays, echoes, x, y, turn, limits[1], most))
             work += _TRACE_WORK
             if score >= least:
                 _push(queue, heads, marks, score, _FINAL, heading, row, column)

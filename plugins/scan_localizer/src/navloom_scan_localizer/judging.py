@@ -135,6 +135,25 @@ class Judge:
         """Largest distance of an echo from its wall, m."""
         return 2.0 * self._tracker.settings.robust_scale
 
+    @property
+    def is_proven(self) -> bool:
+        """Whether a drive has proven the pose."""
+        return self._proven >= _PROOF
+
+    @property
+    def has_looked(self) -> bool:
+        """Whether a scan has been judged."""
+        return self._seen.total > 0.0
+
+    @property
+    def score(self) -> float:
+        """How well recent scans fit, at most 1, see `Sight.score`."""
+        return self._seen.score
+
+    def trust(self) -> None:
+        """Take the pose as proven by a drive."""
+        self._proven, self._has_seen, self._tracker.is_proven = _PROOF, True, True
+
     def is_due(self, time: float) -> bool:
         """Whether a scan at a time, s, is judged."""
         return time - self._time > _EVERY - 1e-3
@@ -224,14 +243,15 @@ class Judge:
             if seen.support < max(_SUDDEN * self._seen.support, _LITTLE):
                 self._is_cut, self._proven = True, 0.0
 
-    def _is_elsewhere(self) -> bool:
+    @property
+    def is_elsewhere(self) -> bool:
         """Whether the view has changed at once, not only by things that came close to a robot that stands."""
         return self._is_cut and (self._beyond > _BEYOND or self._way > _LEFT)
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
         s, seen = self._tracker.settings, self._seen
-        if self._is_elsewhere():
+        if self.is_elsewhere:
             return f"{self._continued:.0%} of the beams continue the view of before: the robot was carried or shut in"
         through, most = seen.through, (0.5 if self._is_moved else 1.0) * (1.0 - s.trusted_share)
         if through > most * (through + seen.fit) and through > s.least_seen * seen.total:

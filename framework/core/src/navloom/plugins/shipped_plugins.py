@@ -50,7 +50,7 @@ SHIPPED = {
         "scheme.movingai",
         "scheme.rosmap",
     ),
-    "navloom-mcl": ("localizer.mcl",),
+    "navloom-mcl": ("localizer.global_matching", "localizer.mcl"),
     "navloom-recording": ("command.replay",),
     "navloom-recoveries": ("recovery.retrace",),
     "navloom-ros": (

@@ -11,7 +11,6 @@ from navloom import (
     Context,
     Localizer,
     LocalizerInput,
-    OccupancyGrid,
     Odometry,
     Pose2D,
     PoseEstimate,
@@ -84,7 +83,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
     def _begin(self) -> None:
         tracker = self._tracker
         self._judge, self._ambiguity = Judge(tracker), Ambiguity(tracker)
-        self._shown = SmoothPose(tracker.pose, tracker.odometry)
+        self._shown, self._is_smooth = SmoothPose(tracker.pose, tracker.odometry), True
 
     def configure(self, params: ScanMatchingParams) -> None:
         """Take new parameters and keep the pose."""
@@ -135,7 +134,8 @@ class ScanMatching(Localizer[ScanMatchingParams]):
     def _estimate(self, odometry: Odometry) -> PoseEstimate:
         tracker, shown, state, reason = self._tracker, self._shown, self._judge.state, self._judge.reason
         limits = tracker.settings.max_shift, tracker.settings.max_turn
-        if not shown.follow(tracker.pose, tracker.odometry, limits, at_once=state != "tracking"):
+        self._is_smooth = shown.follow(tracker.pose, tracker.odometry, limits, at_once=state != "tracking")
+        if not self._is_smooth:
             state, reason = "searching", "scans contradict odometry by more than can be corrected in motion"
         covariance = tracker.covariance + self._ambiguity.spread + np.outer(shown.behind, shown.behind)
         return PoseEstimate(odometry.stamp_ns, Pose2D(*shown.pose.tolist()), odometry.twist, covariance, state, reason)

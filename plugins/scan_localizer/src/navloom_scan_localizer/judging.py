@@ -141,14 +141,15 @@ class Judge:
         return self._proven >= _PROOF
 
     @property
-    def has_looked(self) -> bool:
-        """Whether a scan has been judged."""
-        return self._seen.total > 0.0
+    def was_proven(self) -> bool:
+        """Whether a drive has proven the pose, though scans may contradict it now."""
+        return self._tracker.is_proven
 
     @property
-    def score(self) -> float:
-        """How well recent scans fit, at most 1, see `Sight.score`."""
-        return self._seen.score
+    def through(self) -> float:
+        """Share of the beams to a mapped wall that pass through it, of recent scans; 0 where few do."""
+        through, s = self._seen.through, self._tracker.settings
+        return through / (through + self._seen.fit) if through > s.least_seen * self._seen.total else 0.0
 
     def trust(self) -> None:
         """Take the pose as proven by a drive."""

@@ -123,6 +123,7 @@ class PoseTracker:
         is_proven: Whether a drive has proven the pose: then scans that are mostly occluded are used too.
         prior: (3, 3) covariance of all places that scans have not refuted, about the pose; see `ambiguity`.
         is_contradicted: Whether the last scan contradicted odometry.
+        is_bridged: Whether a scan has contradicted odometry since the last place that was set.
     """
 
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
@@ -138,7 +139,7 @@ class PoseTracker:
         self.covariance: Floats = np.diag([place, place, turn])
         self.inliers = 0
         self.share: float | None = None
-        self.is_proven = self.is_contradicted = False
+        self.is_proven = self.is_contradicted = self.is_bridged = False
         self._doubt_place()
 
     def _doubt_place(self) -> None:
@@ -193,7 +194,7 @@ class PoseTracker:
             return False
         self.inliers = inliers
         if self.is_contradicted:
-            self.prior = self.prior + _LOOSE
+            self.prior, self.is_bridged = self.prior + _LOOSE, True
         shift = pose - self.pose
         self._learn_scale(shift, after)
         self.pose = pose_of(*(self.pose + shift).tolist())
@@ -267,7 +268,7 @@ class PoseTracker:
         """Correct an error of odometry: to a pose, (3,), with its (3, 3) covariance."""
         self.pose = pose_of(*pose.tolist())
         self.covariance = 0.5 * (covariance + covariance.T)
-        self.prior, self._misfit = self.prior + _LOOSE, math.inf
+        self.prior, self._misfit, self.is_bridged = self.prior + _LOOSE, math.inf, True
 
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""

@@ -10,22 +10,27 @@ from navloom_scan_localizer.adapter import ScanMatching
 from navloom_scans import anywhere
 from navloom_scans.anywhere import MapSearch
 from navloom_scans.maps import free_of_map
-from navloom_scans.poses import compose
 from navloom_scans.readings import beams_of
+from numpy.typing import NDArray
 
 from navloom_mcl import likelihood
 from navloom_mcl.finding import Finder
 from navloom_mcl.global_matching.params import GlobalMatchingParams
 from navloom_mcl.global_matching.places import Place
-from navloom_mcl.global_matching.supervisor import Search
+from navloom_mcl.global_matching.supervisor import Guess, Search
 from navloom_mcl.global_matching.watch import Watch
 
 __all__ = ["GlobalMatching"]
+
+Floats = NDArray[np.float64]
 
 _DOUBTED = 0.7
 """Time without tracking after which the map is searched, s: until then, scan matching looks nearby."""
 _NEAR = (1.0, math.radians(30.0))
 """Standard deviations of the place of a robot that is no longer tracked, m and rad."""
+_PROVEN, _STARTED, _LEFT = 10.0, 2.0, 1.0
+"""How much likelier than any other place the tracked one is, as a logarithm: if a drive had proven it, if it had not,
+and if the view has changed at once."""
 _EVERY = 1.0
 """Time from one message of a tracked place to the next, s."""
 
@@ -108,20 +113,25 @@ class GlobalMatching(ScanMatching):
     def _guard(self, given: LocalizerInput, time: float) -> None:
         """Begin a search if the pose is no longer trusted, or if the map has a place that fits better."""
         judge, tracker = self._judge, self._tracker
+        if tracker.is_bridged:
+            tracker.is_bridged = False
+            self._watch.suspect()
         self._doubted_at = min(self._doubted_at, time)
-        beams, echoes = beams_of(given.scans, given.odometry, self.params) if self._watch.wants(judge, time) else (None, 0)
+        beams, echoes = (
+            beams_of(given.scans, given.odometry, self.params) if self._watch.wants(judge, time) else (None, 0)
+        )
         better = self._watch.step(judge, tracker, time, beams, echoes)
-        is_left = judge.state != "tracking" and (judge.is_elsewhere or time - self._doubted_at >= _DOUBTED)
-        if is_left or better:
-            self._searching = self._search_from((tracker.pose.copy(), _NEAR), tracker.pose)
+        is_doubted = judge.state != "tracking" and (judge.is_elsewhere or time - self._doubted_at >= _DOUBTED)
+        if is_doubted or better or not self._is_smooth:
+            trust = _LEFT if judge.is_elsewhere else _PROVEN if judge.was_proven else _STARTED
+            self._searching = self._search_from((tracker.pose, _NEAR), (tracker.pose, tracker.covariance, trust))
             self._sigma = _NEAR
 
-    def _search_from(
-        self, guess: tuple[np.ndarray, tuple[float, float]] | None, kept: np.ndarray | None = None
-    ) -> Search:
+    def _search_from(self, guess: Guess | None, kept: tuple[Floats, Floats, float] | None = None) -> Search:
+        """A new search, see `Search`."""
         self._searching_at = math.inf
-        tracker = self._tracker
-        return Search(self._map_search(), tracker.settings, self.params.limits(), tracker.odometry, guess, kept)
+        settings, odometry = self._tracker.settings, self._tracker.odometry
+        return Search(self._map_search(), settings, self.params.limits(), odometry, guess, kept)
 
     def _seek(self, given: LocalizerInput, time: float) -> PoseEstimate:
         """Continue the search; track again once it has found the robot."""
@@ -159,6 +169,6 @@ class GlobalMatching(ScanMatching):
         self._judge.trust()
         self._shown.follow(tracker.pose, tracker.odometry, (0.0, 0.0), at_once=True)
 
-    def _tell(self, stamp_ns: int, poses: np.ndarray, weights: np.ndarray) -> None:
+    def _tell(self, stamp_ns: int, poses: Floats, weights: Floats) -> None:
         self._hypotheses = Hypotheses(stamp_ns, poses.copy(), weights)
         self._told_at = stamp_ns / 1e9

@@ -22,8 +22,9 @@ __all__ = ["Place", "Places"]
 
 Floats = NDArray[np.float64]
 
-_MODEL = np.array([0.08, 0.2, 0.05, 0.3, 0.24, 6.0])
-"""Likelihood of beams as `mcl` has it by default, see `likelihood.log_likelihoods`."""
+_MODEL = np.array([0.08, 0.2, 0.05, 0.3, 0.24, 20.0])
+"""Likelihood of beams, see `likelihood.log_likelihoods`: that of `mcl`, but more beams count as one. Every scan of a
+drive sees the same unmapped things, and no place is left out because of them."""
 _BEAMS = 60
 """About how many beams of a scan weigh the places."""
 _KEYS = 60
@@ -135,13 +136,19 @@ class Places:
         self._weigh()
         return True
 
-    def add(self, pose: Floats, prior: float) -> bool:
-        """Add a place, (3,) x, y, m, heading, rad, map frame, now; whether it is another one and fits the drive."""
+    def add(self, pose: Floats, prior: float, covariance: Floats = _LOOSE) -> bool:
+        """Add a place of now, if it is another one and fits the drive.
+
+        Args:
+            pose: (3,) x, y, m, heading, rad, map frame. covariance: (3, 3) of it.
+            prior: Logarithm of how likely it is, compared with others.
+        """
         if any(_is_same(pose, place.tracker.pose) for place in self.found):
             return False
         tracker = PoseTracker(self.settings, self.field, pose)
         tracker.odometry = self._odometry.copy()
-        tracker.relocate(pose, _LOOSE)
+        tracker.relocate(pose, covariance)
+        tracker.is_proven = True
         logs: list[float] = []
         best = self.found[0] if self.found else None
         at, since, total, ahead = pose, self._odometry, prior, best.prior if best else 0.0
@@ -156,6 +163,7 @@ class Places:
                 if any(_is_same(now, place.tracker.pose) for place in self.found):
                     return False
                 tracker.relocate(now, inverse(fused))
+                tracker.is_proven = True
             since = key.odometry
             logs.append(self._log(key, at))
             total += logs[-1]

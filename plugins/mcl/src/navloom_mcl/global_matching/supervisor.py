@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from navloom_mcl.finding import Finder
 from navloom_mcl.global_matching.places import Place, Places
 
-__all__ = ["Search", "SearchLimits"]
+__all__ = ["Guess", "Search", "SearchLimits"]
 
 Floats = NDArray[np.float64]
 Guess = tuple[Floats, tuple[float, float]]
@@ -32,10 +32,8 @@ _CONFIRMED = 0.3
 """Way that a place must have been followed when the search began that found no better one, m."""
 _STRAY = 6.0
 """Largest loss in the log likelihood of a place far from a guess: a guess may be wrong."""
-_KEPT = 2.0
-"""Gain in the log likelihood of the place where the robot was tracked until now."""
-_FIT, _THROUGH = 0.35, 0.15
-"""Least share of the echoes that must be at mapped walls at a place, and largest share of the beams through them."""
+_FIT, _SEEN, _THROUGH = 0.35, 0.12, 0.15
+"""Least share of the echoes, and of all beams, that must be at mapped walls at a place; largest share through them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +68,7 @@ class Search:
         limits: SearchLimits,
         odometry: Floats,
         guess: Guess | None,
-        kept: Floats | None = None,
+        kept: tuple[Floats, Floats, float] | None = None,
     ) -> None:
         """Begin a search.
 
@@ -80,7 +78,8 @@ class Search:
             limits: Limits.
             odometry: (3,) x, y, m, heading, rad, odometry frame, now.
             guess: Where the robot may be, (3,) in the map frame, with standard deviations, m and rad; else None.
-            kept: (3,) pose, map frame, where it was tracked until now, and may still be.
+            kept: Where it was tracked until now, and may still be: (3,) pose, map frame, its (3, 3) covariance, and how
+                much likelier it is than any other place, as a logarithm.
         """
         self.limits, self._odometry = limits, odometry.copy()
         self._map, self._finder = search, Finder(search, limits.candidates)
@@ -88,7 +87,7 @@ class Search:
         self._guess, self._guess_at = guess, odometry.copy()
         self._is_near = guess is not None
         if kept is not None:
-            self.places.add(kept, _KEPT)
+            self.places.add(kept[0], kept[2], kept[1])
         self._pending: list[Floats] = []
         self._searched, self._waited = -math.inf, 0.0
         self._began = math.inf
@@ -169,7 +168,8 @@ class Search:
     def _fits(self, place: Place) -> bool:
         seen = Sight(*place.counts.tolist())
         echoes = max(seen.fit + seen.behind + seen.elsewhere, 1e-9)
-        return seen.fit >= _FIT * echoes and seen.through <= _THROUGH * max(seen.fit + seen.through, 1e-9)
+        is_seen = seen.fit >= max(_FIT * echoes, _SEEN * seen.total)
+        return is_seen and seen.through <= _THROUGH * max(seen.fit + seen.through, 1e-9)
 
     def _doubt(self) -> str:
         """What is known so far."""

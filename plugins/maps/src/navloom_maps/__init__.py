@@ -1,7 +1,8 @@
 """Worlds of buildings: from map files of others (ROS map_server, MovingAI, BARN), and storeys drawn from a seed.
 
 Begin with `rosmap.py`: a YAML file and an image, read and written as nav2_map_server does; `images.py` reads it.
-`movingai.py` and `barn.py` read benchmark maps; `floor.py` makes storeys. They need pyyaml and pillow, which the core does not.
+`movingai.py` and `barn.py` read benchmark maps; `floor.py` makes storeys. They need pyyaml and
+pillow, which the core does not.
 """
 
 from navloom import Registry, hookimpl

@@ -210,9 +210,7 @@ def _between(draw: Draw, cuts: list[tuple[int, int]], width: int) -> Iterator[tu
     yield begin, width - _OUTER
 
 
-def _rooms(
-    draw: Draw, segment: tuple[int, int], row: _Row, others: list[Room], lookalike: float
-) -> list[Room]:
+def _rooms(draw: Draw, segment: tuple[int, int], row: _Row, others: list[Room], lookalike: float) -> list[Room]:
     """The rooms of a segment, from its lowest column up. What is too narrow for a room stays solid, as a shaft."""
     made: list[Room] = []
     begin, end = segment

@@ -115,7 +115,9 @@ class SensorsSim(Platform[SensorsSimParams]):
             robot.slip(effect, time)
         track, asked = robot.track if time > 0.0 else None, given.sweep_request
         request_id = asked.request_id if asked is not None else 0
-        moment = Moment(self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, request_id)
+        moment = Moment(
+            self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, scene.opaque, request_id
+        )
         scans: dict[str, Any] = {}
         for name, (message, sensor) in self._sensors.items():
             fields = sensor.read(moment)

@@ -47,10 +47,16 @@ def disturbances(config: Config) -> tuple[Disturbance, ...]:
     return tuple(sorted(found, key=lambda one: one.begin_ns))
 
 
-def carried_at(time: NDArray[np.float64], config: Config) -> NDArray[np.bool_]:
-    """(n,) whether the robot was displaced in each tick, by their run times, s; empty if the config displaces none."""
+def carried_at(time: NDArray[np.float64], first: float, config: Config) -> NDArray[np.bool_]:
+    """(n,) whether the robot was displaced in each tick; empty if the config has no displacement.
+
+    Args:
+        time: (n,) run times of ticks, s, increasing.
+        first: That of the platform's first tick, s.
+        config: The config.
+    """
     moves = [move for move in disturbances(config) if move.do == "displace"]
-    ticks, carried = np.round(time * 1e9), np.zeros(len(time) if moves else 0, dtype=np.bool_)
+    ticks, carried = np.round((time - first) * 1e9), np.zeros(len(time) if moves else 0, dtype=np.bool_)
     for move in moves:
         # The last one is the first tick at or after its end.
         first, last = np.searchsorted(ticks, (move.begin_ns, move.end_ns))

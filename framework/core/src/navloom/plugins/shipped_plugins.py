@@ -51,7 +51,7 @@ SHIPPED = {
         "scheme.rosmap",
     ),
     "navloom-recording": ("command.replay",),
-    "navloom-recoveries": ("recovery.retrace",),
+    "navloom-recoveries": ("recovery.look_around", "recovery.retrace"),
     "navloom-ros": (
         "command.ros",
         "mapper.ros_map",

@@ -141,7 +141,7 @@ class WorldTable(Table):
     start: PlaceTable | None = Field(
         default=None, description="true start; default: navigation.start, else that of the world itself"
     )
-    start_offset: OffsetTable = Field(default=OffsetTable(), description="added to the true start")
+    start_offset: OffsetTable = Field(default=OffsetTable(), description="added to the true start, map axes")
 
 
 class MapTable(Table):
@@ -266,15 +266,18 @@ class GateTable(Table):
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
 
-_OPTIONAL = {"goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg")}
-"""Keys that an event may have, by its `do`."""
+_OPTIONAL_KEYS = {
+    "goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg"),
+    "displace": ("over",), "slip": ("by", "over"),
+}  # fmt: skip
+"""Keys that an event may have beside those that it needs, by what it does."""
 
 
 class EventTable(Table):
-    """An operator's action at a given time."""
+    """An operator's action at a given time, or what happens to a simulated robot then."""
 
     at: float = Field(ge=0.0, description="s after the first tick")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip"]
     x: float | None = None
     y: float | None = None
     heading_deg: Heading | None = None
@@ -283,18 +286,23 @@ class EventTable(Table):
     role: str | None = None
     name: str | None = Field(default=None, description="instance, for swap and set")
     values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
+    by: OffsetTable | None = Field(default=None, description="for displace and slip: a motion, in the robot's frame")
+    over: float = Field(default=0.0, ge=0.0, description="for displace and slip: s that it takes; 0: one tick")
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> EventTable:
         needed = {
             "swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",), "place": ("x", "y", "heading_deg"),
+            "displace": ("by",) if self.by else ("x", "y", "heading_deg"),
         }.get(self.do, ())  # fmt: skip
         missing = [key for key in needed if getattr(self, key) is None]
         if self.do == "set" and not self.values:
             missing.append("values")
+        if self.do == "slip" and self.by is None and not self.over:
+            missing.append("over or by")
         if missing:
             raise ValueError(f'do = "{self.do}" also needs {" and ".join(missing)}')
-        allowed = {"at", "do", *needed, *_OPTIONAL.get(self.do, ())}
+        allowed = {"at", "do", *needed, *_OPTIONAL_KEYS.get(self.do, ())}
         extra = sorted(self.model_fields_set - allowed)
         if extra:
             raise ValueError(f'do = "{self.do}" has no use for {" and ".join(extra)}')

@@ -198,7 +198,7 @@ def _beside(log: LogDrive, said: Sequence[PoseEstimate], odometry: Floats) -> Lo
         time=(stamps - stamps[0]) * 1e-9,
         truth=log.truth,
         estimate=poses,
-        covariance=np.array([one.covariance for one in said]),
+        covariance=np.array([one.covariance[[0, 0, 1, 2], [0, 1, 1, 2]] for one in said]),
         is_tracking=np.array([one.state == "tracking" for one in said]),
         is_moving=(np.abs(steps[:, :2]).max(axis=1) > 1e-3) | (np.abs(wrap(steps[:, 2])) > 1e-3),
         correction=corrections(poses, odometry),

@@ -103,7 +103,7 @@ def _trails() -> dict[str, Trail]:
         "a drive to the goal": drive,
         "a collision": _trail(200, outcome="collision", clearance=drive.clearance - 1.1, touches=2),
         "a drive without a goal and with unknown values": _trail(
-            200, cross_track=unknown, clearance=unknown, pose_error=np.empty(0), optimal=None, goal_distance=None,
+            200, cross_track=unknown, clearance=unknown, optimal=None, goal_distance=None,
             reference=None, outcome="no_path",
         ),
         "an open floor": _trail(200, clearance=np.full(200, math.inf)),

@@ -102,6 +102,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
         if config.map is not None or any(part.cls.needs_map for part in parts.values()):
             system.map_world = known = _known_world(loaded, discovery, world)
             system.map = grid_of(known, (config.map or MapTable()).resolution, config.robot.height)
+    _check_disturbances(system, problems)
     _check_set_events(system, problems)
     problems.refuse(loaded.error)
     return system
@@ -243,6 +244,21 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
         goal = PlaceTable(x=world.goal.x, y=world.goal.y)
     authored = world.goal_tolerance if world is not None else None
     return start, goal, navigation.goal_tolerance or authored or GOAL_TOLERANCE
+
+
+def _check_disturbances(system: System, problems: Gathered) -> None:
+    """Refuse events that move the robot from outside, or let its wheels slip, where the platform cannot do so."""
+    table = system.config.platform
+    platform = system.parts["platform", table.instance].cls
+    if not (issubclass(platform, Platform) and platform.takes_disturbances):
+        for number, event in enumerate(system.config.event):
+            if event.do in ("displace", "slip"):
+                with problems.gather():
+                    kind = "simulated" if getattr(platform, "is_simulated", False) else "real"
+                    raise ConfigError(
+                        f'event.{number}.do: the platform {table.plugin}, a {kind} robot, cannot "{event.do}"; take a '
+                        "simulated one that can, as sensors_sim, or leave the event out"
+                    )
 
 
 def _check_set_events(system: System, problems: Gathered) -> None:

@@ -1,19 +1,30 @@
-"""Operators' requests by tick: the config's goal and its `[[event]]` tables."""
+"""What happens during a run, by the config: operators' requests by tick, and disturbances of a simulated robot."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from navloom.config.schema import Config
 from navloom.config.tables import EventTable, PlaceTable
 from navloom.inputs.assignments import assignments
 from navloom.messages import Goal, OperatorRequest, Point2D
+from navloom.roles import Disturbance
 
-__all__ = ["goal_at", "schedule"]
+__all__ = ["carried_at", "disturbances", "goal_at", "schedule"]
+
+_DISTURBING = ("displace", "slip")
+"""Events that no operator asks for: only the platform knows of them."""
 
 
 def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[OperatorRequest]]:
-    """Requests by tick: the run's own goal in tick 0, each event in the first tick at or after its time."""
+    """Requests by tick: the run's own goal in tick 0, each event in the first tick at or after its time.
+
+    A tick without requests is the last one of a disturbance: the run must not end before.
+    """
     requests: dict[int, list[OperatorRequest]] = {}
     goals = 0
     if goal is not None and config.navigation.drive:
@@ -23,11 +34,41 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
     # Sorted by time, stable: goals are numbered in the order in which they happen, not that of the file.
     for event in sorted(config.event, key=lambda event: event.at):
         # Rounded first: a time that is a whole number of ticks must not fall into the next one.
-        tick = math.ceil(round(event.at / config.run.period, 6))
+        tick = math.ceil(round((event.at + event.over) / config.run.period, 6))
+        if event.do in _DISTURBING:
+            requests.setdefault(tick, [])
+            continue
         if event.do == "goal":
             goals += 1
         requests.setdefault(tick, []).append(_request(event, goals, config))
     return requests
+
+
+def disturbances(config: Config) -> tuple[Disturbance, ...]:
+    """The displacements and slips of a config, by their beginning."""
+    found = sorted((event for event in config.event if event.do in _DISTURBING), key=lambda event: event.at)
+    return tuple(_disturbance(event) for event in found)
+
+
+def carried_at(time: NDArray[np.float64], config: Config) -> NDArray[np.bool_]:
+    """(n,) whether the robot was displaced in each tick, by their run times, s; empty if the config displaces none."""
+    moves = [move for move in disturbances(config) if move.do == "displace"]
+    ticks, carried = np.round(time * 1e9), np.zeros(len(time) if moves else 0, dtype=np.bool_)
+    for move in moves:
+        # The last one is the first tick at or after its end.
+        first, last = np.searchsorted(ticks, (move.begin_ns, move.end_ns))
+        carried[first : last + 1] = True
+    return carried
+
+
+def _disturbance(event: EventTable) -> Disturbance:
+    to = by = None
+    if event.by is not None:
+        by = (event.by.x, event.by.y, math.radians(event.by.heading_deg))
+    elif event.x is not None and event.y is not None:
+        to = (event.x, event.y, math.radians(math.remainder(event.heading_deg or 0.0, 360.0)))
+    do: Literal["displace", "slip"] = "displace" if event.do == "displace" else "slip"
+    return Disturbance(do, round(event.at * 1e9), round(event.over * 1e9), to, by)
 
 
 def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:

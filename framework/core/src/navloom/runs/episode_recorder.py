@@ -218,12 +218,6 @@ class Recorder:
         return sum(firsts[: self.legs]) if firsts else None
 
     @property
-    def path_length(self) -> float:
-        """Distance driven, m."""
-        steps = np.diff(self.driven, axis=0)
-        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-
-    @property
     def min_clearance(self) -> float | None:
         """Smallest gap between footprint and obstacles, m; None if nothing was near or there is no ground truth."""
         return self._least if math.isfinite(self._least) else None

@@ -51,6 +51,7 @@ SHIPPED = {
         "scheme.movingai",
         "scheme.rosmap",
     ),
+    "navloom-mcl": ("localizer.mcl",),
     "navloom-recording": ("command.replay",),
     "navloom-recoveries": ("recovery.retrace",),
     "navloom-ros": (

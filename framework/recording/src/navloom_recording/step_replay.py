@@ -183,7 +183,7 @@ class Replayer:
             self._parameters.setdefault((role, name), {})[message.version] = message.values
         elif isinstance(message, OperatorRequest) and message.do == "set":
             self._changes.setdefault((message.role, message.instance), []).append(message.values)
-        elif isinstance(message, OperatorRequest) and message.do == "place":
+        elif isinstance(message, OperatorRequest) and message.do in ("place", "relocalise"):
             self._places.append((at.tick, message))
         elif isinstance(message, StepReport):
             return Step(role, name, message, at, entry.place, raw.received_ns)

@@ -89,7 +89,7 @@ def _trail(ticks: int, period: float = 0.05, **changes: Any) -> Trail:
         time, np.sin(turn), 1.0 - np.cos(turn), turn, v, w, 1.0 + 0.2 * np.sin(time), 0.05 * np.cos(time), v.copy(),
         w.copy(), none, none,
         "succeeded", "", 0, 0, 0, period, 1.2, 0.1, 120.0, 0.5, 1.0, 0.1, np.full(ticks, 1_000_000),
-        np.full(ticks, 0.02), 0, 1.3,
+        0, 1.3,
     )  # fmt: skip
     return replace(made, **changes)
 

@@ -40,16 +40,23 @@ class LocalizerNode(RoleNode[Localizer]):
         self._hypotheses: Hypotheses | None = None
 
     def place(self, request: OperatorRequest, is_active: bool) -> None:
-        """Take the pose of an operator's "place", between two steps.
+        """Obey an operator's "place" or "relocalise", between two steps.
 
         Raises:
-            InputError: The plugin accepts none, and it is the active one.
+            InputError: The plugin accepts no place, or cannot search, and it is the active one.
         """
-        goal = request.goal
-        assert goal is not None and goal.heading is not None
+        goal, pose = request.goal, None
+        if goal is not None:
+            assert goal.heading is not None
+            pose = Pose2D(goal.x, goal.y, goal.heading)
         # A shadow that accepts no place must not refuse the operator's request.
         with nullcontext() if is_active else suppress(InputError):
-            self.plugin.place(Pose2D(goal.x, goal.y, goal.heading))
+            if pose is None:
+                self.plugin.search()
+            elif request.spread is None or request.heading_spread is None:
+                self.plugin.place(pose)
+            else:
+                self.plugin.search(pose, (request.spread, request.heading_spread))
 
     def step(self, tick: Tick) -> None:
         odometry = self.odometry.value

@@ -85,7 +85,7 @@ def sigma_of(spread: float | None, heading_spread_deg: float | None) -> tuple[fl
 
 
 class OffsetTable(Table):
-    """Offset of the true start, along the axes of the map."""
+    """An offset of a pose."""
 
     x: float = Field(default=0.0, description="m")
     y: float = Field(default=0.0, description="m")

@@ -141,7 +141,7 @@ class WorldTable(Table):
     start: PlaceTable | None = Field(
         default=None, description="true start; default: navigation.start, else that of the world itself"
     )
-    start_offset: OffsetTable = Field(default=OffsetTable(), description="added to the true start")
+    start_offset: OffsetTable = Field(default=OffsetTable(), description="added to the true start, map axes")
 
 
 class MapTable(Table):
@@ -266,11 +266,11 @@ class GateTable(Table):
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
 
-_OPTIONAL = {
+_OPTIONAL_KEYS = {
     "goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg"),
     "displace": ("over",), "slip": ("by", "over"),
 }  # fmt: skip
-"""Keys that an event may have, by its `do`."""
+"""Keys that an event may have beside those that it needs, by what it does."""
 
 
 class EventTable(Table):
@@ -302,7 +302,7 @@ class EventTable(Table):
             missing.append("over or by")
         if missing:
             raise ValueError(f'do = "{self.do}" also needs {" and ".join(missing)}')
-        allowed = {"at", "do", *needed, *_OPTIONAL.get(self.do, ())}
+        allowed = {"at", "do", *needed, *_OPTIONAL_KEYS.get(self.do, ())}
         extra = sorted(self.model_fields_set - allowed)
         if extra:
             raise ValueError(f'do = "{self.do}" has no use for {" and ".join(extra)}')

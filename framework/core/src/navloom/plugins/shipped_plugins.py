@@ -53,7 +53,7 @@ SHIPPED = {
     ),
     "navloom-mcl": ("localizer.mcl",),
     "navloom-recording": ("command.replay",),
-    "navloom-recoveries": ("recovery.retrace",),
+    "navloom-recoveries": ("recovery.look_around", "recovery.retrace"),
     "navloom-ros": (
         "command.ros",
         "mapper.ros_map",

@@ -321,7 +321,12 @@ class LiveRun:
                 values = requests.Assignments(tuple(request.values))
                 client.call(request.role, request.instance, requests.SET_PARAMETERS, values)
             elif request.do == "place" and request.goal is not None:
-                operator_actions.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
+                guess = request.spread is not None and request.heading_spread is not None
+                sigma = (request.spread, request.heading_spread) if guess else None
+                pose = request.goal.x, request.goal.y, request.goal.heading or 0.0
+                operator_actions.place(client, *pose, sigma)  # type: ignore[arg-type]
+            elif request.do == "relocalise":
+                operator_actions.relocalise(client)
             else:
                 client.call("gate", "main", GATE[request.do], Nothing())
             if request.do != "goal":  # a goal is printed with its number

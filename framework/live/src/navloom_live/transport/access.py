@@ -31,6 +31,7 @@ ACTING = (
     "gate/main/release",
     "gate/main/enter_unseen",
     "localizer/*/place",
+    "localizer/*/relocalise",
     "mapper/*/clear",
     "planner/*/plan",
     "*/*/params/set",

@@ -23,8 +23,8 @@ NAMES = {
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (
-        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Extra Extras InputError Localizer "
-        "LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
+        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Disturbance Extra Extras InputError "
+        "Localizer LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
         "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
     ),
     "navloom.runs.metrics": "METRICS Metric",

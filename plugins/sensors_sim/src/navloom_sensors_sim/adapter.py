@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,8 @@ from navloom import (
     position_at,
 )
 
+from navloom_sensors_sim.disturbing import Disturbances, Effect
+from navloom_sensors_sim.motion import STATE
 from navloom_sensors_sim.orders import Orders
 from navloom_sensors_sim.params import LaserSettings, PitchedLaserSettings, SensorsSimParams, SonarSettings
 from navloom_sensors_sim.robot import Robot
@@ -54,6 +57,7 @@ class SensorsSim(Platform[SensorsSimParams]):
     sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan}
     sensor_settings = {kind: settings for kind, (settings, _) in _SENSORS.items()}
     is_simulated = True
+    takes_disturbances = True
 
     def __init__(self, params: SensorsSimParams, context: Context) -> None:
         super().__init__(params, context)
@@ -72,6 +76,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         self.configure(self.params)
         self._tick, self._time_ns, self._swept = 0, 0, False
         self._orders = Orders(round(self.params.dead_time * 1e9))
+        self._disturbances, self._misplaced = Disturbances(context.disturbances), ""
 
     def configure(self, params: SensorsSimParams) -> None:
         """Take new parameters; the robot keeps its pose and motion."""
@@ -96,14 +101,23 @@ class SensorsSim(Platform[SensorsSimParams]):
         robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
         # Before the robot moves: obstacles and robot must be of the same time.
         scene.update(given.time_ns / 1e9, self._swept)
-        if time > 0.0:
-            command = (given.command.vx, given.command.wz)
-            robot.drive_through(self._orders.legs(begin_ns, given.time_ns, command), scene.obstacles)
+        command = (given.command.vx, given.command.wz)
+        legs = self._orders.legs(begin_ns, given.time_ns, command) if time > 0.0 else ()
+        effect = self._disturbances.act(given.time_ns, robot.pose)
+        if effect.pose is not None:
+            robot.hold(legs, effect, scene.obstacles)
+        elif legs:
+            robot.drive_through(legs, scene.obstacles)
         else:
             robot.stand(scene.obstacles)
+        if any(effect.slip):
+            robot.slip(effect, time)
+        self._check_put_down(effect)
         track, asked = robot.track if time > 0.0 else None, given.sweep_request
         request_id = asked.request_id if asked is not None else 0
-        moment = Moment(self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, request_id)
+        moment = Moment(
+            self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, scene.opaque, request_id
+        )
         scans: dict[str, Any] = {}
         for name, (message, sensor) in self._sensors.items():
             fields = sensor.read(moment)
@@ -113,6 +127,18 @@ class SensorsSim(Platform[SensorsSimParams]):
         self._swept = self._swept or any(isinstance(scan, Sweep) for scan in scans.values())
         self._tick += 1
         return self._output(scans)
+
+    def _check_put_down(self, effect: Effect) -> None:
+        """Refuse a displacement that ends in an obstacle, in each tick from then on: a live robot steps again."""
+        state = self._robot.state
+        if effect.put_down and state[STATE["touching"]]:
+            x, y, heading = self._robot.pose
+            self._misplaced = (
+                f"{effect.put_down}: at ({x:.2f}, {y:.2f}), {math.degrees(heading):.0f}°, the robot touches "
+                f"{self._scene.name_of(int(state[STATE['nearest']]))}; expected a free place"
+            )
+        if self._misplaced:
+            raise InputError(self._misplaced)
 
     def _output(self, scans: dict[str, Any]) -> PlatformOutput:
         # One call of `tolist` instead of seventeen look-ups.

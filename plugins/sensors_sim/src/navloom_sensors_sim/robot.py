@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_sensors_sim.casting import Obstacles
+from navloom_sensors_sim.casting import NOTHING, Obstacles
 from navloom_sensors_sim.clearance import clearance_at
+from navloom_sensors_sim.disturbing import Effect, Pose, compose
 from navloom_sensors_sim.motion import STATE, drive_tick
 
 __all__ = ["Robot"]
@@ -18,6 +19,8 @@ Floats = NDArray[np.float64]
 
 _SUB_STEP = 0.01
 """Longest sub-step of the wheels' lag and acceleration, s."""
+_NOTHING_AROUND = Obstacles(np.zeros((0, 9)), np.zeros((0, 6)), np.zeros((0, 0), np.float32), np.zeros(7))
+"""What wheels meet that turn freely."""
 
 
 class Robot:
@@ -44,6 +47,12 @@ class Robot:
         # Copied: a read-only array is another type to numba, and the kernels would be compiled within a control tick.
         self._footprint, self._height = np.array(footprint, dtype=np.float64, order="C"), float(height)
         self._rng = rng
+
+    @property
+    def pose(self) -> Pose:
+        """True x, y, m, and heading, rad, map frame."""
+        x, y, heading = self.state[:3].tolist()
+        return x, y, heading
 
     def configure(self, drive: Floats, odometry: Floats) -> None:
         """Take new (8,) `drive` and (5,) `odometry` constants of `motion.drive_tick`."""
@@ -76,6 +85,33 @@ class Robot:
             touched = touched or self.state[STATE["touching"]] != 0.0
         self.track = np.concatenate([part[:-1] for part in tracks] + [tracks[-1][-1:]])
         self.state[STATE["touching"]] = touched
+
+    def hold(self, legs: Sequence[tuple[float, float, float]], effect: Effect, obstacles: Obstacles) -> None:
+        """Let the wheels turn for one tick, in legs as for `drive_through`, while a disturbance holds the robot."""
+        if legs:
+            self.drive_through(legs, _NOTHING_AROUND)
+            # At once, the robot keeps its speed; over a time, it does not move by itself.
+            if effect.is_in_hand or not effect.put_down:
+                self.state[STATE["vx"]] = self.state[STATE["wz"]] = 0.0
+            self.track[:, 1:4], self.track[:, 4:6] = effect.pose, 0.0
+        self.state[:3] = effect.pose
+        if effect.is_in_hand:
+            self.state[STATE["gap"]], self.state[STATE["nearest"]], self.state[STATE["touching"]] = (
+                math.inf,
+                NOTHING,
+                0.0,
+            )
+        else:
+            self.stand(obstacles)
+
+    def slip(self, effect: Effect, time: float) -> None:
+        """Add to the odometry what the wheels report beside their own motion in a tick of `time`, s."""
+        first, last = STATE["odo_x"], STATE["odo_heading"] + 1
+        x, y, heading = self.state[first:last].tolist()
+        self.state[first:last] = compose((x, y, heading), effect.slip)
+        if effect.takes_time and time > 0.0:
+            self.state[STATE["odo_vx"]] += effect.slip[0] / time
+            self.state[STATE["odo_wz"]] += effect.slip[2] / time
 
     def stand(self, obstacles: Obstacles) -> None:
         """Measure the clearance without moving."""

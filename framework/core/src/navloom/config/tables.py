@@ -138,7 +138,7 @@ class RobotTable(Table):
 
 
 class OffsetTable(Table):
-    """Offset of the true start from the start that the robot believes in, along the axes of the map."""
+    """An offset of a pose."""
 
     x: float = Field(default=0.0, description="m")
     y: float = Field(default=0.0, description="m")
@@ -149,7 +149,9 @@ class WorldTable(Table):
     """The world of a simulated robot."""
 
     ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
-    start_offset: OffsetTable = Field(default=OffsetTable(), description="of the true start from navigation.start")
+    start_offset: OffsetTable = Field(
+        default=OffsetTable(), description="of the true start from navigation.start, map axes"
+    )
 
 
 class MapTable(Table):
@@ -285,29 +287,40 @@ class GateTable(Table):
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
 
+_OPTIONAL_KEYS = {
+    "goal": ("heading_deg",), "set": ("name", "values"), "displace": ("over",), "slip": ("by", "over"),
+}  # fmt: skip
+"""Keys that an event may have beside those that it needs, by what it does."""
+
+
 class EventTable(Table):
-    """An operator's action at a given time."""
+    """An operator's action at a given time, or what happens to a simulated robot then."""
 
     at: float = Field(ge=0.0, description="s after the first tick")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "displace", "slip"]
     x: float | None = None
     y: float | None = None
     heading_deg: Heading | None = None
     role: str | None = None
     name: str | None = Field(default=None, description="instance, for swap and set")
     values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
+    by: OffsetTable | None = Field(default=None, description="for displace and slip: a motion, in the robot's frame")
+    over: float = Field(default=0.0, ge=0.0, description="for displace and slip: s that it takes; 0: one tick")
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> EventTable:
         needed = {
             "swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",), "place": ("x", "y", "heading_deg"),
+            "displace": ("by",) if self.by else ("x", "y", "heading_deg"),
         }.get(self.do, ())  # fmt: skip
         missing = [key for key in needed if getattr(self, key) is None]
         if self.do == "set" and not self.values:
             missing.append("values")
+        if self.do == "slip" and self.by is None and not self.over:
+            missing.append("over or by")
         if missing:
             raise ValueError(f'do = "{self.do}" also needs {" and ".join(missing)}')
-        allowed = {"at", "do", *needed, *{"goal": ("heading_deg",), "set": ("name", "values")}.get(self.do, ())}
+        allowed = {"at", "do", *needed, *_OPTIONAL_KEYS.get(self.do, ())}
         extra = sorted(self.model_fields_set - allowed)
         if extra:
             raise ValueError(f'do = "{self.do}" has no use for {" and ".join(extra)}')

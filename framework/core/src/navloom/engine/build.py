@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
         if config.map is not None or any(part.cls.needs_map for part in parts.values()):
             system.map_world = known = _known_world(loaded, discovery, world)
             system.map = grid_of(known, (config.map or MapTable()).resolution, config.robot.height)
+    _check_disturbances(system, problems)
     _check_set_events(system, problems)
     problems.refuse(loaded.error)
     return system
@@ -175,10 +177,11 @@ def _known_world(loaded: Loaded, discovery: Discovery, world: World | None) -> W
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
-    """A world as a map: its own raster if it has nothing else, otherwise rasterised at `resolution`, m."""
+    """What is mapped of a world, as a map: its own raster if that is all, otherwise rasterised at `resolution`, m."""
     # Its kernels take long to load, and most configs have no world to rasterise.
     from navloom.geometry.grid import world_to_grid
 
+    world = replace(world, obstacles=tuple(obstacle for obstacle in world.obstacles if obstacle.is_mapped))
     raster = world.raster
     # A raster that is rasterised again would shift every wall by up to half a cell.
     if raster is not None and not world.obstacles:
@@ -243,6 +246,21 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
         goal = PlaceTable(x=world.goal.x, y=world.goal.y)
     authored = world.goal_tolerance if world is not None else None
     return start, goal, navigation.goal_tolerance or authored or GOAL_TOLERANCE
+
+
+def _check_disturbances(system: System, problems: Gathered) -> None:
+    """Refuse events that move the robot from outside, or let its wheels slip, where the platform cannot do so."""
+    table = system.config.platform
+    platform = system.parts["platform", table.instance].cls
+    if not (issubclass(platform, Platform) and platform.takes_disturbances):
+        for number, event in enumerate(system.config.event):
+            if event.do in ("displace", "slip"):
+                with problems.gather():
+                    kind = "simulated" if getattr(platform, "is_simulated", False) else "real"
+                    raise ConfigError(
+                        f'event.{number}.do: the platform {table.plugin}, a {kind} robot, cannot "{event.do}"; take a '
+                        "simulated one that can, as sensors_sim, or leave the event out"
+                    )
 
 
 def _check_set_events(system: System, problems: Gathered) -> None:

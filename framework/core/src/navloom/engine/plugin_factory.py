@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from navloom.config import ConfigError, check_params
 from navloom.config.config_errors import Gathered, problems_of
+from navloom.engine.event_schedule import disturbances
 from navloom.engine.nodes.node_base import NodeSettings
 from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.parameter_changes import blamed_on_event, changed_params, set_events
@@ -120,6 +121,7 @@ def _made(system: System, part: Part) -> Role:
         sensors=system.sensors if role == "platform" else (),
         # The ground truth is for the simulator only; others would not find it on a real robot.
         world=system.world if role == "platform" else None,
+        disturbances=disturbances(config) if role == "platform" else (),
         map=system.map if role in ROLES and ROLES[role].facts.sees_map else None,
         diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
     )

@@ -47,6 +47,7 @@ SHIPPED = {
     "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
     "navloom-maps": (
         "scheme.barn",
+        "scheme.floor",
         "scheme.movingai",
         "scheme.rosmap",
     ),

@@ -14,6 +14,7 @@ from navloom.roles.avoider import Avoider, AvoiderInput
 from navloom.roles.base import ANYWHERE, Context, InputError, Params, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
 from navloom.roles.controller import Controller, ControllerInput
+from navloom.roles.disturbances import Disturbance
 from navloom.roles.extra import Extra, Extras
 from navloom.roles.localizer import Localizer, LocalizerInput
 from navloom.roles.mapper import Mapper, MapperInput
@@ -63,6 +64,7 @@ __all__ = [
     "Context",
     "Controller",
     "ControllerInput",
+    "Disturbance",
     "Extra",
     "Extras",
     "InputError",

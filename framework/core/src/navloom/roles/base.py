@@ -17,6 +17,7 @@ from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles.claims import Claim
+from navloom.roles.disturbances import Disturbance
 from navloom.roles.facts import RoleFacts
 from navloom.roles.presets import Preset
 
@@ -156,6 +157,7 @@ class Context:
             it is a guess; `ANYWHERE` if it is not known, and then `start` says nothing; None for a start that is known.
         sensors: For a Platform: the sensors to provide.
         world: For a Platform: the ground truth, or None.
+        disturbances: For a Platform that `takes_disturbances`: what happens to it from outside, by their beginning.
         map: For a Mapper or Localizer: the known map, or None.
         diagnostics_rate_hz: For an Avoider: rate of its diagnostics; infinite for every answer, 0 for none.
     """
@@ -170,6 +172,7 @@ class Context:
     map: OccupancyGrid | None = None
     diagnostics_rate_hz: float = math.inf
     start_sigma: tuple[float, float] | None = None
+    disturbances: tuple[Disturbance, ...] = ()
 
 
 class Role(ABC, Generic[P]):

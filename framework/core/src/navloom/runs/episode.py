@@ -83,7 +83,7 @@ class Episode:
             "ticks": log.ticks,
             "tick_us": {"p50": float(np.percentile(tick_us, 50)), "p99": float(np.percentile(tick_us, 99))},
             "plan_length_m": recorder.plan_length,
-            "path_length_m": recorder.path_length,
+            "path_length_m": trail.path_length,
             "optimal_length_m": ways_of(self.system).to_goal,
             "optimal_to_tolerance_m": trail.optimal,
             "truly_reached": trail.succeeded if trail.has_truth and trail.goal_distance is not None else None,

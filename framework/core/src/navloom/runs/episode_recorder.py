@@ -60,6 +60,7 @@ class Recorder:
         given_at: Time at which each of them was given, s, by its number.
         legs: Number of legs of the first goal: one more than its `via` points.
         asked: Goal (x m, y m) of each plan request, by the number of the request.
+        began: Run time of the platform's first tick, s.
         reads: Streams that are kept as they are, `(role or node, port)`.
         streams: Their messages, each after its time, s, by stream.
     """
@@ -104,6 +105,7 @@ class Recorder:
     given_at: dict[int, float] = field(default_factory=dict)
     legs: int = 1
     asked: dict[int, tuple[float, float]] = field(default_factory=dict)
+    began: float = math.nan
     reads: frozenset[tuple[str, str]] = frozenset()
     streams: dict[tuple[str, str], list[tuple[float, Message]]] = field(default_factory=dict)
     _touching: bool = False
@@ -127,6 +129,8 @@ class Recorder:
         """Never called: `wants_steps` is false."""
 
     def _keep_truth(self, truth: Truth, time: float) -> None:
+        if math.isnan(self.began):
+            self.began = time
         pose = truth.pose
         self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
         self.turn_rates.append(truth.twist.wz)
@@ -204,12 +208,6 @@ class Recorder:
                 firsts.append(plan.length)
                 leg = self.asked.get(plan.request_id)
         return sum(firsts[: self.legs]) if firsts else None
-
-    @property
-    def path_length(self) -> float:
-        """Distance driven, m."""
-        steps = np.diff(self.driven, axis=0)
-        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
     @property
     def min_clearance(self) -> float | None:

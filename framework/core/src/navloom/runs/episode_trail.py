@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.engine.event_schedule import goal_at
+from navloom.engine.event_schedule import carried_at, goal_at
 from navloom.geometry.angles import wrap
 from navloom.geometry.collision import overlap_depth
 from navloom.geometry.footprints import inscribed_radius
@@ -76,6 +76,7 @@ class Trail:
         arrived: When the robot last came within the tolerances of a goal that it reached, by its own estimate, s; it
             then brakes until it stands. None means the last tick.
         tick_cpu_ns: CPU time of each control step, ns, where it was measured: not reproducible either.
+        carried: Whether the robot was displaced in the tick, so that it drove no way; an empty array means never.
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
     """
@@ -111,6 +112,7 @@ class Trail:
     heading_error: float | None = None
     arrived: float | None = None
     tick_cpu_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
 
     @property
@@ -135,14 +137,20 @@ class Trail:
 
     @property
     def path_length(self) -> float:
-        """Distance driven, m: the sum of the chords between ticks."""
-        return float(np.hypot(np.diff(self.x), np.diff(self.y)).sum())
+        """Distance driven, m: the sum of the chords between ticks, without displacements."""
+        return float(self._ways.sum())
 
     @property
     def path_length_to_goal(self) -> float:
         """Distance driven until `end`, m."""
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))])
+        way = np.concatenate([[0.0], np.cumsum(self._ways)])
         return float(np.interp(self.end, self.time, way)) if self.time.size else 0.0
+
+    @property
+    def _ways(self) -> Floats:
+        """(n - 1,) distance driven from each tick to the next, m."""
+        ways: Floats = np.hypot(np.diff(self.x), np.diff(self.y))
+        return np.where(self.carried[1:], 0.0, ways) if self.carried.size else ways
 
 
 def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult) -> Trail:
@@ -200,6 +208,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading_error=heading_error,
         arrived=arrived,
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
+        carried=carried_at(time, recorder.began, config),
         streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
     )
 

@@ -24,11 +24,11 @@ from navloom.worlds.paper_world import (
 from navloom.worlds.rasters import length_of, raster_bounds, wall_height
 from navloom.worlds.tomlfile import toml_world
 from navloom.worlds.trial_worlds import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
-from navloom.worlds.world_errors import WorldError, file_of, options_of, read_bytes, readable
+from navloom.worlds.world_errors import WorldError, file_of, options_of, read_bytes, readable, seed_of
 
 __all__ = [
     "SCHEMES", "WORLDS", "WorldError", "did_you_mean", "file_of", "length_of", "navloom_register", "options_of",
-    "raster_bounds", "read_bytes", "readable", "wall_height",
+    "raster_bounds", "read_bytes", "readable", "seed_of", "wall_height",
 ]  # fmt: skip
 
 WORLDS: dict[str, Callable[[], World]] = {

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from navloom.geometry.world import Box, Cylinder, Place, World
-from navloom.worlds.world_errors import WorldError
+from navloom.worlds.world_errors import WorldError, seed_of
 
 __all__ = ["clutter_world", "corridor", "crossing_person", "door_world", "doorway", "empty", "u_trap"]
 
@@ -124,10 +124,7 @@ def clutter_world(argument: str, base: Path) -> World:
     Raises:
         WorldError: The seed is not such a number.
     """
-    # isdigit() also accepts superscripts, which int() refuses; 18 digits fit into 63 bits.
-    if not (argument.isascii() and argument.isdigit() and len(argument) <= 18):
-        raise WorldError(f"clutter:{argument}: expected a seed, a whole number from 0, as in clutter:3")
-    stream = np.random.default_rng(int(argument))
+    stream = np.random.default_rng(seed_of("clutter", argument))
     least = _GAP + 2.0 * _POST_RADIUS
     centres: list[tuple[float, float]] = []
     for x, y in stream.uniform(_FIELD[:2], _FIELD[2:], size=(_TRIES, 2)).tolist():

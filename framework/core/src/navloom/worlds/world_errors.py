@@ -11,7 +11,7 @@ from navloom.errors import NavloomError
 from navloom.inputs.bounds import read_file
 from navloom.misspelt import did_you_mean
 
-__all__ = ["WorldError", "file_of", "options_of", "read_bytes", "readable"]
+__all__ = ["WorldError", "file_of", "options_of", "read_bytes", "readable", "seed_of"]
 
 
 class WorldError(NavloomError, ValueError):
@@ -53,6 +53,18 @@ def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, 
                 raise WorldError(f"{argument!r}: option {key!r} does not exist; {did_you_mean(key, defaults)}")
             options[key] = value
     return name, options
+
+
+def seed_of(scheme: str, text: str) -> int:
+    """The seed of a random world.
+
+    Raises:
+        WorldError: The text is not a whole number from 0.
+    """
+    # isdigit() also accepts superscripts, which int() refuses; 18 digits fit into 63 bits.
+    if not (text.isascii() and text.isdigit() and len(text) <= 18):
+        raise WorldError(f"{scheme}:{text}: expected a seed, a whole number from 0, as in {scheme}:3")
+    return int(text)
 
 
 def read_bytes(path: Path, megabytes: float) -> bytes:

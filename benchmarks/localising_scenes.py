@@ -165,13 +165,14 @@ def _ground_of(world: World) -> _Ground:
 
 
 def _drive(ground: _Ground, draw: np.random.Generator) -> tuple[Place, Floats]:
-    """A start with any heading, and a way of fitting length from it to a goal, (n, 2) m, map frame."""
+    """A start with any heading, and a way of fitting length from it to a goal, (200, 2) m, map frame."""
     while True:
         first, last = (ground.at(cell) for cell in draw.choice(ground.places, 2, axis=0))
         if WAYS[0] <= math.dist(first, last) <= WAYS[1]:
             way = _way(ground, first, last)
             if way is not None and WAYS[0] <= _length(way) <= WAYS[1]:
-                return Place(*first, float(draw.uniform(-math.pi, math.pi))), way
+                heading = float(draw.uniform(-math.pi, math.pi))
+                return Place(*first, heading), _along(way, np.linspace(0.0, _length(way), 200))[:, :2]
 
 
 def _way(ground: _Ground, first: tuple[float, float], last: tuple[float, float]) -> Floats | None:
@@ -269,8 +270,7 @@ def _unmapped(scene: Scene, ground: _Ground, way: Floats, folder: Path, draw: np
         else:
             more.boxes.append((x, y, long, wide, yaw))
             ends = [(x, y)]
-        far = max(math.hypot(long, wide), 0.25) + PASSABLE
-        if min(np.hypot(way[:, 0] - ex, way[:, 1] - ey).min() for ex, ey in ends) < (far if kind != "box" else 0.9):
+        if min(_apart(way, end, long, wide, yaw) for end in ends) < PASSABLE:
             continue
         if not all(ground.room_at(ex, ey) > 0.05 for ex, ey in ends):
             continue
@@ -282,6 +282,13 @@ def _unmapped(scene: Scene, ground: _Ground, way: Floats, folder: Path, draw: np
     reference = _written(ground, folder, things.toml())
     changes = [*scene.changes, f'world.ref="{reference}"', f'map.ref="{folder / "map.yaml"}"']
     return replace(scene, changes=changes, covered=covered)
+
+
+def _apart(way: Floats, middle: tuple[float, float], long: float, wide: float, yaw: float) -> float:
+    """Least distance of (n, 2) points from a box of these half sides, m."""
+    x, y = (way - middle).T
+    along, across = x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
+    return float(np.hypot(np.maximum(np.abs(along) - long, 0.0), np.maximum(np.abs(across) - wide, 0.0)).min())
 
 
 def _along(way: Floats, arcs: Floats) -> Floats:

@@ -27,10 +27,10 @@ FIRST_LOOK, LOOK, STUCK_LOOK = 1.0, 0.4, 2.0
 """Time stopped at first, at each place, and where no way is open, s: the localizer may find the robot meanwhile."""
 HELD, MOVED, TURNED = 1.0, 0.02, 0.03
 """Time, s, distance, m, and angle, rad: a robot that makes less of a move within the time is held by the gate."""
-BESIDE = 0.08
+BESIDE = 0.06
 """Gap on each side of an open way, m: echoes are noisy, and the gate keeps a margin."""
-SHORTEST, BEFORE = 0.4, 0.15
-"""Shortest open way that is driven, and how much of it is left, m."""
+SHORTEST, NEXT_TO_NOTHING, BEFORE = 0.4, 0.1, 0.1
+"""Shortest way that is driven, also where no other is open, and how much of an open way is left, m."""
 FACED = math.radians(4.0)
 """Largest angle between the robot and its way at which it drives on."""
 STRAIGHT = math.radians(15.0)
@@ -155,8 +155,9 @@ class LookingAround:
         return 0.0, 0.0
 
     def _choose(self) -> None:
-        """Choose a way; where none is open, turn round once, and then wait."""
-        found = self._ways.best(self._pose, self._visited, SHORTEST + BEFORE, math.pi)
+        """Choose a way; where none is open, turn round once, and take a short one then, or wait."""
+        least = NEXT_TO_NOTHING if self._has_turned else SHORTEST
+        found = self._ways.best(self._pose, self._visited, least + BEFORE, math.pi)
         if found is not None:
             self._take(*found)
             self._begin("face")
@@ -188,11 +189,11 @@ class LookingAround:
         """Turn to a side, to the other one where that is not free, and drive out where neither is."""
         self._follow_progress(abs(turned), TURNED)
         if self._time - self._moved_at > HELD + self.rules.delay:
-            self._is_held[self._side], self._moved_at = True, self._time
-        for side in (self._side, -self._side):
-            if not self._is_held[side] and self._around.may(seen, 0.0, side * rate, self._margin):
-                self._side = side
-                return 0.0, side * rate
+            # For as long as this turn lasts: a robot that turned to and fro between two walls would go on for ever.
+            self._is_held[self._side], self._moved_at, self._side = True, self._time, -self._side
+        if not self._is_held[self._side]:
+            w = self._side * rate
+            return (0.0, w) if self._around.may(seen, 0.0, w, self._margin) else (0.0, 0.0)
         self._begin("out")
         self._out.start(self._time, DRIVES_OUT)
         return 0.0, 0.0
@@ -204,7 +205,7 @@ class LookingAround:
         # If it cannot turn here, it may still drive on to where it can.
         ahead = None if self._out.has_arrived else self._ways.best(self._pose, self._visited, SHORTEST, STRAIGHT)
         if ahead is None:
-            self._look(LOOK if self._out.has_arrived else STUCK_LOOK, turns_round=True)
+            self._look(LOOK if self._out.has_arrived else STUCK_LOOK, turns_round=not self._out.has_arrived)
         else:
             self._take(*ahead)
             self._begin("go")

@@ -64,7 +64,7 @@ class OpenWays:
         points = np.concatenate([np.empty((0, 2)), *self._points]) - place
         points = points[np.hypot(points[:, 0], points[:, 1]) < SIGHT + self._front]
         # One of many echoes of a wall is enough.
-        points = np.unique(np.round(points / 0.04), axis=0) * 0.04
+        points = np.unique(np.round(points / 0.02), axis=0) * 0.02
         cos, sin = np.cos(HEADINGS)[:, None], np.sin(HEADINGS)[:, None]
         ahead, beside = cos * points[:, 0] + sin * points[:, 1], cos * points[:, 1] - sin * points[:, 0]
         is_in_way = (ahead > 0.0) & (np.abs(beside) < self._half_width)

@@ -63,6 +63,7 @@ class Recorder:
         given_at: Time at which each of them was given, s, by its number.
         legs: Number of legs of the first goal: one more than its `via` points.
         asked: Goal (x m, y m) of each plan request, by the number of the request.
+        began: Run time of the platform's first tick, s.
         reads: Streams that are kept as they are, `(role or node, port)`.
         streams: Their messages, each after its time, s, by stream.
     """
@@ -110,6 +111,7 @@ class Recorder:
     given_at: dict[int, float] = field(default_factory=dict)
     legs: int = 1
     asked: dict[int, tuple[float, float]] = field(default_factory=dict)
+    began: float = math.nan
     reads: frozenset[tuple[str, str]] = frozenset()
     streams: dict[tuple[str, str], list[tuple[float, Message]]] = field(default_factory=dict)
     _touching: bool = False
@@ -133,6 +135,8 @@ class Recorder:
         """Never called: `wants_steps` is false."""
 
     def _keep_truth(self, truth: Truth, time: float) -> None:
+        if math.isnan(self.began):
+            self.began = time
         pose = truth.pose
         self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
         self.turn_rates.append(truth.twist.wz)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from navloom.geometry.grid import GridMap
-from navloom.geometry.world import Place, World
+from navloom.geometry.world import Box, Cylinder, Obstacle, Place, Raster, World
 from navloom.plugins import Discovery
 from navloom.runs.map_files import rosmap_files
 from navloom_astar.grids import RasterMap
@@ -156,12 +159,36 @@ def _ground(reference: str) -> _Ground:
 
 def _ground_of(world: World) -> _Ground:
     raster = world.raster
-    assert raster is not None and not world.obstacles
+    assert raster is not None
     free = ~raster.occupied
+    for solid in world.obstacles:
+        free &= ~_cells_of(solid, raster)
     room = ndimage.distance_transform_edt(free) * raster.resolution
     parts, _ = ndimage.label(room > PASSABLE)
     largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
     return _Ground(world, free, room, np.argwhere((parts == largest) & (room > CLEAR)))
+
+
+def _cells_of(solid: Obstacle, raster: Raster) -> Bools:
+    """(rows, columns) cells of a raster without a turn that an obstacle covers where it begins."""
+    found = np.zeros(raster.occupied.shape, dtype=np.bool_)
+    (x, y), cell, origin = solid.centre, raster.resolution, raster.origin
+    sides = (solid.x, solid.y) if isinstance(solid, Box) else ((-solid.radius, solid.radius),) * 2
+    long, wide = (0.5 * (high - low) for low, high in sides)
+    reach = math.hypot(long, wide) + cell
+    rows, columns = (
+        slice(max(0, int((at - reach) / cell)), max(0, int((at + reach) / cell) + 1))
+        for at in (y - origin.y, x - origin.x)
+    )
+    row, column = np.indices(found[rows, columns].shape)
+    dx = (column + columns.start + 0.5) * cell + origin.x - x
+    dy = (row + rows.start + 0.5) * cell + origin.y - y
+    if isinstance(solid, Cylinder):
+        found[rows, columns] = np.hypot(dx, dy) <= solid.radius
+        return found
+    c, s = math.cos(solid.yaw), math.sin(solid.yaw)
+    found[rows, columns] = (np.abs(c * dx + s * dy) <= long) & (np.abs(c * dy - s * dx) <= wide)
+    return found
 
 
 def _drive(ground: _Ground, draw: np.random.Generator) -> tuple[Place, Floats]:
@@ -211,77 +238,44 @@ def _elsewhere(ground: _Ground, way: Floats, draw: np.random.Generator) -> Place
 # --- what is not on the map -------------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Things:
-    """Unmapped things: boxes x, y, half length, half width, yaw, m and rad; and people that walk to and fro."""
-
-    boxes: list[tuple[float, float, float, float, float]] = field(default_factory=list)
-    people: list[tuple[float, float, float, float, float]] = field(default_factory=list)
-
-    def toml(self) -> str:
-        """Their tables of a world file."""
-        text = ""
-        for number, (x, y, long, wide, yaw) in enumerate(self.boxes):
-            sides = f"x = [{x - long:.3f}, {x + long:.3f}]\ny = [{y - wide:.3f}, {y + wide:.3f}]"
-            text += f'[[box]]\nname = "thing {number}"\n{sides}\nyaw_deg = {math.degrees(yaw):.2f}\n'
-        for number, (x, y, to_x, to_y, time) in enumerate(self.people):
-            points = (
-                f"[[0.0, {x:.3f}, {y:.3f}], [{time:.2f}, {to_x:.3f}, {to_y:.3f}], [{2 * time:.2f}, {x:.3f}, {y:.3f}]]"
-            )
-            text += f'[[cylinder]]\nname = "person {number}"\nx = {x:.3f}\ny = {y:.3f}\nradius = 0.25\n'
-            text += f"waypoints = {points}\nloops = true\n"
-        return text
-
-    def cells(self, ground: _Ground) -> Bools:
-        """(rows, columns) cells that they cover, people where they begin."""
-        raster, rows = ground.world.raster, np.indices(ground.free.shape)
-        assert raster is not None
-        y = (rows[0] + 0.5) * raster.resolution + raster.origin.y
-        x = (rows[1] + 0.5) * raster.resolution + raster.origin.x
-        found = np.zeros(ground.free.shape, dtype=np.bool_)
-        for cx, cy, long, wide, yaw in self.boxes:
-            along = (x - cx) * math.cos(yaw) + (y - cy) * math.sin(yaw)
-            across = (y - cy) * math.cos(yaw) - (x - cx) * math.sin(yaw)
-            found |= (np.abs(along) <= long) & (np.abs(across) <= wide)
-        for cx, cy, *_ in self.people:
-            found |= np.hypot(x - cx, y - cy) <= 0.25
-        return found
-
-
 def _unmapped(scene: Scene, ground: _Ground, way: Floats, folder: Path, draw: np.random.Generator) -> Scene:
     """The scene with pallets, trolleys and people beside the way, until they cover a drawn share of some view."""
-    wanted, things, covered = float(draw.uniform(0.3, 0.7)), _Things(), 0.0
-    views = _along(way, np.arange(0.0, _length(way), 1.0))
-    for _ in range(60):
-        at, kind = (
-            _along(way, np.array([draw.uniform(0.0, _length(way))]))[0],
-            draw.choice(["box", "trolley", "person"]),
-        )
-        more = _Things(list(things.boxes), list(things.people))
-        side, yaw = float(draw.choice([-1.0, 1.0])), float(at[2])
-        long, wide = {"box": (0.6, 0.4), "trolley": (0.35, 0.25), "person": (0.25, 0.25)}[kind]
-        off = side * (PASSABLE + wide + float(draw.uniform(0.15, 0.6)))
-        x, y = at[0] - off * math.sin(yaw), at[1] + off * math.cos(yaw)
-        if kind == "person":
-            step = float(draw.uniform(0.5, 2.0))
-            to = (x + step * math.cos(yaw), y + step * math.sin(yaw))
-            more.people.append((x, y, *to, step / float(draw.uniform(0.3, 1.0))))
-            ends = [(x, y), to]
-        else:
-            more.boxes.append((x, y, long, wide, yaw))
-            ends = [(x, y)]
-        if min(_apart(way, end, long, wide, yaw) for end in ends) < PASSABLE:
+    raster = ground.world.raster
+    assert raster is not None
+    wanted, things, covered = float(draw.uniform(0.3, 0.7)), list[Obstacle](), 0.0
+    cells, views = np.zeros(ground.free.shape, dtype=np.bool_), _along(way, np.arange(0.0, _length(way), 1.0))
+    for number in range(60):
+        thing = _thing(number, way, ground, draw)
+        if thing is None:
             continue
-        if not all(ground.room_at(ex, ey) > 0.05 for ex, ey in ends):
-            continue
-        now = coverage(ground, more.cells(ground), views)
+        more = cells | _cells_of(thing, raster)
+        now = coverage(ground, more, views)
         if now <= 0.7:
-            things, covered = more, now
+            things, cells, covered = [*things, thing], more, now
         if covered >= wanted:
             break
-    reference = _written(ground, folder, things.toml())
-    changes = [*scene.changes, f'world.ref="{reference}"', f'map.ref="{folder / "map.yaml"}"']
+    changes = [*scene.changes, f'world.ref="{_written(ground.world, things, folder)}"']
     return replace(scene, changes=changes, covered=covered)
+
+
+def _thing(number: int, way: Floats, ground: _Ground, draw: np.random.Generator) -> Obstacle | None:
+    """A pallet or a trolley beside the way, or a person who walks to and fro beside it; None if it does not fit."""
+    at, kind = _along(way, np.array([draw.uniform(0.0, _length(way))]))[0], draw.choice(["pallet", "trolley", "person"])
+    yaw, name = float(at[2]), f"{kind} {number}"
+    long, wide = {"pallet": (0.6, 0.4), "trolley": (0.35, 0.25), "person": (0.25, 0.25)}[kind]
+    off = float(draw.choice([-1.0, 1.0]) * (PASSABLE + wide + draw.uniform(0.05, 0.6)))
+    x, y = float(at[0] - off * math.sin(yaw)), float(at[1] + off * math.cos(yaw))
+    step, speed = float(draw.uniform(0.5, 2.0)), float(draw.uniform(0.3, 1.0))
+    ends = [(x, y)]
+    if kind == "person":
+        ends.append((x + step * math.cos(yaw), y + step * math.sin(yaw)))
+    if any(_apart(way, end, long, wide, yaw) < PASSABLE or ground.room_at(*end) < 0.05 for end in ends):
+        return None
+    if kind != "person":
+        return Box(name, (x - long, x + long), (y - wide, y + wide), yaw=yaw, is_mapped=False)
+    time = step / speed
+    waypoints = ((0.0, *ends[0]), (time, *ends[1]), (2.0 * time, *ends[0]))
+    return Cylinder(name, x, y, long, waypoints=waypoints, loops=True, is_mapped=False)
 
 
 def _apart(way: Floats, middle: tuple[float, float], long: float, wide: float, yaw: float) -> float:
@@ -321,23 +315,32 @@ def _first(hits: Bools) -> NDArray[np.int64]:
     return np.where(hits.any(axis=1), hits.argmax(axis=1), hits.shape[1])
 
 
-def _written(ground: _Ground, folder: Path, things: str) -> str:
-    """Write the map, and the world of the map and these things; reference of the world."""
-    raster = ground.world.raster
-    assert raster is not None
-    for name, content in rosmap_files(_grid(ground), "map").items():
-        (folder / name).write_bytes(content)
-    (folder / "world.toml").write_text(f'[raster]\nmap = "map.yaml"\n{things}', "utf-8")
-    return str(folder / "world.toml")
-
-
-def _grid(ground: _Ground) -> GridMap:
-    raster = ground.world.raster
+def _written(world: World, things: Sequence[Obstacle], folder: Path) -> str:
+    """Write a world file of a world with further things; its name."""
+    raster = world.raster
     assert raster is not None
     cells = np.where(raster.occupied, 100, 0).astype(np.int8)
     if raster.unknown is not None:
         cells[raster.unknown] = -1
-    return GridMap(cells, raster.resolution, raster.origin)
+    for name, content in rosmap_files(GridMap(cells, raster.resolution, raster.origin), "map").items():
+        (folder / name).write_bytes(content)
+    tables = "".join(_solid_table(solid) for solid in (*world.obstacles, *things))
+    (folder / "world.toml").write_text(f'[raster]\nmap = "map.yaml"\n{tables}', "utf-8")
+    return str(folder / "world.toml")
+
+
+def _solid_table(solid: Obstacle) -> str:
+    kind = "box" if isinstance(solid, Box) else "cylinder"
+    keys: dict[str, Any] = {"name": solid.name, "z": list(solid.z), "material": solid.material}
+    if isinstance(solid, Box):
+        keys |= {"x": list(solid.x), "y": list(solid.y), "yaw_deg": math.degrees(solid.yaw)}
+    else:
+        keys |= {"x": solid.x, "y": solid.y, "radius": solid.radius}
+    if solid.waypoints:
+        keys |= {"waypoints": [list(point) for point in solid.waypoints], "loops": solid.loops}
+    keys["is_mapped"] = solid.is_mapped
+    # JSON of numbers, texts, booleans and their lists is TOML too.
+    return f"[[{kind}]]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
 
 
 def _aisles(folder: Path, draw: np.random.Generator) -> _Ground:

@@ -344,6 +344,9 @@ class LiveTable(Table):
     hang_timeout: Positive = Field(default=2.0, description="longest step before its process is killed, s")
     restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it stays down")
     restart_window: Positive = Field(default=30.0, description="s")
+    keep_pose: bool | None = Field(
+        default=None, description="`up` begins where the robot was when it was last up; default: if it is a real robot"
+    )
 
     @model_validator(mode="after")
     def _spread_fits(self) -> LiveTable:

@@ -59,8 +59,8 @@ def carried_at(time: NDArray[np.float64], first: float, config: Config) -> NDArr
     ticks, carried = np.round((time - first) * 1e9), np.zeros(len(time) if moves else 0, dtype=np.bool_)
     for move in moves:
         # The last one is the first tick at or after its end.
-        first, last = np.searchsorted(ticks, (move.begin_ns, move.end_ns))
-        carried[first : last + 1] = True
+        begin, end = np.searchsorted(ticks, (move.begin_ns, move.end_ns)).tolist()
+        carried[begin : end + 1] = True
     return carried
 
 

@@ -112,11 +112,22 @@ class Places:
             place.tracker.predict(odometry, time)
             place.way += way
 
-    def see(self, beams: Floats, echoes: int) -> bool:
-        """Weigh the places by a scan, (n, 4) beams of which the first have an echo; whether the scan was used."""
+    def restart(self) -> None:
+        """Forget the drive and what was likelier before it: the robot was carried, and each place may be the one."""
+        self._keys, self._left, self.way = [], _FIRST, 0.0
+        for place in self.found:
+            place.prior, place.logs, place.way = 0.0, [], 0.0
+
+    def see(self, beams: Floats, echoes: int, *, is_needed: bool = False) -> None:
+        """Weigh the places by a scan if the robot has moved since the last one.
+
+        Args:
+            beams, echoes: (n, 4) beams, of which the first have an echo.
+            is_needed: Use the scan in any case.
+        """
         off = relative(self._last, self._odometry)
-        if self._left <= 0 and math.hypot(off[0], off[1]) < _WAY and abs(off[2]) < _TURN:
-            return False
+        if not is_needed and self._left <= 0 and math.hypot(off[0], off[1]) < _WAY and abs(off[2]) < _TURN:
+            return
         self._left, self._last = self._left - 1, self._odometry
         stride = max(1, len(beams) // _BEAMS)
         self._part = (self._part + 1) % stride
@@ -134,7 +145,6 @@ class Places:
             for place in self.found:
                 place.logs = place.logs[keep]
         self._weigh()
-        return True
 
     def add(self, pose: Floats, prior: float, covariance: Floats = _LOOSE) -> bool:
         """Add a place of now, if it is another one and fits the drive.

@@ -9,7 +9,7 @@ import numpy as np
 from navloom_scan_localizer.tracking import Settings
 from navloom_scans.anywhere import MapSearch
 from navloom_scans.poses import compose, relative
-from navloom_scans.sight import Sight
+from navloom_scans.sight import Sight, compare_views
 from numpy.typing import NDArray
 
 from navloom_mcl.finding import Finder
@@ -34,6 +34,11 @@ _STRAY = 6.0
 """Largest loss in the log likelihood of a place far from a guess: a guess may be wrong."""
 _FIT, _SEEN, _THROUGH = 0.35, 0.12, 0.15
 """Least share of the echoes, and of all beams, that must be at mapped walls at a place; largest share through them."""
+_CONTINUED, _BEYOND, _GATE = 0.6, 0.15, 0.16
+"""Share of the beams that continue the last scan, and that pass through what it saw, from which the robot was carried;
+gate of that comparison, m."""
+_LONG = (0.3, math.radians(30.0))
+"""Motion between two scans beyond which they are not compared, m and rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +94,8 @@ class Search:
         if kept is not None:
             self.places.add(kept[0], kept[2], kept[1])
         self._pending: list[Floats] = []
+        self._view: tuple[Floats, int, Floats] | None = None
+        """Beams, number of echoes and odometry pose of the last scan."""
         self._searched, self._waited = -math.inf, 0.0
         self._began = math.inf
         """Way at which the last search of the whole map that has ended began, m."""
@@ -115,8 +122,10 @@ class Search:
         self._waited += time
         places.advance(odometry, time)
         if echoes >= _FEW:
-            places.see(beams, echoes)
-            if not self._finder.is_busy and not self._pending and self._is_due():
+            self._notice_carrying(beams, echoes)
+            is_due = not self._finder.is_busy and not self._pending and self._is_due()
+            places.see(beams, echoes, is_needed=is_due)
+            if is_due:
                 near = self._moved_guess() if self._is_near else None
                 self._finder.begin(beams, echoes, odometry, *(near or ()))
                 self._searched, self._waited = places.way, 0.0
@@ -134,6 +143,21 @@ class Search:
         proven = self._proven()
         self.reason = "" if proven else self._doubt()
         return proven
+
+    def _notice_carrying(self, beams: Floats, echoes: int) -> None:
+        """Begin again if a scan does not continue the last one: the robot was carried, or odometry is wrong."""
+        last, self._view = self._view, (beams, echoes, self._odometry)
+        if last is None:
+            return
+        step = relative(last[2], self._odometry)
+        if math.hypot(step[0], step[1]) > _LONG[0] or abs(step[2]) > _LONG[1]:
+            return
+        same, beyond = compare_views(last[0], last[1], beams, echoes, step, _GATE)
+        if same < _CONTINUED and beyond > _BEYOND:
+            self.places.restart()
+            self._finder.stop()
+            self._guess, self._is_near, self._is_whole, self._pending = None, False, False, []
+            self._searched, self._began = -math.inf, math.inf
 
     def _is_due(self) -> bool:
         return self.places.way - self._searched >= _WAY or self._waited >= _PAUSE or math.isinf(self._searched)

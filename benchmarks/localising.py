@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from localising_scenes import PARTS, Scene, Task, alike, scene_of
+from localising_scenes import AT, CARRIED, PARTS, Scene, Task, alike, scene_of
 from navloom.config import load_config
 from navloom.geometry.world import Place
 from navloom.runs.episode import Episode, run_episode
@@ -114,7 +114,7 @@ def _of_part(task: Task, scene: Scene, episode: Episode) -> dict[str, Any]:
     if task.part == "unmapped":
         return {"covered": round(scene.covered, 3)}
     if task.part in ("kidnapped", "turn", "spin", "drag"):
-        return _after(known, 8.0 if task.part == "turn" else 10.0) | {"false_at_alike": _at_a_twin(known, task)}
+        return _after(known, AT if task.part == "turn" else AT + CARRIED) | {"false_at_alike": _at_a_twin(known, task)}
     return {}
 
 

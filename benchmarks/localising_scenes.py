@@ -22,7 +22,7 @@ from navloom_maps.floor import floor_of, lookalikes
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["PARTS", "Scene", "Task", "alike", "coverage", "scene_of"]
+__all__ = ["AT", "CARRIED", "PARTS", "Scene", "Task", "alike", "coverage", "ground_of", "scene_of"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -36,6 +36,8 @@ WAYS = (6.0, 20.0)
 """Shortest and longest way from start to goal, m."""
 AT = 8.0
 """When a disturbance begins, s: the robot drives."""
+CARRIED = 2.0
+"""Time for which the robot is carried or dragged off, or its wheels spin, s."""
 VIEW = 8.0
 """Range within which the covered share of the view is counted, m."""
 
@@ -119,14 +121,14 @@ def scene_of(task: Task, folder: Path) -> Scene:
         return replace(scene, changes=[*changes, f"navigation.start={_table(_wrong(start, ground, draw))}"])
     if task.part == "kidnapped":
         place = _elsewhere(ground, way, draw)
-        event = f'{{ at = {AT}, do = "displace", over = 2.0, x = {place.x:.4f}, y = {place.y:.4f}, '
+        event = f'{{ at = {AT}, do = "displace", over = {CARRIED}, x = {place.x:.4f}, y = {place.y:.4f}, '
         return replace(scene, changes=[*changes, f"event=[{event}heading_deg = {_degrees(place)} }}]"], end=place)
     if task.part == "unmapped":
         return _unmapped(scene, ground, way, folder, draw)
     events = {
         "turn": f'do = "slip", by = {{ heading_deg = {draw.choice([-1.0, 1.0]) * draw.uniform(12.0, 30.0):.2f} }}',
-        "spin": 'do = "slip", over = 2.0',
-        "drag": 'do = "displace", over = 2.0, by = { x = -1.3 }',
+        "spin": f'do = "slip", over = {CARRIED}',
+        "drag": f'do = "displace", over = {CARRIED}, by = {{ x = -1.3 }}',
     }
     if task.part == "aisle":
         laser = 'name = "laser", kind = "laser_2d", beams = 271, field_of_view_deg = 270.0, range_max = 8.0'
@@ -154,10 +156,11 @@ def _reference(name: str) -> str:
 
 @cache
 def _ground(reference: str) -> _Ground:
-    return _ground_of(Discovery().world(reference, Path.cwd()))
+    return ground_of(Discovery().world(reference, Path.cwd()))
 
 
-def _ground_of(world: World) -> _Ground:
+def ground_of(world: World) -> _Ground:
+    """Where the robot may stand in a world."""
     raster = world.raster
     assert raster is not None
     free = ~raster.occupied
@@ -355,7 +358,7 @@ def _aisles(folder: Path, draw: np.random.Generator) -> _Ground:
     cells = np.where(occupied, 100, 0).astype(np.int8)
     for name, content in rosmap_files(GridMap(cells, cell, Place(0.0, 0.0)), "map").items():
         (folder / name).write_bytes(content)
-    return _ground_of(Discovery().world(f"rosmap:{folder / 'map.yaml'}", folder))
+    return ground_of(Discovery().world(f"rosmap:{folder / 'map.yaml'}", folder))
 
 
 def _table(place: Place) -> str:

@@ -145,6 +145,7 @@ def test_a_hundred_metres_square_has_its_size() -> None:
         ("", "floor:: expected a seed"),
         ("-1", "floor:-1: expected a seed"),
         ("1?sise=3x3", "option 'sise' does not exist; did you mean 'size'"),
+        ("1?size=30x20,glass=0.2", "separate options by &, not by a comma"),
         ("1?size=30", "size=30: expected width x height from 12x9 to 200x200 m"),
         ("1?size=5x5", "size=5x5: expected width x height"),
         ("1?size=300x20", "size=300x20: expected width x height"),

@@ -13,6 +13,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.grid import world_to_grid
 from navloom.geometry.world import Box, Place, World
+from navloom.testing import cast
 from navloom.worlds import WorldError
 from navloom_maps.floor import DEVELOPMENT_SEEDS, TEST_SEEDS, Floor, floor_of, floor_world, lookalikes
 from numpy.typing import NDArray
@@ -90,6 +91,21 @@ def test_look_alike_rooms_are_the_same_in_the_frame_of_their_door() -> None:
     expected = clearance(ROBOT, pose, floor.world, height=0.6)[0]
     for place in found:
         assert clearance(ROBOT, place, floor.world, height=0.6)[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_laser_in_a_look_alike_room_sees_the_same_but_through_the_door() -> None:
+    turns = np.linspace(0.0, 2.0 * math.pi, 180, endpoint=False)
+    for seed in range(10):
+        floor = floor_of(f"{seed}?lookalike=0.6")
+        copy = next(room for room in floor.rooms if room.alike != room.number)
+        pose = Place(copy.door.x, copy.door.y + (1.2 if copy.up else -1.2), 0.3)
+
+        def seen(place: Place, world: World = floor.world) -> NDArray[np.float64]:
+            ways = np.stack([np.cos(turns + place.heading), np.sin(turns + place.heading), 0.0 * turns], axis=1)
+            return cast(world, np.tile([place.x, place.y, 0.3], (180, 1)), ways)
+
+        for other in lookalikes(floor, pose):
+            assert (np.abs(seen(other) - seen(pose)) < 1e-6).mean() > 0.8
 
 
 def test_without_look_alikes_no_room_has_another() -> None:

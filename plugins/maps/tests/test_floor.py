@@ -57,7 +57,7 @@ def test_a_seed_is_the_same_storey_on_every_machine() -> None:
     boxes = [f"{o.name} {o.centre[0]:.3f} {o.centre[1]:.3f} {o.is_mapped}" for o in world.obstacles]
     assert world.raster is not None
     content = np.packbits(world.raster.occupied).tobytes() + "\n".join(boxes).encode()
-    assert hashlib.sha256(content).hexdigest()[:16] == "c35d496fe97e8268"
+    assert hashlib.sha256(content).hexdigest()[:16] == "35d0228b80da5a54"
 
 
 def test_another_seed_is_another_storey() -> None:
@@ -146,6 +146,14 @@ def test_the_map_shows_glass_and_mapped_furniture_only() -> None:
     assert glass and all(map(is_shown, glass))
     assert {is_shown(o) == o.is_mapped for o in shelves} == {True}
     assert {o.is_mapped for o in shelves} == {True, False}
+
+
+@pytest.mark.parametrize(("unmapped", "is_mapped"), [("0", True), ("1", False)])
+def test_all_furniture_is_mapped_or_none(unmapped: str, is_mapped: bool) -> None:
+    world = floor_of(f"5?unmapped={unmapped}").world
+    # Of a chair, the map shows the legs.
+    shown = {o.is_mapped for o in world.obstacles if not (o.name.startswith("chair") and isinstance(o, Box))}
+    assert shown == {is_mapped}
 
 
 def test_a_hundred_metres_square_has_its_size() -> None:

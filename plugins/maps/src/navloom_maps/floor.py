@@ -66,7 +66,7 @@ def floor_of(argument: str) -> Floor:
         lookalike: Share of rooms, from 0 to 1, that copy the shape and furniture of an earlier room, where one fits.
         furniture: Density of the furniture, from 0, none, to 1: hardly a further piece fits that a robot of 0.5 m width
             gets round.
-        unmapped: Share of the furniture, from 0 to 1, that is not on the map. Chairs never are.
+        unmapped: Share of the furniture, from 0 to 1, that is not on the map. Of a chair, the map shows the legs.
         glass: Share of the walls between rooms and corridors, from 0 to 1, that is glass. Posts beside doors stay.
 
     Raises:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import shutil
@@ -16,25 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import toys
 from described import BusInWords, client, described, everyone, heard
 from live_rig import COMMAND, Up, up
 from navloom.cli import main
 from navloom.cli.output import print_table
-from navloom.messages import (
-    Feedback,
-    GateStatus,
-    GoalResult,
-    Hypotheses,
-    Parameters,
-    Point2D,
-    Pose2D,
-    PoseEstimate,
-    StopReason,
-    Twist2D,
-)
+from navloom.messages import Feedback, GateStatus, GoalResult, Parameters, Point2D, StopReason
 from navloom_live.cli.listing import state
 from navloom_live.cli.status import rows as status_rows
 from navloom_live.operating.introspection import changed_parameters, last_words
@@ -382,21 +369,6 @@ def test_status_of_a_robot_that_drives() -> None:
         "waits to take over": "controller other",
         "changed, controller law": "k1 = 0.8, k3 = 1.0",
     }
-
-
-def test_status_lists_the_likeliest_places_of_a_robot_that_searches() -> None:
-    poses = np.array([(1.0, 2.0, 0.0), (3.0, -4.0, math.pi / 2), (0.0, 0.0, 0.0), (5.0, 5.0, 0.0), (6.0, 6.0, 0.0)])
-    places = Hypotheses(0, poses, np.array([0.5, 0.25, 0.1, 0.05, 0.05]))
-    nodes, still = everyone(), Twist2D(0.0, 0.0, 0.0)
-    words = {"goal/feedback": None, "goal/result": None, "gate/status": None, "gate/selection": None}
-    for doubt, shown in (
-        ("searching", "(1.00, 2.00), 0° (50 %); (3.00, -4.00), 90° (25 %); (0.00, 0.00), 0° (10 %); 2 more"),
-        ("tracking", None),
-    ):
-        reason = "" if doubt == "tracking" else "several places fit"
-        pose = PoseEstimate(0, Pose2D(1.0, 2.0, 0.0), still, np.zeros((3, 3)), doubt, reason)  # type: ignore[arg-type]
-        found = dict(status_rows("lab/r1", listing(client(BusInWords(nodes))), words, {}, (), pose, places))
-        assert found.get("may be at") == shown
 
 
 def test_status_of_a_robot_that_lacks_much() -> None:

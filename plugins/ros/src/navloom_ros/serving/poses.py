@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from navloom import Navigator
-
 from navloom_ros.node import Node
 from navloom_ros.services import Call
 from navloom_ros.serving.goals import NO_HEADING, place_of
@@ -39,13 +37,13 @@ class Poses:
         say: Shows a line to the user: why a pose was refused.
 
     Attributes:
-        robot: The robot while it is up.
+        robot: The robot, a `Navigator`; None while it is down.
     """
 
     def __init__(
         self, node: Node, frame: str, failures: tuple[type[Exception], ...], say: Callable[[str], None]
     ) -> None:
-        self.robot: Navigator | None = None
+        self.robot: Any = None
         self._frame, self._failures, self._say = frame, failures, say
         node.service(SEARCH, "std_srvs/srv/Empty", self._search)
         self._poses = node.subscription("initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")

@@ -103,7 +103,17 @@ def plugins_page() -> str:
         "A plugin is made as `cls(params, context)`. `params` is an instance of its `Params`, checked against the "
         "config; `context` is a `Context`.",
         public(
-            "Context", "RobotSpec", "SensorSpec", "Params", "Preset", "Role", "Extra", "Extras", "Claim", "InputError"
+            "Context",
+            "RobotSpec",
+            "SensorSpec",
+            "Disturbance",
+            "Params",
+            "Preset",
+            "Role",
+            "Extra",
+            "Extras",
+            "Claim",
+            "InputError",
         ),
     )
 

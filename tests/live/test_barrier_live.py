@@ -120,6 +120,14 @@ def test_the_trace_is_that_of_lockstep_with_swap_latency_stop_and_new_parameters
     assert not [name for name in os.listdir(folder / "lab.r1") if name.endswith(".sock")]
 
 
+def test_the_trace_of_a_displaced_robot_is_that_of_lockstep(folder: Path) -> None:
+    events = "event=[{at=2.0,do='displace',over=0.5,by={x=0.2,y=0.1}},{at=3.0,do='slip',by={heading_deg=10}}]"
+    loaded = load_config("building", ["run.stop_after=4.0", events])
+    episode = run_episode(loaded)
+    assert episode.trail.carried.sum() == 11
+    assert run_barrier(loaded).log.trace_sha256 == episode.log.trace_sha256
+
+
 VARYING = {"wall_s", "tick_us", "planner_ms", "mapper_ms", "shadows"}
 """Keys of a summary that may differ: measured times, and shadows, which the barrier does not wait for."""
 

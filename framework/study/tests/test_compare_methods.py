@@ -150,6 +150,7 @@ def test_texts_that_are_no_seeds_are_refused(text: str) -> None:
 def test_ranges_of_worlds_include_both_ends() -> None:
     assert expanded("clutter:8-10") == ["clutter:8", "clutter:9", "clutter:10"]
     assert expanded("movingai:room-3.map") == ["movingai:room-3.map"]
+    assert expanded("floor:0-1?glass=0.2") == ["floor:0?glass=0.2", "floor:1?glass=0.2"]
     assert expanded("doorway") == ["doorway"]
 
 

@@ -13,6 +13,7 @@ from navloom import (
     Box,
     Context,
     Cylinder,
+    Disturbance,
     Place,
     PlatformInput,
     PlatformOutput,
@@ -47,14 +48,22 @@ class Bench:
     """A platform with its clock: each call of `step` is one tick of 50 ms."""
 
     def __init__(
-        self, params: dict[str, Any], sensors: tuple[SensorSpec, ...], world: World | None, start: Place, seed: int
+        self,
+        params: dict[str, Any],
+        sensors: tuple[SensorSpec, ...],
+        world: World | None,
+        start: Place,
+        seed: int,
+        disturbances: tuple[Disturbance, ...] = (),
     ):
         footprint = FOOTPRINT.copy()
         footprint.flags.writeable = False  # as the framework provides it
         spec = RobotSpec(footprint, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
         self.streams: dict[str, np.random.Generator] = {}
         pose = Pose2D(start.x, start.y, start.heading)
-        context = Context("main", 0.05, spec, lambda name: self._stream(seed, name), pose, sensors, world)
+        context = Context(
+            "main", 0.05, spec, lambda name: self._stream(seed, name), pose, sensors, world, disturbances=disturbances
+        )
         self.platform = SensorsSim(SensorsSim.Params(**params), context)
         self.ticks = 0
         self.first = self.platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
@@ -83,9 +92,10 @@ def bench() -> Callable[..., Bench]:
         raster: Any = None,
         start: Place = ORIGIN,
         seed: int = 1,
+        disturbances: tuple[Disturbance, ...] = (),
     ) -> Bench:
         world = World("test", obstacles, raster)
-        return Bench(params or {}, tuple(SensorSpec(*sensor) for sensor in sensors), world, start, seed)
+        return Bench(params or {}, tuple(SensorSpec(*sensor) for sensor in sensors), world, start, seed, disturbances)
 
     return make
 

@@ -167,7 +167,7 @@ def test_scan_agrees_with_every_ray_against_every_obstacle(settings):
     scanner = LaserScanner(settings, np.zeros((0, 2)), np.random.default_rng(0), 0.05)
     for heading in (0.0, 2.5, -math.pi):
         base = np.array([0.5, -0.5, heading])
-        _, places, bearings, *_, ranges, _, _ = scanner.read(Moment(0, 0, 0, base, None, obstacles, 0))
+        _, places, bearings, *_, ranges, _, _ = scanner.read(Moment(0, 0, 0, base, None, obstacles, obstacles, 0))
         count = len(bearings)
         starts, ways = np.empty((3, count)), np.empty((3, count))
         true, hits = np.empty(count), np.empty(count, np.int64)

@@ -46,7 +46,7 @@ def test_it_reaches_the_goal_in_the_expected_time(tmp_path: Path) -> None:
     assert episode.summary()["truly_reached"]
     # 3 m less the tolerance of 0.2 m at 0.2 to 0.4 m/s.
     assert 7.0 < episode.log.ticks * 0.05 < 14.0
-    assert episode.recorder.path_length == pytest.approx(2.8 + 0.08, abs=0.06)  # it brakes from 0.4 m/s
+    assert episode.trail.path_length == pytest.approx(2.8 + 0.08, abs=0.06)  # it brakes from 0.4 m/s
 
 
 def test_the_same_seed_gives_the_same_trace_and_another_seed_another_trace(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_too_much_latency_in_the_control_chain_never_drives(tmp_path: Path) -> N
     episode, entries = traced(tmp_path, "run.stop_after=5.0", more=LATE)
     reasons = {e.message.reason for e in entries if isinstance(e.message, GateStatus)}
     assert episode.result.outcome == "timeout" and "stale: controller late" in reasons
-    assert episode.recorder.path_length < 0.5
+    assert episode.trail.path_length < 0.5
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_the_file_of_the_module_s_description_is_a_world(tmp_path: Path) -> None
     world = SCHEMES["toml"]("w.toml", tmp_path)
     assert world.raster is not None
     assert world.raster.occupied.tolist() == [[True, False]]
-    assert [o.name for o in world.obstacles] == ["cupboard", "person"]
+    assert [o.name for o in world.obstacles] == ["cupboard", "glass wall", "person"]
 
 
 def test_without_bounds_they_go_round_everything(tmp_path: Path) -> None:
@@ -75,6 +75,13 @@ def test_without_bounds_they_go_round_everything(tmp_path: Path) -> None:
     assert SCHEMES["toml"]("w.toml", tmp_path).bounds == (-5.0, -1.5, 3.0, 3.0)
     (tmp_path / "w.toml").write_text("")
     assert SCHEMES["toml"]("w.toml", tmp_path).bounds == (-10.0, -10.0, 10.0, 10.0)
+
+
+def test_what_is_not_mapped_and_what_is_glass(tmp_path: Path) -> None:
+    (tmp_path / "w.toml").write_text(BOX + 'material = "glass"\n[[cylinder]]\nx=3\ny=0\nradius=1\nis_mapped = false')
+    box, cylinder = SCHEMES["toml"]("w.toml", tmp_path).obstacles
+    assert (box.is_mapped, box.material) == (True, "glass")
+    assert (cylinder.is_mapped, cylinder.material) == (False, "solid")
 
 
 BOX = "[[box]]\nx = [0, 1]\ny = [0, 1]\n"

@@ -37,7 +37,7 @@ LARGEST = 100_000
 """Most worlds or seeds of one range; more is a typing error."""
 KEPT = 64
 """Number of parsed worlds that are cached: more than are in use at a time."""
-RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})")
+RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>\?.*)?")
 
 
 class CachedDiscovery(Discovery):
@@ -170,6 +170,7 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
 def expanded(reference: str) -> list[str]:
     """The references of a range, `scheme:0-49` or `scheme:FILE#1-50`, both ends included; other references unchanged.
 
+    Options after the range, as `scheme:0-49?key=value`, are those of each of its worlds.
     For a BARN file, only the worlds of the range that the file contains are taken.
 
     Raises:
@@ -186,7 +187,7 @@ def expanded(reference: str) -> list[str]:
         numbers = _there(match["head"], numbers)
         if not numbers:
             raise ConfigError(f"--worlds {reference}: the file has no world of these numbers")
-    return [f"{match['head']}{number}" for number in numbers]
+    return [f"{match['head']}{number}{match['options'] or ''}" for number in numbers]
 
 
 def _there(head: str, numbers: Sequence[int]) -> list[int]:

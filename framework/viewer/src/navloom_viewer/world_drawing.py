@@ -40,16 +40,22 @@ def obstacles(facts: Facts, chosen: Sequence[Obstacle], time: float, suffix: str
     import rerun as rr
 
     height = max(variant.height for variant in facts.variants)
-    groups = (("in_the_way", True, (190, 190, 200, 110)), ("overhead", False, (110, 170, 220, 40)))
-    for where, is_named, colour in groups:
-        here = [o for o in chosen if overlaps(o.z, (0.0, height)) == (where == "in_the_way")]
+    low = [o for o in chosen if overlaps(o.z, (0.0, height))]
+    seen = [o for o in low if o.material != "glass"]
+    groups = (
+        ("in_the_way", (190, 190, 200, 110), [o for o in seen if o.is_mapped]),
+        ("unmapped", (215, 120, 190, 130), [o for o in seen if not o.is_mapped]),
+        ("glass", (90, 210, 235, 70), [o for o in low if o.material == "glass"]),
+        ("overhead", (110, 170, 220, 40), [o for o in chosen if not overlaps(o.z, (0.0, height))]),
+    )
+    if suffix:
+        tops = [(*centre_at(o, time), o.z[1] + 0.25) for o in low]
+        yield f"/world/names{suffix}", label(tops, [o.name for o in low], (255, 200, 160, 255))
+    for where, colour, here in groups:
         colour = (230, 120, 60, 150) if suffix else colour
         boxes = [o for o in here if isinstance(o, Box)]
         if boxes or suffix:
             yield f"/world/{where}{suffix}", _boxes(boxes, time, colour)
-        if suffix and is_named:
-            tops = [(*centre_at(o, time), o.z[1] + 0.25) for o in here]
-            yield f"/world/names{suffix}", label(tops, [o.name for o in here], (255, 200, 160, 255))
         rounds = [o for o in here if isinstance(o, Cylinder)]
         if rounds or suffix:
             centres = np.array([(*centre_at(o, time), 0.5 * (o.z[0] + o.z[1])) for o in rounds]).reshape(-1, 3)
@@ -180,7 +186,7 @@ def legend(facts: Facts) -> str:
             "| light, slate and black floor | the robot's own map: free, unknown and occupied |",
             "| red points | kept for the map: nearest obstacle on their bearing |",
             "| pale orange, grey, blue points | behind the nearest; floor; overhead, above the robot |",
-            "| translucent boxes | the true world; orange ones appear or move |",
+            "| translucent boxes | the true world: pink is unmapped, light blue glass; orange ones appear or move |",
         ]
     return "\n".join(lines)
 

@@ -8,12 +8,15 @@ pillow, which the core does not.
 from navloom import Registry, hookimpl
 
 from navloom_maps.barn import barn_world
-from navloom_maps.floor import floor_world
+from navloom_maps.floor import DEVELOPMENT_SEEDS, TEST_SEEDS, Floor, floor_of, floor_world, lookalikes
 from navloom_maps.movingai import movingai_world
 from navloom_maps.rosmap import rosmap_world
 from navloom_maps.yaml_text import yaml_of
 
-__all__ = ["SCHEMES", "barn_world", "floor_world", "movingai_world", "navloom_register", "rosmap_world", "yaml_of"]
+__all__ = [
+    "DEVELOPMENT_SEEDS", "Floor", "SCHEMES", "TEST_SEEDS", "barn_world", "floor_of", "floor_world", "lookalikes",
+    "movingai_world", "navloom_register", "rosmap_world", "yaml_of",
+]  # fmt: skip
 
 SCHEMES = {"barn": barn_world, "floor": floor_world, "movingai": movingai_world, "rosmap": rosmap_world}
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from navloom.geometry.world import Place, Raster, World
+from navloom.geometry.world import Box, Obstacle, Place, Raster, World
 from navloom.worlds import WorldError, options_of, seed_of
 
 from navloom_maps.floor_plan import CELL, LEAST_SIZE, FloorPlan, Room, most_corridors, plan_floor
+from navloom_maps.furniture import Glass, furnish, glaze, solids_of
 
 __all__ = ["DEVELOPMENT_SEEDS", "TEST_SEEDS", "Floor", "floor_of", "floor_world", "lookalikes"]
 
@@ -24,7 +26,9 @@ _MOST_SIZE = 200.0
 """Largest width or height of a storey, m."""
 _BEHIND_DOOR = 0.8
 """Distance of start and goal from the doors of their rooms, m: what stays free of furniture."""
-_DEFAULTS = {"size": "30x20", "corridors": "", "lookalike": "0.2"}
+_DEFAULTS = {
+    "size": "30x20", "corridors": "", "lookalike": "0.2", "furniture": "0.3", "unmapped": "0.3", "glass": "0",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +65,10 @@ def floor_of(argument: str) -> Floor:
         size: Width x height, m.
         corridors: Number of long corridors; default: one to about 10 m of height.
         lookalike: Share of rooms, from 0 to 1, that copy the shape and furniture of an earlier room, where one fits.
+        furniture: Density of the furniture, from 0, none, to 1: hardly a further piece fits that a robot of 0.5 m width
+            gets round.
+        unmapped: Share of the furniture, from 0 to 1, that is not on the map. Chairs never are.
+        glass: Share of the walls between rooms and corridors, from 0 to 1, that is glass. Posts beside doors stay.
 
     Raises:
         WorldError: The seed or an option is not valid.
@@ -70,12 +78,33 @@ def floor_of(argument: str) -> Floor:
     seed = seed_of("floor", name)
     width, height = _size(reference, options["size"])
     corridors = _corridors(reference, options["corridors"], height) if options["corridors"] else None
-    lookalike = _share(reference, "lookalike", options["lookalike"])
-    plan = plan_floor(np.random.default_rng(seed).random, width, height, corridors, lookalike)
+    shares = {key: _share(reference, key, options[key]) for key in ("lookalike", "furniture", "unmapped", "glass")}
+    # Streams of their own: another density of furniture or glass must not change the walls.
+    walls, furniture, glass = (np.random.default_rng((seed, number)).random for number in range(3))
+    plan = plan_floor(walls, width, height, corridors, shares["lookalike"])
+    groups = [[room for room in plan.rooms if room.alike == first.number] for first in plan.rooms]
+    groups = [rooms for rooms in groups if rooms]
+    solids: list[Obstacle] = []
+    for rooms in groups:
+        pieces = furnish(furniture, rooms[0].shape, shares["furniture"], shares["unmapped"])
+        for room in rooms:
+            solids += solids_of(room, pieces)
+    for rooms, panes in zip(groups, glaze(glass, groups, shares["glass"]), strict=True):
+        for room in rooms:
+            solids += _panes(plan, room, panes)
     start, goal = _task(plan)
     raster = Raster("wall", plan.occupied, CELL)
-    world = World(reference, (), raster, start, goal, bounds=(0.0, 0.0, width * CELL, height * CELL))
-    return Floor(world, plan.rooms)
+    bounds = (0.0, 0.0, width * CELL, height * CELL)
+    return Floor(World(reference, tuple(solids), raster, start, goal, bounds), plan.rooms)
+
+
+def _panes(plan: FloorPlan, room: Room, panes: list[Glass]) -> Iterator[Box]:
+    """The panes of a room as boxes, in place of the wall."""
+    for number, pane in enumerate(panes, start=1):
+        c0, c1, r0, r1 = room.cells((-room.wall, 0), (pane.first, pane.last))
+        plan.occupied[r0:r1, c0:c1] = False
+        x, y = (c0 * CELL, c1 * CELL), (r0 * CELL, r1 * CELL)
+        yield Box(f"glass {number} of room {room.number}", x, y, material="glass")
 
 
 def lookalikes(floor: Floor, pose: Place) -> tuple[Place, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from navloom.geometry.world import Place
 from numpy.typing import NDArray
 
-__all__ = ["CELL", "LEAST_SIZE", "FloorPlan", "Room", "Shape", "most_corridors", "plan_floor"]
+__all__ = ["CELL", "LEAST_SIZE", "Draw", "FloorPlan", "Room", "Shape", "most_corridors", "plan_floor"]
 
 CELL = 0.05
 """Edge of a cell, m."""
@@ -93,6 +93,12 @@ class Room:
         if self.up:
             return self.column - y[1], self.column - y[0], self.row + x[0], self.row + x[1]
         return self.column + y[0], self.column + y[1], self.row - x[1], self.row - x[0]
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """A place in the door's frame, cells, in m, map frame."""
+        if self.up:
+            return CELL * (self.column - y), CELL * (self.row + x)
+        return CELL * (self.column + y), CELL * (self.row - x)
 
     @property
     def inside(self) -> tuple[int, int, int, int]:

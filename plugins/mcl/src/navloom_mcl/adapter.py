@@ -43,14 +43,20 @@ class Mcl(Localizer[MclParams]):
     def __init__(self, params: MclParams, context: Context) -> None:
         super().__init__(params, context)
         self._known = self.context.map
-        search = _search_of(self._known, params)
-        particles = ParticleFilter(search.field, params.filter(), context.stream("particles"))
-        self._belief = Belief(particles, search, params.belief())
+        self._search = _search_of(self._known, params)
+        self._random = context.stream("particles")
+        self._first_draw = self._random.bit_generator.state
         self.reset()
 
     def reset(self) -> None:
         """Return to the start pose, or search for it; odometry has to begin there too."""
-        self._belief.odometry, self._stamp_ns = np.zeros(3), 0
+        if self._known is not self.context.map:
+            self._known = self.context.map
+            self._search = _search_of(self._known, self.params)
+        self._random.bit_generator.state = self._first_draw
+        particles = ParticleFilter(self._search.field, self.params.filter(), self._random)
+        self._belief = Belief(particles, self._search, self.params.belief())
+        self._stamp_ns: int | None = None
         self._places: Hypotheses | None = None
         start, sigma = self.context.start, self.context.start_sigma
         if sigma is None:
@@ -70,7 +76,8 @@ class Mcl(Localizer[MclParams]):
         """Take new parameters and keep the particles."""
         self.params, belief = params, self._belief
         belief.settings, belief.filter.settings = params.belief(), params.filter()
-        belief.take_map(_search_of(self._known, params))
+        self._search = _search_of(self._known, params)
+        belief.take_map(self._search)
 
     @classmethod
     def warm_up(cls) -> None:
@@ -85,9 +92,9 @@ class Mcl(Localizer[MclParams]):
         if given.known is not None and given.known is not self._known:
             self._take_map(given.known)
         odometry, belief = given.odometry, self._belief
-        # Before the first step, a tick at most has passed, whatever the run clock shows.
-        since_ns = self._stamp_ns or max(0, odometry.stamp_ns - round(1e9 * self.context.period))
-        belief.predict(_row(odometry.pose), max(0.0, (odometry.stamp_ns - since_ns) / 1e9))
+        # Before the first step a tick has passed, whatever the run clock shows.
+        passed = self.context.period if self._stamp_ns is None else (odometry.stamp_ns - self._stamp_ns) / 1e9
+        belief.predict(_row(odometry.pose), max(0.0, passed))
         self._stamp_ns = odometry.stamp_ns
         belief.correct(*beams_of(given.scans, odometry, self.params))
         places = belief.filter.hypotheses()
@@ -99,7 +106,8 @@ class Mcl(Localizer[MclParams]):
         """Match another known map from now on; another message of the same map changes nothing."""
         old, self._known = self._known, known
         if old is None or not is_same_map(old, known):
-            self._belief.take_map(_search_of(known, self.params))
+            self._search = _search_of(known, self.params)
+            self._belief.take_map(self._search)
 
 
 def _search_of(known: OccupancyGrid | None, params: MclParams) -> MapSearch:

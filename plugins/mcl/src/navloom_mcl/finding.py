@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from navloom_scans.anywhere import MapSearch
 from navloom_scans.poses import compose, relative
-from navloom_scans.sight import look_along
 from numpy.typing import NDArray
 
 __all__ = ["Finder", "Found"]
@@ -57,7 +56,7 @@ class Finder:
         Args:
             odometry: (3,) x, y, m, heading, rad, odometry frame, at the time of the scan.
         """
-        self._beams, self._echoes, self.odometry, self.is_busy = beams, echoes, odometry.copy(), True
+        self.odometry, self.is_busy = odometry.copy(), True
         self._guess = None if near is None else (near.copy(), sigma)
         self._search.begin(beams, echoes, self._count, near, sigma)
 
@@ -74,13 +73,8 @@ class Finder:
         self.is_busy = False
         poses, scores = self._search.result()
         step = relative(self.odometry, odometry)
-        score_here = -math.inf
-        if here is not None:
-            s = self._search
-            then = compose(here, relative(step, np.zeros(3)))
-            stride = max(1, len(self._beams) // s.settings.beams)
-            gate = 2.0 * s.settings.robust_scale
-            score_here = look_along(s.field, self._beams, self._echoes, then, gate, (0, stride)).score
+        back = relative(step, np.zeros(3))
+        score_here = -math.inf if here is None else self._search.score_of(compose(here, back))
         if self._guess is not None:
             scores = scores - _unlikely(poses, *self._guess)
         moved = np.array([compose(pose, step) for pose in poses]).reshape(-1, 3)
@@ -92,7 +86,7 @@ class Finder:
 
 
 def _unlikely(poses: Floats, near: Floats, sigma: tuple[float, float]) -> Floats:
-    """(k,) what a guess takes from the score of each pose: 0.1 for each unit of the negative log likelihood."""
+    """(k,) what a guess takes from the score of each pose: 0.1 per unit of its negative log likelihood."""
     found = np.zeros(len(poses))
     for i, pose in enumerate(poses):
         off = math.hypot(pose[0] - near[0], pose[1] - near[1]) / sigma[0]

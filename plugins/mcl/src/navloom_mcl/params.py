@@ -35,9 +35,11 @@ class MclParams(Params):
     rest_noise_deg: float = Field(0.1, ge=0.0, le=5.0, description="Spread of heading after 1 s, degrees/sqrt(s).")
     beams: int = Field(60, ge=5, le=1000, description="Beams of a scan that are used.")
     sigma: float = Field(0.08, gt=0.0, le=1.0, description="Standard deviation of a beam's end from its wall, m.")
-    unmapped: float = Field(0.2, gt=0.0, lt=1.0, description="Likelihood of an echo before a wall, relative to a hit.")
-    through: float = Field(0.05, gt=0.0, lt=1.0, description="The same of an echo behind a wall.")
-    silent: float = Field(0.3, gt=0.0, lt=1.0, description="The same of a missing echo where a wall is.")
+    unmapped: float = Field(
+        0.2, gt=0.0, lt=1.0, description="Likelihood of an echo before a wall, relative to a hit, no unit."
+    )
+    through: float = Field(0.05, gt=0.0, lt=1.0, description="The same of an echo behind a wall, no unit.")
+    silent: float = Field(0.3, gt=0.0, lt=1.0, description="The same of a missing echo where a wall is, no unit.")
     redundancy: float = Field(6.0, ge=1.0, le=1000.0, description="Number of beams that count as one.")
     reach: float = Field(0.5, gt=0.0, le=5.0, description="Longest distance at which a wall is searched, m.")
     update_way: float = Field(0.1, ge=0.0, le=5.0, description="Way from one used scan to the next, m.")

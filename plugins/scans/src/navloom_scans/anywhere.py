@@ -43,7 +43,8 @@ class SearchSettings:
         least_turn, most_turn: Limits of the spacing of the headings, rad. Between them, a step of heading moves the
             median end point by 1.5 `step`.
         width: Misfit from which an end point adds nothing, m.
-        beams: Number of end points that are used.
+        beams: Largest number of end points that are used.
+        sparse: Of the end points in a square of this edge, m, one is used: near things take no more than far ones.
         levels: Levels of the pyramid.
         least: Least score of a place, 0 to 1.
         margin: Largest difference of a place's score from the best one's.
@@ -59,6 +60,7 @@ class SearchSettings:
     most_turn: float = math.radians(4.0)
     width: float = 0.25
     beams: int = 72
+    sparse: float = 0.2
     levels: int = 5
     least: float = 0.25
     margin: float = 0.25
@@ -71,7 +73,7 @@ class SearchSettings:
     robust_scale: float = 0.08
     reach: float = 0.5
     iterations: int = 8
-    most_work: int = 20_000_000
+    most_work: int = 5_000_000
 
 
 class MapSearch:
@@ -153,7 +155,7 @@ class MapSearch:
         self._beams, self._echoes, self.work, self.is_complete = beams, echoes, 0, True
         self._is_over, self._places, self._scores = False, np.empty((0, 3)), np.empty(0)
         self._refined: list[tuple[float, Floats]] = []
-        used = _spread(beams[:echoes], s.beams)
+        used = _spread(_sparse(beams[:echoes], s.sparse), s.beams)
         silent = _spread(beams[echoes:], s.beams // 3)
         self._rays, self._count = np.concatenate((used, silent)), len(used)
         self._corners = np.array([[0, 0], [n - 1 for n in self._standing.shape[1:]]])
@@ -208,6 +210,10 @@ class MapSearch:
         """(k, 3) poses of a search that has ended, map frame, the best first, and their (k,) scores, at most 1."""
         return self._places, self._scores
 
+    def score_of(self, pose: Floats) -> float:
+        """Score of a pose, (3,) map frame, at the time of the scan of the last search, comparable with those found."""
+        return look_along(self.field, self._rays, self._count, pose, 2.0 * self.settings.robust_scale).score
+
     def _refine(self, row: Floats) -> tuple[float, Floats]:
         """Score and pose of a result, fitted."""
         s, f = self.settings, self.field.frame
@@ -222,8 +228,7 @@ class MapSearch:
         matching.fit_pose(self.field.values, f, used, place, loose, options, s.iterations, pose, fused)
         if not np.isfinite(pose).all():
             pose = place
-        seen = look_along(self.field, self._rays, self._count, pose, 2.0 * s.robust_scale)
-        return seen.score, pose_of(*pose.tolist())
+        return self.score_of(pose), pose_of(*pose.tolist())
 
     def _finish(self) -> None:
         """Order the places by their scores; of two that the fit moved to one place, keep the better."""
@@ -257,6 +262,12 @@ def _blocks(cells: Bools, levels: int) -> Bools:
         below = found[level - 1, : 2 * rows, : 2 * columns]
         found[level, :rows, :columns] = below.reshape(rows, 2, columns, 2).any(axis=(1, 3))
     return found
+
+
+def _sparse(beams: Floats, size: float) -> Floats:
+    """The first beam that ends in each square of an edge, m, of those in the base frame."""
+    _, first = np.unique(np.floor(beams[:, :2] / size).astype(np.int64), axis=0, return_index=True)
+    return beams[np.sort(first)]
 
 
 def _spread(beams: Floats, count: int) -> Floats:

@@ -76,7 +76,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         self.configure(self.params)
         self._tick, self._time_ns, self._swept = 0, 0, False
         self._orders = Orders(round(self.params.dead_time * 1e9))
-        self._disturbances = Disturbances(context.disturbances)
+        self._disturbances, self._misplaced = Disturbances(context.disturbances), ""
 
     def configure(self, params: SensorsSimParams) -> None:
         """Take new parameters; the robot keeps its pose and motion."""
@@ -106,16 +106,18 @@ class SensorsSim(Platform[SensorsSimParams]):
         effect = self._disturbances.act(given.time_ns, robot.pose)
         if effect.pose is not None:
             robot.hold(legs, effect, scene.obstacles)
-            self._check_put_down(effect)
         elif legs:
             robot.drive_through(legs, scene.obstacles)
         else:
             robot.stand(scene.obstacles)
         if any(effect.slip):
             robot.slip(effect, time)
+        self._check_put_down(effect)
         track, asked = robot.track if time > 0.0 else None, given.sweep_request
         request_id = asked.request_id if asked is not None else 0
-        moment = Moment(self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, request_id)
+        moment = Moment(
+            self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, scene.opaque, request_id
+        )
         scans: dict[str, Any] = {}
         for name, (message, sensor) in self._sensors.items():
             fields = sensor.read(moment)
@@ -127,14 +129,16 @@ class SensorsSim(Platform[SensorsSimParams]):
         return self._output(scans)
 
     def _check_put_down(self, effect: Effect) -> None:
-        """Refuse a displacement that ends in an obstacle."""
+        """Refuse a displacement that ends in an obstacle, in each tick from then on: a live robot steps again."""
         state = self._robot.state
         if effect.put_down and state[STATE["touching"]]:
             x, y, heading = self._robot.pose
-            raise InputError(
+            self._misplaced = (
                 f"{effect.put_down}: at ({x:.2f}, {y:.2f}), {math.degrees(heading):.0f}°, the robot touches "
                 f"{self._scene.name_of(int(state[STATE['nearest']]))}; expected a free place"
             )
+        if self._misplaced:
+            raise InputError(self._misplaced)
 
     def _output(self, scans: dict[str, Any]) -> PlatformOutput:
         # One call of `tolist` instead of seventeen look-ups.

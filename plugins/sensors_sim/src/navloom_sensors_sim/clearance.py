@@ -22,6 +22,8 @@ RASTER_CAP = 2.0
 """Largest gap to a raster that is measured, m."""
 TOUCHING = 1e-9
 """Largest gap of two shapes that touch, m: rounding alone must not separate them."""
+_ROUNDING = 1e-6
+"""More than rounding shifts a lower bound of a gap, m."""
 _HALF_DIAGONAL = 0.7071067811865476
 
 
@@ -63,7 +65,10 @@ def clearance_at(x, y, heading, footprint, height, obstacles):  # type: ignore[n
     quad = np.empty((4, 2))
     for k in range(boxes.shape[0]):
         if boxes[k, 8] != 0.0 and boxes[k, 4] < height and boxes[k, 5] > 0.0:
-            # A lower bound sorts out most boxes without their corners.
+            # Lower bounds sort out most boxes without their corners, and in large worlds most without a root.
+            size = abs(boxes[k, 2]) + abs(boxes[k, 3])
+            if _is_beyond(mid_x - boxes[k, 0], mid_y - boxes[k, 1], size + reach, best):
+                continue
             if _to_box(mid_x, mid_y, boxes, k) - reach >= best:
                 continue
             _box_corners(boxes, k, quad)
@@ -72,6 +77,8 @@ def clearance_at(x, y, heading, footprint, height, obstacles):  # type: ignore[n
                 best, nearest = gap, k
     for k in range(cylinders.shape[0]):
         if cylinders[k, 5] != 0.0 and cylinders[k, 3] < height and cylinders[k, 4] > 0.0:
+            if _is_beyond(mid_x - cylinders[k, 0], mid_y - cylinders[k, 1], abs(cylinders[k, 2]) + reach, best):
+                continue
             gap = max(_to_polygon(cylinders[k, 0], cylinders[k, 1], corners) - cylinders[k, 2], 0.0)
             if gap < best:
                 best, nearest = gap, boxes.shape[0] + k
@@ -83,6 +90,12 @@ def clearance_at(x, y, heading, footprint, height, obstacles):  # type: ignore[n
             # At the cap, only a bound is known, and no obstacle.
             nearest = boxes.shape[0] + cylinders.shape[0] if gap < RASTER_CAP else NOTHING
     return (0.0 if best <= TOUCHING else best), nearest
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_beyond(dx, dy, size, best):  # type: ignore[no-untyped-def]
+    """Whether two things of this size together, m, with middles (dx, dy) m apart, are certainly `best`, m, apart."""
+    return max(abs(dx), abs(dy)) - size > best + _ROUNDING
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -39,18 +39,15 @@ class Disturbances:
 
     def __init__(self, events: Sequence[Any]) -> None:
         self._left = list(events)
-        self._since_ns: int | None = None
+        self._first_ns = self._since_ns = -1
         self._from: dict[int, Pose] = {}
 
     def act(self, time_ns: int, pose: Pose) -> Effect:
-        """What they do in the tick that ends at `time_ns` and begins with the robot at its true pose `pose`."""
+        """What they do in the tick that ends at run clock `time_ns` and begins with the robot at its true `pose`."""
+        if self._first_ns < 0:
+            self._first_ns = time_ns
+        time_ns -= self._first_ns
         before, self._since_ns = self._since_ns, time_ns
-        if not self._left:
-            return Effect()
-        if before is None:
-            # After a restart in mid-run, what is over must not happen again.
-            self._left = [event for event in self._left if event.end_ns >= time_ns]
-            before = -1
         effect = Effect()
         for event in [event for event in self._left if event.begin_ns <= time_ns]:
             done = _share(event, time_ns)

@@ -30,6 +30,7 @@ class Moment(NamedTuple):
         state: (17,) of `motion.STATE` at its end.
         track: (n, 6) the true motion within it, see `motion.drive_tick`; None if no time passed.
         obstacles: What can be hit at its end.
+        opaque: The same without glass: what lasers see.
         request_id: Of a sweep that was requested at its beginning, else 0.
     """
 
@@ -39,6 +40,7 @@ class Moment(NamedTuple):
     state: Floats
     track: Floats | None
     obstacles: Obstacles
+    opaque: Obstacles
     request_id: int
 
 
@@ -99,7 +101,7 @@ class LaserScanner:
         count, s = len(self._zeros), self._settings
         normals, ranges = self._rng.standard_normal(count), np.empty(count)
         rays = (self._origins, self._directions)
-        read_laser(moment.state, *rays, moment.obstacles, self._options, normals, ranges)
+        read_laser(moment.state, *rays, moment.opaque, self._options, normals, ranges)
         if s.noise:
             _drop(ranges, s.dropout, self._rng)
             if s.stuck_beam is not None:

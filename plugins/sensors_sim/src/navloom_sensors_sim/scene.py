@@ -22,6 +22,7 @@ class Scene:
 
     Attributes:
         obstacles: Arrays that the kernels read; `update` changes them in place.
+        opaque: The same without glass, for lasers; the same object if there is no glass.
         names: Name of each obstacle by its index: boxes, cylinders, raster.
     """
 
@@ -45,10 +46,16 @@ class Scene:
             *_raster_arrays(raster),
         )
         self._sweeps, self._position_at = sweeps, position_at
-        # Obstacles that can change, each with its row in the arrays, which is a view.
-        rows = (*self.obstacles.boxes, *self.obstacles.cylinders)
-        pairs = zip(solids, rows, strict=True)
-        self._changing = [(o, row) for o, row in pairs if o.waypoints or o.appears_after_sweep or o.appears_at > 0.0]
+        self.opaque = _without_glass(self.obstacles, solids)
+        arrays = (self.obstacles,) if self.opaque is self.obstacles else (self.obstacles, self.opaque)
+        # Obstacles that can change, each with its row in the arrays, which is a view; glass stays absent for lasers.
+        self._changing = [
+            (o, row)
+            for kind in arrays
+            for o, row in zip(solids, _rows(kind), strict=True)
+            if (o.waypoints or o.appears_after_sweep or o.appears_at > 0.0)
+            and (kind is self.obstacles or o.material != "glass")
+        ]
 
     def update(self, time: float, swept: bool) -> None:
         """Update positions and presence for a run time, s; `swept`: whether the first sweep has ended."""
@@ -63,6 +70,23 @@ class Scene:
     def name_of(self, index: int) -> str:
         """Name of an obstacle by its index, empty for none."""
         return self.names[index] if index >= 0 else ""
+
+
+def _without_glass(obstacles: Obstacles, solids: Sequence[Any]) -> Obstacles:
+    """The arrays with all glass absent; the same object if there is none."""
+    if all(solid.material != "glass" for solid in solids):
+        return obstacles
+    # Absent, not left out: an index means the same obstacle to every sensor.
+    opaque = obstacles._replace(boxes=obstacles.boxes.copy(), cylinders=obstacles.cylinders.copy())
+    for solid, row in zip(solids, _rows(opaque), strict=True):
+        if solid.material == "glass":
+            row[-1] = 0.0
+    return opaque
+
+
+def _rows(obstacles: Obstacles) -> list[NDArray[np.float64]]:
+    """The row of each box and cylinder, by its index."""
+    return [*obstacles.boxes, *obstacles.cylinders]
 
 
 def _box_row(box: Any) -> list[float]:

@@ -78,7 +78,7 @@ class PitchedLaser:
             times = (self._offsets[first:last] + (self._begin - moment.begin_ns)) / 1e9
             span = slice(first, last)
             read_frames(
-                moment.track, times, self._mount, self._ways[self._down][span], moment.obstacles, self._options,
+                moment.track, times, self._mount, self._ways[self._down][span], moment.opaque, self._options,
                 self._normals[span], self._ranges[span],
             )  # fmt: skip
         self._taken = last

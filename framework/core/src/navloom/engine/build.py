@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -183,10 +184,11 @@ def _known_world(loaded: Loaded, discovery: Discovery, world: World | None) -> W
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
-    """A world as a map: its own raster if it has nothing else, otherwise rasterised at `resolution`, m."""
+    """What is mapped of a world, as a map: its own raster if that is all, otherwise rasterised at `resolution`, m."""
     # Its kernels take long to load, and most configs have no world to rasterise.
     from navloom.geometry.grid import world_to_grid
 
+    world = replace(world, obstacles=tuple(obstacle for obstacle in world.obstacles if obstacle.is_mapped))
     raster = world.raster
     # A raster that is rasterised again would shift every wall by up to half a cell.
     if raster is not None and not world.obstacles:

@@ -16,9 +16,6 @@ from navloom.roles import Disturbance
 
 __all__ = ["carried_at", "disturbances", "goal_at", "schedule"]
 
-_DISTURBING = ("displace", "slip")
-"""Events that no operator asks for: only the platform knows of them."""
-
 
 def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[OperatorRequest]]:
     """Requests by tick: the run's own goal in tick 0, each event in the first tick at or after its time.
@@ -35,7 +32,7 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
     for event in sorted(config.event, key=lambda event: event.at):
         # Rounded first: a time that is a whole number of ticks must not fall into the next one.
         tick = math.ceil(round((event.at + event.over) / config.run.period, 6))
-        if event.do in _DISTURBING:
+        if event.do == "displace" or event.do == "slip":
             requests.setdefault(tick, [])
             continue
         if event.do == "goal":
@@ -46,28 +43,33 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
 
 def disturbances(config: Config) -> tuple[Disturbance, ...]:
     """The displacements and slips of a config, by their beginning."""
-    found = sorted((event for event in config.event if event.do in _DISTURBING), key=lambda event: event.at)
-    return tuple(_disturbance(event) for event in found)
+    found = [_disturbance(event, event.do) for event in config.event if event.do == "displace" or event.do == "slip"]
+    return tuple(sorted(found, key=lambda one: one.begin_ns))
 
 
-def carried_at(time: NDArray[np.float64], config: Config) -> NDArray[np.bool_]:
-    """(n,) whether the robot was displaced in each tick, by their run times, s; empty if the config displaces none."""
+def carried_at(time: NDArray[np.float64], first: float, config: Config) -> NDArray[np.bool_]:
+    """(n,) whether the robot was displaced in each tick; empty if the config has no displacement.
+
+    Args:
+        time: (n,) run times of ticks, s, increasing.
+        first: That of the platform's first tick, s.
+        config: The config.
+    """
     moves = [move for move in disturbances(config) if move.do == "displace"]
-    ticks, carried = np.round(time * 1e9), np.zeros(len(time) if moves else 0, dtype=np.bool_)
+    ticks, carried = np.round((time - first) * 1e9), np.zeros(len(time) if moves else 0, dtype=np.bool_)
     for move in moves:
         # The last one is the first tick at or after its end.
-        first, last = np.searchsorted(ticks, (move.begin_ns, move.end_ns))
-        carried[first : last + 1] = True
+        begin, end = np.searchsorted(ticks, (move.begin_ns, move.end_ns)).tolist()
+        carried[begin : end + 1] = True
     return carried
 
 
-def _disturbance(event: EventTable) -> Disturbance:
+def _disturbance(event: EventTable, do: Literal["displace", "slip"]) -> Disturbance:
     to = by = None
     if event.by is not None:
         by = (event.by.x, event.by.y, math.radians(event.by.heading_deg))
     elif event.x is not None and event.y is not None:
         to = (event.x, event.y, math.radians(math.remainder(event.heading_deg or 0.0, 360.0)))
-    do: Literal["displace", "slip"] = "displace" if event.do == "displace" else "slip"
     return Disturbance(do, round(event.at * 1e9), round(event.over * 1e9), to, by)
 
 
@@ -75,6 +77,7 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
     if event.do == "goal":
         assert event.x is not None and event.y is not None
         return OperatorRequest("goal", goal_at(goals, event.x, event.y, event.heading_deg))
+    assert event.do != "displace" and event.do != "slip"
     if event.do == "place":
         assert event.x is not None and event.y is not None
         spread, heading_spread = event.sigma or (None, None)

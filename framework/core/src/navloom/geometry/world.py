@@ -6,17 +6,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Box", "Cylinder", "Obstacle", "Place", "Raster", "World", "position_at", "read_only"]
+__all__ = ["Box", "Cylinder", "Material", "Obstacle", "Place", "Raster", "World", "position_at", "read_only"]
 
 A = TypeVar("A", bound=np.generic)
 Interval = tuple[float, float]
 Waypoint = tuple[float, float, float]
 """Time, s, and the position x, y, m, of an obstacle's centre at that time, in the map frame."""
+Material = Literal["solid", "glass"]
+"""What an obstacle is made of. Light passes glass: a laser sees what is behind it, a sonar the glass itself."""
 
 
 def read_only(array: NDArray[A]) -> NDArray[A]:
@@ -50,6 +52,8 @@ class Box:
         appears_after_sweep: It appears when the first stop-and-scan sweep has ended (then `appears_at` is ignored).
         waypoints: Position of its centre over time; linear in between, constant before the first and after the last.
         loops: The waypoints repeat, with the last one's time as the period.
+        is_mapped: A map of the world shows it, if it exists from the start and never moves.
+        material: What it is made of.
     """
 
     name: str
@@ -61,6 +65,8 @@ class Box:
     appears_after_sweep: bool = False
     waypoints: tuple[Waypoint, ...] = ()
     loops: bool = False
+    is_mapped: bool = True
+    material: Material = "solid"
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -87,6 +93,8 @@ class Cylinder:
     appears_after_sweep: bool = False
     waypoints: tuple[Waypoint, ...] = ()
     loops: bool = False
+    is_mapped: bool = True
+    material: Material = "solid"
 
     @property
     def centre(self) -> tuple[float, float]:

@@ -52,7 +52,7 @@ SHIPPED = {
         "scheme.movingai",
         "scheme.rosmap",
     ),
-    "navloom-mcl": ("localizer.mcl",),
+    "navloom-mcl": ("localizer.global_matching", "localizer.mcl"),
     "navloom-recording": ("command.replay",),
     "navloom-recoveries": ("recovery.look_around", "recovery.retrace"),
     "navloom-ros": (

@@ -13,10 +13,12 @@ __all__ = ["Disturbance"]
 class Disturbance:
     """A displacement of a simulated robot, or a slip of its wheels. It acts from the first tick at or after `begin_ns`.
 
+    Times count from the platform's first tick, which a live robot has some time after run clock 0.
+
     Attributes:
         do: "displace": the robot is moved, and its wheels turn freely as commanded. "slip": with `by`, the wheels
             report this motion beside the robot's own; otherwise they turn as commanded, and the robot does not move.
-        begin_ns, duration_ns: Run clock at which it begins, and how long it takes; 0 for one tick.
+        begin_ns, duration_ns: When it begins, and how long it takes, ns; 0 for one tick.
         to: For a displacement to a place: the true x, y, m, and heading, rad, at its end, map frame.
         by: Otherwise the motion: x, y, m, and turn, rad, in the frame of the base at its beginning.
     """
@@ -29,5 +31,5 @@ class Disturbance:
 
     @property
     def end_ns(self) -> int:
-        """Run clock at its end."""
+        """When it is over, ns."""
         return self.begin_ns + self.duration_ns

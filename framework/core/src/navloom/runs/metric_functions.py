@@ -37,9 +37,6 @@ __all__ = [
     "heading_error",
     "integrated_jerk",
     "path_length",
-    "pose_error_max",
-    "pose_error_p95",
-    "pose_error_rms",
     "recoveries",
     "spl",
     "steering_flips_per_metre",
@@ -77,24 +74,6 @@ def success(trail: Trail) -> float:
 def false_success(trail: Trail) -> float | None:
     """1 if the robot reported that it had arrived but had not, else 0; None without ground truth."""
     return float(trail.outcome == FALSE_SUCCESS) if trail.has_truth else None
-
-
-def pose_error_rms(trail: Trail) -> float | None:
-    """Root mean square over the ticks of the distance between the estimated and the true position, m."""
-    known = _known(trail.pose_error)
-    return math.sqrt(float((known**2).mean())) if known.size else None
-
-
-def pose_error_p95(trail: Trail) -> float | None:
-    """95th percentile over the ticks of the distance between the estimated and the true position, m."""
-    known = _known(trail.pose_error)
-    return float(np.percentile(known, 95)) if known.size else None
-
-
-def pose_error_max(trail: Trail) -> float | None:
-    """Largest distance between the estimated and the true position, m."""
-    known = _known(trail.pose_error)
-    return float(known.max()) if known.size else None
 
 
 def spl(trail: Trail) -> float | None:

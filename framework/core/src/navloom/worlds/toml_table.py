@@ -105,9 +105,9 @@ class FileTable:
             )
         return value
 
-    def flag(self, key: str) -> bool:
-        """True or false, false by default."""
-        value = self._content.get(key, False)
+    def flag(self, key: str, default: bool = False) -> bool:
+        """True or false."""
+        value = self._content.get(key, default)
         if not isinstance(value, bool):
             raise self.error(f"{key} = {shortened(value)}, expected true or false")
         return value

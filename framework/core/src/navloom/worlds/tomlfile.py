@@ -18,6 +18,13 @@ x = [1.0, 1.6]                       # before the turn, m
 y = [2.0, 2.4]
 z = [0.0, 1.8]                       # default 0 to 2.4
 yaw_deg = 30.0                       # about its centre
+is_mapped = false                    # a map of the world does not show it; default true
+
+[[box]]
+name = "glass wall"
+x = [3.0, 3.1]
+y = [0.0, 4.0]
+material = "glass"                   # lasers see what is behind it, sonars see it; default "solid"
 
 [[cylinder]]
 name = "person"
@@ -34,10 +41,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from navloom.geometry.solids import box_corners
-from navloom.geometry.world import Box, Cylinder, Interval, Obstacle, Place, Raster, Waypoint, World
+from navloom.geometry.world import Box, Cylinder, Interval, Material, Obstacle, Place, Raster, Waypoint, World
 from navloom.inputs.bounds import TEXT_MB
 from navloom.inputs.texts import toml_of
 from navloom.parts import part
@@ -50,9 +57,9 @@ __all__ = ["toml_world"]
 _MARGIN = 1.0
 _TALL: Interval = (0.0, 2.4)
 _WORLD_KEYS = ("bounds", "start", "goal", "goal_tolerance", "time_limit", "raster", "box", "cylinder")
-_TIMING_KEYS = ("appears_at", "appears", "waypoints", "loops")
-_BOX_KEYS = ("name", "x", "y", "z", "yaw_deg", *_TIMING_KEYS)
-_CYLINDER_KEYS = ("name", "x", "y", "radius", "z", *_TIMING_KEYS)
+_COMMON_KEYS = ("name", "x", "y", "z", "appears_at", "appears", "waypoints", "loops", "is_mapped", "material")
+_BOX_KEYS = (*_COMMON_KEYS, "yaw_deg")
+_CYLINDER_KEYS = (*_COMMON_KEYS, "radius")
 
 
 def toml_world(argument: str, base: Path) -> World:
@@ -109,7 +116,7 @@ def _box(table: FileTable, name: str) -> Box:
         table.interval("y"),
         table.interval("z", _TALL),
         table.heading("yaw_deg"),
-        **_timing(table),
+        **_common(table),
     )
 
 
@@ -123,12 +130,12 @@ def _cylinder(table: FileTable, name: str) -> Cylinder:
         table.number("y"),
         radius,
         table.interval("z", _TALL),
-        **_timing(table),
+        **_common(table),
     )
 
 
-def _timing(table: FileTable) -> dict[str, Any]:
-    """When an obstacle appears, and how it moves."""
+def _common(table: FileTable) -> dict[str, Any]:
+    """When an obstacle appears, how it moves, whether a map shows it, and what it is made of."""
     after_sweep = table.choice("appears", ("at_start", "after_sweep")) == "after_sweep"
     if after_sweep and "appears_at" in table:
         raise table.error('appears_at and appears = "after_sweep" exclude each other: leave one out')
@@ -142,6 +149,8 @@ def _timing(table: FileTable) -> dict[str, Any]:
         "appears_after_sweep": after_sweep,
         "waypoints": waypoints,
         "loops": loops,
+        "is_mapped": table.flag("is_mapped", default=True),
+        "material": table.choice("material", get_args(Material)),
     }
 
 

@@ -309,7 +309,8 @@ class LiveRun:
         """Begin a goal: drop the data of the previous one, except the map."""
         self._newest_goal, self._first_tick = goal_id, tick
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
-        self.recorder = Recorder(map=self.recorder.map, known=self.recorder.known, reads=self.reads)
+        old = self.recorder
+        self.recorder = Recorder(map=old.map, known=old.known, began=old.began, reads=self.reads)
         self._began_ns = time.perf_counter_ns()
         if self._shadows is not None:
             self._shadows.begin()

@@ -12,6 +12,7 @@ from matplotlib.transforms import Bbox
 from navloom.geometry.cells import places_of
 from navloom.geometry.frames import transform
 from navloom.geometry.solids import overlaps
+from navloom.geometry.world import Obstacle
 from navloom.messages import MapUpdate, OccupancyGrid
 from navloom.palette import OKABE_ITO
 from navloom.runs.episode import Episode
@@ -34,7 +35,7 @@ from navloom_study.report.plotting import styled
 __all__ = ["draw_map_update", "draw_poses", "draw_run"]
 
 Floats = NDArray[np.float64]
-BLUE, VERMILION, GREEN, _, ORANGE, SKY = OKABE_ITO[:6]
+BLUE, VERMILION, GREEN, PINK, ORANGE, SKY = OKABE_ITO[:6]
 BLACK, CELLS, FREE, UNKNOWN, FOOTPRINT = "#1E1E1E", "#BEBEBE", "#FFFFFF", "#E2E7EE", "#EBAF91"
 WIDTH = 180.0
 """Width of a picture, mm."""
@@ -51,6 +52,13 @@ DRIVERS = {
     "operator": ("by the operator", GREEN),
 }
 """Name and colour of the parts of the track that each role drove."""
+OBSTACLES: dict[str, tuple[str, dict[str, Any]]] = {
+    "true obstacles": (SKY, {}),
+    "not on the map": (PINK, {"facecolors": PINK, "alpha": 0.6}),
+    "glass": (SKY, {"facecolors": SKY, "linewidths": 1.6}),
+    "above the robot": (SKY, {"linestyles": (0, (5, 3))}),
+}
+"""Colour and style of the true obstacles, by their name in the legend."""
 
 
 @styled()
@@ -157,24 +165,36 @@ def _mark(axes: Any, x: float, y: float, name: str | None = None) -> None:
 def _draw_obstacles(axes: Any, episode: Episode) -> None:
     """Draw the true obstacles in the picture, at the end of the run; those above the robot dashed."""
     world, height, truth = episode.system.world, episode.system.robot.height, episode.recorder.truth
-    outlines: dict[bool, list[Floats]] = {True: [], False: []}
+    outlines: dict[str, list[Floats]] = {name: [] for name in OBSTACLES}
     for obstacle in () if world is None else world.obstacles:
         outline = outline_of(obstacle, truth[-1][0] if truth else 0.0)
         if Bbox([outline.min(axis=0), outline.max(axis=0)]).overlaps(axes.viewLim):
-            outlines[overlaps(obstacle.z, (0.0, height))].append(outline)
-    draw_outlines(axes, outlines[True], SKY, "true obstacles")
-    draw_outlines(axes, outlines[False], SKY, "above the robot", linestyles=(0, (5, 3)))
+            outlines[_called(obstacle, height)].append(outline)
+    for name, (colour, style) in OBSTACLES.items():
+        draw_outlines(axes, outlines[name], colour, name, **style)
+
+
+def _called(obstacle: Obstacle, height: float) -> str:
+    """The entry of `OBSTACLES` for an obstacle in the world of a robot of this height, m."""
+    if not overlaps(obstacle.z, (0.0, height)):
+        return "above the robot"
+    if obstacle.material == "glass":
+        return "glass"
+    return "true obstacles" if obstacle.is_mapped else "not on the map"
 
 
 def _draw_track(axes: Any, episode: Episode) -> None:
-    """Draw the true track, each part in the colour of the role that drove it."""
+    """Draw the true track, each part in the colour of the role that drove it, and where the robot was displaced."""
     recorder, driven = episode.recorder, episode.recorder.driven
+    carried = np.flatnonzero(episode.trail.carried)
+    draw_lines(axes, (driven[tick - 1 : tick + 1] for tick in carried if tick), BLACK, "displaced", linestyles=":")
     times = np.array([row[0] for row in recorder.truth])
     changes = recorder.drivers or [(0.0, "controller")]
     parts: dict[str, list[Floats]] = {driver: [] for driver in DRIVERS}
     firsts = [0, *(int(np.searchsorted(times, time)) for time, _ in changes[1:]), len(times)]
     for (_, driver), (first, last) in zip(changes, pairwise(firsts), strict=True):
-        parts[driver].append(driven[first : last + 1])
+        cuts = carried[(carried > first) & (carried <= last)] - first
+        parts[driver] += np.split(driven[first : last + 1], cuts)
     for driver, (name, colour) in DRIVERS.items():
         draw_lines(axes, parts[driver], colour, name, 1.6, zorder=3)
 

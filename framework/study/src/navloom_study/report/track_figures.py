@@ -28,7 +28,7 @@ AROUND = 1.5
 """Margin around the tracks, m."""
 DRIVEN = 0.1
 """Shortest extent of a track that counts as driving, m."""
-WALL, GHOST, LATE = "#6E6E6E", "#C2C2C2", "#E8E8E8"
+WALL, GHOST, LATE, GLASS = "#6E6E6E", "#C2C2C2", "#E8E8E8", "#56B4E9"
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,9 @@ def _ways_figure(study: StudyFiles, width: float, ways: WorldWays, shown: Sequen
 
 
 def draw_world(axes: Any, world: World, robot_height: float) -> None:
-    """Draw obstacles: dark at the robot's height, pale above or below it, moving ones with their path.
+    """Draw obstacles: dark at the robot's height, pale above or below it, glass blue, moving ones with their path.
+
+    What is not on the map is hatched.
 
     Args:
         axes: Matplotlib axes, m, map frame.
@@ -154,9 +156,10 @@ def draw_world(axes: Any, world: World, robot_height: float) -> None:
     for obstacle in world.obstacles:
         meets = overlaps(obstacle.z, (0.0, robot_height))
         late = obstacle.appears_after_sweep or obstacle.appears_at > 0.0
-        colour = WALL if meets else GHOST
-        face = LATE if late else colour if meets and not obstacle.waypoints else "none"
-        shapes.setdefault((colour, face, "//////" if late else None), []).append(outline_of(obstacle))
+        colour = GHOST if not meets else GLASS if obstacle.material == "glass" else WALL
+        is_unmapped = late or (meets and not obstacle.is_mapped)
+        face = LATE if is_unmapped else colour if meets and not obstacle.waypoints else "none"
+        shapes.setdefault((colour, face, "//////" if is_unmapped else None), []).append(outline_of(obstacle))
         if obstacle.waypoints:
             ways[colour].append(np.array(obstacle.waypoints)[:, 1:])
     for (colour, face, hatch), alike in shapes.items():

@@ -1,0 +1,23 @@
+"""The README's example is valid, and its table holds every parameter with its default."""
+
+import re
+import tomllib
+from pathlib import Path
+
+from navloom_mcl.adapter import Mcl
+from navloom_mcl.params import MclParams
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+OF_MCL = README.partition("## Parameters")[2].partition("\n## ")[0]
+
+
+def test_every_parameter_is_listed_with_its_default():
+    rows = re.findall(r"^\| `(\w+)` \| (\S+) \|", OF_MCL, re.MULTILINE)
+    listed = {name: {"true": True, "false": False}.get(text) if text.isalpha() else float(text) for name, text in rows}
+    assert listed == MclParams().model_dump()
+
+
+def test_the_example_is_a_valid_table():
+    table = tomllib.loads(re.findall(r"```toml\n(.*?)```", README, re.DOTALL)[0])["localizer"]
+    assert table.pop("plugin") == Mcl.name
+    Mcl.Params(**table)

@@ -118,15 +118,11 @@ class Places:
         for place in self.found:
             place.prior, place.logs, place.way = 0.0, [], 0.0
 
-    def see(self, beams: Floats, echoes: int, *, is_needed: bool = False) -> None:
-        """Weigh the places by a scan if the robot has moved since the last one.
-
-        Args:
-            beams, echoes: (n, 4) beams, of which the first have an echo.
-            is_needed: Use the scan in any case.
-        """
+    def see(self, beams: Floats, echoes: int) -> None:
+        """Weigh the places by a scan, (n, 4) beams of which the first have an echo, if the robot has moved."""
         off = relative(self._last, self._odometry)
-        if not is_needed and self._left <= 0 and math.hypot(off[0], off[1]) < _WAY and abs(off[2]) < _TURN:
+        # A robot that stands sees the same again: that is no further evidence.
+        if self._left <= 0 and math.hypot(off[0], off[1]) < _WAY and abs(off[2]) < _TURN:
             return
         self._left, self._last = self._left - 1, self._odometry
         stride = max(1, len(beams) // _BEAMS)

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.config import load_config
+from navloom.engine.build import assemble
+from navloom.engine.starts import starts_of
 from navloom.messages import OccupancyGrid, Pose2D, PoseEstimate, Twist2D
 from navloom_live.hosting import kept_pose
 from navloom_live.hosting.kept_pose import Kept, KeptPose, starting_at, state_folder
@@ -111,11 +113,18 @@ def test_a_folder_that_cannot_be_written_is_told_once(tmp_path: Path, times: lis
 
 def test_the_config_starts_there_and_says_where_that_is_from() -> None:
     loaded = load_config("building", ["navigation.start={x=9,y=9}"])
-    begun = starting_at(loaded, Kept(1.0, 2.0, math.pi / 2, 0.5, 0.25, 0.0, ""))
+    begun = starting_at(loaded, Kept(1.0, 2.0, math.pi / 2, 0.5, 0.25, 0.0, ""), Pose2D(9.0, 9.0, 0.0))
     start = begun.config.navigation.start
     assert start is not None and start != "unknown" and (start.x, start.y, start.heading_deg) == (1.0, 2.0, 90.0)
     assert start.sigma == (0.5, pytest.approx(0.25))
     assert {by for place, by in begun.sources.items() if place.startswith("navigation.start")} == {"kept pose"}
+
+
+def test_a_simulated_robot_still_stands_where_its_config_says() -> None:
+    loaded = load_config("building", ["navigation.start={x=1,y=1}", "world.start_offset={x=0.5}"])
+    before, kept = assemble(loaded), Kept(0.0, 2.0, math.pi / 2, 0.5, 0.25, 0.0, "")
+    begun = starting_at(loaded, kept, before.true_start).config
+    assert starts_of(begun, before.world)[2] == before.true_start == Pose2D(1.5, 1.0, 0.0)
 
 
 def test_the_folder_outlives_a_boot() -> None:

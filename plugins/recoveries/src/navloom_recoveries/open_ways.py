@@ -25,6 +25,9 @@ REACH = 3.0
 LONG, TURNED = 0.05, 0.1
 """Values of a metre of open way, and of half a turn, against a metre of new place, m."""
 
+BINS = 720
+"""Number of directions in which the nearest echo is kept: one each half a degree."""
+BIN = math.tau / BINS
 HEADINGS = (np.arange(WAYS) + 0.5) * (math.tau / WAYS)
 
 
@@ -62,9 +65,13 @@ class OpenWays:
     def lengths(self, place: tuple[float, float]) -> Floats:
         """(WAYS,) how far the robot can drive at each heading, m; 0 where no beam looked."""
         points = np.concatenate([np.empty((0, 2)), *self._points]) - place
-        points = points[np.hypot(points[:, 0], points[:, 1]) < SIGHT + self._front]
-        # One of many echoes of a wall is enough.
-        points = np.unique(np.round(points / 0.02), axis=0) * 0.02
+        # In each direction the nearest echo is enough: it is in the way of every heading that a farther one blocks.
+        bearings = np.floor(np.mod(np.arctan2(points[:, 1], points[:, 0]), math.tau) / BIN).astype(np.int64)
+        near = np.full(BINS + 1, np.inf)
+        np.minimum.at(near, bearings, np.hypot(points[:, 0], points[:, 1]))
+        is_heard = near < SIGHT + self._front
+        angles = (np.flatnonzero(is_heard) + 0.5) * BIN
+        points = near[is_heard, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         cos, sin = np.cos(HEADINGS)[:, None], np.sin(HEADINGS)[:, None]
         ahead, beside = cos * points[:, 0] + sin * points[:, 1], cos * points[:, 1] - sin * points[:, 0]
         is_in_way = (ahead > 0.0) & (np.abs(beside) < self._half_width)

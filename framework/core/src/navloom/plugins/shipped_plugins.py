@@ -36,6 +36,7 @@ SHIPPED = {
         "command.params",
         "command.place",
         "command.record",
+        "command.relocalise",
         "command.resume",
         "command.router",
         "command.status",

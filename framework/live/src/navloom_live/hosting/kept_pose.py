@@ -20,7 +20,7 @@ from navloom.engine.system import System
 from navloom.engine.task_checks import is_real
 from navloom.files import write_whole
 from navloom.inputs.typed_json import from_json
-from navloom.messages import OccupancyGrid, PoseEstimate
+from navloom.messages import OccupancyGrid, Pose2D, PoseEstimate
 
 __all__ = ["Kept", "KeptPose", "keeps_pose", "resume", "starting_at", "state_folder"]
 
@@ -147,7 +147,7 @@ def resume(system: System, resumes: bool, say: Callable[[str], None]) -> tuple[K
         f"start: where it was {_span(time.time() - kept.unix_time)} ago, ({kept.x:z.2f}, {kept.y:z.2f}), "
         f"{math.degrees(kept.heading):z.0f}°; the localizer verifies it (--start-anew: that of the config)"
     )
-    return keeper, starting_at(loaded, kept)
+    return keeper, starting_at(loaded, kept, system.true_start)
 
 
 def _span(seconds: float) -> str:
@@ -158,8 +158,8 @@ def _span(seconds: float) -> str:
     return f"{max(0.0, seconds):.0f} s"
 
 
-def starting_at(loaded: Loaded, kept: Kept) -> Loaded:
-    """The config, with a kept pose as its start: a guess."""
+def starting_at(loaded: Loaded, kept: Kept, true_start: Pose2D) -> Loaded:
+    """The config, with a kept pose as its start, a guess. A simulated robot still stands at its true start."""
     tree = loaded.config.model_dump(mode="json", exclude_unset=True)
     start = {
         "x": kept.x,
@@ -169,6 +169,9 @@ def starting_at(loaded: Loaded, kept: Kept) -> Loaded:
         "heading_spread_deg": math.degrees(kept.heading_spread),
     }
     tree["navigation"] = {**tree.get("navigation", {}), "start": start}
+    if "world" in tree:
+        true = {"x": true_start.x, "y": true_start.y, "heading_deg": math.degrees(true_start.heading)}
+        tree["world"] = {key: value for key, value in tree["world"].items() if key != "start_offset"} | {"start": true}
     sources = {place: source for place, source in loaded.sources.items() if not _is_start(place)}
     for key in start:
         sources[f"navigation.start.{key}"] = "kept pose"

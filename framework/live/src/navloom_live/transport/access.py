@@ -44,6 +44,7 @@ READABLE = (
     "*/*/parameters",
     "process/*/config",
     "process/supervisor/shadows",
+    "localizer/*/hypotheses",
     "mapper/*/known",
     "mapper/*/map",
     "planner/*/path",

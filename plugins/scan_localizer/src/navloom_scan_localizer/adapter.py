@@ -137,7 +137,8 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         self._is_smooth = shown.follow(tracker.pose, tracker.odometry, limits, at_once=state != "tracking")
         if not self._is_smooth:
             state, reason = "searching", "scans contradict odometry by more than can be corrected in motion"
-        covariance = tracker.covariance + self._ambiguity.spread + np.outer(shown.behind, shown.behind)
+        own = tracker.map_share * tracker.covariance
+        covariance = own + self._ambiguity.spread + np.outer(shown.behind, shown.behind)
         return PoseEstimate(odometry.stamp_ns, Pose2D(*shown.pose.tolist()), odometry.twist, covariance, state, reason)
 
     def _take_field(self) -> None:

@@ -53,7 +53,7 @@ class Settings:
     rest_noise: float = 0.002
     rest_turn_noise: float = math.radians(0.1)
     sigma: float = 0.02
-    redundancy: float = 4.0
+    redundancy: float = 10.0
     robust_scale: float = 0.08
     reach: float = 0.5
     least_inliers: int = 20
@@ -85,6 +85,8 @@ _OUTLIER = 0.9
 """Mean of rho of a beam that is no inlier, in squares of the robust scale; at the gate it is 0.8."""
 _SCALE, _SCALE_WAY, _FORGET = 0.02, 2.0, 10.0
 """Error of the odometer's scale that is assumed at first, no unit, as if found in this way, m; way of its memory, m."""
+_LEAST_SHARE, _PER_NOISE = 0.4, 0.18
+"""Least share of the covariance that is reported, and that share for the variance of beams in squares of `sigma`."""
 _HELD = 0.03
 """Standard deviation along the robot's heading below which scans show how far it has driven, m."""
 
@@ -200,6 +202,15 @@ class PoseTracker:
         self.pose = pose_of(*(self.pose + shift).tolist())
         self.covariance = 0.5 * (after + after.T)
         return True
+
+    @property
+    def map_share(self) -> float:
+        """Share of the covariance that is left where scans fit the map as well as their noise alone allows.
+
+        `redundancy` is for the errors of maps. Where beams are not further from the walls than `sigma`, there are few.
+        It is 1 before the first scan.
+        """
+        return 1.0 if math.isinf(self._misfit) else min(1.0, max(_LEAST_SHARE, _PER_NOISE * self._noise))
 
     @property
     def scale_error(self) -> float:

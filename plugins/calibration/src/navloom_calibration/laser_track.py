@@ -37,6 +37,10 @@ _KEY_WAY, _KEY_TURN = 0.1, math.radians(5.0)
 """Motion after which a scan is added to the surfaces, m and rad."""
 _FIRST = 10
 """Scans of a part that are always added."""
+_PATIENCE = 5
+"""Scans in a row that fit nothing, after which another part begins: one may be of a crowd or a door."""
+_NEIGHBOURS = 0.4
+"""Largest distance of the ends of neighbouring beams, m, between which a surface is assumed."""
 
 
 class Beams(NamedTuple):
@@ -83,7 +87,7 @@ class Track(NamedTuple):
     Attributes:
         stamps: (m,) of the scans, s.
         poses: (m, 3) x, y, m, heading, rad, unwrapped; in a frame that begins anew with each part.
-        parts: (m,) number of the part: a scan that fits nothing begins another.
+        parts: (m,) number of the part: where scans fit nothing that was seen before, another begins.
     """
 
     stamps: Floats
@@ -98,7 +102,7 @@ def laser_track(
     offset: float = 0.0,
     progress: Callable[[int], None] = lambda count: None,
 ) -> Track:
-    """Follow the scans.
+    """Follow the scans; those that fit nothing are left out.
 
     Args:
         scans: Scans of one laser, by rising stamps.
@@ -110,42 +114,48 @@ def laser_track(
     stamps = np.array([scan.stamp for scan in scans])
     driven = way.at(stamps + offset)
     poses, parts = np.zeros((len(scans), 3)), np.zeros(len(scans), dtype=np.int64)
-    surface, key, added, part = LocalSurface(*_SURFACE), np.zeros(3), 0, -1
+    surface, key, added, part, failed = LocalSurface(*_SURFACE), np.zeros(3), 0, 0, 0
     for number, scan in enumerate(scans):
         progress(number)
-        points = _points(scan, velocities[number])
-        pose, is_new = np.zeros(3), part < 0
-        if not is_new:
+        points, pose = _points(scan, velocities[number]), np.zeros(3)
+        if added:
             step = relative(driven[number - 1], driven[number])
             guess = compose(poses[number - 1], step)
             pose, inliers = _fitted(surface, points, guess, step)
-            is_new = inliers < max(_LEAST, _SHARE * len(points))
+            failed = failed + 1 if inliers < max(_LEAST, _SHARE * len(points)) else 0
             # Unwrapped, so that turns can be added up.
+            pose = guess if failed else pose
             pose[2] = poses[number - 1, 2] + math.remainder(pose[2] - poses[number - 1, 2], math.tau)
-        if is_new:
-            surface, pose, added, part = LocalSurface(*_SURFACE), np.zeros(3), 0, part + 1
-        poses[number], parts[number] = pose, part
+        if failed >= _PATIENCE:
+            surface, pose, added, part, failed = LocalSurface(*_SURFACE), np.zeros(3), 0, part + 1, 0
+        poses[number], parts[number] = pose, -1 if failed else part
         moved = relative(key, pose)
-        if added < _FIRST or math.hypot(moved[0], moved[1]) > _KEY_WAY or abs(moved[2]) > _KEY_TURN:
+        is_far = math.hypot(moved[0], moved[1]) > _KEY_WAY or abs(moved[2]) > _KEY_TURN
+        if not failed and len(points) and (added < _FIRST or is_far):
             surface.follow(float(pose[0]), float(pose[1]))
-            surface.add(points, pose)
+            surface.add(_filled(points), pose)
             key, added = pose, added + 1
-    return Track(stamps, poses, parts)
+    fits = parts >= 0
+    return Track(stamps[fits], poses[fits], parts[fits])
 
 
-def velocities_of(track: Track, smoothing: float) -> Floats:
-    """(m, 3) velocity, m/s, rad/s, base frame, at each scan of a track, averaged over a time, s."""
-    found = np.zeros((len(track.stamps), 3))
+def velocities_of(track: Track, smoothing: float, times: Floats | None = None) -> Floats:
+    """(n, 3) velocity, m/s, rad/s, base frame, averaged over a time, s; at each scan of a track or at other times, (n,)
+    s.
+    """
+    times = track.stamps if times is None else times
+    found = np.zeros((len(times), 3))
     for part in np.unique(track.parts):
-        (places,) = np.nonzero(track.parts == part)
-        if len(places) < 2:
+        stamps, poses = track.stamps[track.parts == part], track.poses[track.parts == part]
+        (places,) = np.nonzero((times >= stamps[0]) & (times <= stamps[-1]))
+        if len(stamps) < 2 or not len(places):
             continue
-        times, poses = track.stamps[places], track.poses[places]
-        ahead = np.minimum(times + 0.5 * smoothing, times[-1])
-        behind = np.maximum(times - 0.5 * smoothing, times[0])
-        ends = [np.stack([np.interp(at, times, poses[:, k]) for k in range(3)], axis=1) for at in (ahead, behind)]
-        rate = (ends[0] - ends[1]) / (ahead - behind)[:, None]
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        ahead = np.minimum(times[places] + 0.5 * smoothing, stamps[-1])
+        behind = np.maximum(times[places] - 0.5 * smoothing, stamps[0])
+        first, last = (np.stack([np.interp(at, stamps, row) for row in poses.T], axis=1) for at in (behind, ahead))
+        rate = (last - first) / (ahead - behind)[:, None]
+        heading = 0.5 * (first[:, 2] + last[:, 2])
+        c, s = np.cos(heading), np.sin(heading)
         found[places] = np.stack([c * rate[:, 0] + s * rate[:, 1], c * rate[:, 1] - s * rate[:, 0], rate[:, 2]], axis=1)
     return found
 
@@ -156,6 +166,18 @@ def _points(scan: Beams, velocity: Floats) -> Floats:
     limits = np.array([scan.range_min, min(scan.range_max, _REACH + 1.0), math.radians(1.0)])
     count = beam_points(*scan[1:6], limits, np.append(velocity, 0.0), rows)
     return rows[: keep_near(rows[:count], _REACH)]
+
+
+def _filled(points: Floats) -> Floats:
+    """Beams, (n, 4), with others between neighbours that end on one surface: sparse beams leave holes in it."""
+    gaps = np.hypot(*(points[1:, :2] - points[:-1, :2]).T)
+    (left,) = np.nonzero((gaps > _SURFACE[0]) & (gaps < _NEIGHBOURS))
+    between = [points]
+    for share in (0.25, 0.5, 0.75):
+        rows = (1.0 - share) * points[left] + share * points[left + 1]
+        rows[:, 2:] /= np.maximum(1e-9, np.hypot(rows[:, 2], rows[:, 3]))[:, None]
+        between.append(rows)
+    return np.concatenate(between)
 
 
 def _fitted(surface: LocalSurface, points: Floats, guess: Floats, step: Floats) -> tuple[Floats, int]:

@@ -5,10 +5,10 @@ wheels and whose turns are wrong by a scale k and by a drift c per metre:
 
     θ(s_j+1) - θ(s_j) = k [H(s_j+1 + δ) - H(s_j + δ)] + c way + noise
 
-δ, k and c are found by instrumental variables: the noise must not be correlated with the angular acceleration, the turn
-and the way as the *scans* show them. Least squares would be drawn to shifts at which interpolation averages the noise of
-neighbouring odometry messages; instruments that hold no noise of the odometry are not. The interval comes from blocks of
-time, so that noise that lasts counts as what it is.
+δ, k and c are found by instrumental variables: the noise must not be correlated with the angular acceleration, the
+turn and the way as the *scans* show them. Least squares would be drawn to shifts at which interpolation averages the
+noise of neighbouring odometry messages; instruments that hold no noise of the odometry are not. The interval comes from
+blocks of time, so that noise that lasts counts as what it is.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ _SMOOTHING = 0.1
 """Standard deviation of the filter of turn rates, s; at least the time between two scans."""
 _BLOCK = 2.0
 """Length of the blocks of the interval, s: longer than a manoeuvre's noise lasts, shorter than a turn's return."""
+_FINEST = 0.001
+"""Standard deviation of what all turns have in common, as the resolution of stamps, s."""
 _TUKEY = 5.0
 """Standard deviations from which an increment does not count: a slip, or a scan that was fitted wrongly."""
 
@@ -59,11 +61,13 @@ class Offset(NamedTuple):
         offset: To be added to its stamps, s.
         scale: Turn of the odometry, as a multiple, that is the turn of the scans.
         turn: Sum of the turns of the scans, rad.
+        agreement: Correlation of the turn rates of scans and odometry, with the offset.
     """
 
     offset: Interval
     scale: float
     turn: float
+    agreement: float
 
 
 class _Increments(NamedTuple):
@@ -81,9 +85,7 @@ def find_offset(track: Track, way: Way) -> Offset | None:
     steps = _increments(track)
     if len(steps.turn) < 10:
         return None
-    first = _coarse(steps, way)
-    if first is None:
-        return None
+    first, agreement = _coarse(steps, way)
     turned = float(np.abs(steps.turn).sum())
     driven = np.concatenate(([0.0], np.cumsum(_signed_steps(way.poses))))
     offset, scale, drift = first, 1.0, 0.0
@@ -101,7 +103,7 @@ def find_offset(track: Track, way: Way) -> Offset | None:
     weights, steepness = _weights(rest, steps)
     instruments = _instruments(steps, way, driven, offset)
     moments, slopes = instruments * (weights * rest)[:, None], instruments * steepness[:, None]
-    return Offset(_interval(offset, steps, moments, slopes, slope), float(scale), turned)
+    return Offset(_interval(offset, steps, moments, slopes, slope), float(scale), turned, agreement)
 
 
 def _increments(track: Track) -> _Increments:
@@ -127,19 +129,19 @@ def _increments(track: Track) -> _Increments:
     return _Increments(*(np.concatenate(rows, axis=1) if rows else np.empty((5, 0))))
 
 
-def _coarse(steps: _Increments, way: Way) -> float | None:
-    """The offset of the grid at which the turn rates are correlated most; None if the robot did not turn."""
+def _coarse(steps: _Increments, way: Way) -> tuple[float, float]:
+    """The offset of the grid at which the turn rates are correlated most, s, and that correlation; 0 if none is."""
     step = float(np.median(np.diff(way.stamps)))
     grid = np.arange(way.stamps[0], way.stamps[-1] + _GRID, _GRID)
     heading = np.interp(grid, way.stamps, way.poses[:, 2])
     smoothing = max(_SMOOTHING, step, float(np.median(steps.end - steps.begin)))
     rate = gaussian_filter1d(heading, smoothing / _GRID, order=1, mode="nearest") / _GRID
-    middles, best, found = 0.5 * (steps.begin + steps.end), -math.inf, None
+    middles, found = 0.5 * (steps.begin + steps.end), (0.0, 0.0)
     for offset in np.arange(-FARTHEST, FARTHEST + 0.5 * _GRID, _GRID):
         there = np.interp(middles + offset, grid, rate)
         size = math.sqrt(float(there @ there) * float(steps.rate @ steps.rate))
-        if size > 0.0 and float(there @ steps.rate) / size > best:
-            best, found = float(there @ steps.rate) / size, float(offset)
+        if size > 0.0 and float(there @ steps.rate) / size > found[1]:
+            found = float(offset), float(there @ steps.rate) / size
     return found
 
 
@@ -148,8 +150,6 @@ def _signed_steps(poses: Floats) -> Floats:
     moved, heading = np.diff(poses[:, :2], axis=0), 0.5 * (poses[1:, 2] + poses[:-1, 2])
     found: Floats = moved[:, 0] * np.cos(heading) + moved[:, 1] * np.sin(heading)
     return found
-
-
 
 
 def _residuals(
@@ -214,7 +214,7 @@ def _interval(offset: float, steps: _Increments, rows: Floats, gains: Floats, sl
     # The first row of the inverse says what each instrument contributes to the offset, the nuisances taken out.
     informed = np.abs(np.bincount(block, (gains @ inverse[0]) * slope[:, 0]))
     effective = float(informed.sum() ** 2 / max(1e-30, float((informed**2).sum())))
-    return interval_of(offset, math.sqrt(float((shifts**2).sum())), max(1.0, effective - 1.0))
+    return interval_of(offset, math.sqrt(float((shifts**2).sum()) + _FINEST**2), max(1.0, effective - 1.0))
 
 
 def interval_of(value: float, sigma: float, freedom: float) -> Interval:

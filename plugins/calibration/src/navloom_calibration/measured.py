@@ -1,0 +1,120 @@
+"""What a drive shows of one laser: how late it is, how its mount is turned, or why that cannot be said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_calibration.laser_track import Beams, Track, Way, laser_track, velocities_of
+from navloom_calibration.mount_yaw import Yaw, find_yaw
+from navloom_calibration.offset import FARTHEST, Offset, find_offset
+
+__all__ = ["Measured", "measure"]
+
+Floats = NDArray[np.float64]
+
+_LEAST_TIME, _LEAST_SCANS = 5.0, 20
+"""Shortest drive, s, and least scans, that are looked at."""
+_LEAST_TURN = math.radians(60.0)
+"""Least turn, rad: a robot that drives straight sways by some degrees."""
+_WIDEST, _WIDEST_YAW = 0.05, math.radians(5.0)
+"""Widest half of an interval that is worth a line in a config, s and rad."""
+_LEAST_AGREEMENT = 0.5
+"""Least correlation of the turn rates; other robots' odometry reaches less, bad odometry more."""
+_SMOOTHING = 0.2
+"""Time over which the velocity of a scan is averaged, s."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a drive shows of one laser.
+
+    Attributes:
+        offset: Its offset; None if it is not observable.
+        why_no_offset: Why; empty if it is.
+        yaw: The yaw of its mount; None if that is not observable.
+        why_no_yaw: Why; empty if it is.
+        sweep, period: Median of the duration of a sweep, and of the time between two scans, s.
+        seconds: Length of the drive, s.
+        track: Its motion.
+    """
+
+    offset: Offset | None
+    why_no_offset: str
+    yaw: Yaw | None
+    why_no_yaw: str
+    sweep: float
+    period: float
+    seconds: float
+    track: Track
+
+    @property
+    def meaning(self) -> str:
+        """What the offset is probably the time of; empty if nothing is known."""
+        if self.offset is None:
+            return ""
+        found = self.offset.offset
+        if found.low <= 0.0 <= found.high:
+            return "its stamps are those of the measurement"
+        if self.sweep > 0.005 and found.low <= -self.sweep <= found.high:
+            return f"that is the duration of its sweep, {self.sweep:.3f} s: the driver stamps the end of a sweep"
+        if self.sweep == 0.0 and found.low <= -0.5 * self.period <= found.high:
+            return (
+                f"that is half of the {self.period:.3f} s between two scans: its beams have no times of their own, and "
+                "the stamp may be that of the end of the sweep"
+            )
+        return "its scans are stamped late" if found.value < 0.0 else "its scans are stamped early, or odometry late"
+
+
+def measure(
+    scans: list[Beams], way: Way, mount: Floats, progress: Callable[[float, float], None] = lambda done, total: None
+) -> Measured:
+    """Measure one laser.
+
+    Args:
+        scans: By rising stamps.
+        way: Odometry.
+        mount: (2,) place of the laser, m, base frame.
+        progress: Called with the scans that are done, of two passes, and their number.
+    """
+    scans = [scan for scan in scans if way.stamps[0] <= scan.stamp <= way.stamps[-1]]
+    stamps = np.array([scan.stamp for scan in scans])
+    seconds = float(stamps[-1] - stamps[0]) if len(stamps) else 0.0
+    if seconds < _LEAST_TIME or len(scans) < _LEAST_SCANS:
+        why = f"{len(scans)} scans in {seconds:.1f} s beside odometry are too few: expected a drive of a minute"
+        empty = Track(stamps, np.zeros((len(stamps), 3)), np.zeros(len(stamps), dtype=np.int64))
+        return Measured(None, why, None, why, 0.0, 0.0, seconds, empty)
+    sweep = float(np.median([np.ptp(scan.time_offsets) if len(scan.time_offsets) else 0.0 for scan in scans]))
+    period, total = float(np.median(np.diff(stamps))), 2.0 * len(scans)
+    # The first pass brings beams to their stamps by the odometry, which may be of another time; the second by itself.
+    driven = Track(stamps, way.at(stamps), np.zeros(len(stamps), dtype=np.int64))
+    track = laser_track(scans, way, velocities_of(driven, _SMOOTHING), 0.0, lambda done: progress(done, total))
+    found = find_offset(track, way)
+    shift = 0.0 if found is None or _why_no_offset(found) else found.offset.value
+    if sweep > 0.0 or abs(shift) > 0.5 * period:
+        velocities = velocities_of(track, _SMOOTHING, stamps)
+        track = laser_track(scans, way, velocities, shift, lambda done: progress(len(scans) + done, total))
+        found = find_offset(track, way)
+    why = _why_no_offset(found)
+    yaw = find_yaw(track, way, mount, 0.0 if found is None or why else found.offset.value)
+    narrow = yaw is not None and yaw.yaw.half <= _WIDEST_YAW
+    why_no_yaw = "" if narrow else "not observable: drive straight for some metres between walls"
+    return Measured(
+        None if why else found, why, yaw if narrow else None, why_no_yaw, sweep, period, seconds, track
+    )  # fmt: skip
+
+
+def _why_no_offset(found: Offset | None) -> str:
+    if found is None or found.turn < _LEAST_TURN:
+        return "not observable: drive a turn"
+    if found.agreement < _LEAST_AGREEMENT:
+        return f"scans and odometry do not turn alike (correlation {found.agreement:.2f}): is it the same robot?"
+    if abs(found.offset.value) > FARTHEST - 0.05:
+        return f"it is beyond {FARTHEST:g} s: stamps of another clock, or of their receipt"
+    if found.offset.half > _WIDEST:
+        return f"not observable within ±{1e3 * found.offset.half:.0f} ms: drive more turns, with stops between them"
+    return ""

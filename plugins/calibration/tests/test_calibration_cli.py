@@ -10,7 +10,7 @@ import pytest
 from calibration_drives import recorded
 from navloom.cli.main import app
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom_recording import RANGE_SCAN, RecordingError, imported_config, writing
+from navloom_recording import RANGE_SCAN, RecordingError, imported_config, late_note, writing
 from typer.testing import CliRunner
 
 RUN = CliRunner()
@@ -76,3 +76,13 @@ def test_a_file_that_is_no_log_is_refused_by_the_import(tmp_path: Path) -> None:
     (tmp_path / "notes.log").write_text("nothing\n")
     with pytest.raises(RecordingError, match="its options are those of `navloom import`"):
         RUN.invoke(app, ["calibrate", str(tmp_path / "notes.log")], catch_exceptions=False)
+
+
+def test_the_note_of_an_import_names_the_late_laser_and_the_command(drive: Path) -> None:
+    assert late_note(drive) == (
+        f"the scans of laser are about 0.12 s late: measure it with `navloom calibrate {drive}`"
+    )
+
+
+def test_the_note_of_an_import_is_empty_where_nothing_can_be_said(tmp_path: Path) -> None:
+    assert late_note(write(tmp_path / "drive.mcap", odometry=False)) == ""

@@ -72,12 +72,15 @@ def opened(file: Path, say: Callable[[str], None]) -> Iterator[Recording]:
             yield recording
 
 
-def read_drive(recording: Recording, sensor: str | None = None) -> Drive:
+def read_drive(
+    recording: Recording, sensor: str | None = None, since_ns: int | None = None, until_ns: int | None = None
+) -> Drive:
     """The odometry and the lasers of a recording.
 
     Args:
         recording: The recording.
         sensor: The only laser to read; None for all.
+        since_ns, until_ns: See `Recording.messages`.
 
     Raises:
         RecordingError: It has no odometry that moves, or no laser.
@@ -85,7 +88,7 @@ def read_drive(recording: Recording, sensor: str | None = None) -> Drive:
     odometry: list[tuple[float, ...]] = []
     scans: dict[str, list[RangeScan]] = {}
     zero_ns: int | None = None
-    for recorded in recording.messages(["platform/*/*"]):
+    for recorded in recording.messages(["platform/*/*"], since_ns, until_ns):
         message, port = recorded.message, recorded.key.rsplit("/", 1)[1]
         if isinstance(message, Odometry):
             zero_ns = message.stamp_ns if zero_ns is None else zero_ns

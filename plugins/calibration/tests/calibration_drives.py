@@ -75,6 +75,9 @@ def recorded(
     turned = np.abs(np.diff(poses[:, 2])) + 2.0 * np.hypot(*np.diff(poses[:, :2], axis=0).T)
     slips = np.concatenate(([0.0], np.cumsum(slip * np.sqrt(turned) * rng.standard_normal(len(turned)))))
     said = np.column_stack([poses[:, :2], scale * (poses[:, 2] + slips)])
+    # The way that was driven, along the heading that odometry believes.
+    steps = np.diff(poses[:, :2] @ [1.0, 1j]) * np.exp(1j * (said[:-1, 2] - poses[:-1, 2]))
+    said[1:, 0], said[1:, 1] = np.cumsum(steps.real), np.cumsum(steps.imag)
     bearings, place = np.linspace(-math.pi, math.pi, 240, endpoint=False), np.array([0.2, 0.1])
     offsets = np.linspace(0.0, sweep, len(bearings))
     scans = []

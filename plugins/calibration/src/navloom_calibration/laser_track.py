@@ -139,21 +139,17 @@ def laser_track(
     return Track(stamps[fits], poses[fits], parts[fits])
 
 
-def velocities_of(track: Track, smoothing: float, times: Floats | None = None) -> Floats:
-    """(n, 3) velocity, m/s, rad/s, base frame, averaged over a time, s; at each scan of a track or at other times, (n,)
-    s.
-    """
-    times = track.stamps if times is None else times
-    found = np.zeros((len(times), 3))
+def velocities_of(track: Track, begins: Floats, span: float) -> Floats:
+    """(n, 3) mean velocity, m/s, rad/s, base frame at the middle, over a span, s, that begins at times, (n,) s."""
+    found = np.zeros((len(begins), 3))
     for part in np.unique(track.parts):
         stamps, poses = track.stamps[track.parts == part], track.poses[track.parts == part]
-        (places,) = np.nonzero((times >= stamps[0]) & (times <= stamps[-1]))
+        (places,) = np.nonzero((begins + span >= stamps[0]) & (begins <= stamps[-1]))
         if len(stamps) < 2 or not len(places):
             continue
-        ahead = np.minimum(times[places] + 0.5 * smoothing, stamps[-1])
-        behind = np.maximum(times[places] - 0.5 * smoothing, stamps[0])
-        first, last = (np.stack([np.interp(at, stamps, row) for row in poses.T], axis=1) for at in (behind, ahead))
-        rate = (last - first) / (ahead - behind)[:, None]
+        ends = np.clip(begins[places], stamps[0], stamps[-1]), np.clip(begins[places] + span, stamps[0], stamps[-1])
+        first, last = (np.stack([np.interp(at, stamps, row) for row in poses.T], axis=1) for at in ends)
+        rate = (last - first) / np.maximum(1e-9, ends[1] - ends[0])[:, None]
         heading = 0.5 * (first[:, 2] + last[:, 2])
         c, s = np.cos(heading), np.sin(heading)
         found[places] = np.stack([c * rate[:, 0] + s * rate[:, 1], c * rate[:, 1] - s * rate[:, 0], rate[:, 2]], axis=1)

@@ -25,8 +25,6 @@ _WIDEST, _WIDEST_YAW = 0.05, math.radians(5.0)
 """Widest half of an interval that is worth a line in a config, s and rad."""
 _LEAST_AGREEMENT = 0.5
 """Least correlation of the turn rates; other robots' odometry reaches less, bad odometry more."""
-_SMOOTHING = 0.2
-"""Time over which the velocity of a scan is averaged, s."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def measure(
         scans: By rising stamps.
         way: Odometry.
         mount: (2,) place of the laser, m, base frame.
-        progress: Called with the scans that are done, of two passes, and their number.
+        progress: Called with the scans that are done, of all passes, and their number.
     """
     scans = [scan for scan in scans if way.stamps[0] <= scan.stamp <= way.stamps[-1]]
     stamps = np.array([scan.stamp for scan in scans])
@@ -89,16 +87,8 @@ def measure(
         empty = Track(stamps, np.zeros((len(stamps), 3)), np.zeros(len(stamps), dtype=np.int64))
         return Measured(None, why, None, why, 0.0, 0.0, seconds, empty)
     sweep = float(np.median([np.ptp(scan.time_offsets) if len(scan.time_offsets) else 0.0 for scan in scans]))
-    period, total = float(np.median(np.diff(stamps))), 2.0 * len(scans)
-    # The first pass brings beams to their stamps by the odometry, which may be of another time; the second by itself.
-    driven = Track(stamps, way.at(stamps), np.zeros(len(stamps), dtype=np.int64))
-    track = laser_track(scans, way, velocities_of(driven, _SMOOTHING), 0.0, lambda done: progress(done, total))
-    found = find_offset(track, way)
-    shift = 0.0 if found is None or _why_no_offset(found) else found.offset.value
-    if sweep > 0.0 or abs(shift) > 0.5 * period:
-        velocities = velocities_of(track, _SMOOTHING, stamps)
-        track = laser_track(scans, way, velocities, shift, lambda done: progress(len(scans) + done, total))
-        found = find_offset(track, way)
+    period = float(np.median(np.diff(stamps)))
+    track, found = _followed(scans, way, sweep, period, progress)
     why = _why_no_offset(found)
     yaw = find_yaw(track, way, mount, 0.0 if found is None or why else found.offset.value)
     narrow = yaw is not None and yaw.yaw.half <= _WIDEST_YAW
@@ -106,6 +96,34 @@ def measure(
     return Measured(
         None if why else found, why, yaw if narrow else None, why_no_yaw, sweep, period, seconds, track
     )  # fmt: skip
+
+
+def _followed(
+    scans: list[Beams], way: Way, sweep: float, period: float, progress: Callable[[float, float], None]
+) -> tuple[Track, Offset | None]:
+    """The motion of a laser, and its offset against the odometry.
+
+    A sweep is undone first by the odometry, of the time as stamped and then of that measured, and at last by the motion
+    that the scans themselves show: no noise of the odometry must come into them.
+    """
+    stamps, shift = np.array([scan.stamp for scan in scans]), 0.0
+    velocities, passes = np.zeros((len(scans), 3)), 3 if sweep else 2
+    track = wheels = Track(way.stamps, way.poses, np.zeros(len(way.stamps), dtype=np.int64))
+    for number in range(passes):
+        is_last = number == passes - 1
+        if sweep:
+            velocities = velocities_of(track if is_last else wheels, stamps + (0.0 if is_last else shift), sweep)
+        track = laser_track(scans, way, velocities, shift, _after(progress, number * len(scans), passes * len(scans)))
+        found = find_offset(track, way)
+        shift = 0.0 if found is None or _why_no_offset(found) else found.offset.value
+        if not sweep and abs(shift) < 0.5 * period:
+            break
+    return track, found
+
+
+def _after(progress: Callable[[float, float], None], before: int, total: float) -> Callable[[int], None]:
+    """Progress of one pass as that of all."""
+    return lambda done: progress(before + done, total)
 
 
 def _why_no_offset(found: Offset | None) -> str:

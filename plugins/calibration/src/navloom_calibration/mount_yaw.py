@@ -25,6 +25,8 @@ _LONGEST = 4.0
 """Longest time of a leg, s."""
 _STRAIGHT = math.radians(4.0)
 """Largest turn within a leg, rad: in curves, the place of the mount and the time offset matter too."""
+_FINEST = math.radians(0.15)
+"""Standard deviation of what all legs have in common, as the surfaces of a room, rad."""
 _FAR_OFF = 2.5
 """Robust standard deviations from which a leg does not count."""
 
@@ -63,7 +65,8 @@ def find_yaw(track: Track, way: Way, mount: Floats, offset: float) -> Yaw | None
         middle = _mean(angles[kept], lengths[kept])
     off, weights = np.angle(np.exp(1j * (angles[kept] - middle))), lengths[kept]
     # Leaving out the tails of a normal distribution makes it look narrower by a tenth.
-    sigma = 1.1 * math.sqrt(float(((weights * off) ** 2).sum())) / float(weights.sum())
+    own = 1.1 * math.sqrt(float(((weights * off) ** 2).sum())) / float(weights.sum())
+    sigma = math.hypot(own, _FINEST)
     freedom = max(1.0, float(kept.sum()) - 1.0)
     return Yaw(interval_of(middle, sigma, freedom), float(weights.sum()), int(kept.sum()))
 

@@ -37,6 +37,8 @@ _BLOCK = 2.0
 """Length of the blocks of the interval, s: longer than a manoeuvre's noise lasts, shorter than a turn's return."""
 _FINEST = 0.001
 """Standard deviation of what all turns have in common, as the resolution of stamps, s."""
+_SILENT = 0.3
+"""Least time between two odometry messages between which nothing is interpolated, s."""
 _TUKEY = 5.0
 """Standard deviations from which an increment does not count: a slip, or a scan that was fitted wrongly."""
 
@@ -86,10 +88,14 @@ def find_offset(track: Track, way: Way) -> Offset | None:
     if len(steps.turn) < 10:
         return None
     first, agreement = _coarse(steps, way)
+    steps = _without_gaps(steps, way, first)
+    if len(steps.turn) < 10:
+        return None
     turned = float(np.abs(steps.turn).sum())
     driven = np.concatenate(([0.0], np.cumsum(_signed_steps(way.poses))))
     offset, scale, drift = first, 1.0, 0.0
-    weights = np.ones(len(steps.turn))
+    # From the start: a step of the odometry by 30° would otherwise lead the first iterations astray.
+    weights, _ = _weights(_residuals(steps, way, driven, offset, scale, drift)[0], steps)
     for _ in range(12):
         instruments = _instruments(steps, way, driven, offset)
         rest, slope = _residuals(steps, way, driven, offset, scale, drift)
@@ -129,6 +135,15 @@ def _increments(track: Track) -> _Increments:
     return _Increments(*(np.concatenate(rows, axis=1) if rows else np.empty((5, 0))))
 
 
+def _without_gaps(steps: _Increments, way: Way, offset: float) -> _Increments:
+    """The increments in which odometry was not silent for a while."""
+    gaps = np.diff(way.stamps)
+    (silent,) = np.nonzero(gaps > max(_SILENT, 5.0 * float(np.median(gaps))))
+    places = np.searchsorted(way.stamps, steps.begin + offset), np.searchsorted(way.stamps, steps.end + offset)
+    kept = ~((places[0][:, None] <= silent + 1) & (places[1][:, None] >= silent + 1)).any(axis=1)
+    return _Increments(*(row[kept] for row in steps))
+
+
 def _coarse(steps: _Increments, way: Way) -> tuple[float, float]:
     """The offset of the grid at which the turn rates are correlated most, s, and that correlation; 0 if none is."""
     step = float(np.median(np.diff(way.stamps)))
@@ -137,11 +152,14 @@ def _coarse(steps: _Increments, way: Way) -> tuple[float, float]:
     smoothing = max(_SMOOTHING, step, float(np.median(steps.end - steps.begin)))
     rate = gaussian_filter1d(heading, smoothing / _GRID, order=1, mode="nearest") / _GRID
     middles, found = 0.5 * (steps.begin + steps.end), (0.0, 0.0)
+    # Odometry that steps by 30° at once must not outweigh a minute of turns.
+    fastest = 1.5 * float(np.percentile(np.abs(steps.rate), 99.0))
+    rate, seen = np.clip(rate, -fastest, fastest), np.clip(steps.rate, -fastest, fastest)
     for offset in np.arange(-FARTHEST, FARTHEST + 0.5 * _GRID, _GRID):
         there = np.interp(middles + offset, grid, rate)
-        size = math.sqrt(float(there @ there) * float(steps.rate @ steps.rate))
-        if size > 0.0 and float(there @ steps.rate) / size > found[1]:
-            found = float(offset), float(there @ steps.rate) / size
+        size = math.sqrt(float(there @ there) * float(seen @ seen))
+        if size > 0.0 and float(there @ seen) / size > found[1]:
+            found = float(offset), float(there @ seen) / size
     return found
 
 

@@ -37,7 +37,7 @@ def draw(name: str, scans: Sequence[Beams], way: Way, track: Track, offset: floa
         offset: To be added to its stamps, s.
     """
     figure: Figure
-    rates = velocities_of(track, _SMOOTHING)[:, 2]
+    rates = velocities_of(track, track.stamps - 0.5 * _SMOOTHING, _SMOOTHING)[:, 2]
     begin = _turn(track.stamps, rates)
     figure, axes = new_figure(180.0, 150.0, 2, 2)
     chosen = [scan for scan in scans if begin <= scan.stamp <= begin + _SPAN]

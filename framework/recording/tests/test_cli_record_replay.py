@@ -107,7 +107,7 @@ def test_a_replay_can_try_another_time_offset(late: Path) -> None:
     [
         ("sensor.lazer.time_offset=0", "there is no sensor 'lazer'; did you mean 'laser'?"),
         ("sensor.laser.beams=90", "expected sensor.laser.time_offset=SECONDS"),
-        ("sensor.laser.time_offset=120", "--set sensor.0.time_offset: got 120, expected at most 1"),
+        ("sensor.laser.time_offset=120", "--set sensor.0.time_offset: got 120, expected at most 0.2"),
     ],
 )
 def test_an_offset_that_does_not_fit_is_refused(late: Path, change: str, why: str) -> None:

@@ -74,3 +74,20 @@ def test_scans_beyond_the_odometry_are_left_out() -> None:
     late = [scan._replace(stamp=scan.stamp + 1000.0) for scan in scans[:200]]
     found = measure(scans + late, way, PLACE)
     assert found.offset is not None and np.all(found.track.stamps < 40.0)
+
+
+def test_late_odometry_is_told_as_such() -> None:
+    scans, way = recorded(40.0, late=-0.3)
+    found = measure(scans, way, PLACE)
+    assert found.offset is not None and found.offset.offset.value == pytest.approx(0.3, abs=0.01)
+    assert found.meaning == "odometry is stamped late: correct that, since time_offset is at most 0.2 s"
+
+
+def test_steps_and_gaps_of_the_odometry_do_not_count() -> None:
+    scans, way = recorded(40.0, late=0.12)
+    poses, kept = way.poses.copy(), np.ones(len(way.stamps), dtype=bool)
+    for at, jump in ((200, 0.5), (400, -0.4), (600, 0.3)):
+        poses[at:, 2] += jump
+        kept[at + 60 : at + 80] = False  # 1 s
+    found = measure(scans, type(way)(way.stamps[kept], poses[kept]), PLACE)
+    assert found.offset is not None and found.offset.offset.value == pytest.approx(-0.12, abs=0.01)

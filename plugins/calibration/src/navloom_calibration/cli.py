@@ -108,6 +108,8 @@ def _mount_words(name: str, found: Measured, table: dict[str, Any]) -> str:
 
 def _tell(results: list[dict[str, Any]]) -> None:
     """Print the results for people, and the lines for the config."""
+    from navloom_calibration.measured import EARLIEST
+
     lines: list[str] = []
     for one in results:
         typer.echo(f"{one['name']}: {one['scans']} scans over {one['seconds']:.1f} s")
@@ -124,7 +126,8 @@ def _tell(results: list[dict[str, Any]]) -> None:
         else:
             within = f"95 %: {yaw['low']:+.1f} to {yaw['high']:+.1f}°"
             typer.echo(f"  mount yaw {yaw['value']:+.1f}° ({within}): {one['mount_meaning']}")
-        if offset is not None and not offset["low"] <= one["configured_time_offset"] <= offset["high"]:
+        is_new = offset is not None and not offset["low"] <= one["configured_time_offset"] <= offset["high"]
+        if is_new and offset["value"] <= EARLIEST:
             lines += ["", "[[sensor]]", f'name = "{one["name"]}"', f"time_offset = {offset['value']:.3f}"]
     if lines:
         typer.echo("\nin the config:" + "\n".join(lines))

@@ -13,10 +13,12 @@ from navloom_calibration.laser_track import Beams, Track, Way, laser_track, velo
 from navloom_calibration.mount_yaw import Yaw, find_yaw
 from navloom_calibration.offset import FARTHEST, Offset, find_offset
 
-__all__ = ["Measured", "measure"]
+__all__ = ["EARLIEST", "Measured", "measure"]
 
 Floats = NDArray[np.float64]
 
+EARLIEST = 0.2
+"""Largest offset of early scans that a config takes, s."""
 _LEAST_TIME, _LEAST_SCANS = 5.0, 20
 """Shortest drive, s, and least scans, that are looked at."""
 _LEAST_TURN = math.radians(60.0)
@@ -65,6 +67,8 @@ class Measured:
                 f"that is half of the {self.period:.3f} s between two scans: its beams have no times of their own, and "
                 "the stamp may be that of the end of the sweep"
             )
+        if found.value > EARLIEST:
+            return f"odometry is stamped late: correct that, since time_offset is at most {EARLIEST:g} s"
         return "its scans are stamped late" if found.value < 0.0 else "its scans are stamped early, or odometry late"
 
 

@@ -28,7 +28,7 @@ __all__ = ["FARTHEST", "Interval", "Offset", "find_offset", "interval_of"]
 Floats = NDArray[np.float64]
 
 FARTHEST = 1.0
-"""Largest offset that is searched, s: the largest that a config takes."""
+"""Largest offset that is searched, s: the largest that a config takes for late scans."""
 _GRID = 0.01
 """Step of the first search, s."""
 _SMOOTHING = 0.1

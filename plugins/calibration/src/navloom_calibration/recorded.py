@@ -54,6 +54,8 @@ def opened(file: Path, say: Callable[[str], None]) -> Iterator[Recording]:
     Raises:
         RecordingError: It is none of these.
     """
+    if not file.exists():
+        raise RecordingError(f"{file}: there is no such file")
     words = ["ros", "import"] if file.is_dir() or file.suffix in (".bag", ".db3") else ["import"]
     if file.suffix == ".mcap" and not file.is_dir():
         with Recording(file) as recording:

@@ -86,3 +86,12 @@ def test_the_note_of_an_import_names_the_late_laser_and_the_command(drive: Path)
 
 def test_the_note_of_an_import_is_empty_where_nothing_can_be_said(tmp_path: Path) -> None:
     assert late_note(write(tmp_path / "drive.mcap", odometry=False)) == ""
+
+
+def test_a_replay_of_a_log_with_the_offset_draws_thinner_walls(drive: Path) -> None:
+    cells = {}
+    for offset in (0.0, -0.12):
+        change = f"sensor.laser.time_offset={offset}"
+        done = RUN.invoke(app, ["replay", str(drive), "--mapper", "scan_grid", "--set", change, "--json"])
+        cells[offset] = json.loads(done.stdout)["map"]["occupied"]
+    assert cells[-0.12] < 0.8 * cells[0.0]

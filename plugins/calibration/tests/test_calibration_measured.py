@@ -34,6 +34,14 @@ def test_beams_with_times_of_their_own_are_not_late() -> None:
     assert found.offset is not None and found.offset.offset.value == pytest.approx(0.0, abs=0.01)
 
 
+def test_beams_whose_times_the_driver_did_not_reverse_are_told_and_do_not_mislead() -> None:
+    scans, way = recorded(40.0, late=0.12, sweep=0.09)
+    wrong = [scan._replace(time_offsets=scan.time_offsets[::-1].copy()) for scan in scans]
+    found = measure(wrong, way, PLACE)
+    assert found.offset is not None and found.offset.offset.value == pytest.approx(-0.12, abs=0.01)
+    assert found.order == -1.0 and "its beams seem to be in the other order" in found.meaning
+
+
 @pytest.mark.parametrize("yaw_deg", [0.0, -3.0])
 def test_the_yaw_of_the_mount_is_measured_on_straight_ways(yaw_deg: float) -> None:
     scans, way = recorded(40.0, late=0.05, yaw=math.radians(yaw_deg))

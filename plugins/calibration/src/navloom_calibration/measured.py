@@ -7,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from navloom_scan_localizer.sweep import ORDERS, ordered
 from numpy.typing import NDArray
 
 from navloom_calibration.laser_track import Beams, Track, Way, laser_track, velocities_of
 from navloom_calibration.mount_yaw import Yaw, find_yaw
-from navloom_calibration.offset import FARTHEST, Offset, find_offset
+from navloom_calibration.offset import FARTHEST, Interval, Offset, find_offset
 
 __all__ = ["EARLIEST", "Measured", "measure"]
 
@@ -25,6 +26,8 @@ _LEAST_TURN = math.radians(60.0)
 """Least turn, rad: a robot that drives straight sways by some degrees."""
 _WIDEST, _WIDEST_YAW = 0.05, math.radians(5.0)
 """Widest half of an interval that is worth a line in a config, s and rad."""
+_CLEARLY = 0.75
+"""Width of the interval with another order of the beams, as a share, from which that order is taken."""
 _LEAST_AGREEMENT = 0.5
 """Least correlation of the turn rates; other robots' odometry reaches less, bad odometry more."""
 
@@ -41,6 +44,7 @@ class Measured:
         sweep, period: Median of the duration of a sweep, and of the time between two scans, s.
         seconds: Length of the drive, s.
         track: Its motion.
+        order: The order of its beams, see `navloom_scan_localizer.sweep.ORDERS`.
     """
 
     offset: Offset | None
@@ -51,13 +55,20 @@ class Measured:
     period: float
     seconds: float
     track: Track
+    order: float
 
     @property
     def meaning(self) -> str:
-        """What the offset is probably the time of; empty if nothing is known."""
+        """What the offset is probably the time of, and whether the times of the beams are right; empty if not known."""
         if self.offset is None:
             return ""
-        found = self.offset.offset
+        words = self._stamp_words(self.offset.offset)
+        if self.order == 1.0:
+            return words
+        seem = "measured at once" if self.order == 0.0 else "in the other order: the driver reverses ranges, not times"
+        return f"{words}; its beams seem to be {seem}"
+
+    def _stamp_words(self, found: Interval) -> str:
         if found.low <= 0.0 <= found.high:
             return "its stamps are those of the measurement"
         if self.sweep > 0.005 and found.low <= -self.sweep <= found.high:
@@ -89,40 +100,60 @@ def measure(
     if seconds < _LEAST_TIME or len(scans) < _LEAST_SCANS:
         why = f"{len(scans)} scans in {seconds:.1f} s beside odometry are too few: expected a drive of a minute"
         empty = Track(stamps, np.zeros((len(stamps), 3)), np.zeros(len(stamps), dtype=np.int64))
-        return Measured(None, why, None, why, 0.0, 0.0, seconds, empty)
+        return Measured(None, why, None, why, 0.0, 0.0, seconds, empty, 1.0)
     sweep = float(np.median([np.ptp(scan.time_offsets) if len(scan.time_offsets) else 0.0 for scan in scans]))
     period = float(np.median(np.diff(stamps)))
-    track, found = _followed(scans, way, sweep, period, progress)
+    track, found, order = _followed(scans, way, sweep, period, progress)
     why = _why_no_offset(found)
     yaw = find_yaw(track, way, mount, 0.0 if found is None or why else found.offset.value)
     narrow = yaw is not None and yaw.yaw.half <= _WIDEST_YAW
     why_no_yaw = "" if narrow else "not observable: drive straight for some metres between walls"
     return Measured(
-        None if why else found, why, yaw if narrow else None, why_no_yaw, sweep, period, seconds, track
+        None if why else found, why, yaw if narrow else None, why_no_yaw, sweep, period, seconds, track, order
     )  # fmt: skip
 
 
 def _followed(
     scans: list[Beams], way: Way, sweep: float, period: float, progress: Callable[[float, float], None]
-) -> tuple[Track, Offset | None]:
-    """The motion of a laser, and its offset against the odometry.
+) -> tuple[Track, Offset | None, float]:
+    """The motion of a laser, its offset against the odometry, and the order of its beams, one of `ORDERS`.
 
-    A sweep is undone first by the odometry, of the time as stamped and then of that measured, and at last by the motion
-    that the scans themselves show: no noise of the odometry must come into them.
+    A sweep is undone first by the odometry, of the time as stamped and then of that measured, in each order, and at
+    last by the motion that the scans themselves show: no noise of the odometry must come into them.
     """
-    stamps, shift = np.array([scan.stamp for scan in scans]), 0.0
-    velocities, passes = np.zeros((len(scans), 3)), 3 if sweep else 2
-    track = wheels = Track(way.stamps, way.poses, np.zeros(len(way.stamps), dtype=np.int64))
-    for number in range(passes):
-        is_last = number == passes - 1
-        if sweep:
-            velocities = velocities_of(track if is_last else wheels, stamps + (0.0 if is_last else shift), sweep)
-        track = laser_track(scans, way, velocities, shift, _after(progress, number * len(scans), passes * len(scans)))
-        found = find_offset(track, way)
-        shift = 0.0 if found is None or _why_no_offset(found) else found.offset.value
-        if not sweep and abs(shift) < 0.5 * period:
-            break
-    return track, found
+    stamps, still = np.array([scan.stamp for scan in scans]), np.zeros((len(scans), 3))
+    wheels = Track(way.stamps, way.poses, np.zeros(len(way.stamps), dtype=np.int64))
+    count, total = len(scans), len(scans) * (2.0 + len(ORDERS) if sweep else 2.0)
+    velocities = velocities_of(wheels, stamps, sweep) if sweep else still
+    track = laser_track(scans, way, velocities, 0.0, _after(progress, 0, total))
+    found, order = find_offset(track, way), 1.0
+    shift = _shift(found)
+    if sweep:
+        velocities, tried = velocities_of(wheels, stamps + shift, sweep), []
+        for number, one in enumerate(ORDERS, 1):
+            follow = _after(progress, number * count, total)
+            tried.append(laser_track(_in_order(scans, one), way, velocities, shift, follow))
+        halves = [math.inf if (given := find_offset(one, way)) is None else given.offset.half for one in tried]
+        best = int(np.argmin(halves))
+        best = best if halves[best] < _CLEARLY * halves[0] else 0
+        order, track = ORDERS[best], tried[best]
+        velocities, shift = velocities_of(track, stamps, sweep), _shift(find_offset(track, way))
+    elif abs(shift) < 0.5 * period:
+        return track, found, order
+    track = laser_track(_in_order(scans, order), way, velocities, shift, _after(progress, round(total) - count, total))
+    return track, find_offset(track, way), order
+
+
+def _shift(found: Offset | None) -> float:
+    """The offset, s, if it is observable; else 0."""
+    return 0.0 if found is None or _why_no_offset(found) else found.offset.value
+
+
+def _in_order(scans: list[Beams], order: float) -> list[Beams]:
+    """Scans with the times of their beams in one of `ORDERS`."""
+    if order == 1.0:
+        return scans
+    return [scan._replace(time_offsets=ordered(scan.time_offsets, order)) for scan in scans]
 
 
 def _after(progress: Callable[[float, float], None], before: int, total: float) -> Callable[[int], None]:

@@ -17,7 +17,8 @@ def test_late_scans_are_measured_within_10_ms_whatever_the_track_width_of_the_od
     assert found.offset is not None
     assert found.offset.offset.value == pytest.approx(-late, abs=0.01)
     assert found.offset.offset.low < -late < found.offset.offset.high
-    assert 1.0 / found.offset.scale == pytest.approx(1.1, abs=0.01)
+    assert 1.0 / found.offset.scale.value == pytest.approx(1.1, abs=0.01)
+    assert found.offset.scale.low < 1.0 / 1.1 < found.offset.scale.high
     assert ("those of the measurement" in found.meaning) == (late == 0.0)
 
 

@@ -80,10 +80,15 @@ def _result(name: str, count: int, found: Measured, table: dict[str, Any]) -> di
         "time_offset": None if offset is None else _interval(offset.offset),
         "configured_time_offset": table.get("time_offset", 0.0),
         "meaning": found.meaning or found.why_no_offset,
-        "odometry_turns": None if offset is None else 1.0 / offset.scale,
+        "odometry_turns": None if offset is None else _interval(_inverse(offset.scale)),
         "mount_yaw_deg": None if yaw is None else _interval(yaw.yaw, math.degrees(1.0)),
         "mount_meaning": found.why_no_yaw or _mount_words(name, found, table),
     }
+
+
+def _inverse(given: Interval) -> Interval:
+    """The interval of 1 / x."""
+    return type(given)(1.0 / given.value, 1.0 / given.high, 1.0 / max(1e-3, given.low))
 
 
 def _interval(given: Interval, unit: float = 1.0) -> dict[str, float]:
@@ -119,8 +124,9 @@ def _tell(results: list[dict[str, Any]]) -> None:
         else:
             within = f"95 %: {offset['low']:+.3f} to {offset['high']:+.3f} s"
             typer.echo(f"  time offset {offset['value']:+.3f} s ({within}): {one['meaning']}")
-            if abs(one["odometry_turns"] - 1.0) > 0.02:
-                typer.echo(f"  odometry reports {one['odometry_turns']:.3f} of each turn: check the track width")
+            turns = one["odometry_turns"]
+            if abs(turns["value"] - 1.0) > 0.02 and not turns["low"] <= 1.0 <= turns["high"]:
+                typer.echo(f"  odometry reports {turns['value']:.3f} of each turn: check the track width")
         if yaw is None:
             typer.echo(f"  mount yaw: {one['mount_meaning']}")
         else:

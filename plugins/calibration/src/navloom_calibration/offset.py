@@ -67,7 +67,7 @@ class Offset(NamedTuple):
     """
 
     offset: Interval
-    scale: float
+    scale: Interval
     turn: float
     agreement: float
 
@@ -109,7 +109,7 @@ def find_offset(track: Track, way: Way) -> Offset | None:
     weights, steepness = _weights(rest, steps)
     instruments = _instruments(steps, way, driven, offset)
     moments, slopes = instruments * (weights * rest)[:, None], instruments * steepness[:, None]
-    return Offset(_interval(offset, steps, moments, slopes, slope), float(scale), turned, agreement)
+    return Offset(*_intervals((offset, float(scale)), steps, moments, slopes, slope), turned, agreement)
 
 
 def _increments(track: Track) -> _Increments:
@@ -212,11 +212,13 @@ def _spread(rest: Floats) -> float:
     return max(1e-5, 1.4826 * float(np.median(np.abs(rest - np.median(rest))))) if len(rest) else 1e-5
 
 
-def _interval(offset: float, steps: _Increments, rows: Floats, gains: Floats, slope: Floats) -> Interval:
-    """95 % interval of the offset by leaving out one block of time after the other (jackknife).
+def _intervals(
+    found: tuple[float, float], steps: _Increments, rows: Floats, gains: Floats, slope: Floats
+) -> tuple[Interval, Interval]:
+    """95 % intervals of offset and scale by leaving out one block of time after the other (jackknife).
 
     Args:
-        offset: The offset, s.
+        found: The offset, s, and the scale.
         steps: The increments.
         rows: (n, 3) their moments, whose sum is 0.
         gains: (n, 3) derivatives of the moments by the residual.
@@ -228,11 +230,16 @@ def _interval(offset: float, steps: _Increments, rows: Floats, gains: Floats, sl
     np.add.at(moments, block, rows)
     np.add.at(slopes, block, gains[:, :, None] * slope[:, None, :])
     total, inverse = slopes.sum(axis=0), np.linalg.pinv(slopes.sum(axis=0))
-    shifts = np.array([(np.linalg.pinv(total - own) @ moment)[0] for own, moment in zip(slopes, moments, strict=True)])
+    shifts = np.array([np.linalg.pinv(total - own) @ moment for own, moment in zip(slopes, moments, strict=True)])
+    sigma = np.sqrt((shifts**2).sum(axis=0))
     # The first row of the inverse says what each instrument contributes to the offset, the nuisances taken out.
     informed = np.abs(np.bincount(block, (gains @ inverse[0]) * slope[:, 0]))
     effective = float(informed.sum() ** 2 / max(1e-30, float((informed**2).sum())))
-    return interval_of(offset, math.sqrt(float((shifts**2).sum()) + _FINEST**2), max(1.0, effective - 1.0))
+    freedom = max(1.0, effective - 1.0)
+    return (
+        interval_of(found[0], math.hypot(float(sigma[0]), _FINEST), freedom),
+        interval_of(found[1], float(sigma[1]), freedom),
+    )
 
 
 def interval_of(value: float, sigma: float, freedom: float) -> Interval:

@@ -1,0 +1,288 @@
+"""One tick of model predictive path integral control: scans, pose and path in, velocity and reasons out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from navloom_avoidance.beams import Beams
+from navloom_avoidance.clearance import footprint_edges
+from navloom_avoidance.motors import Motors
+from navloom_avoidance.robot import Robot
+from navloom_avoidance.search import Progress, Trap
+from navloom_dwa.field import fill_field, obstacle_distance
+from navloom_dwa.rollout import stays_free
+from numpy.typing import NDArray
+
+from navloom_mppi.critics import COLLISION, CRITICS, Scene
+from navloom_mppi.echoes import Echoes
+from navloom_mppi.motion import after_dead_time, motion_of, ramp
+from navloom_mppi.nearest import body_points, fill_nearest
+from navloom_mppi.rollout import knots_of, roll_out
+from navloom_mppi.weighting import add_noise, bounded, effective, normal_numbers, shifted, smooth, weights_of
+
+if TYPE_CHECKING:
+    from navloom_mppi.params import MppiParams
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+Point = tuple[float, float]
+HERE = (0.0, 0.0, 0.0)
+STOPPED_BELOW = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
+HELD = 0.5  # the gate holds the robot back if it lets less than this share of a command through
+FIELD, NEAR = 120, 160  # cells along a side of the field of the way left, and of the window of nearest obstacles
+NEAR_CELL = 0.05  # m
+REACH = (2.0, 6.0)  # m: bounds of the field's half width
+BEYOND = 1.07  # half width of the field / longest way of a roll-out
+PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement beyond which a target counts as new
+RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
+SLOWER = (0.7, 0.4, 0.2, 0.0)  # shares of the command that are tried if the command itself is not free
+PIXEL = 0.1  # m: side of a cell of the picture of obstacles
+OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
+
+
+class Given(NamedTuple):
+    """Inputs to the decision of one tick, map frame.
+
+    Attributes:
+        time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
+        path: (n, 2) the trajectory from the robot's place on it to its end, m; n >= 1.
+        turn_to: Heading to turn to at the end, rad, or None.
+        share: Share of the last command that the gate let through.
+    """
+
+    time: float
+    pose: Pose
+    twist: tuple[float, float]
+    path: Floats
+    turn_to: float | None = None
+    share: float = 1.0
+
+
+class Decision(NamedTuple):
+    """Answer of one tick: speed, m/s, turn rate, rad/s, status as in the Avoider role, and the reason, one phrase."""
+
+    speed: float
+    turn: float
+    status: Literal["clear", "steering", "trapped"]
+    why: str = ""
+
+
+class PathIntegral:
+    """Model predictive path integral control of one robot.
+
+    Attributes of the last tick:
+        scene: Surroundings of the robot.
+        parts: (samples + 1, critics) cost of each roll-out by each critic; last, that of the plan.
+        ends: (samples + 1,) bearing of the end of each, rad, base frame.
+        costs: (samples,) their weighted sums. weights: (samples,).
+        plan: (steps, 2) commands, m/s and rad/s. track: (steps, 3) its poses, m and rad, base frame.
+    """
+
+    scene: Scene
+
+    def __init__(self, params: MppiParams, robot: Robot, period: float, stream: np.random.Generator) -> None:
+        p, self.params, self.robot, self.period, self.stream = params, params, robot, period, stream
+        self.edges = footprint_edges(robot.footprint)
+        self.inner = float(self.edges[:, 2].min())
+        self.body, disc = body_points(robot.footprint)
+        self.motion = motion_of(robot, p.step, p.reverse, p.turning_radius)
+        self.sigma = (p.noise_speed * robot.max_linear, p.noise_turn * robot.max_angular)
+        self.motors = Motors.of(robot, period)
+        self.margin = max(p.laser_margin, p.sonar_margin)
+        self.near_reach = disc + self.margin + p.soft
+        self.reach = min(max(BEYOND * robot.max_linear * p.step * p.steps, REACH[0]), REACH[1])
+        self.cell = 2.0 * self.reach / FIELD
+        self.echoes = Echoes(self.edges, (p.laser_margin, p.sonar_margin), p.memory, self.reach)
+        self.by_critic = np.array([p.gamma if name == "control" else getattr(p, name) for name in CRITICS])
+        self.samples = 2 * math.ceil(p.samples / 2)
+        self.parts, self.track = np.zeros((self.samples + 1, len(CRITICS))), np.zeros((p.steps, 3))
+        self.ends = np.zeros(self.samples + 1)
+        self._nearest, self._squares = np.zeros((NEAR, NEAR), np.int16), np.zeros((NEAR, NEAR), np.float32)
+        self._cost_to_go, self.distance, self._path_distance = (np.zeros((FIELD, FIELD), np.int32) for _ in range(3))
+        self.origin = np.zeros(2, np.int64)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget obstacles, the plan and traps."""
+        self.echoes.reset()
+        self.motors.reset()
+        self.in_flight = np.zeros((1, 2))
+        self.plan, self._past = np.zeros((self.params.steps, 2)), np.zeros((4, 2))
+        self.costs, self.weights = np.zeros(self.samples), np.full(self.samples, 1.0 / self.samples)
+        self.progress = Progress(PROGRESS_STEP, TARGET_SHIFT)
+        self.trap = Trap(*RELEASE)
+        self._sent = (0.0, 0.0)
+        self._held: Pose | None = None
+
+    def step(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
+        """Decide for one tick.
+
+        Args:
+            lasers: Readings of each laser in this tick. cones: Readings of all sonars, or None.
+            given: The other inputs of the tick.
+        """
+        self.in_flight = self.motors.in_flight(given.twist, given.share)
+        decision = self._decide(lasers, cones, given)
+        self._sent = (decision.speed, decision.turn)
+        self._past = np.vstack([self._past[1:], self._sent])
+        self.motors.give(*self._sent)
+        return decision
+
+    def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
+        p, pose = self.params, given.pose
+        obstacles, gaps = self.echoes.see(lasers, cones, pose, given.time)
+        path = in_base(given.path, pose)
+        self._look(obstacles, path, given)
+        target = given.path[min(len(given.path) - 1, 1)] if len(given.path) < 2 else given.path[-1]
+        if self.trap.holds(pose, (float(target[0]), float(target[1])), TARGET_SHIFT):
+            return Decision(0.0, 0.0, "trapped", "trapped: neither robot nor target moved since")
+        self._count_time(given, path)
+        self._optimise(given)
+        command, why = self._validated(obstacles, gaps, given)
+        is_blocked = self.progress.blocked > p.blocked_patience and is_stopped(*command)
+        if is_blocked or (self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]):
+            self.trap.place, self.trap.target = pose, (float(target[0]), float(target[1]))
+            self.progress.restart()
+            self.plan[:] = 0.0
+            return Decision(0.0, 0.0, "trapped", "trapped: blocked" if is_blocked else "trapped: no progress")
+        is_clear = not len(gaps) or gaps[0] > self.margin + p.soft
+        return Decision(*command, "clear" if is_clear else "steering", why)
+
+    def _count_time(self, given: Given, path: Floats) -> None:
+        """Count the time without progress along the path, while the robot follows this avoider's commands."""
+        left = length_of(path)
+        end = (float(given.path[-1, 0]), float(given.path[-1, 1]))
+        self.progress.note(left, end)
+        elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
+        self.progress.stalled += elapsed
+        is_there = left < PROGRESS_STEP
+        self.progress.blocked = self.progress.blocked + elapsed if is_stopped(*self._sent) and not is_there else 0.0
+
+    def _look(self, obstacles: Floats, path: Floats, given: Given) -> None:
+        """Compute the fields around the robot and what the critics need of the path."""
+        p = self.params
+        seen = path[np.abs(path).max(axis=1) < 0.95 * self.reach]
+        farthest = len(seen) if len(seen) and (seen[0] == path[0]).all() else 1
+        ahead_of = np.abs(path).max(axis=1) < 0.95 * self.reach
+        farthest = int(np.argmin(ahead_of)) if not ahead_of.all() else len(path)
+        path_near = path[: max(1, farthest)]
+        target = (float(path_near[-1, 0]), float(path_near[-1, 1]))
+        fill_field(
+            obstacles, HERE, target, self.origin, self.cell, self.inner, p.soft, p.soft_weight,
+            self.distance, self._cost_to_go,
+        )  # fmt: skip
+        obstacle_distance(path_near, HERE, self.origin, self.cell, self._path_distance)
+        fill_nearest(obstacles, NEAR_CELL, self.near_reach, self._nearest, self._squares)
+        rows, columns = ((path_near / self.cell + FIELD // 2).astype(np.int64).clip(0, FIELD - 1)).T[::-1]
+        occupied = float((self.distance[rows, columns] * self.cell / 3.0 < self.inner).mean())
+        goal = (float(path[-1, 0]), float(path[-1, 1]))
+        lead = path[min(len(path) - 1, int(np.searchsorted(arc_of(path), self.inner + p.soft)))]
+        bearing = math.atan2(lead[1], lead[0]) if math.hypot(*lead) > STOPPED_BELOW[0] else 0.0
+        self.scene = Scene(
+            obstacles, self._nearest, NEAR_CELL, self.body, self.edges, p.soft,
+            self._cost_to_go, self._path_distance, self.origin, self.cell,
+            goal, length_of(path) < p.goal_within, (float(lead[0]), float(lead[1])),
+            abs(bearing) > math.radians(p.turn_beyond_deg) and given.turn_to is None, occupied <= OCCUPIED,
+            math.nan if given.turn_to is None else given.turn_to - given.pose[2],
+        )  # fmt: skip
+
+    def _optimise(self, given: Given) -> None:
+        """Williams et al. 2017, Algorithm 2: shift the plan, roll it out with noise, and take the weighted mean."""
+        p, m = self.params, self.motion
+        if self._held is not None and math.dist(given.pose[:2], self._held[:2]) > RELEASE[0]:
+            self._held = None
+        if given.share < HELD and self._sent[0] < 0.0:
+            # Where no sensor looks, the gate lets a robot back up only where it has been.
+            self._held = given.pose
+        if self._held is not None:
+            m = m._replace(slowest=0.0)
+        start = after_dead_time(given.twist, self.in_flight, self.robot.dead_time, self.period, m)
+        plan = shifted(self.plan, self.period, p.step)
+        noise = normal_numbers(self.stream, self.samples, knots_of(p.steps, p.hold))
+        roll_out(plan, noise, self.sigma, p.hold, start, m, self.scene, self.parts, self.ends, self.track)
+        self.costs = self.parts[:-1] @ self.by_critic
+        self.weights = weights_of(self.costs, p.temperature)
+        best = plan.copy()
+        add_noise(plan, self.weights, noise, self.sigma, p.hold)
+        plan = bounded(smooth(bounded(plan, m.slowest, m.fastest, m.turn), self._past), m.slowest, m.fastest, m.turn)
+        roll_out(plan, noise[:1], self.sigma, p.hold, start, m, self.scene, self.parts[-1:], self.ends[-1:], self.track)
+        k = int(self.costs.argmin())
+        if self.parts[-1, COLLISION] > 0.0 and self.parts[k, COLLISION] == 0.0:
+            # The mean of roll-outs on both sides of an obstacle leads into it: take the best one.
+            alone = np.zeros(self.samples)
+            alone[k] = 1.0
+            add_noise(best, alone, noise, self.sigma, p.hold)
+            plan = bounded(best, m.slowest, m.fastest, m.turn)
+            roll_out(plan, noise[:1], self.sigma, p.hold, start, m, self.scene, self.parts[-1:], self.ends[-1:], self.track)
+        self.plan = plan
+
+    def _validated(self, obstacles: Floats, gaps: Floats, given: Given) -> tuple[tuple[float, float], str]:
+        """The command of the plan if the robot can stop after it without touching a margin; else slower, or braking."""
+        r, m = self.robot, self.motion
+        sent_v, sent_w = self.in_flight[-1].tolist()
+        up, down, turn = (rate * self.period for rate in (m.up, m.down, m.turn_change))
+        v, w = self.plan[0].tolist()
+        for share in (1.0, *SLOWER):
+            asked = ramp(sent_v, share * v, up, down)
+            turned = min(max(w, sent_w - turn), sent_w + turn)
+            turned = min(max(turned, -m.curvature * abs(asked)), m.curvature * abs(asked)) if m.curvature < math.inf else turned
+            if stays_free(
+                obstacles, gaps, self.edges, given.twist, (asked, turned), self.period, m.up, m.down,
+                min(m.turn_change, 1.0e3), self.margin, self.in_flight, r.motor_lag, r.dead_time,
+            ):  # fmt: skip
+                return (asked, turned), self.why(share)
+        # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
+        turned = sent_w if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
+        return (0.0, turned), "the plan is not free: braking"
+
+    def why(self, share: float) -> str:
+        """Reason of a command, one phrase: how many roll-outs collide and count, and the costs of the plan."""
+        parts = self.by_critic * self.parts[-1]
+        dear = np.argsort(-parts, kind="stable")[:3]
+        largest = ", ".join(f"{CRITICS[k].replace('_', ' ')} {parts[k]:.2f}" for k in dear if parts[k] > 0.0)
+        hit = float((self.parts[:-1, COLLISION] > 0.0).mean())
+        slowed = "" if share == 1.0 else f"slowed to {share:g}: "
+        return f"{slowed}{self.samples} roll-outs, {hit:.0%} collide, {effective(self.weights):.0f} count; cost {largest}"
+
+    def direction(self) -> float:
+        """Bearing of the plan's end, rad, base frame."""
+        return math.atan2(self.track[-1, 1], self.track[-1, 0])
+
+    def picture(self, pose: Pose) -> tuple[NDArray[np.uint8], float, float, float]:
+        """(rows, cols) 15 where a cell around the robot holds an obstacle, its side, and its lower left corner, map frame, m."""
+        size, cell = round(2.0 * self.reach / PIXEL), PIXEL
+        found = self.scene.obstacles[:, :2]
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        x, y = pose[0] + c * found[:, 0] - s * found[:, 1], pose[1] + s * found[:, 0] + c * found[:, 1]
+        left, low = math.floor(pose[0] / cell) - size // 2, math.floor(pose[1] / cell) - size // 2
+        columns, rows = np.floor(x / cell).astype(np.int64) - left, np.floor(y / cell).astype(np.int64) - low
+        is_inside = (rows >= 0) & (rows < size) & (columns >= 0) & (columns < size)
+        picture = np.zeros((size, size), np.uint8)
+        picture[rows[is_inside], columns[is_inside]] = 15
+        return picture, cell, left * cell, low * cell
+
+
+def is_stopped(v: float, w: float) -> bool:
+    """Whether a velocity, m/s and rad/s, counts as stopped."""
+    return abs(v) < STOPPED_BELOW[0] and abs(w) < STOPPED_BELOW[1]
+
+
+def in_base(points: Floats, pose: Pose) -> Floats:
+    """(n, 2) points of the pose frame in the base frame, m."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = points[:, 0] - pose[0], points[:, 1] - pose[1]
+    return np.column_stack([x * c + y * s, y * c - x * s])
+
+
+def arc_of(path: Floats) -> Floats:
+    """(n,) arc length, m, of each point of a path (n, 2) from the origin to its first point and on."""
+    steps = np.diff(path, axis=0, prepend=np.zeros((1, 2)))
+    return np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))
+
+
+def length_of(path: Floats) -> float:
+    """Length, m, from the origin along a path (n, 2)."""
+    return float(arc_of(path)[-1])

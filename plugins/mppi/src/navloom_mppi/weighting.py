@@ -1,0 +1,82 @@
+"""From costs to the next plan: path integral weights, the mean of the noise, warm start, smoothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+SMOOTHING = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
+"""Least squares of a parabola over nine points: Savitzky & Golay 1964."""
+
+
+@njit(cache=True, nogil=True)
+def weights_of(costs: Floats, temperature: float) -> Floats:
+    """Weights of roll-outs: w_k = exp(-(S_k - min S) / λ) / η, Williams et al. 2017, eq. (28).
+
+    Args:
+        costs: (n,) S, finite. temperature: λ, > 0, unit of the costs.
+
+    Returns:
+        (n,), their sum is 1.
+    """
+    weights = np.exp((costs.min() - costs) / temperature)
+    weights /= weights.sum()
+    return weights
+
+
+@njit(cache=True, nogil=True)
+def effective(weights: Floats) -> float:
+    """Number of roll-outs that would have the same variance with equal weights: 1 / Σ w² (Kish 1965)."""
+    return 1.0 / (weights * weights).sum()
+
+
+@njit(cache=True, nogil=True)
+def add_noise(
+    plan: Floats, weights: Floats, noise: NDArray[np.float32], sigma: tuple[float, float], hold: int
+) -> None:
+    """Add the weighted mean of the noise to the plan: u ← u + Σ w_k ε_k.
+
+    Args:
+        plan: (steps, 2), changed in place. weights: (2 n,). noise, sigma, hold: As for rollout.roll_out().
+    """
+    knots = noise.shape[1]
+    mean = np.zeros((knots, 2))
+    for i in range(noise.shape[0]):
+        both, difference = weights[2 * i] + weights[2 * i + 1], weights[2 * i] - weights[2 * i + 1]
+        for j in range(knots):
+            mean[j, 0] += both * noise[i, j, 0]
+            mean[j, 1] += difference * noise[i, j, 1]
+    for t in range(plan.shape[0]):
+        j, part = t // hold, (t % hold) / hold
+        for a in range(2):
+            plan[t, a] += sigma[a] * (mean[j, a] + part * (mean[j + 1, a] - mean[j, a]))
+
+
+def shifted(plan: Floats, time: float, step: float) -> Floats:
+    """The plan (steps, 2) a time later, s: warm start. Its last command is held."""
+    at = np.arange(plan.shape[0]) * step
+    return np.column_stack([np.interp(at + time, at, plan[:, a]) for a in range(2)])
+
+
+def smooth(plan: Floats, past: Floats) -> Floats:
+    """The plan after a Savitzky-Golay filter; the past commands and the held last one continue it at its ends.
+
+    Args:
+        plan: (steps, 2). past: (4, 2) commands that were sent, oldest first.
+    """
+    longer = np.concatenate([past, plan, np.repeat(plan[-1:], 4, axis=0)])
+    return np.column_stack([np.convolve(longer[:, a], SMOOTHING, "valid") for a in range(2)])
+
+
+def bounded(plan: Floats, slowest: float, fastest: float, turn: float) -> Floats:
+    """The plan within the limits of speed, m/s, and turn rate, rad/s."""
+    return np.column_stack([np.clip(plan[:, 0], slowest, fastest), np.clip(plan[:, 1], -turn, turn)])
+
+
+def normal_numbers(stream: np.random.Generator, samples: int, knots: int) -> NDArray[np.float32]:
+    """(samples / 2, knots, 2) standard normal numbers of a stream: each serves a roll-out and its mirror image."""
+    return stream.standard_normal((math.ceil(samples / 2), knots, 2), dtype=np.float32)

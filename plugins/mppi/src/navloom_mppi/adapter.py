@@ -66,8 +66,8 @@ class Mppi(Avoider[MppiParams]):
     def _diagnostics(self, decision: Decision, now: Given) -> AvoiderDiagnostics:
         """Diagnostics: the histogram is the least cost by direction of the roll-outs; 1 is a direction without one."""
         method, heading = self._method, now.pose[2]
-        directions = heading + method.ends[:-1]
-        free = np.where(method.parts[:-1, COLLISION] > 0.0, np.inf, method.costs)
+        directions = heading + method.ends
+        free = np.where(method.parts[:, COLLISION] > 0.0, np.inf, method.costs)
         histogram = cost_by_direction(directions, free[:, None], self.params.sectors)
         chosen = None if decision.status == "trapped" else math.remainder(heading + method.direction(), math.tau)
         window, cell, x, y = method.picture(now.pose)

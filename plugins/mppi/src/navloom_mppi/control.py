@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.echoes import Echoes
-from navloom_mppi.motion import after_dead_time, motion_of, ramp
+from navloom_mppi.motion import after_dead_time, follow, motion_of
 from navloom_mppi.nearest import body_points, fill_nearest
-from navloom_mppi.rollout import knots_of, roll_out
-from navloom_mppi.weighting import add_noise, bounded, effective, normal_numbers, shifted, smooth, weights_of
+from navloom_mppi.rollout import knots_of, roll_out, roll_out_plan
+from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
 
 if TYPE_CHECKING:
     from navloom_mppi.params import MppiParams
@@ -38,7 +38,8 @@ REACH = (2.0, 6.0)  # m: bounds of the field's half width
 BEYOND = 1.07  # half width of the field / longest way of a roll-out
 PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement beyond which a target counts as new
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
-SLOWER = (0.7, 0.4, 0.2, 0.0)  # shares of the command that are tried if the command itself is not free
+MOST_TRIES, TRIES = 200, 24  # roll-outs whose first command may be tried, and different commands among them
+INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
 PIXEL = 0.1  # m: side of a cell of the picture of obstacles
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
@@ -75,10 +76,10 @@ class PathIntegral:
 
     Attributes of the last tick:
         scene: Surroundings of the robot.
-        parts: (samples + 1, critics) cost of each roll-out by each critic; last, that of the plan.
-        ends: (samples + 1,) bearing of the end of each, rad, base frame.
+        parts: (samples, critics) cost of each roll-out by each critic. part: (critics,) that of the plan.
+        ends: (samples,) bearing of the end of each, rad, base frame.
         costs: (samples,) their weighted sums. weights: (samples,).
-        plan: (steps, 2) commands, m/s and rad/s. track: (steps, 3) its poses, m and rad, base frame.
+        plan: (steps, 2) commands, m/s and rad/s. track: (steps, 5) its poses, base frame, see rollout.drive().
     """
 
     scene: Scene
@@ -98,9 +99,9 @@ class PathIntegral:
         self.echoes = Echoes(self.edges, (p.laser_margin, p.sonar_margin), p.memory, self.reach)
         self.by_critic = np.array([p.gamma if name == "control" else getattr(p, name) for name in CRITICS])
         self.samples = 2 * math.ceil(p.samples / 2)
-        self.parts, self.track = np.zeros((self.samples + 1, len(CRITICS))), np.zeros((p.steps, 3))
-        self.ends = np.zeros(self.samples + 1)
-        self._nearest, self._squares = np.zeros((NEAR, NEAR), np.int16), np.zeros((NEAR, NEAR), np.float32)
+        self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
+        self.ends = np.zeros(self.samples)
+        self._nearest, self._squares = np.zeros((NEAR, NEAR), np.int32), np.zeros((NEAR, NEAR), np.float32)
         self._cost_to_go, self.distance, self._path_distance = (np.zeros((FIELD, FIELD), np.int32) for _ in range(3))
         self.origin = np.zeros(2, np.int64)
         self.reset()
@@ -182,7 +183,7 @@ class PathIntegral:
         lead = path[min(len(path) - 1, int(np.searchsorted(arc_of(path), self.inner + p.soft)))]
         bearing = math.atan2(lead[1], lead[0]) if math.hypot(*lead) > STOPPED_BELOW[0] else 0.0
         self.scene = Scene(
-            obstacles, self._nearest, NEAR_CELL, self.body, self.edges, p.soft,
+            obstacles, self._nearest, 1.0 / NEAR_CELL, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
             goal, length_of(path) < p.goal_within, (float(lead[0]), float(lead[1])),
             abs(bearing) > math.radians(p.turn_beyond_deg) and given.turn_to is None, occupied <= OCCUPIED,
@@ -200,52 +201,78 @@ class PathIntegral:
         if self._held is not None:
             m = m._replace(slowest=0.0)
         start = after_dead_time(given.twist, self.in_flight, self.robot.dead_time, self.period, m)
-        plan = shifted(self.plan, self.period, p.step)
-        noise = normal_numbers(self.stream, self.samples, knots_of(p.steps, p.hold))
-        roll_out(plan, noise, self.sigma, p.hold, start, m, self.scene, self.parts, self.ends, self.track)
-        self.costs = self.parts[:-1] @ self.by_critic
+        before = shifted(self.plan, self.period, p.step)
+        noise, paces = proposal(self.stream, self.samples, knots_of(p.steps, p.hold))
+        roll_out(before, noise, paces, self.sigma, p.hold, start, m, self.scene, self.parts, self.ends)
+        self.costs = self.parts @ self.by_critic
         self.weights = weights_of(self.costs, p.temperature)
-        best = plan.copy()
-        add_noise(plan, self.weights, noise, self.sigma, p.hold)
-        plan = bounded(smooth(bounded(plan, m.slowest, m.fastest, m.turn), self._past), m.slowest, m.fastest, m.turn)
-        roll_out(plan, noise[:1], self.sigma, p.hold, start, m, self.scene, self.parts[-1:], self.ends[-1:], self.track)
-        k = int(self.costs.argmin())
-        if self.parts[-1, COLLISION] > 0.0 and self.parts[k, COLLISION] == 0.0:
-            # The mean of roll-outs on both sides of an obstacle leads into it: take the best one.
-            alone = np.zeros(self.samples)
-            alone[k] = 1.0
-            add_noise(best, alone, noise, self.sigma, p.hold)
-            plan = bounded(best, m.slowest, m.fastest, m.turn)
-            roll_out(plan, noise[:1], self.sigma, p.hold, start, m, self.scene, self.parts[-1:], self.ends[-1:], self.track)
+        mean = mean_of(before, self.weights, noise, paces, self.sigma, p.hold)
+        mean = smooth(bounded(mean, m.slowest, m.fastest, m.turn), self._past)
+        self._proposal, self._start, self._motion = (before, noise, paces), start, m
+        self._take(bounded(mean, m.slowest, m.fastest, m.turn))
+        best = int(self.costs.argmin())
+        if self.part[COLLISION] > 0.0 and self.parts[best, COLLISION] == 0.0:
+            # The mean of roll-outs on both sides of an obstacle leads into it.
+            self._take(self._sample(best))
+
+    def _sample(self, k: int) -> Floats:
+        """(steps, 2) controls of one roll-out."""
+        (before, noise, paces), m = self._proposal, self._motion
+        alone = np.zeros(self.samples)
+        alone[k] = 1.0
+        sample = mean_of(before, alone, noise, paces, self.sigma, self.params.hold)
+        return bounded(sample, m.slowest, m.fastest, m.turn)
+
+    def _take(self, plan: Floats) -> None:
+        """Make it the plan, and roll it out."""
         self.plan = plan
+        self.part = roll_out_plan(plan, self._start, self._motion, self.scene, self.track)
 
     def _validated(self, obstacles: Floats, gaps: Floats, given: Given) -> tuple[tuple[float, float], str]:
-        """The command of the plan if the robot can stop after it without touching a margin; else slower, or braking."""
-        r, m = self.robot, self.motion
-        sent_v, sent_w = self.in_flight[-1].tolist()
-        up, down, turn = (rate * self.period for rate in (m.up, m.down, m.turn_change))
-        v, w = self.plan[0].tolist()
-        for share in (1.0, *SLOWER):
-            asked = ramp(sent_v, share * v, up, down)
-            turned = min(max(w, sent_w - turn), sent_w + turn)
-            turned = min(max(turned, -m.curvature * abs(asked)), m.curvature * abs(asked)) if m.curvature < math.inf else turned
-            if stays_free(
-                obstacles, gaps, self.edges, given.twist, (asked, turned), self.period, m.up, m.down,
-                min(m.turn_change, 1.0e3), self.margin, self.in_flight, r.motor_lag, r.dead_time,
-            ):  # fmt: skip
-                return (asked, turned), self.why(share)
+        """The first command of the plan, or else of the best roll-outs, from which the robot can stop in free space."""
+        command = self._reachable(self.plan[0])
+        if self._is_free(command, obstacles, gaps, given):
+            return command, self.why()
+        tried = {command}
+        for k in np.argsort(self.costs, kind="stable")[:MOST_TRIES].tolist():
+            sample = self._sample(k)
+            command = self._reachable(sample[0])
+            # Roll-outs with nearly the same command are not free either.
+            rounded = (round(command[0], 1), round(command[1], 1))
+            if rounded in tried:
+                continue
+            tried.add(rounded)
+            if self._is_free(command, obstacles, gaps, given):
+                self._take(sample)
+                return command, f"the mean is not free: {self.why()}"
+            if len(tried) > TRIES:
+                break
         # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
-        turned = sent_w if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
-        return (0.0, turned), "the plan is not free: braking"
+        turned = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
+        return (0.0, turned), "no roll-out is free: braking"
 
-    def why(self, share: float) -> str:
+    def _reachable(self, wanted: Floats) -> tuple[float, float]:
+        """A wanted command, m/s and rad/s, within what the newest command in flight can become in one tick."""
+        m = self.motion._replace(step=self.period)
+        sent_v, sent_w = self.in_flight[-1].tolist()
+        _, _, v, w = follow(0.0, 0.0, sent_v, sent_w, float(wanted[0]), float(wanted[1]), m)
+        return v, w
+
+    def _is_free(self, command: tuple[float, float], obstacles: Floats, gaps: Floats, given: Given) -> bool:
+        """Whether one period of a command, and braking after it, keeps every obstacle's margin."""
+        m, r = self.motion, self.robot
+        return stays_free(
+            obstacles, gaps, self.edges, given.twist, command, self.period, m.up, m.down, min(m.turn_change, INSTANT),
+            self.margin, self.in_flight, r.motor_lag, r.dead_time,
+        )  # fmt: skip
+
+    def why(self) -> str:
         """Reason of a command, one phrase: how many roll-outs collide and count, and the costs of the plan."""
-        parts = self.by_critic * self.parts[-1]
+        parts = self.by_critic * self.part
         dear = np.argsort(-parts, kind="stable")[:3]
         largest = ", ".join(f"{CRITICS[k].replace('_', ' ')} {parts[k]:.2f}" for k in dear if parts[k] > 0.0)
         hit = float((self.parts[:-1, COLLISION] > 0.0).mean())
-        slowed = "" if share == 1.0 else f"slowed to {share:g}: "
-        return f"{slowed}{self.samples} roll-outs, {hit:.0%} collide, {effective(self.weights):.0f} count; cost {largest}"
+        return f"{self.samples} roll-outs, {hit:.0%} collide, {effective(self.weights):.0f} count; cost {largest}"
 
     def direction(self) -> float:
         """Bearing of the plan's end, rad, base frame."""

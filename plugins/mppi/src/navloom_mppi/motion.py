@@ -69,9 +69,8 @@ def clamp(value: float, low: float, high: float) -> float:
 @njit(cache=True, nogil=True)
 def ramp(now: float, wanted: float, up: float, down: float) -> float:
     """Commanded speed after one step: at most `up` farther away from 0, at most `down` nearer to it."""
-    if wanted >= now:
-        return min(wanted, now + (up if now >= 0.0 else down))
-    return max(wanted, now - (down if now > 0.0 else up))
+    # Without branches on the wanted speed, which is random and would be predicted wrongly.
+    return clamp(wanted, now - (down if now > 0.0 else up), now + (up if now >= 0.0 else down))
 
 
 @njit(cache=True, nogil=True)

@@ -9,29 +9,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Numbers = NDArray[np.int16]
-
-
-@njit(cache=True, nogil=True)
-def _offer(nearest: Numbers, squares: NDArray[np.float32], obstacles: Floats, cell: float, r: int, k: int, number: int,
-           farthest: float) -> None:  # fmt: skip
-    """Make an obstacle the nearest one of a cell if it is nearer than that so far, and than the square `farthest`, m²."""
-    half = 0.5 * nearest.shape[0]
-    dx, dy = (k + 0.5 - half) * cell - obstacles[number, 0], (r + 0.5 - half) * cell - obstacles[number, 1]
-    square = dx * dx + dy * dy
-    if square < min(farthest, squares[r, k]):
-        nearest[r, k], squares[r, k] = number, square
+Numbers = NDArray[np.int32]
 
 
 @njit(cache=True, nogil=True)
 def fill_nearest(obstacles: Floats, cell: float, reach: float, nearest: Numbers, squares: NDArray[np.float32]) -> None:
-    """Find the nearest obstacle of each cell by propagation (Danielsson 1980, the four scans of 8SED).
-
-    Distances are those of the obstacle itself, not of the cell that it is in.
+    """Find the nearest obstacle of each cell; distances are those of the obstacle itself, not of the cell that it is in.
 
     Args:
         obstacles: (n, >= 2) x, y, m, base frame. cell: Side of a cell, m. The base is in the middle of the window.
-        reach: Obstacles farther from a cell's centre than this do not count, m.
+        reach: Obstacles up to this far from a cell's centre are found along each axis, m.
         nearest: (size, size), filled in: row of the obstacle; -1 for none within reach.
         squares: (size, size), filled in: square of its distance from the cell's centre, m².
     """
@@ -39,27 +26,30 @@ def fill_nearest(obstacles: Floats, cell: float, reach: float, nearest: Numbers,
     for r in range(size):
         for k in range(size):
             nearest[r, k], squares[r, k] = -1, np.inf
-    # An obstacle is at most half a diagonal from the centre of its own cell.
-    farthest = max(reach, cell) ** 2
+    span = math.ceil(reach / cell)
     for i in range(obstacles.shape[0]):
-        k, r = math.floor(obstacles[i, 0] / cell) + size // 2, math.floor(obstacles[i, 1] / cell) + size // 2
-        if 0 <= r < size and 0 <= k < size:
-            _offer(nearest, squares, obstacles, cell, r, k, i, farthest)
-    for down in (True, False):
-        for j in range(size):
-            r = j if down else size - 1 - j
-            before = r - 1 if down else r + 1
-            if j > 0:
-                for k in range(size):
-                    for beside in range(max(0, k - 1), min(size, k + 2)):
-                        if nearest[before, beside] >= 0:
-                            _offer(nearest, squares, obstacles, cell, r, k, nearest[before, beside], farthest)
-            for k in range(1, size):
-                if nearest[r, k - 1] >= 0:
-                    _offer(nearest, squares, obstacles, cell, r, k, nearest[r, k - 1], farthest)
-            for k in range(size - 2, -1, -1):
-                if nearest[r, k + 1] >= 0:
-                    _offer(nearest, squares, obstacles, cell, r, k, nearest[r, k + 1], farthest)
+        x, y = obstacles[i, 0] / cell + 0.5 * size - 0.5, obstacles[i, 1] / cell + 0.5 * size - 0.5
+        first, last = max(0, round(x) - span), min(size, round(x) + span + 1)
+        for r in range(max(0, round(y) - span), min(size, round(y) + span + 1)):
+            if first < last:
+                _stamp(squares[r, first:last], nearest[r, first:last], i, x - first, (r - y) ** 2, cell * cell)
+
+
+@njit(cache=True, nogil=True)
+def _stamp(squares: NDArray[np.float32], nearest: Numbers, number: int, x: float, dy: float, area: float) -> None:
+    """Offer an obstacle to neighbouring cells of a row. In single precision and without branches, so that it vectorises.
+
+    Args:
+        squares, nearest: (n,) of these cells, changed in place. number: Of the obstacle.
+        x: Its column from the first of these cells. dy: Square of its distance from the row. area: m² per square of a cell.
+    """
+    column, across, scale, one = np.float32(x), np.float32(dy), np.float32(area), np.int32(number)
+    for k in range(squares.size):
+        dx = np.float32(k) - column
+        square = (dx * dx + across) * scale
+        is_nearer = square < squares[k]
+        squares[k] = square if is_nearer else squares[k]
+        nearest[k] = one if is_nearer else nearest[k]
 
 
 def body_points(footprint: Floats) -> tuple[Floats, float]:

@@ -35,25 +35,32 @@ def effective(weights: Floats) -> float:
 
 
 @njit(cache=True, nogil=True)
-def add_noise(
-    plan: Floats, weights: Floats, noise: NDArray[np.float32], sigma: tuple[float, float], hold: int
-) -> None:
-    """Add the weighted mean of the noise to the plan: u ← u + Σ w_k ε_k.
+def mean_of(
+    plan: Floats, weights: Floats, noise: NDArray[np.float32], paces: Floats, sigma: tuple[float, float], hold: int
+) -> Floats:
+    """Weighted mean of the controls of all roll-outs: u ← Σ w_k (pace_k u + ε_k), with pace 1 u + Σ w_k ε_k.
 
     Args:
-        plan: (steps, 2), changed in place. weights: (2 n,). noise, sigma, hold: As for rollout.roll_out().
+        plan: (steps, 2). weights: (2 n,), their sum is 1. noise, paces, sigma, hold: As for rollout.roll_out().
+
+    Returns:
+        (steps, 2).
     """
+    pace = 0.0
     knots = noise.shape[1]
     mean = np.zeros((knots, 2))
     for i in range(noise.shape[0]):
         both, difference = weights[2 * i] + weights[2 * i + 1], weights[2 * i] - weights[2 * i + 1]
+        pace += both * paces[i]
         for j in range(knots):
             mean[j, 0] += both * noise[i, j, 0]
             mean[j, 1] += difference * noise[i, j, 1]
+    found = pace * plan
     for t in range(plan.shape[0]):
         j, part = t // hold, (t % hold) / hold
         for a in range(2):
-            plan[t, a] += sigma[a] * (mean[j, a] + part * (mean[j + 1, a] - mean[j, a]))
+            found[t, a] += sigma[a] * (mean[j, a] + part * (mean[j + 1, a] - mean[j, a]))
+    return found
 
 
 def shifted(plan: Floats, time: float, step: float) -> Floats:
@@ -77,6 +84,20 @@ def bounded(plan: Floats, slowest: float, fastest: float, turn: float) -> Floats
     return np.column_stack([np.clip(plan[:, 0], slowest, fastest), np.clip(plan[:, 1], -turn, turn)])
 
 
-def normal_numbers(stream: np.random.Generator, samples: int, knots: int) -> NDArray[np.float32]:
-    """(samples / 2, knots, 2) standard normal numbers of a stream: each serves a roll-out and its mirror image."""
-    return stream.standard_normal((math.ceil(samples / 2), knots, 2), dtype=np.float32)
+SCALES, PACES = np.array([1.0, 0.5, 0.25, 1.0]), np.array([1.0, 1.0, 1.0, 0.0])
+"""Standard deviation of four pairs of roll-outs in turn, and the plan's share in them: wide, finer, and from standing.
+
+Noise that is right for full speed is too coarse for a narrow passage, and hardly ever brakes a fast plan.
+"""
+
+
+def proposal(stream: np.random.Generator, samples: int, knots: int) -> tuple[NDArray[np.float32], Floats]:
+    """Noise of a tick, drawn from a stream; each pair of samples shares it.
+
+    Returns:
+        (samples / 2, knots, 2) noise in standard deviations, and (samples / 2,) paces, see rollout.roll_out().
+    """
+    pairs = math.ceil(samples / 2)
+    noise = stream.standard_normal((pairs, knots, 2), dtype=np.float32)
+    noise *= np.resize(SCALES.astype(np.float32), pairs)[:, None, None]
+    return noise, np.resize(PACES, pairs)

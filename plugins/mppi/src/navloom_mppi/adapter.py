@@ -25,6 +25,7 @@ from navloom_mppi import warming
 from navloom_mppi.control import Decision, Given, PathIntegral
 from navloom_mppi.critics import COLLISION
 from navloom_mppi.params import ROBUST, MppiParams
+from navloom_mppi.view import picture
 
 __all__ = ["Mppi"]
 
@@ -34,7 +35,7 @@ class Mppi(Avoider[MppiParams]):
 
     name = "mppi"
     presets = {"robust": ROBUST}
-    claims = {Claim.FOOTPRINT, Claim.MIRROR}
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.TRANSLATION, Claim.ROTATION, Claim.STOPS_WHEN_CLOSED}
     trajectory = Extra(Trajectory)
     reference = Extra(Reference)
 
@@ -70,5 +71,5 @@ class Mppi(Avoider[MppiParams]):
         free = np.where(method.parts[:, COLLISION] > 0.0, np.inf, method.costs)
         histogram = cost_by_direction(directions, free[:, None], self.params.sectors)
         chosen = None if decision.status == "trapped" else math.remainder(heading + method.direction(), math.tau)
-        window, cell, x, y = method.picture(now.pose)
+        window, cell, x, y = picture(method.scene.obstacles, now.pose, method.reach)
         return AvoiderDiagnostics(window, cell, x, y, histogram, 1.0, np.empty((0, 2)), chosen, decision.why)

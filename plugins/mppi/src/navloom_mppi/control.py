@@ -12,13 +12,13 @@ from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.motors import Motors
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.search import Progress, Trap
-from navloom_dwa.field import fill_field, obstacle_distance
+from navloom_dwa.field import CHAMFER, fill_field, obstacle_distance
 from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.echoes import Echoes
-from navloom_mppi.motion import after_dead_time, follow, motion_of
+from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
 from navloom_mppi.nearest import body_points, fill_nearest
 from navloom_mppi.rollout import knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
@@ -35,12 +35,12 @@ HELD = 0.5  # the gate holds the robot back if it lets less than this share of a
 FIELD, NEAR = 120, 160  # cells along a side of the field of the way left, and of the window of nearest obstacles
 NEAR_CELL = 0.05  # m
 REACH = (2.0, 6.0)  # m: bounds of the field's half width
+BORDER = 0.95  # share of the half width within which the path's farthest point is looked for
 BEYOND = 1.07  # half width of the field / longest way of a roll-out
 PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement beyond which a target counts as new
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 MOST_TRIES, TRIES = 200, 24  # roll-outs whose first command may be tried, and different commands among them
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
-PIXEL = 0.1  # m: side of a cell of the picture of obstacles
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
 
@@ -97,7 +97,7 @@ class PathIntegral:
         self.reach = min(max(BEYOND * robot.max_linear * p.step * p.steps, REACH[0]), REACH[1])
         self.cell = 2.0 * self.reach / FIELD
         self.echoes = Echoes(self.edges, (p.laser_margin, p.sonar_margin), p.memory, self.reach)
-        self.by_critic = np.array([p.gamma if name == "control" else getattr(p, name) for name in CRITICS])
+        self.by_critic = weights_by_critic(p, robot)
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
         self.ends = np.zeros(self.samples)
@@ -137,69 +137,59 @@ class PathIntegral:
         obstacles, gaps = self.echoes.see(lasers, cones, pose, given.time)
         path = in_base(given.path, pose)
         self._look(obstacles, path, given)
-        target = given.path[min(len(given.path) - 1, 1)] if len(given.path) < 2 else given.path[-1]
-        if self.trap.holds(pose, (float(target[0]), float(target[1])), TARGET_SHIFT):
-            return Decision(0.0, 0.0, "trapped", "trapped: neither robot nor target moved since")
-        self._count_time(given, path)
+        goal = (float(given.path[-1, 0]), float(given.path[-1, 1]))
+        if self.trap.holds(pose, goal, TARGET_SHIFT):
+            return Decision(0.0, 0.0, "trapped", "trapped: neither robot nor goal moved since")
+        self._count_time(given, length_of(path), goal)
         self._optimise(given)
         command, why = self._validated(obstacles, gaps, given)
         is_blocked = self.progress.blocked > p.blocked_patience and is_stopped(*command)
         if is_blocked or (self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]):
-            self.trap.place, self.trap.target = pose, (float(target[0]), float(target[1]))
+            self.trap.place, self.trap.target = pose, goal
             self.progress.restart()
             self.plan[:] = 0.0
             return Decision(0.0, 0.0, "trapped", "trapped: blocked" if is_blocked else "trapped: no progress")
         is_clear = not len(gaps) or gaps[0] > self.margin + p.soft
         return Decision(*command, "clear" if is_clear else "steering", why)
 
-    def _count_time(self, given: Given, path: Floats) -> None:
+    def _count_time(self, given: Given, left: float, goal: Point) -> None:
         """Count the time without progress along the path, while the robot follows this avoider's commands."""
-        left = length_of(path)
-        end = (float(given.path[-1, 0]), float(given.path[-1, 1]))
-        self.progress.note(left, end)
+        self.progress.note(left, goal)
         elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
         self.progress.stalled += elapsed
-        is_there = left < PROGRESS_STEP
-        self.progress.blocked = self.progress.blocked + elapsed if is_stopped(*self._sent) and not is_there else 0.0
+        # A robot that stands at its goal is not blocked.
+        is_blocked = is_stopped(*self._sent) and left > PROGRESS_STEP
+        self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
 
     def _look(self, obstacles: Floats, path: Floats, given: Given) -> None:
         """Compute the fields around the robot and what the critics need of the path."""
         p = self.params
-        seen = path[np.abs(path).max(axis=1) < 0.95 * self.reach]
-        farthest = len(seen) if len(seen) and (seen[0] == path[0]).all() else 1
-        ahead_of = np.abs(path).max(axis=1) < 0.95 * self.reach
-        farthest = int(np.argmin(ahead_of)) if not ahead_of.all() else len(path)
-        path_near = path[: max(1, farthest)]
-        target = (float(path_near[-1, 0]), float(path_near[-1, 1]))
+        outside = np.flatnonzero(np.abs(path).max(axis=1) > BORDER * self.reach)
+        near = path[: max(1, int(outside[0]))] if len(outside) else path
+        target = (float(near[-1, 0]), float(near[-1, 1]))
         fill_field(
             obstacles, HERE, target, self.origin, self.cell, self.inner, p.soft, p.soft_weight,
             self.distance, self._cost_to_go,
         )  # fmt: skip
-        obstacle_distance(path_near, HERE, self.origin, self.cell, self._path_distance)
+        obstacle_distance(near, HERE, self.origin, self.cell, self._path_distance)
         fill_nearest(obstacles, NEAR_CELL, self.near_reach, self._nearest, self._squares)
-        rows, columns = ((path_near / self.cell + FIELD // 2).astype(np.int64).clip(0, FIELD - 1)).T[::-1]
-        occupied = float((self.distance[rows, columns] * self.cell / 3.0 < self.inner).mean())
-        goal = (float(path[-1, 0]), float(path[-1, 1]))
-        lead = path[min(len(path) - 1, int(np.searchsorted(arc_of(path), self.inner + p.soft)))]
-        bearing = math.atan2(lead[1], lead[0]) if math.hypot(*lead) > STOPPED_BELOW[0] else 0.0
+        columns, rows = (near / self.cell + 0.5 * FIELD).astype(np.int64).clip(0, FIELD - 1).T
+        occupied = float((self.distance[rows, columns] * self.cell / CHAMFER < self.inner).mean())
+        arc = arc_of(path)
+        lead = path[min(len(path) - 1, int(np.searchsorted(arc, self.inner + p.soft)))]
+        is_beside = math.hypot(*lead) > STOPPED_BELOW[0]
+        bearing = math.atan2(lead[1], lead[0]) if is_beside and given.turn_to is None else 0.0
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
-            goal, length_of(path) < p.goal_within, (float(lead[0]), float(lead[1])),
-            abs(bearing) > math.radians(p.turn_beyond_deg) and given.turn_to is None, occupied <= OCCUPIED,
+            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < p.goal_within), (float(lead[0]), float(lead[1])),
+            abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
         )  # fmt: skip
 
     def _optimise(self, given: Given) -> None:
         """Williams et al. 2017, Algorithm 2: shift the plan, roll it out with noise, and take the weighted mean."""
-        p, m = self.params, self.motion
-        if self._held is not None and math.dist(given.pose[:2], self._held[:2]) > RELEASE[0]:
-            self._held = None
-        if given.share < HELD and self._sent[0] < 0.0:
-            # Where no sensor looks, the gate lets a robot back up only where it has been.
-            self._held = given.pose
-        if self._held is not None:
-            m = m._replace(slowest=0.0)
+        p, m = self.params, self._allowed(given)
         start = after_dead_time(given.twist, self.in_flight, self.robot.dead_time, self.period, m)
         before = shifted(self.plan, self.period, p.step)
         noise, paces = proposal(self.stream, self.samples, knots_of(p.steps, p.hold))
@@ -214,6 +204,17 @@ class PathIntegral:
         if self.part[COLLISION] > 0.0 and self.parts[best, COLLISION] == 0.0:
             # The mean of roll-outs on both sides of an obstacle leads into it.
             self._take(self._sample(best))
+
+    def _allowed(self, given: Given) -> Motion:
+        """The robot's motion; not backwards where the gate held it.
+
+        Where no sensor looks, the gate lets a robot back up only where it has been.
+        """
+        if self._held is not None and math.dist(given.pose[:2], self._held[:2]) > RELEASE[0]:
+            self._held = None
+        if given.share < HELD and self._sent[0] < 0.0:
+            self._held = given.pose
+        return self.motion if self._held is None else self.motion._replace(slowest=0.0)
 
     def _sample(self, k: int) -> Floats:
         """(steps, 2) controls of one roll-out."""
@@ -233,27 +234,32 @@ class PathIntegral:
         command = self._reachable(self.plan[0])
         if self._is_free(command, obstacles, gaps, given):
             return command, self.why()
-        tried = {command}
+        tried = set()
         for k in np.argsort(self.costs, kind="stable")[:MOST_TRIES].tolist():
-            sample = self._sample(k)
-            command = self._reachable(sample[0])
+            command = self._reachable(self._first(k))
             # Roll-outs with nearly the same command are not free either.
             rounded = (round(command[0], 1), round(command[1], 1))
             if rounded in tried:
                 continue
             tried.add(rounded)
             if self._is_free(command, obstacles, gaps, given):
-                self._take(sample)
+                self._take(self._sample(k))
                 return command, f"the mean is not free: {self.why()}"
-            if len(tried) > TRIES:
+            if len(tried) == TRIES:
                 break
         # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
         turned = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
         return (0.0, turned), "no roll-out is free: braking"
 
+    def _first(self, k: int) -> Floats:
+        """(2,) first command of one roll-out, m/s and rad/s."""
+        before, noise, paces = self._proposal
+        first: Floats = paces[k // 2] * before[0] + np.array(self.sigma) * noise[k // 2, 0] * (1.0, 1.0 - 2.0 * (k % 2))
+        return first
+
     def _reachable(self, wanted: Floats) -> tuple[float, float]:
         """A wanted command, m/s and rad/s, within what the newest command in flight can become in one tick."""
-        m = self.motion._replace(step=self.period)
+        m = self._motion._replace(step=self.period)
         sent_v, sent_w = self.in_flight[-1].tolist()
         _, _, v, w = follow(0.0, 0.0, sent_v, sent_w, float(wanted[0]), float(wanted[1]), m)
         return v, w
@@ -278,18 +284,20 @@ class PathIntegral:
         """Bearing of the plan's end, rad, base frame."""
         return math.atan2(self.track[-1, 1], self.track[-1, 0])
 
-    def picture(self, pose: Pose) -> tuple[NDArray[np.uint8], float, float, float]:
-        """(rows, cols) 15 where a cell around the robot holds an obstacle, its side, and its lower left corner, map frame, m."""
-        size, cell = round(2.0 * self.reach / PIXEL), PIXEL
-        found = self.scene.obstacles[:, :2]
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        x, y = pose[0] + c * found[:, 0] - s * found[:, 1], pose[1] + s * found[:, 0] + c * found[:, 1]
-        left, low = math.floor(pose[0] / cell) - size // 2, math.floor(pose[1] / cell) - size // 2
-        columns, rows = np.floor(x / cell).astype(np.int64) - left, np.floor(y / cell).astype(np.int64) - low
-        is_inside = (rows >= 0) & (rows < size) & (columns >= 0) & (columns < size)
-        picture = np.zeros((size, size), np.uint8)
-        picture[rows[is_inside], columns[is_inside]] = 15
-        return picture, cell, left * cell, low * cell
+
+def weights_by_critic(params: MppiParams, robot: Robot) -> Floats:
+    """(critics,) weights per unit of each critic: those of ways and speeds are per what the robot can do.
+
+    A robot of 0.5 m/s decides over a quarter of the way of one of 2 m/s; with weights per metre, its roll-outs would
+    all cost nearly the same.
+    """
+    p, way = params, robot.max_linear * params.step * params.steps
+    per_unit = {
+        "constraint": 1.0 / robot.max_linear, "goal": 1.0 / way, "path_follow": 1.0 / way,
+        "prefer_forward": 1.0 / robot.max_linear, "twirling": 1.0 / robot.max_angular,
+    }  # fmt: skip
+    named = {name: p.gamma if name == "control" else getattr(p, name) for name in CRITICS}
+    return np.array([weight * per_unit.get(name, 1.0) for name, weight in named.items()])
 
 
 def is_stopped(v: float, w: float) -> bool:

@@ -1,7 +1,7 @@
 """The critics: what a roll-out costs, one function each, by the names of Nav2's MPPI controller.
 
-Each returns a cost without its weight. Those that look at every pose are averaged over the roll-out, so that a weight does
-not depend on the number of steps.
+Each returns a cost without its weight. Those that look at every pose are averaged over the roll-out, so that a weight
+does not depend on the number of steps.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def constraint(v: float, w: float, slowest: float, fastest: float, turn: float) 
 def obstacles(scene: Scene, track: Floats) -> tuple[int, float]:
     """Obstacle and collision: nearness of obstacles, averaged, and the first step in which a margin is touched.
 
-    Nearness is 1 at the margin and 0 from `soft` beyond it on. For each point of the body, the obstacle that is nearest to
-    its cell counts, by its distance beyond the sides of the footprint.
+    Nearness is 1 at the margin and 0 from `soft` beyond it on. For each point of the body, the obstacle that is nearest
+    to its cell counts, by its distance beyond the sides of the footprint.
 
     Args:
         scene: Surroundings. track: (steps, 5) x, y, m, heading, rad, its cosine and sine.
@@ -126,7 +126,7 @@ def goal(scene: Scene, track: Floats, until: int) -> float:
     total = 0.0
     for t in range(EVERY - 1, until, EVERY):
         total += math.hypot(track[t, 0] - scene.goal[0], track[t, 1] - scene.goal[1])
-    return total * EVERY / track.shape[0]
+    return float(total * EVERY / track.shape[0])
 
 
 @njit(cache=True, nogil=True)
@@ -135,7 +135,7 @@ def goal_angle(scene: Scene, track: Floats, until: int) -> float:
     total = 0.0
     for t in range(EVERY - 1, until, EVERY):
         total += deviation(track[t, 2], scene.turn_to)
-    return total * EVERY / track.shape[0]
+    return float(total * EVERY / track.shape[0])
 
 
 @njit(cache=True, nogil=True)
@@ -145,7 +145,7 @@ def path_align(scene: Scene, track: Floats, until: int) -> float:
     total = 0.0
     for t in range(EVERY - 1, until, EVERY):
         total += field_value(field, origin, cell, track[t, 0], track[t, 1])
-    return total * cell / CHAMFER * EVERY / track.shape[0]
+    return float(total * cell / CHAMFER * EVERY / track.shape[0])
 
 
 @njit(cache=True, nogil=True)
@@ -154,7 +154,7 @@ def path_follow(scene: Scene, x: float, y: float) -> float:
 
     Nav2 takes the straight distance to that point.
     """
-    return field_value(scene.cost_to_go, scene.origin, scene.cell, x, y) * scene.cell / UNIT
+    return float(field_value(scene.cost_to_go, scene.origin, scene.cell, x, y) * scene.cell / UNIT)
 
 
 @njit(cache=True, nogil=True)
@@ -164,7 +164,7 @@ def path_angle(scene: Scene, track: Floats, until: int) -> float:
     for t in range(EVERY - 1, until, EVERY):
         bearing = math.atan2(scene.ahead[1] - track[t, 1], scene.ahead[0] - track[t, 0])
         total += deviation(bearing, track[t, 2])
-    return total * EVERY / track.shape[0]
+    return float(total * EVERY / track.shape[0])
 
 
 @njit(cache=True, nogil=True)

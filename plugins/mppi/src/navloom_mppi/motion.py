@@ -25,7 +25,8 @@ class Motion(NamedTuple):
         up, down: Change of the commanded speed away from 0 and towards 0, m/s².
         turn_change: Change of the commanded turn rate, rad/s²; may be infinite.
         keeps: Share of the deviation from the command that is left after a step: exp(-step / lag).
-        curvature: Highest |turn rate / speed|, 1/m: infinite for a differential drive, 1 / (turning radius) for Ackermann.
+        curvature: Highest |turn rate / speed|, 1/m: infinite for a differential drive, 1 / (turning radius) for
+            Ackermann.
     """
 
     step: float
@@ -42,8 +43,8 @@ class Motion(NamedTuple):
 def motion_of(robot: Robot, step: float, reverse: float, turning_radius: float) -> Motion:
     """Motion of a robot.
 
-    Without a limit of the turn acceleration, its wheels limit it: a rim that gains `max_acceleration` turns the robot by
-    max_acceleration / half_track.
+    Without a limit of the turn acceleration, its wheels limit it: a rim that gains `max_acceleration` turns the robot
+    by max_acceleration / half_track.
 
     Args:
         robot: The robot's properties.

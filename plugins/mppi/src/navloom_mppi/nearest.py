@@ -14,7 +14,7 @@ Numbers = NDArray[np.int32]
 
 @njit(cache=True, nogil=True)
 def fill_nearest(obstacles: Floats, cell: float, reach: float, nearest: Numbers, squares: NDArray[np.float32]) -> None:
-    """Find the nearest obstacle of each cell; distances are those of the obstacle itself, not of the cell that it is in.
+    """Find the nearest obstacle of each cell. Distances are those of the obstacle itself, not of its cell.
 
     Args:
         obstacles: (n, >= 2) x, y, m, base frame. cell: Side of a cell, m. The base is in the middle of the window.
@@ -36,17 +36,18 @@ def fill_nearest(obstacles: Floats, cell: float, reach: float, nearest: Numbers,
 
 
 @njit(cache=True, nogil=True)
-def _stamp(squares: NDArray[np.float32], nearest: Numbers, number: int, x: float, dy: float, area: float) -> None:
-    """Offer an obstacle to neighbouring cells of a row. In single precision and without branches, so that it vectorises.
+def _stamp(squares: NDArray[np.float32], nearest: Numbers, number: int, x: float, across: float, area: float) -> None:
+    """Offer an obstacle to cells of a row. In single precision and without branches, so that it vectorises.
 
     Args:
         squares, nearest: (n,) of these cells, changed in place. number: Of the obstacle.
-        x: Its column from the first of these cells. dy: Square of its distance from the row. area: m² per square of a cell.
+        x: Its column from the first of these cells. across: Square of its distance from the row, in cells.
+        area: Of a cell, m².
     """
-    column, across, scale, one = np.float32(x), np.float32(dy), np.float32(area), np.int32(number)
+    column, beside, scale, one = np.float32(x), np.float32(across), np.float32(area), np.int32(number)
     for k in range(squares.size):
         dx = np.float32(k) - column
-        square = (dx * dx + across) * scale
+        square = (dx * dx + beside) * scale
         is_nearer = square < squares[k]
         squares[k] = square if is_nearer else squares[k]
         nearest[k] = one if is_nearer else nearest[k]

@@ -91,7 +91,7 @@ def judge(scene: Scene, part: Floats, track: Floats) -> int:
         part[of.PATH_ANGLE] = of.path_angle(scene, track, until)
     if not math.isnan(scene.turn_to):
         part[of.GOAL_ANGLE] = of.goal_angle(scene, track, until)
-    return last
+    return int(last)
 
 
 @njit(cache=True, nogil=True)
@@ -106,7 +106,7 @@ def roll_out(
 
     Args:
         plan, sigma, hold, start, m: As for drive(). scene: Surroundings of the robot.
-        noise: (n, knots, 2) in standard deviations. paces: (n,) factor of the plan: 1, or 0 to start from standing still.
+        noise: (n, knots, 2) in standard deviations. paces: (n,) factor of the plan: 1, or 0 to start from standing.
         parts: (2 n, critics), filled in: cost of each roll-out by each critic, without weights.
         ends: (2 n,), filled in: bearing of its last pose, rad.
     """

@@ -23,7 +23,7 @@ def weights_of(costs: Floats, temperature: float) -> Floats:
     Returns:
         (n,), their sum is 1.
     """
-    weights = np.exp((costs.min() - costs) / temperature)
+    weights: Floats = np.exp((costs.min() - costs) / temperature)
     weights /= weights.sum()
     return weights
 
@@ -31,7 +31,7 @@ def weights_of(costs: Floats, temperature: float) -> Floats:
 @njit(cache=True, nogil=True)
 def effective(weights: Floats) -> float:
     """Number of roll-outs that would have the same variance with equal weights: 1 / Σ w² (Kish 1965)."""
-    return 1.0 / (weights * weights).sum()
+    return float(1.0 / (weights * weights).sum())
 
 
 @njit(cache=True, nogil=True)

@@ -32,7 +32,7 @@ def scene_of(obstacles=(), path=((0.0, 0.0), (3.0, 0.0)), footprint=SQUARE, soft
     )
     obstacle_distance(cells, HERE, origin, 0.1, beside)
     scene = Scene(
-        points, nearest, 20.0, body, footprint_edges(footprint), soft, cost_to_go, beside, origin, 0.1, end, False,
+        points, nearest, 20.0, 0.5, body, footprint_edges(footprint), soft, cost_to_go, beside, origin, 0.1, end, False,
         end, False, True, math.nan,
     )  # fmt: skip
     return scene._replace(**changes)

@@ -51,12 +51,13 @@ def test_a_roll_out_is_judged_up_to_its_collision():
     track[:, 0] = 0.1 * np.arange(8)
     costs = judged(scene_of([(0.8, 0.0, 0.05)]), track)
     assert costs["collision"] == 1.5
-    assert costs["path_follow"] == pytest.approx(critics.path_follow(scene_of([(0.8, 0.0, 0.05)]), 0.4, 0.0))
+    assert costs["path_follow"] == pytest.approx(critics.path_follow(scene_of([(0.8, 0.0, 0.05)]), 0.4, 0.0, 1.0, 0.0))
 
 
 def test_the_way_left_on_a_free_floor_is_the_distance():
-    """Target at (3, 0); cells of 0.1 m."""
-    assert critics.path_follow(scene_of(), 1.0, 0.0) == pytest.approx(2.0, abs=0.06)
+    """Target at (3, 0); the base is 2 m away, and the nose 1.5, 2.5 m or sqrt(4.25) = 2.06 m; cells of 0.1 m."""
+    left = [critics.path_follow(scene_of(), 1.0, 0.0, c, s) for c, s in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))]
+    assert left == pytest.approx([1.75, 2.25, 2.03], abs=0.1)
 
 
 def test_the_distance_from_the_path_is_that_across_it():

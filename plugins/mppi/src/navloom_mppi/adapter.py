@@ -35,7 +35,7 @@ class Mppi(Avoider[MppiParams]):
 
     name = "mppi"
     presets = {"robust": ROBUST}
-    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.TRANSLATION, Claim.ROTATION, Claim.STOPS_WHEN_CLOSED}
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.TRANSLATION, Claim.ROTATION}
     trajectory = Extra(Trajectory)
     reference = Extra(Reference)
 

@@ -39,7 +39,7 @@ BORDER = 0.95  # share of the half width within which the path's farthest point 
 BEYOND = 1.07  # half width of the field / longest way of a roll-out
 PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement beyond which a target counts as new
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
-MOST_TRIES, TRIES = 200, 24  # roll-outs whose first command may be tried, and different commands among them
+COMMANDS = (4, 8)  # parts of the reachable speeds and turn rates in which one roll-out each is tried
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
@@ -89,6 +89,7 @@ class PathIntegral:
         self.edges = footprint_edges(robot.footprint)
         self.inner = float(self.edges[:, 2].min())
         self.body, disc = body_points(robot.footprint)
+        self.nose = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
         self.motion = motion_of(robot, p.step, p.reverse, p.turning_radius)
         self.sigma = (p.noise_speed * robot.max_linear, p.noise_turn * robot.max_angular)
         self.motors = Motors.of(robot, period)
@@ -180,7 +181,7 @@ class PathIntegral:
         is_beside = math.hypot(*lead) > STOPPED_BELOW[0]
         bearing = math.atan2(lead[1], lead[0]) if is_beside and given.turn_to is None else 0.0
         self.scene = Scene(
-            obstacles, self._nearest, 1.0 / NEAR_CELL, self.body, self.edges, p.soft,
+            obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
             (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < p.goal_within), (float(lead[0]), float(lead[1])),
             abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
@@ -234,28 +235,37 @@ class PathIntegral:
         command = self._reachable(self.plan[0])
         if self._is_free(command, obstacles, gaps, given):
             return command, self.why()
-        tried = set()
-        for k in np.argsort(self.costs, kind="stable")[:MOST_TRIES].tolist():
-            command = self._reachable(self._first(k))
-            # Roll-outs with nearly the same command are not free either.
-            rounded = (round(command[0], 1), round(command[1], 1))
-            if rounded in tried:
-                continue
-            tried.add(rounded)
+        for k in self._others():
+            command = self._reachable(self._firsts()[k])
             if self._is_free(command, obstacles, gaps, given):
                 self._take(self._sample(k))
                 return command, f"the mean is not free: {self.why()}"
-            if len(tried) == TRIES:
-                break
         # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
         turned = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
         return (0.0, turned), "no roll-out is free: braking"
 
-    def _first(self, k: int) -> Floats:
-        """(2,) first command of one roll-out, m/s and rad/s."""
+    def _firsts(self) -> Floats:
+        """(samples, 2) first command of each roll-out, m/s and rad/s."""
         before, noise, paces = self._proposal
-        first: Floats = paces[k // 2] * before[0] + np.array(self.sigma) * noise[k // 2, 0] * (1.0, 1.0 - 2.0 * (k % 2))
-        return first
+        noise_v, noise_w = self.sigma[0] * noise[:, 0, 0], self.sigma[1] * noise[:, 0, 1]
+        v, w = paces * before[0, 0] + noise_v, paces * before[0, 1]
+        firsts: Floats = np.column_stack([v, w + noise_w, v, w - noise_w]).reshape(-1, 2)
+        return firsts
+
+    def _others(self) -> list[int]:
+        """Roll-outs with different first commands, the best first: the cheapest in each cell of what can be reached.
+
+        Those that are exactly straight are cells of their own.
+        """
+        low, high = (np.array(self._reachable(np.full(2, bound))) for bound in (-np.inf, np.inf))
+        span = np.maximum(high - low, 1.0e-9)
+        firsts = self._firsts()
+        cells = np.rint((firsts.clip(low, high) - low) / span * COMMANDS).astype(np.int64)
+        order = np.argsort(self.costs, kind="stable")
+        keys = 2 * (cells[:, 0] * (COMMANDS[1] + 1) + cells[:, 1]) + (firsts[:, 1] == 0.0)
+        keys = keys[order]
+        best: list[int] = order[np.sort(np.unique(keys, return_index=True)[1])].tolist()
+        return best
 
     def _reachable(self, wanted: Floats) -> tuple[float, float]:
         """A wanted command, m/s and rad/s, within what the newest command in flight can become in one tick."""

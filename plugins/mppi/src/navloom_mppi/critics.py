@@ -36,6 +36,7 @@ class Scene(NamedTuple):
     Attributes:
         obstacles: (n, 3) x, y and the margin to keep, m. nearest: From nearest.fill_nearest().
         cells_per_metre: Of `nearest`, 1/m.
+        nose: Distance of the nose from the base, m.
         body: (k, 2) from nearest.body_points(), m. edges: Half planes of the footprint.
         soft: Distance beyond the margin over which nearness falls to 0, m.
         cost_to_go, path_distance: Fields of navloom_dwa.field. origin, cell: Of these fields.
@@ -48,6 +49,7 @@ class Scene(NamedTuple):
     obstacles: Floats
     nearest: Numbers
     cells_per_metre: float
+    nose: float
     body: Floats
     edges: Floats
     soft: float
@@ -149,12 +151,17 @@ def path_align(scene: Scene, track: Floats, until: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def path_follow(scene: Scene, x: float, y: float) -> float:
-    """Cost, m, of the way left from the last pose to the farthest point of the path in the field, around obstacles.
+def path_follow(scene: Scene, x: float, y: float, c: float, s: float) -> float:
+    """Cost, m, of the way left to the farthest point of the path in the field, around obstacles: mean of base and nose.
 
-    Nav2 takes the straight distance to that point.
+    Nav2 takes the straight distance of the base. Only the nose tells a robot before an obstacle to which side to turn.
+
+    Args:
+        scene: Surroundings. x, y: Last position, m. c, s: Cosine and sine of the last heading.
     """
-    return float(field_value(scene.cost_to_go, scene.origin, scene.cell, x, y) * scene.cell / UNIT)
+    base = field_value(scene.cost_to_go, scene.origin, scene.cell, x, y)
+    nose = field_value(scene.cost_to_go, scene.origin, scene.cell, x + c * scene.nose, y + s * scene.nose)
+    return float(0.5 * (base + nose) * scene.cell / UNIT)
 
 
 @njit(cache=True, nogil=True)

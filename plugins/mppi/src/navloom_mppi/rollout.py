@@ -84,7 +84,7 @@ def judge(scene: Scene, part: Floats, track: Floats) -> int:
     if scene.is_near_goal:
         part[of.GOAL] = of.goal(scene, track, until)
     else:
-        part[of.PATH_FOLLOW] = of.path_follow(scene, track[last, 0], track[last, 1])
+        part[of.PATH_FOLLOW] = of.path_follow(scene, track[last, 0], track[last, 1], track[last, 3], track[last, 4])
         if scene.is_path_free:
             part[of.PATH_ALIGN] = of.path_align(scene, track, until)
     if scene.turns_away:

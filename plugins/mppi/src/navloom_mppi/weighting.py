@@ -89,6 +89,11 @@ SCALES, PACES = np.array([1.0, 0.5, 0.25, 1.0]), np.array([1.0, 1.0, 1.0, 0.0])
 
 Noise that is right for full speed is too coarse for a narrow passage, and hardly ever brakes a fast plan.
 """
+STRAIGHT, IN_PLACE, OF_PAIRS = 3, 7, 16
+"""Of 16 pairs, that which drives straight, and that which turns in place, both from standing.
+
+Beside a wall at its margin, only a motion that is exactly straight is free.
+"""
 
 
 def proposal(stream: np.random.Generator, samples: int, knots: int) -> tuple[NDArray[np.float32], Floats]:
@@ -100,4 +105,6 @@ def proposal(stream: np.random.Generator, samples: int, knots: int) -> tuple[NDA
     pairs = math.ceil(samples / 2)
     noise = stream.standard_normal((pairs, knots, 2), dtype=np.float32)
     noise *= np.resize(SCALES.astype(np.float32), pairs)[:, None, None]
+    noise[STRAIGHT::OF_PAIRS, :, 1] = 0.0
+    noise[IN_PLACE::OF_PAIRS, :, 0] = 0.0
     return noise, np.resize(PACES, pairs)

@@ -241,8 +241,8 @@ class PathIntegral:
                 self._take(self._sample(k))
                 return command, f"the mean is not free: {self.why()}"
         # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
-        turned = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
-        return (0.0, turned), "no roll-out is free: braking"
+        turned = self._reachable(np.array([0.0, self.in_flight[-1, 1]]))[1]
+        return (0.0, turned if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0), "no roll-out is free: braking"
 
     def _firsts(self) -> Floats:
         """(samples, 2) first command of each roll-out, m/s and rad/s."""

@@ -52,6 +52,7 @@ SHIPPED = {
         "scheme.movingai",
         "scheme.rosmap",
     ),
+    "navloom-mppi": ("avoider.mppi",),
     "navloom-recording": ("command.replay",),
     "navloom-recoveries": ("recovery.retrace",),
     "navloom-ros": (

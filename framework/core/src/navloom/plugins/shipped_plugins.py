@@ -11,6 +11,7 @@ SHIPPED = {
         "planner.jps",
     ),
     "navloom-benchmarks": ("command.bench",),
+    "navloom-calibration": ("command.calibrate",),
     "navloom-carmen": ("command.import",),
     "navloom-check": ("command.check",),
     "navloom-dwa": ("avoider.dwa",),
@@ -53,6 +54,7 @@ SHIPPED = {
         "scheme.rosmap",
     ),
     "navloom-mcl": ("localizer.global_matching", "localizer.mcl"),
+    "navloom-mppi": ("avoider.mppi",),
     "navloom-recording": ("command.replay",),
     "navloom-recoveries": ("recovery.look_around", "recovery.retrace"),
     "navloom-ros": (

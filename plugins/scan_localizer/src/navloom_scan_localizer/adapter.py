@@ -120,6 +120,12 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         self._stamp_ns = odometry.stamp_ns
         self._trail.add(odometry.stamp_ns, self._tracker.odometry)
 
+    def _beams(self, given: LocalizerInput) -> tuple[NDArray[np.float64], int]:
+        """(n, 4) beams of the scans of this tick, first those with an echo, and the number of these."""
+        points = _echoes(given, given.odometry.twist, self.params, self._trail)
+        rows = [*points, *_silent(given, self.params, self._trail)]
+        return (np.concatenate(rows) if rows else np.empty((0, 4))), sum(len(row) for row in points)
+
     def _see(self, given: LocalizerInput) -> None:
         """Correct the pose by the scans of this tick, and judge it."""
         odometry, tracker = given.odometry, self._tracker

@@ -11,7 +11,6 @@ from navloom_scan_localizer.adapter import ScanMatching
 from navloom_scans import anywhere
 from navloom_scans.anywhere import MapSearch
 from navloom_scans.maps import free_of_map
-from navloom_scans.readings import beams_of
 from numpy.typing import NDArray
 
 from navloom_mcl import likelihood
@@ -124,7 +123,7 @@ class GlobalMatching(ScanMatching):
         self._doubted_at = min(self._doubted_at, time)
         beams, echoes = None, 0
         if self._watch.wants(judge, time):
-            beams, echoes = beams_of(given.scans, given.odometry, self.params)
+            beams, echoes = self._beams(given)
         better = self._watch.step(judge, tracker, time, beams, echoes)
         is_doubted = judge.state != "tracking" and (judge.is_elsewhere or time - self._doubted_at >= _DOUBTED)
         if is_doubted or better or not self._is_smooth:
@@ -143,7 +142,7 @@ class GlobalMatching(ScanMatching):
         odometry, search, tracker = given.odometry, self._searching, self._tracker
         assert search is not None
         self._searching_at = min(self._searching_at, time)
-        beams, echoes = beams_of(given.scans, odometry, self.params)
+        beams, echoes = self._beams(given)
         found = search.step(tracker.odometry, self._passed, beams, echoes)
         if found is not None:
             self._take(found)

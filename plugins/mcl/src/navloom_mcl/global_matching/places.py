@@ -207,7 +207,8 @@ class Places:
             return
         logs = {id(place): place.log for place in self.found}
         self.found.sort(key=lambda place: -logs[id(place)])
-        best, kept = logs[id(self.found[0])], []
+        best = logs[id(self.found[0])]
+        kept: list[Place] = []
         for place in self.found:
             pose = place.tracker.pose
             if logs[id(place)] < best - _REFUTED or len(kept) == _MOST:

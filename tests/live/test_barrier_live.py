@@ -122,7 +122,7 @@ def test_the_trace_is_that_of_lockstep_with_swap_latency_stop_and_new_parameters
 
 def test_the_trace_of_a_displaced_robot_is_that_of_lockstep(folder: Path) -> None:
     events = "event=[{at=2.0,do='displace',over=0.5,by={x=0.2,y=0.1}},{at=3.0,do='slip',by={heading_deg=10}}]"
-    loaded = load_config("building", ["run.stop_after=4.0", events])
+    loaded = load_config("building", ["localizer.plugin=odometry", "run.stop_after=4.0", events])
     episode = run_episode(loaded)
     assert episode.trail.carried.sum() == 11
     assert run_barrier(loaded).log.trace_sha256 == episode.log.trace_sha256

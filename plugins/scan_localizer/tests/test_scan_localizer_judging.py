@@ -32,6 +32,7 @@ class Robot:
     def __init__(self, believed, field=FIELD, **settings):
         self.tracker = PoseTracker(Settings(**settings), field, np.array(believed, dtype=float))
         self.judge, self.time, self.rng = Judge(self.tracker), 0.0, np.random.default_rng(1)
+        self.odometry = np.zeros(3)
 
     def see(self, scene, seconds, true=TRUE, sigma=0.03):
         """Observe a scene from the true pose; gives the states in order."""
@@ -39,7 +40,7 @@ class Robot:
         for _ in range(round(seconds / PERIOD)):
             ranges = ranges_in(scene, CELL, true, BEARINGS, 10.0)
             beams = beams_of(ranges + sigma * self.rng.standard_normal(len(ranges)), BEARINGS)
-            self.tracker.predict(np.zeros(3), PERIOD)
+            self.tracker.predict(self.odometry, PERIOD)
             self.tracker.correct(beams)
             self.judge.look(beams, self.time)
             self.time += PERIOD
@@ -259,3 +260,13 @@ def test_candidates_lie_apart_with_the_true_place_among_them():
     for k, pose in enumerate(found):
         steps = np.abs(found[:k] - pose) / (0.1, 0.1, math.radians(2.5))
         assert (steps.max(axis=1) > 2.5).all()
+
+
+@pytest.mark.parametrize("degrees", [-30.0, -12.0, 12.0, 20.0, 30.0])
+def test_odometry_that_turns_at_once_is_bridged(degrees):
+    robot = Robot(TRUE)
+    robot.see(ROOM, 2.0)
+    robot.tracker.predict(np.array([0.0, 0.0, math.radians(degrees)]), PERIOD)
+    robot.odometry = robot.tracker.odometry
+    assert set(robot.see(ROOM, 2.0)) == {"tracking"}
+    assert robot.error()[0] < 0.03 and robot.error()[1] < math.radians(1.0)

@@ -8,7 +8,9 @@ from navloom import Registry, hookimpl
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the localizer `mcl`."""
+    """Add the localizers `mcl` and `global_matching`."""
     from navloom_mcl.adapter import Mcl
+    from navloom_mcl.global_matching.adapter import GlobalMatching
 
     registry.add(Mcl)
+    registry.add(GlobalMatching)

@@ -79,6 +79,11 @@ class Place:
         """Logarithm of the likelihood of the drive, with the prior."""
         return self.prior + sum(self.logs)
 
+    @property
+    def mean(self) -> float:
+        """Mean logarithm of the likelihood of a scan of the drive, which is 0 if every beam ends at a mapped wall."""
+        return sum(self.logs) / max(len(self.logs), 1)
+
 
 class Places:
     """Follows places and weighs them.

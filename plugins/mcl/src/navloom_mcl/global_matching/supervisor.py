@@ -34,6 +34,9 @@ _STRAY = 6.0
 """Largest loss in the log likelihood of a place far from a guess: a guess may be wrong."""
 _FIT, _SEEN, _THROUGH = 0.35, 0.12, 0.15
 """Least share of the echoes, and of all beams, that must be at mapped walls at a place; largest share through them."""
+_EXPLAINED, _KEPT_EXPLAINED = -1.6, -2.6
+"""Least mean log likelihood of the scans of a drive, of a place, and of the one where the robot was tracked until now: a
+scan of 60 beams, a third of them from unmapped things, has -1.6. On the map of another building, the best place has -3."""
 _UNIQUE, _UNIQUE_SCANS = (0.8, 0.4, 0.9995), 3
 """Least share of the echoes and of all beams at mapped walls, and least weight, of a place that needs no drive; number
 of scans that show it."""
@@ -203,7 +206,8 @@ class Search:
     def _fits(self, place: Place) -> bool:
         seen = Sight(*place.counts.tolist())
         echoes = max(seen.fit + seen.behind + seen.elsewhere, 1e-9)
-        is_seen = seen.fit >= max(_FIT * echoes, _SEEN * seen.total)
+        least = _KEPT_EXPLAINED if place.prior > 0.0 else _EXPLAINED
+        is_seen = seen.fit >= max(_FIT * echoes, _SEEN * seen.total) and place.mean >= least
         return is_seen and seen.through <= _THROUGH * max(seen.fit + seen.through, 1e-9)
 
     def _doubt(self) -> str:

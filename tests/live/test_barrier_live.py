@@ -128,6 +128,14 @@ def test_the_trace_of_a_displaced_robot_is_that_of_lockstep(folder: Path) -> Non
     assert run_barrier(loaded).log.trace_sha256 == episode.log.trace_sha256
 
 
+def test_a_time_offset_is_added_live_as_in_lockstep(folder: Path) -> None:
+    late = ["sensor.laser.stamp_delay=0.12", "sensor.laser.time_offset=-0.12", "run.stop_after=2.0"]
+    loaded = load_config("building", late)
+    expected = run_episode(loaded).log.trace_sha256
+    assert run_barrier(loaded).log.trace_sha256 == expected
+    assert run_episode(load_config("building", [late[0], late[2]])).log.trace_sha256 != expected
+
+
 VARYING = {"wall_s", "tick_us", "planner_ms", "mapper_ms", "shadows"}
 """Keys of a summary that may differ: measured times, and shadows, which the barrier does not wait for."""
 

@@ -35,8 +35,8 @@ _STRAY = 6.0
 _FIT, _SEEN, _THROUGH = 0.35, 0.12, 0.15
 """Least share of the echoes, and of all beams, that must be at mapped walls at a place; largest share through them."""
 _EXPLAINED, _KEPT_EXPLAINED = -1.6, -2.6
-"""Least mean log likelihood of the scans of a drive, of a place, and of the one where the robot was tracked until now: a
-scan of 60 beams, a third of them from unmapped things, has -1.6. On the map of another building, the best place has -3."""
+"""Least mean log likelihood of a scan of the drive: at a place, and where the robot was tracked until now. A scan of 60
+beams, a third of them from unmapped things, has -1.6; the best place on the map of another building has -3."""
 _UNIQUE, _UNIQUE_SCANS = (0.8, 0.4, 0.9995), 3
 """Least share of the echoes and of all beams at mapped walls, and least weight, of a place that needs no drive; number
 of scans that show it."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from typing import Any
 
 import numpy as np
 from navloom import (
+    ANYWHERE,
     Avoidance,
     Avoider,
     AvoiderDiagnostics,
@@ -17,6 +19,7 @@ from navloom import (
     Context,
     Controller,
     ControllerInput,
+    LocalizerInput,
     Mapper,
     MapperInput,
     MapUpdate,
@@ -32,7 +35,11 @@ from navloom import (
     PlatformOutput,
     Point2D,
     Pose2D,
+    PoseEstimate,
     RangeScan,
+    Recovery,
+    RecoveryInput,
+    RecoveryStep,
     Registry,
     TrackingCommand,
     Truth,
@@ -40,6 +47,7 @@ from navloom import (
     hookimpl,
 )
 from navloom.config import Loaded, load_config
+from navloom.navigation.dead_reckoning import OdometryLocalizer
 from navloom.plugins import Discovery
 from pydantic import Field
 
@@ -168,14 +176,55 @@ class Bystander(Avoider):
         return Avoidance(twist, "clear", QUIET)
 
 
+class Finder(OdometryLocalizer):
+    """Follows the odometry from `at`, but says so only once the robot has turned, if it was not told its place."""
+
+    name = "toy_finder"
+    can_search = True
+
+    class Params(Params):
+        turn: float = Field(3.0, description="rad")
+        at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __init__(self, params: Any, context: Context) -> None:
+        super().__init__(params, context)
+        self.searches: list[tuple[Pose2D | None, tuple[float, float]]] = []
+        self.left, self.heading = 0.0, 0.0
+        if context.start_sigma is not None:
+            is_guess = context.start_sigma != ANYWHERE
+            self.search(context.start if is_guess else None, context.start_sigma)
+
+    def search(self, near: Pose2D | None = None, sigma: tuple[float, float] = ANYWHERE) -> None:
+        self.searches.append((near, sigma))
+        self.left = self.params.turn
+        super().place(Pose2D(*self.params.at))
+
+    def localize(self, given: LocalizerInput) -> PoseEstimate:
+        found, heading = super().localize(given), given.odometry.pose.heading
+        self.left -= abs(math.remainder(heading - self.heading, math.tau))
+        self.heading = heading
+        return found if self.left <= 0.0 else replace(found, state="searching", reason="several places fit")
+
+
+class Turner(Recovery):
+    """Waits where it is stuck; turns on the spot while the localizer searches."""
+
+    name = "toy_turner"
+    looks_around = True
+
+    def recover(self, given: RecoveryInput) -> RecoveryStep:
+        looks = given.reason == "searching"
+        return RecoveryStep(Twist2D(0.0, 0.0, 0.5 if looks else 0.0), "running" if looks else "done", False)
+
+
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    for toy in (Robot, Blank, Straight, Chaser, Bystander):
+    for toy in (Robot, Blank, Straight, Chaser, Bystander, Finder, Turner):
         registry.add(toy)
 
 
 NAMES = ["platform.toy_robot", "mapper.toy_blank", "planner.toy_straight", "controller.toy_chaser",
-         "avoider.toy_bystander"]  # fmt: skip
+         "avoider.toy_bystander", "localizer.toy_finder", "recovery.toy_turner"]  # fmt: skip
 TEXT = """
 [run]
 seed = 1

@@ -93,7 +93,7 @@ def test_the_bounds_of_the_built_in_metrics() -> None:
     assert all(bounds[name] == (0.0, 1.0) for name in ("success", "false_success", "spl", "danger_share"))
     assert (bounds["barn_2_8"], bounds["barn_4_8"]) == ((0.0, 0.5), (0.0, 0.25))
     assert {name for name, (least, _) in bounds.items() if least is None} == {"clearance_min", "clearance_p5"}
-    assert [metric.name for metric in METRICS if metric.is_share] == ["success", "false_success"]
+    assert [metric.name for metric in METRICS if metric.is_share] == ["success", "false_success", "false_tracking"]
 
 
 def test_a_value_that_is_no_share_is_refused_with_its_place() -> None:

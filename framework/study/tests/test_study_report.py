@@ -96,6 +96,13 @@ def test_the_tables_show_one_metric_of_each_quantity_and_the_files_all(two: Path
     assert {"pose_error_rms", "pose_error_p95", "pose_error_max"} <= told
 
 
+def test_the_tables_show_the_details_of_a_role_in_which_the_methods_differ(two: Path) -> None:
+    study = read_study(two)
+    of_localizers = replace(study, request={**study.request, "differs": {"localizer.plugin": {}}})
+    added = {metric.name for metric in of_localizers.table_metrics} - {metric.name for metric in study.table_metrics}
+    assert {"found_time", "jump_max", "pose_error_max"} <= added and "pose_error_p95" not in added
+
+
 def test_every_outcome_is_in_the_report(two: Path) -> None:
     text = (two / "report.md").read_text("utf-8")
     assert all(f"because {outcome}" in text for outcome in OUTCOMES if outcome != "succeeded")

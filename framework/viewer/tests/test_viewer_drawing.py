@@ -19,6 +19,7 @@ from navloom.messages import (
     GateStatus,
     GoalState,
     HandOver,
+    Hypotheses,
     MapUpdate,
     OccupancyGrid,
     Path,
@@ -95,6 +96,17 @@ def test_the_name_of_a_robot_tells_the_time_of_its_pose() -> None:
     for tick in (1, 2, 41):  # 0.05, 0.1 and 2.05 s
         made.take(pose_at(0.0, 0.0, tick=tick))
     assert [component(one, "labels") for one in memory.at("/run/r1/base/name")] == [["r1, 0 s"], ["r1, 2 s"]]
+
+
+def test_the_places_where_a_robot_may_be_are_arrows_until_one_is_left() -> None:
+    made, memory = drawing()
+    poses = np.array([(1.0, 2.0, 0.0), (3.0, 4.0, math.pi / 2)])
+    for count, tick in ((2, 1), (1, 21)):
+        made.take(shown(Hypotheses(0, poses[:count], np.array([0.75, 0.25])[:count]), role="localizer", tick=tick))
+    first, last = memory.at("/run/r1/hypotheses")
+    assert np.array(component(first, "origins"))[:, :2].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert np.array(component(first, "vectors")) == pytest.approx(np.array([(0.6, 0, 0), (0, 0.6, 0)]), abs=1e-6)
+    assert component(first, "radii") == pytest.approx([0.08, 0.04]) and not len(component(last, "origins"))
 
 
 def test_every_entity_of_the_3d_view_has_a_frame_that_is_placed() -> None:

@@ -115,16 +115,33 @@ def test_the_goal_button_of_rviz_is_a_goal(network, robot):
 
 def test_a_pose_estimate_is_taken_in_the_map_only(network):
     said = []
-    poses = Poses(network.served, "map", said.append)
+    poses = Poses(network.served, "map", (RuntimeError,), said.append)
     publisher = network.rviz.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
-    def send(frame):
-        given = pose(1.0, 2.0, 0.5, frame)
-        publisher.publish(header=given["header"], pose={"pose": given["pose"]})
+    def send(frame, variances=(0.0, 0.0, 0.0)):
+        given, covariance = pose(1.0, 2.0, 0.5, frame), np.zeros(36)
+        covariance[[0, 7, 35]] = variances
+        publisher.publish(header=given["header"], pose={"pose": given["pose"], "covariance": covariance})
 
     until(lambda: send("odom") or poses._poses._queue)
     assert poses.take() is None and said[0] == "pose refused: it is in the frame 'odom': expected 'map'"
-    assert until(lambda: send("map") or poses.take()) == (1.0, 2.0, pytest.approx(0.5))
+    assert until(lambda: send("map") or poses.take()) == (1.0, 2.0, pytest.approx(0.5), None)
+    guess = until(lambda: send("map", (0.25, 0.09, 0.04)) or poses.take())
+    assert guess.sigma == (pytest.approx(0.5), pytest.approx(0.2))
+
+
+def test_the_service_of_amcl_has_the_robot_search_anywhere(network):
+    said, asked = [], []
+    poses = Poses(network.served, "map", (RuntimeError,), said.append)
+    client = network.rviz.client("/reinitialize_global_localization", "std_srvs/srv/Empty")
+
+    class Robot:
+        def relocalise(self):
+            asked.append("search")
+
+    poses.robot = Robot()
+    until(lambda: client.call(timeout=1.0) is not None)
+    assert asked and not said
 
 
 def test_a_nav2_robot_is_driven_like_one_of_ours(network, robot):

@@ -1,4 +1,4 @@
-"""Requests of executors to goal and gate, as step records store them: older recordings have the same words."""
+"""What executors tell goal, gate and localizer, as step records store it: older recordings have the same words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ import json
 from collections.abc import Callable
 
 import pytest
-from navloom.engine.nodes.executor_inputs import GateTold, GoalTold, Obeyed, gone_of, gone_text
+from navloom.engine.nodes.executor_inputs import (
+    GateTold,
+    GoalTold,
+    LocalizerTold,
+    Obeyed,
+    gone_of,
+    gone_text,
+    place_of,
+)
 from navloom.messages import Goal, OperatorRequest, Point2D, StopReason
 
 
@@ -65,3 +73,15 @@ def test_a_record_with_an_entry_of_another_type_names_it(read: Callable[[str], o
 )
 def test_a_missing_node_is_written_as_in_older_recordings(text: str, reason: StopReason | None) -> None:
     assert (gone_of(text), gone_text(reason)) == (reason, text)
+
+
+def test_what_a_localizer_was_told_comes_back_as_the_same_requests() -> None:
+    pose = Goal(0, 1.0, -2.0, 0.5, ())
+    asked = (
+        OperatorRequest("place", pose),
+        OperatorRequest("place", pose, spread=0.7, heading_spread=0.25),
+        OperatorRequest("relocalise"),
+    )
+    text = LocalizerTold(tuple(map(place_of, asked))).text
+    assert tuple(LocalizerTold.of(text).requests) == asked
+    assert LocalizerTold().text == "" and not LocalizerTold.of("").places

@@ -17,6 +17,8 @@ from navloom.messages import (
     Path,
     Pose2D,
     PoseEstimate,
+    RecoveryRequest,
+    RecoveryStep,
     StopReason,
     Twist2D,
 )
@@ -133,3 +135,39 @@ def test_without_a_goal_the_state_is_published_when_it_changes() -> None:
         if isinstance(message, Feedback)
     ]
     assert told == [f"searching: {REASON}", f"lost: {REASON}", ""]
+
+
+LOOKS = {"looks_around": True}
+
+
+def looks(out: list[tuple[str, Message]]) -> list[tuple[bool, int, str]]:
+    return [(m.active, m.attempt, m.reason) for _, m in out if isinstance(m, RecoveryRequest)]
+
+
+def test_where_the_robot_can_look_around_the_recovery_is_asked_until_the_localizer_is_sure() -> None:
+    machine = driving()
+    machine.step(seen(2.0, "searching"))
+    assert looks(machine.step(seen(2.05, "searching", **LOOKS))) == [(True, 1, "searching")]
+    running = RecoveryStep(Twist2D(0.0, 0.0, 0.5), "running", False)
+    assert looks(machine.step(seen(2.1, "searching", recovery=running, **LOOKS))) == []
+    assert machine.state == "searching"
+    out = machine.step(seen(3.0, recovery=running, **LOOKS))
+    assert looks(out) == [(False, 0, "")] and machine.state == "planning"
+
+
+def test_it_looks_around_again_where_an_attempt_has_ended_or_fallen_silent() -> None:
+    machine = driving(replace(RULES, localizer_timeout=50.0))
+    machine.step(seen(2.0, "searching"))
+    machine.step(seen(2.05, "searching", **LOOKS))
+    failed = RecoveryStep(Twist2D(0.0, 0.0, 0.0), "failed", False)
+    assert looks(machine.step(seen(4.0, "lost", recovery=failed, **LOOKS))) == [(True, 2, "searching")]
+    assert looks(machine.step(seen(14.0, "lost", **LOOKS))) == []
+    assert looks(machine.step(seen(14.05, "lost", **LOOKS))) == [(True, 3, "searching")]
+
+
+def test_looking_around_ends_with_the_goal_and_is_none_of_its_recoveries() -> None:
+    machine = driving(replace(RULES, max_recoveries=0))
+    machine.step(seen(2.0, "searching"))
+    machine.step(seen(2.05, "searching", **LOOKS))
+    out = machine.step(seen(7.05, "lost", **LOOKS))
+    assert looks(out) == [(False, 0, "")] and [result.outcome for result in results(out)] == ["lost"]

@@ -13,6 +13,7 @@ COMMANDS = {
     "goal": "navloom_live.cli.operate:goal",
     "cancel": "navloom_live.cli.operate:cancel",
     "place": "navloom_live.cli.operate:place",
+    "relocalise": "navloom_live.cli.operate:relocalise",
     "swap": "navloom_live.cli.operate:swap",
     "stop": "navloom_live.cli.operate:stop",
     "resume": "navloom_live.cli.operate:resume",

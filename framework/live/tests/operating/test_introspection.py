@@ -15,11 +15,15 @@ from navloom.messages import (
     GateStatus,
     GoalResult,
     GoalState,
+    Hypotheses,
     Message,
     Parameters,
     Point2D,
+    Pose2D,
+    PoseEstimate,
     RangeScan,
     StopReason,
+    Twist2D,
 )
 from navloom.navigation.status_words import NO_GOAL, WAITS, progress, who_drives, why_stopped
 from navloom_live.cli.status import rows
@@ -172,6 +176,21 @@ def test_the_progress_of_a_goal_has_the_remaining_way_and_what_delays_it(feedbac
 def status_rows(last: dict[str, Message]) -> dict[str, str]:
     asked = client(BusInWords(everyone(), last=last))
     return dict(rows("lab/r1", listing(asked), last_words(asked), changed_parameters(asked)))
+
+
+def test_status_lists_the_likeliest_places_of_a_robot_that_searches() -> None:
+    poses = np.array([(1.0, 2.0, 0.0), (3.0, -4.0, math.pi / 2), (0.0, 0.0, 0.0), (5.0, 5.0, 0.0), (6.0, 6.0, 0.0)])
+    places = Hypotheses(0, poses, np.array([0.5, 0.25, 0.1, 0.05, 0.05]))
+    nodes, still = everyone(), Twist2D(0.0, 0.0, 0.0)
+    words = {"goal/feedback": None, "goal/result": None, "gate/status": None, "gate/selection": None}
+    for doubt, shown in (
+        ("searching", "(1.00, 2.00), 0° (50 %); (3.00, -4.00), 90° (25 %); (0.00, 0.00), 0° (10 %); 2 more"),
+        ("tracking", None),
+    ):
+        reason = "" if doubt == "tracking" else "several places fit"
+        pose = PoseEstimate(0, Pose2D(1.0, 2.0, 0.0), still, np.zeros((3, 3)), doubt, reason)  # type: ignore[arg-type]
+        found = dict(rows("lab/r1", listing(client(BusInWords(nodes))), words, {}, (), pose, places))
+        assert found.get("may be at") == shown
 
 
 def test_status_of_a_robot_that_has_reached_its_goal_shows_no_fault() -> None:

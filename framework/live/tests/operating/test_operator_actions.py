@@ -34,7 +34,8 @@ class Robot:
     def call(self, role: str, instance: str, service: Service[Any, Any], asked: Any) -> Placed:
         if instance == self._refused:
             raise Refused(f"{role} {instance} does not accept a pose")
-        self.asked.append((role, instance, service.name, *vars(asked).values()))
+        given = [value for value in vars(asked).values() if value is not None]
+        self.asked.append((role, instance, service.name, *given))
         return Placed(True, self._warning)
 
 
@@ -48,6 +49,22 @@ def test_the_active_localizer_is_placed_first_and_then_the_goal_is_planned_again
     assert robot.asked == [
         ("localizer", "scans", "place", 1.0, -2.0, 0.5),
         ("localizer", "odometry", "place", 1.0, -2.0, 0.5),
+        ("goal", "main", "replan"),
+    ]
+
+
+def test_a_guess_goes_to_every_localizer_with_its_standard_deviations() -> None:
+    robot = Robot(("scans", True))
+    operator_actions.place(robot, 1.0, -2.0, 0.5, (0.7, 0.25))  # type: ignore[arg-type]
+    assert robot.asked == [("localizer", "scans", "place", 1.0, -2.0, 0.5, 0.7, 0.25), ("goal", "main", "replan")]
+
+
+def test_the_active_localizer_searches_first_and_then_the_goal_is_planned_again() -> None:
+    robot = Robot(("odometry", False), ("scans", True))
+    operator_actions.relocalise(robot)  # type: ignore[arg-type]
+    assert robot.asked == [
+        ("localizer", "scans", "relocalise"),
+        ("localizer", "odometry", "relocalise"),
         ("goal", "main", "replan"),
     ]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from navloom.config import ConfigError
 from navloom.engine.event_schedule import schedule
 from navloom.engine.lockstep_builder import own_node
-from navloom.engine.nodes.executor_inputs import GateTold, GoalTold, gone_of
+from navloom.engine.nodes.executor_inputs import GateTold, GoalTold, LocalizerTold, gone_of
 from navloom.engine.nodes.gate_node import LIVE_LEAD, GateNode
 from navloom.engine.nodes.goal_node import GoalNode
 from navloom.engine.nodes.localizer_node import LocalizerNode
@@ -183,7 +183,7 @@ class Replayer:
             self._parameters.setdefault((role, name), {})[message.version] = message.values
         elif isinstance(message, OperatorRequest) and message.do == "set":
             self._changes.setdefault((message.role, message.instance), []).append(message.values)
-        elif isinstance(message, OperatorRequest) and message.do == "place":
+        elif isinstance(message, OperatorRequest) and message.do in ("place", "relocalise"):
             self._places.append((at.tick, message))
         elif isinstance(message, StepReport):
             return Step(role, name, message, at, entry.place, raw.received_ns)
@@ -244,6 +244,8 @@ class Replayer:
             for at, request in self._places:
                 if since < at <= step.at.tick:
                     localizer.place(request, is_active=False)  # the recorded run has refused it if it had to
+            for request in LocalizerTold.of(step.report.told).requests:
+                localizer.place(request, is_active=False)
         fed = self.feeder.feed(node.fed.spec, step, since)
         tick = Tick(step.at.tick, step.at.stamp_ns * 1e-9, step.at.stamp_ns, step.at.epoch)
         act = self._tell(node.fed.node, step)

@@ -150,8 +150,16 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
     by_hand = {".".join(place.split(".")[:2]) for place, source in base.sources.items() if source == "--set"}
     values: dict[str, Any] = {}
     if world.start is not None:
-        turn = math.degrees(world.start.heading)
-        values["navigation.start"] = {"x": world.start.x, "y": world.start.y, "heading_deg": turn}
+        own = {"x": world.start.x, "y": world.start.y, "heading_deg": math.degrees(world.start.heading)}
+        told, table = base.config.navigation.start, base.config.world
+        if told != "unknown":
+            # A guess stays one, at the start of the other world.
+            spread = (
+                {} if told is None else told.model_dump(include={"spread", "heading_spread_deg"}, exclude_none=True)
+            )
+            values["navigation.start"] = own | spread
+        if table is not None and table.start is not None:
+            values["world.start"] = own
     if world.goal is not None:
         values["navigation.goal"] = {"x": world.goal.x, "y": world.goal.y}
         if base.config.navigation.via:

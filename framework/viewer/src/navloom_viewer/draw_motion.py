@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from navloom.messages import (
     Command,
+    Hypotheses,
     Path,
     PlanFailure,
     PoseEstimate,
@@ -21,7 +22,17 @@ from navloom_viewer.colours import PLAN, TRAJECTORY, WHITE, faded
 from navloom_viewer.panels import Change, Drawn, Seen
 from navloom_viewer.shapes import arc_of_twist, at_height, label, stripes
 
-__all__ = ["command", "path", "plan_failure", "pose", "reference", "tracking_command", "trajectory", "truth"]
+__all__ = [
+    "command",
+    "hypotheses",
+    "path",
+    "plan_failure",
+    "pose",
+    "reference",
+    "tracking_command",
+    "trajectory",
+    "truth",
+]
 
 AHEAD = 2.0
 """Duration of driving for which a command is drawn, s."""
@@ -29,6 +40,8 @@ SHADOW = 0.5
 """Opacity of a shadow's drawings."""
 REACH = 0.6
 """Length of an arrow of direction at rest beyond the robot's outline, m; it grows by the way of two seconds."""
+HEAD = 0.6
+"""Length of the arrow at a place where the robot may be, m; the likelier, the thicker."""
 STOREY = 0.3
 """Difference in height between the arrows of two instances, m, so that their names do not overlap."""
 
@@ -62,6 +75,20 @@ def pose(message: PoseEstimate, seen: Seen) -> Drawn:
     doubt = "" if message.state == "tracking" else message.state
     text = f"{name}: the localizer is {message.state}: {message.reason}"
     yield f"/log/{name}/localizer", Change(doubt, rr.TextLog(text, level="WARN") if doubt else None)
+
+
+def hypotheses(message: Hypotheses, seen: Seen) -> Drawn:
+    """Draw the places where a robot may be that does not know where it is; nothing where there is one only."""
+    import rerun as rr
+
+    poses, weights = (message.poses, message.weights) if len(message.poses) > 1 else (message.poses[:0], np.empty(0))
+    headings = poses[:, 2]
+    ahead = HEAD * np.stack([np.cos(headings), np.sin(headings), np.zeros(len(poses))], axis=1)
+    colour = faded(seen.actor.colour, SHADOW) if seen.actor.is_shadow else _colour(seen, WHITE)
+    arrows = rr.Arrows3D(
+        vectors=ahead, origins=at_height(poses[:, :2], 0.12), radii=0.02 + 0.08 * weights, colors=[colour] * len(poses)
+    )
+    yield seen.in_map("hypotheses"), arrows
 
 
 def truth(message: Truth, seen: Seen) -> Drawn:

@@ -5,7 +5,8 @@ from navloom import Registry, hookimpl
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the recovery `retrace`."""
-    from navloom_recoveries.adapter import Retrace
+    """Add the recoveries `retrace` and `look_around`."""
+    from navloom_recoveries.adapter import LookAround, Retrace
 
     registry.add(Retrace)
+    registry.add(LookAround)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from navloom import Params
 from pydantic import Field
 
-__all__ = ["RetraceParams"]
+__all__ = ["LookAroundParams", "RetraceParams"]
 
 
 class RetraceParams(Params):
@@ -30,3 +30,12 @@ class RetraceParams(Params):
     patience: float = Field(15.0, gt=0.0, le=600.0, description="Longest time of an attempt, s.")
     wait: float = Field(0.5, ge=0.0, le=600.0, description="Time stopped before an attempt ends, s.")
     clear_map: bool = Field(True, description="Ask the mapper to forget, so that phantoms do not block the next plan.")
+
+
+class LookAroundParams(RetraceParams):
+    """Those of `retrace`, and how to look around."""
+
+    look_speed: float = Field(0.3, gt=0.0, le=5.0, description="Speed from place to place, m/s.")
+    leg: float = Field(2.0, gt=0.0, le=50.0, description="Longest way from a place to the next, m.")
+    look_time: float = Field(115.0, gt=0.0, le=600.0, description="Longest time of an attempt to look around, s.")
+    look_way: float = Field(60.0, gt=0.0, le=1000.0, description="Longest way of an attempt to look around, m.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_recoveries.driving_out import DrivingOut
-from navloom_recoveries.motion import edges_of, gap, gap_after, is_free, margin_of, turn_back
+from navloom_recoveries.motion import edges_of, gap, gap_after, margin_of, turn_back
+from navloom_recoveries.surroundings import Surroundings
 
 __all__ = ["Retracing", "Rules"]
 
@@ -23,16 +23,12 @@ Phase = Literal["out", "leave", "back", "turn", "rest"]
 NO_POINTS = np.empty((0, 2))
 _LOOK = 0.25
 """Distance of the trail point that the robot steers backwards to, m."""
-_REACTION = 0.2
-"""Reaction time that is added to the braking time, s."""
 _CLOSE = 0.1
 """Gap below which the robot first moves away from the obstacle, m."""
 _STUCK = 0.1
 """Least distance moved away after which the robot does not go back as well, m."""
 _HELD, _STEP = 0.5, 0.02
 """Time, s, and distance, m: a robot that moves less than the distance within the time counts as held."""
-_ROUNDING = 1e-6
-"""Decrease of a gap that still counts as unchanged, m."""
 _GAIN = 0.005
 """Least growth of the gap over one braking horizon for a command that moves away, m."""
 
@@ -79,7 +75,7 @@ class Retracing:
         self._edges = edges_of(footprint)
         radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
         self._out = DrivingOut(self._edges, radius, rules.margin, rules.speed, rules.turn_rate, rules.delay)
-        self._echoes: deque[tuple[float, Floats]] = deque()
+        self._around = Surroundings(self._edges, rules.memory, rules.deceleration, rules.delay)
         self.phase: Phase = "rest"
         self._began = self._rested = 0.0
         self._left = self._asked = self._moved_left = self._turn_left = self._moved_at = 0.0
@@ -100,8 +96,7 @@ class Retracing:
         self._side = 0
         self._leaving = None
         self._margin = None
-        # Echoes of an earlier attempt may be of what has left since.
-        self._echoes.clear()
+        self._around.clear()
 
     def step(
         self, time: float, pose: Pose, points: Iterable[Floats], mapped: Floats = NO_POINTS, moving: float = 0.0
@@ -115,7 +110,7 @@ class Retracing:
             mapped: (n, 2) surfaces of the map near the robot, m, base frame.
             moving: Measured speed, m/s.
         """
-        seen = self._remember(time, pose, points)
+        seen = self._around.remember(time, pose, points)
         if self.phase == "out":
             command = self._out.step(time, pose, moving, seen, mapped)
             if command is not None:
@@ -162,7 +157,7 @@ class Retracing:
         if now >= _CLOSE:
             return None
         if self._leaving is None or not self._may(seen, *self._leaving):
-            horizon = self._horizon(self.rules.speed)
+            horizon = self._around.horizon(self.rules.speed)
             # Forwards first: of equal gains, `max` keeps the first.
             ways = [(v, w) for v in (self.rules.speed, -self.rules.speed) for w in (0.0, 0.5, -0.5)]
             wider = [(gap_after(seen, self._edges, *way, horizon) - now, way) for way in ways if self._may(seen, *way)]
@@ -189,17 +184,8 @@ class Retracing:
         return rate if self._may(seen, 0.0, rate) else 0.0
 
     def _may(self, seen: Floats, v: float, w: float) -> bool:
-        """Whether a command keeps the margin, or brings points within the margin no nearer.
-
-        All gaps are compared on one set of echoes, so its noise does not matter.
-        """
         assert self._margin is not None
-        margin = min(self._margin, gap(seen, self._edges) - _ROUNDING)
-        return is_free(seen, self._edges, v, w, self._horizon(v), margin)
-
-    def _horizon(self, v: float) -> float:
-        """Time to react and to brake, s."""
-        return abs(v) / self.rules.deceleration + _REACTION + self.rules.delay
+        return self._around.may(seen, v, w, self._margin)
 
     def _count(self, pose: Pose) -> None:
         """Subtract the motion since the last step from the remaining distance or turn."""
@@ -209,17 +195,3 @@ class Retracing:
         elif self.phase == "turn":
             self._turn_left -= abs(math.remainder(pose[2] - heading, math.tau))
         self._last = pose
-
-    def _remember(self, time: float, pose: Pose, points: Iterable[Floats]) -> Floats:
-        """(k, 2) echoes of the last `memory` seconds, m, in the current base frame."""
-        x, y, heading = pose
-        cos, sin = math.cos(heading), math.sin(heading)
-        for point in points:
-            placed = np.stack([x + cos * point[:, 0] - sin * point[:, 1], y + sin * point[:, 0] + cos * point[:, 1]], 1)
-            self._echoes.append((time, placed))
-        while self._echoes and self._echoes[0][0] < time - self.rules.memory:
-            self._echoes.popleft()
-        if not self._echoes:
-            return np.empty((0, 2))
-        moved = np.concatenate([placed for _, placed in self._echoes]) - (x, y)
-        return np.stack([cos * moved[:, 0] + sin * moved[:, 1], cos * moved[:, 1] - sin * moved[:, 0]], 1)

@@ -11,7 +11,6 @@ from navloom import (
     Context,
     Localizer,
     LocalizerInput,
-    OccupancyGrid,
     Odometry,
     Pose2D,
     PoseEstimate,
@@ -20,15 +19,17 @@ from navloom import (
     read_only,
 )
 from navloom_scans import beams, matching, search, sight, small
-from navloom_scans.maps import field_of_map
+from navloom_scans.maps import field_of_map, is_same_map
 from navloom_scans.poses import relative
 from navloom_scans.small import inverse
 from navloom_scans.trail import OdometryTrail
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import surface
+from navloom_scan_localizer.ambiguity import Ambiguity
 from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
+from navloom_scan_localizer.smoothing import SmoothPose
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep, ordered
 from navloom_scan_localizer.tracking import PoseTracker
@@ -74,17 +75,22 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         place = np.array([start.x, start.y, start.heading])
         self._tracker, self._stamp_ns = PoseTracker(self.params.settings(), self._field, place), 0
         self._trail = OdometryTrail(self.params.max_age, self.context.period)
-        self._judge = Judge(self._tracker)
+        self._begin()
 
     def place(self, pose: Pose2D) -> None:
         """Move the estimate to a pose, with a new judge."""
         self._tracker.place(np.array([pose.x, pose.y, pose.heading]))
-        self._judge = Judge(self._tracker)
+        self._begin()
+
+    def _begin(self) -> None:
+        tracker = self._tracker
+        self._judge, self._ambiguity = Judge(tracker), Ambiguity(tracker)
+        self._shown, self._is_smooth = SmoothPose(tracker.pose, tracker.odometry), True
 
     def configure(self, params: ScanMatchingParams) -> None:
         """Take new parameters and keep the pose."""
-        self._field = field_of_map(self._known, params)
-        self.params, self._tracker.settings, self._tracker.field = params, params.settings(), self._field
+        self.params, self._tracker.settings = params, params.settings()
+        self._take_field()
 
     @classmethod
     def warm_up(cls) -> None:
@@ -95,35 +101,51 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         small.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
+        self._advance(given)
+        self._see(given)
+        return self._estimate(given.odometry)
+
+    def _advance(self, given: LocalizerInput) -> None:
+        """Take a new map, and move the pose by odometry."""
         # By identity, since a retained map arrives again when its publisher restarts.
         if given.known is not None and given.known is not self._known:
-            self._take_map(given.known)
-        odometry, tracker = given.odometry, self._tracker
-        _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
+            old, self._known = self._known, given.known
+            # Another message of the same map changes nothing.
+            if old is None or not is_same_map(old, given.known):
+                self._take_field()
+        odometry = given.odometry
+        since_ns = self._stamp_ns or max(0, odometry.stamp_ns - round(1e9 * self.context.period))
+        self._passed = (odometry.stamp_ns - since_ns) / 1e9
+        _predict(self._tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
-        self._trail.add(odometry.stamp_ns, tracker.odometry)
+        self._trail.add(odometry.stamp_ns, self._tracker.odometry)
+
+    def _see(self, given: LocalizerInput) -> None:
+        """Correct the pose by the scans of this tick, and judge it."""
+        odometry, tracker = given.odometry, self._tracker
         points = _echoes(given, odometry.twist, self.params, self._trail)
-        if points:
-            echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
-            tracker.correct(echoes)
-            if self._judge.is_due(time):
-                silent = _silent(given, self.params, self._trail)
-                beams = np.concatenate((echoes, *silent)) if silent else echoes
-                self._judge.look(beams, time, len(echoes))
-        state, reason = self._judge.state, self._judge.reason
-        pose = Pose2D(*tracker.pose.tolist())
-        return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
+        if not points:
+            return
+        echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
+        if tracker.correct(echoes):
+            self._ambiguity.look(echoes)
+        if self._judge.is_due(time):
+            silent = _silent(given, self.params, self._trail)
+            beams = np.concatenate((echoes, *silent)) if silent else echoes
+            self._judge.look(beams, time, len(echoes))
 
-    def _take_map(self, known: OccupancyGrid) -> None:
-        """Match another known map from now on; another message of the same map changes nothing."""
-        old, self._known = self._known, known
-        if old is None or not _is_same(old, known):
-            self._field = self._tracker.field = field_of_map(known, self.params)
+    def _estimate(self, odometry: Odometry) -> PoseEstimate:
+        tracker, shown, state, reason = self._tracker, self._shown, self._judge.state, self._judge.reason
+        limits = tracker.settings.max_shift, tracker.settings.max_turn
+        self._is_smooth = shown.follow(tracker.pose, tracker.odometry, limits, at_once=state != "tracking")
+        if not self._is_smooth:
+            state, reason = "searching", "scans contradict odometry by more than can be corrected in motion"
+        covariance = tracker.covariance + self._ambiguity.spread + np.outer(shown.behind, shown.behind)
+        return PoseEstimate(odometry.stamp_ns, Pose2D(*shown.pose.tolist()), odometry.twist, covariance, state, reason)
 
-
-def _is_same(grid: OccupancyGrid, other: OccupancyGrid) -> bool:
-    place = (grid.origin, grid.resolution) == (other.origin, other.resolution)
-    return place and np.array_equal(grid.cells, other.cells)
+    def _take_field(self) -> None:
+        """Match the known map, as the parameters read it, from now on."""
+        self._field = self._tracker.field = field_of_map(self._known, self.params)
 
 
 class ScanOdometry(Localizer[ScanOdometryParams]):

@@ -45,6 +45,10 @@ _SUDDEN, _LITTLE = 0.5, 0.1
 on the map below which it has no sight to lose."""
 _BEYOND = 0.15
 """Share of the beams that pass through what was seen before, above which the robot is at another place."""
+_STEP_TURN = math.radians(35.0)
+"""Largest error of the heading in a step of odometry that a search undoes, rad."""
+_LONG = (0.5, math.radians(45.0))
+"""Motion between two scans beyond which their views need not agree, m and rad."""
 _LEFT = 0.3
 """Way driven since the view was lost from which the robot may be anywhere, m."""
 _MOVED_SIGMA = 0.3
@@ -113,8 +117,11 @@ class Judge:
         self._time = -math.inf
         self._view: tuple[Floats, int] | None = None
         """Beams and number of echoes of the last scan that continued the one before; None if no pose was trusted."""
-        self._view_from = self._last = tracker.odometry
-        """Poses of that scan and of the last one, odometry frame."""
+        self._view_from, self._view_at = tracker.odometry, tracker.pose
+        self._last = tracker.odometry
+        self._before: tuple[Floats, int, Floats] | None = None
+        """Pose of that scan, odometry frame and map frame, and of the last one, odometry frame; beams, number of echoes
+        and pose, map frame, of the scan before it."""
         self._is_cut, self._continued, self._beyond, self._way = False, 1.0, 0.0, 0.0
         """Whether that view is lost; shares of the last scan's beams that continue it, and pass through it; way driven
         since, m."""
@@ -127,6 +134,26 @@ class Judge:
     def _gate(self) -> float:
         """Largest distance of an echo from its wall, m."""
         return 2.0 * self._tracker.settings.robust_scale
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether a drive has proven the pose."""
+        return self._proven >= _PROOF
+
+    @property
+    def was_proven(self) -> bool:
+        """Whether a drive has proven the pose, though scans may contradict it now."""
+        return self._tracker.is_proven
+
+    @property
+    def through(self) -> float:
+        """Share of the beams to a mapped wall that pass through it, of recent scans; 0 where few do."""
+        through, s = self._seen.through, self._tracker.settings
+        return through / (through + self._seen.fit) if through > s.least_seen * self._seen.total else 0.0
+
+    def trust(self) -> None:
+        """Take the pose as proven by a drive."""
+        self._proven, self._has_seen, self._tracker.is_proven = _PROOF, True, True
 
     def is_due(self, time: float) -> bool:
         """Whether a scan at a time, s, is judged."""
@@ -145,12 +172,12 @@ class Judge:
             return
         s, tracker, count = self._tracker.settings, self._tracker, len(beams) if echoes is None else echoes
         self._observe(beams, count, time)
-        share = tracker.share
-        if share is not None and (share >= s.sure_share or self._proven >= _PROOF):
+        share, is_broken = tracker.share, self._continued < _CONTINUED
+        if share is not None and (share >= s.sure_share or (self._proven >= _PROOF and not is_broken)):
             self._search_at = time + s.patience
-        elif share is not None and time >= self._search_at:
+        elif share is not None and (time >= self._search_at or is_broken):
             self._search_at = time + s.search_every
-            if self._move(beams, count):
+            if self._move(beams, count, max(s.search_turn, _STEP_TURN) if is_broken else s.search_turn):
                 self.state, self._since, self._searching_since = "searching", None, time
                 return
         doubt = self._doubt()
@@ -181,7 +208,9 @@ class Judge:
         part = (self._part, stride)
         self._compare(beams, echoes, step, part)
         if not self._is_cut:
-            self._view, self._view_from = (beams, echoes) if self.state == "tracking" else None, now
+            self._before = (*self._view, self._view_at) if self._view is not None else None
+            self._view = (beams, echoes) if self.state == "tracking" else None
+            self._view_from, self._view_at = now, tracker.pose
         # By time and not by scan: sensors differ in rate.
         self._counts *= math.exp(-passed / _MEMORY)
         self._seen = look_along(tracker.field, beams, echoes, tracker.pose, self._gate, part, self._counts)
@@ -198,7 +227,16 @@ class Judge:
         """Compare a scan with the last view. It is lost if the scan sees another one, and far less of the map."""
         if self._view is None:
             return
+        if math.hypot(step[0], step[1]) > _LONG[0] or abs(step[2]) > _LONG[1]:
+            self._is_cut = False
+            return
         self._continued, self._beyond = compare_views(*self._view, beams, echoes, step, self._gate, part)
+        if self._continued < _CONTINUED and not self._is_cut:
+            # Odometry may be wrong and the scan right.
+            moved = relative(self._view_at, self._tracker.pose)
+            shares = compare_views(*self._view, beams, echoes, moved, self._gate, part)
+            if shares[0] >= _CONTINUED:
+                self._continued, self._beyond = shares
         if self._continued >= _CONTINUED:
             self._is_cut = False
         elif not self._is_cut:
@@ -206,14 +244,15 @@ class Judge:
             if seen.support < max(_SUDDEN * self._seen.support, _LITTLE):
                 self._is_cut, self._proven = True, 0.0
 
-    def _is_elsewhere(self) -> bool:
+    @property
+    def is_elsewhere(self) -> bool:
         """Whether the view has changed at once, not only by things that came close to a robot that stands."""
         return self._is_cut and (self._beyond > _BEYOND or self._way > _LEFT)
 
     def _doubt(self) -> str:
         """Why the pose cannot be trusted; empty if it can."""
         s, seen = self._tracker.settings, self._seen
-        if self._is_elsewhere():
+        if self.is_elsewhere:
             return f"{self._continued:.0%} of the beams continue the view of before: the robot was carried or shut in"
         through, most = seen.through, (0.5 if self._is_moved else 1.0) * (1.0 - s.trusted_share)
         if through > most * (through + seen.fit) and through > s.least_seen * seen.total:
@@ -227,13 +266,18 @@ class Judge:
             return f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m"
         return self._rival
 
-    def _move(self, beams: Floats, echoes: int) -> bool:
-        """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved."""
+    def _move(self, beams: Floats, echoes: int, turn: float) -> bool:
+        """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved.
+
+        Args:
+            beams, echoes: As for `look`.
+            turn: Largest change of heading, rad.
+        """
         tracker, s, points = self._tracker, self._tracker.settings, beams[:echoes]
-        wide = np.diag([s.search_reach**2, s.search_reach**2, s.search_turn**2]) + tracker.covariance
+        wide = np.diag([s.search_reach**2, s.search_reach**2, turn**2]) + tracker.covariance
         toward, fits, gate = inverse(wide), [], self._gate
         here = look_along(tracker.field, beams, echoes, tracker.pose, gate)
-        for place in candidates(tracker.field, points, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
+        for place in candidates(tracker.field, points, tracker.pose, s.search_reach, turn, _CANDIDATES):
             pose, fused, _ = tracker.fit(points, place, wide)
             seen = look_along(tracker.field, beams, echoes, pose, gate)
             off = _off(pose, tracker.pose)
@@ -244,6 +288,12 @@ class Judge:
             return False
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
+        if not others and self._continues(beams, echoes, pose):
+            # The scan continues the last one there: odometry was wrong, and the robot is where it was tracked.
+            tracker.bridge(pose, inverse(fused))
+            self._view_at, self._is_cut, self._continued = tracker.pose, False, 1.0
+            self._counts, self._seen = np.zeros(6), here
+            return False
         self._is_moved, self._rival = True, ""
         if others or score < _SURE:
             self._rival = f"{share:.0%} of the echoes fit the map here, and {others} places nearby are as good"
@@ -257,6 +307,17 @@ class Judge:
             f"{here.fit / echoes:.0%} there"
         )
         return True
+
+    def _continues(self, beams: Floats, echoes: int, pose: Floats) -> bool:
+        """Whether a scan at a pose, (3,), continues the last view of a pose that was trusted."""
+        if self._before is None or self.state != "tracking":
+            return False
+        view, heard, at = self._before
+        step = relative(at, pose)
+        if math.hypot(step[0], step[1]) > _LONG[0] or abs(step[2]) > _LONG[1]:
+            return False
+        same, beyond = compare_views(view, heard, beams, echoes, step, self._gate)
+        return same >= _CONTINUED and beyond <= _BEYOND
 
     def _is_better_elsewhere(self, beams: Floats, echoes: int, pose: Floats, score: float) -> bool:
         """Whether beams fit better at another place or heading in a wide range round a pose, (3,), of a given score."""

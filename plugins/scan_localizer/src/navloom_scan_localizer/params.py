@@ -31,7 +31,7 @@ class ScanMatchingParams(Params):
     rest_noise_deg: float = Field(0.1, gt=0.0, le=5.0, description="Spread of heading after 1 s, degrees/sqrt(s).")
     sigma: float = Field(0.02, gt=0.0, le=1.0, description="Standard deviation of a beam's end from its wall, m.")
     redundancy: float = Field(
-        10.0, ge=1.0, le=1000.0, description="Number of beams that count as one independent measurement."
+        4.0, ge=1.0, le=1000.0, description="Number of beams that count as one independent measurement."
     )
     robust_scale: float = Field(0.08, gt=0.0, le=2.0, description="Misfit above which a beam has little weight, m.")
     reach: float = Field(
@@ -40,8 +40,12 @@ class ScanMatchingParams(Params):
     least_inliers: int = Field(20, ge=3, le=10_000, description="Beams that must fit the map, or a scan is left out.")
     least_share: float = Field(0.3, ge=0.0, le=1.0, description="Share of its echoes that must fit, no unit.")
     iterations: int = Field(8, ge=1, le=100, description="Largest number of steps of a fit.")
-    max_shift: float = Field(0.03, gt=0.0, le=1.0, description="Largest correction of position by one scan, m.")
-    max_turn_deg: float = Field(2.0, gt=0.0, le=45.0, description="Largest correction of heading by one scan, degrees.")
+    max_shift: float = Field(
+        0.02, gt=0.0, le=1.0, description="Largest correction of the reported position in a tick of a drive, m."
+    )
+    max_turn_deg: float = Field(
+        2.0, gt=0.0, le=45.0, description="Largest correction of the reported heading in a tick of a drive, degrees."
+    )
     max_half_angle_deg: float = Field(1.0, ge=0.0, le=10.0, description="Wider beams are left out, degrees.")
     limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
     max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
@@ -160,6 +164,7 @@ class ScanOdometryParams(Params):
             max_shift=math.inf,
             max_turn=math.inf,
             lost_sigma=self.lost_sigma,
+            is_doubted=False,
         )
 
     def unaided(self) -> Settings:

@@ -33,7 +33,7 @@ class Settings:
         reach: Largest robust scale, and longest search for the front of a wall, m.
         least_inliers, least_share: Least number of inliers of a usable scan, in beams and as a share of its echoes.
         iterations: Largest number of steps of a fit.
-        max_shift, max_turn: Largest correction by one scan, m and rad.
+        max_shift, max_turn: Largest correction of the reported pose in a tick of a drive, m and rad.
         least_seen: Share of the beams that must see what the map has at the start.
         trusted_share: Share of the beams to a mapped wall that must end at it, not behind it, for a trusted pose.
         sure_share: Share of the echoes from which no other pose is searched.
@@ -42,6 +42,7 @@ class Settings:
         patience: How long scans must fit, or not fit, before the state changes, s.
         lost_after: Duration of searching after which the robot is lost, s.
         lost_sigma: Standard deviation of the position above which it is not trusted, m.
+        is_doubted: Whether scans may contradict odometry: errors that its noise does not explain.
     """
 
     start_sigma: float = 0.05
@@ -52,13 +53,13 @@ class Settings:
     rest_noise: float = 0.002
     rest_turn_noise: float = math.radians(0.1)
     sigma: float = 0.02
-    redundancy: float = 10.0
+    redundancy: float = 4.0
     robust_scale: float = 0.08
     reach: float = 0.5
     least_inliers: int = 20
     least_share: float = 0.3
     iterations: int = 8
-    max_shift: float = 0.03
+    max_shift: float = 0.02
     max_turn: float = math.radians(2.0)
     least_seen: float = 0.05
     trusted_share: float = 0.6
@@ -69,9 +70,28 @@ class Settings:
     patience: float = 0.5
     lost_after: float = 3.0
     lost_sigma: float = 1.0
+    is_doubted: bool = True
 
 
-def predicted_covariance(covariance: Floats, heading: float, step: Floats, time: float, s: Settings) -> Floats:
+_LOOSE = np.diag([0.15**2, 0.15**2, math.radians(8.0) ** 2])
+"""Covariance of the error of a step of odometry that a scan contradicts, m² and rad²."""
+_WORSE, _EVERY, _RECENT = 3.0, 5, 0.1
+"""When a scan is fitted without odometry too: loss in its log likelihood against the mean of recent scans, or every so
+many scans; share of the newest scan in that mean."""
+_DECISIVE, _USUAL = 6.0, 0.5
+"""Gain in the log likelihood, summed over scans, from which the fit without odometry is the right one (a cumulative
+sum, Page 1954); gain of one scan that says nothing."""
+_OUTLIER = 0.9
+"""Mean of rho of a beam that is no inlier, in squares of the robust scale; at the gate it is 0.8."""
+_SCALE, _SCALE_WAY, _FORGET = 0.02, 2.0, 10.0
+"""Error of the odometer's scale that is assumed at first, no unit, as if found in this way, m; way of its memory, m."""
+_HELD = 0.03
+"""Standard deviation along the robot's heading below which scans show how far it has driven, m."""
+
+
+def predicted_covariance(
+    covariance: Floats, heading: float, step: Floats, time: float, s: Settings, scale: float = 0.0
+) -> Floats:
     """Covariance after a step of odometry: F P F' + Q.
 
     Args:
@@ -81,11 +101,12 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
         time: Duration of the step, s.
         s: Noise of odometry. Its spread grows with the square root of the distance; across, it is a quarter of the
             spread along.
+        scale: Variance along the step from an error of the odometer's scale, m².
     """
     c, sn = math.cos(heading), math.sin(heading)
     x, y, turned = step.tolist()
     way, rest = math.hypot(x, y), s.rest_noise**2 * time
-    along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
+    along, across = s.way_noise**2 * way + rest + scale, (0.25 * s.way_noise) ** 2 * way + rest
     turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(turned) + s.rest_turn_noise**2 * time
     return propagated(covariance, (c, sn), (x, y), (along, across, turn))
 
@@ -100,6 +121,9 @@ class PoseTracker:
         inliers: Beams of the last scan that fit the map; 0 if it was not used.
         share: Share of the last scan's echoes that fit the map; None if it had too few echoes.
         is_proven: Whether a drive has proven the pose: then scans that are mostly occluded are used too.
+        prior: (3, 3) covariance of all places that scans have not refuted, about the pose; see `ambiguity`.
+        is_contradicted: Whether the last scan contradicted odometry.
+        is_bridged: Whether a scan has contradicted odometry since the last place that was set.
     """
 
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
@@ -115,7 +139,17 @@ class PoseTracker:
         self.covariance: Floats = np.diag([place, place, turn])
         self.inliers = 0
         self.share: float | None = None
-        self.is_proven = False
+        self.is_proven = self.is_contradicted = self.is_bridged = False
+        self._doubt_place()
+
+    def _doubt_place(self) -> None:
+        """A place that somebody or a search has set may be wrong by as much as is searched."""
+        s = self.settings
+        place, turn = (0.5 * s.search_reach) ** 2, (0.5 * s.search_turn) ** 2
+        self.prior: Floats = self.covariance + np.diag([place, place, turn])
+        self._scale = [_SCALE * _SCALE_WAY, _SCALE_WAY]
+        self._ahead = self._unheld = 0.0
+        self._misfit, self._noise, self._doubt, self._scans = math.inf, 1.0, 0.0, 0
 
     def predict(self, odometry: Floats, time: float) -> None:
         """Move the pose by the motion of odometry since the last call.
@@ -129,9 +163,12 @@ class PoseTracker:
 
     def advance(self, step: Floats, time: float) -> None:
         """Move the pose by a step, (3,) x, y, m, turn, rad, in its own frame, that took a time, s."""
-        self.covariance = predicted_covariance(
-            self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings
-        )
+        way, heading, time = math.hypot(step[0], step[1]), float(self.pose[2]), max(time, 0.0)
+        self._ahead, self._unheld = self._ahead + float(step[0]), self._unheld + way
+        # The spread of a wrong scale grows with the way and not with its root.
+        scale = 2.0 * self.scale_error**2 * self._unheld * way if self.settings.is_doubted else 0.0
+        self.covariance = predicted_covariance(self.covariance, heading, step, time, self.settings, scale)
+        self.prior = predicted_covariance(self.prior, heading, step, time, self.settings, scale)
         self.pose = compose(self.pose, step)
         self.inliers, self.share = 0, None
 
@@ -140,12 +177,57 @@ class PoseTracker:
         if len(beams) < self.settings.least_inliers:
             return False
         pose, fused, inliers = self.fit(beams, self.pose, self.covariance)
+        after, self.is_contradicted = inverse(fused), False
+        if self.settings.is_doubted:
+            misfit, self._scans = self.misfit(beams, pose), self._scans + 1
+            if misfit > self._misfit + _WORSE or self._doubt > 0.0 or self._scans % _EVERY == 0:
+                loose, wide, found = self.fit(beams, self.pose, self.covariance + _LOOSE)
+                other = self.misfit(beams, loose) if found >= 0.9 * inliers else misfit
+                self._doubt = max(0.0, self._doubt + misfit - other - _USUAL)
+                if self._doubt > _DECISIVE:
+                    pose, after, inliers, misfit, self.is_contradicted = loose, inverse(wide), found, other, True
+                    self._doubt = 0.0
+            self._learn_noise(misfit, inliers, len(beams))
+            self._misfit = misfit if math.isinf(self._misfit) else self._misfit + _RECENT * (misfit - self._misfit)
         self.share = inliers / len(beams)
         if not self._is_usable(beams, pose, inliers):
             return False
         self.inliers = inliers
-        self._move(pose - self.pose, inverse(fused))
+        if self.is_contradicted:
+            self.prior, self.is_bridged = self.prior + _LOOSE, True
+        shift = pose - self.pose
+        self._learn_scale(shift, after)
+        self.pose = pose_of(*(self.pose + shift).tolist())
+        self.covariance = 0.5 * (after + after.T)
         return True
+
+    @property
+    def scale_error(self) -> float:
+        """Error of the odometer's scale that scans have shown, no unit."""
+        return abs(self._scale[0]) / self._scale[1]
+
+    def _learn_noise(self, misfit: float, inliers: int, count: int) -> None:
+        """Learn how much more than `sigma` beams on the map are off it: real maps have errors of their own."""
+        s = self.settings
+        square = 2.0 * s.sigma**2 * s.redundancy * misfit - _OUTLIER * s.robust_scale**2 * (count - inliers)
+        found = max(1.0, square / max(inliers, 1) / s.sigma**2)
+        self._noise += _RECENT * (found - self._noise)
+
+    def _learn_scale(self, shift: Floats, after: Floats) -> None:
+        """Learn how wrong the odometer's scale is where scans show how far the robot has driven."""
+        c, s = math.cos(self.pose[2]), math.sin(self.pose[2])
+        if c * c * after[0, 0] + 2.0 * c * s * after[0, 1] + s * s * after[1, 1] < _HELD**2:
+            ahead, kept = self._ahead, math.exp(-abs(self._ahead) / _FORGET)
+            found = math.copysign(1.0, ahead) * (c * shift[0] + s * shift[1]) if ahead else 0.0
+            self._scale = [kept * self._scale[0] + found, kept * self._scale[1] + abs(ahead)]
+            self._unheld = 0.0
+        self._ahead = 0.0
+
+    def misfit(self, beams: Floats, pose: Floats) -> float:
+        """Negative log likelihood of beams, (n, 4), at a pose, (3,)."""
+        s, field = self.settings, self.field
+        misfit: float = misfit_of(field.values, field.frame, beams, pose, s.robust_scale, s.reach)
+        return 0.5 * misfit / (s.sigma**2 * s.redundancy)
 
     def _is_usable(self, beams: Floats, pose: Floats, inliers: int) -> bool:
         """Whether enough beams fit a pose, (3,): of all or, if most are occluded, of those to a mapped wall."""
@@ -169,7 +251,9 @@ class PoseTracker:
         s, field = self.settings, self.field
         spread = math.sqrt(max(covariance[0, 0], covariance[1, 1]))
         first = min(max(s.robust_scale, 2.0 * spread), max(s.reach, s.robust_scale))
-        options = np.array([s.sigma**2 * s.redundancy, first, s.robust_scale, 2.0 * s.robust_scale, s.reach])
+        options = np.array(
+            [s.sigma**2 * s.redundancy * self._noise, first, s.robust_scale, 2.0 * s.robust_scale, s.reach]
+        )
         information = inverse(covariance)
         pose, fused = np.empty(3), np.empty((3, 3))
         inliers = fit_pose(field.values, field.frame, beams, start, information, options, s.iterations, pose, fused)
@@ -177,24 +261,18 @@ class PoseTracker:
 
     def cost_of(self, beams: Floats) -> float:
         """Negative log likelihood of beams, (n, 4), at the pose that fits them best."""
-        s, field = self.settings, self.field
         pose, _, inliers = self.fit(beams, self.pose, self.covariance)
-        place = pose if inliers else self.pose
-        misfit: float = misfit_of(field.values, field.frame, beams, place, s.robust_scale, s.reach)
-        return 0.5 * misfit / (s.sigma**2 * s.redundancy)
+        return self.misfit(beams, pose if inliers else self.pose)
+
+    def bridge(self, pose: Floats, covariance: Floats) -> None:
+        """Correct an error of odometry: to a pose, (3,), with its (3, 3) covariance."""
+        self.pose = pose_of(*pose.tolist())
+        self.covariance = 0.5 * (covariance + covariance.T)
+        self.prior, self._misfit, self.is_bridged = self.prior + _LOOSE, math.inf, True
 
     def relocate(self, pose: Floats, covariance: Floats) -> None:
         """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""
         self.is_proven = False
         self.pose = pose_of(*pose.tolist())
         self.covariance = 0.5 * (covariance + covariance.T)
-
-    def _move(self, shift: Floats, covariance: Floats) -> None:
-        """Apply a correction, (3,) m, m, rad, or the share that the limits allow; later scans correct the rest."""
-        s = self.settings
-        x, y, turn = shift.tolist()
-        share = min(1.0, s.max_shift / max(math.hypot(x, y), 1e-12), s.max_turn / max(abs(turn), 1e-12))
-        moved = self.pose + share * shift
-        self.pose = pose_of(*moved.tolist())
-        mixed = (1.0 - share) * self.covariance + share * covariance
-        self.covariance = 0.5 * (mixed + mixed.T)
+        self._doubt_place()

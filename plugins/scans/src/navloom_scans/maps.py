@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
 from navloom import InputError, OccupancyGrid
+from numpy.typing import NDArray
 
 from navloom_scans.field import DistanceField, distance_field
 
-__all__ = ["MapReading", "field_of_map"]
+__all__ = ["MapReading", "field_of_map", "free_of_map", "is_same_map"]
 
 _MAX_CELLS = 16_000_000
 """Most cells of a map. Computing the field of a larger one, with four nodes per cell, would take some gigabytes."""
@@ -44,3 +46,14 @@ def field_of_map(grid: OccupancyGrid | None, params: MapReading) -> DistanceFiel
         walls |= grid.cells < 0
     origin = (grid.origin.x, grid.origin.y, grid.origin.heading)
     return distance_field(walls, grid.resolution, origin, 2.0 * params.reach)
+
+
+def free_of_map(grid: OccupancyGrid, params: MapReading) -> NDArray[np.bool_]:
+    """(rows, columns) cells that are known to be free of walls: where a robot may stand."""
+    return (grid.cells >= 0) & (grid.cells < params.occupied_from)
+
+
+def is_same_map(grid: OccupancyGrid, other: OccupancyGrid) -> bool:
+    """Whether two maps have the same cells at the same place."""
+    place = (grid.origin, grid.resolution) == (other.origin, other.resolution)
+    return place and np.array_equal(grid.cells, other.cells)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navloom_scans.field import DistanceField, distance_field, sample
 
-__all__ = ["Sight", "look_along", "compare_views", "warm_up"]
+__all__ = ["Sight", "is_through", "look_along", "compare_views", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +58,22 @@ def _is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-untyped-def]
+    """Whether a beam passes through a wall, and so do its two neighbours 0.1 m beside it.
+
+    Args:
+        values, frame: Attributes of a `DistanceField`.
+        x, y: End point, m, and dx, dy: unit direction, both in the map frame. back: Length of the beam, m.
+        gate: Depth behind the front of a wall from which a beam has passed through it, m.
+    """
+    return (
+        _is_through(values, frame, x, y, dx, dy, back, gate)
+        and _is_through(values, frame, x - _BESIDE * dy, y + _BESIDE * dx, dx, dy, back, gate)
+        and _is_through(values, frame, x + _BESIDE * dy, y - _BESIDE * dx, dx, dy, back, gate)
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # type: ignore[no-untyped-def]
     """Add to the counts of `look_along`."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -65,14 +81,10 @@ def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # 
         dx, dy = c * beams[i, 2] - s * beams[i, 3], s * beams[i, 2] + c * beams[i, 3]
         x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
         back = max(0.0, beams[i, 0] * beams[i, 2] + beams[i, 1] * beams[i, 3])
-        is_through = (
-            _is_through(values, frame, x, y, dx, dy, back, gate)
-            and _is_through(values, frame, x - _BESIDE * dy, y + _BESIDE * dx, dx, dy, back, gate)
-            and _is_through(values, frame, x + _BESIDE * dy, y - _BESIDE * dx, dx, dy, back, gate)
-        )
+        has_passed = is_through(values, frame, x, y, dx, dy, back, gate)
         if i >= echoes:
-            counts[5 if is_through else 4] += 1
-        elif is_through:
+            counts[5 if has_passed else 4] += 1
+        elif has_passed:
             counts[2] += 1
         else:
             distance, _, _, known = sample(values, frame, x, y)

@@ -89,7 +89,7 @@ def _trail(ticks: int, period: float = 0.05, **changes: Any) -> Trail:
         time, np.sin(turn), 1.0 - np.cos(turn), turn, v, w, 1.0 + 0.2 * np.sin(time), 0.05 * np.cos(time), v.copy(),
         w.copy(), none, none,
         "succeeded", "", 0, 0, 0, period, 1.2, 0.1, 120.0, 0.5, 1.0, 0.1, np.full(ticks, 1_000_000),
-        np.full(ticks, 0.02), 0, 1.3,
+        0, 1.3,
     )  # fmt: skip
     return replace(made, **changes)
 
@@ -103,7 +103,7 @@ def _trails() -> dict[str, Trail]:
         "a drive to the goal": drive,
         "a collision": _trail(200, outcome="collision", clearance=drive.clearance - 1.1, touches=2),
         "a drive without a goal and with unknown values": _trail(
-            200, cross_track=unknown, clearance=unknown, pose_error=np.empty(0), optimal=None, goal_distance=None,
+            200, cross_track=unknown, clearance=unknown, optimal=None, goal_distance=None,
             reference=None, outcome="no_path",
         ),
         "an open floor": _trail(200, clearance=np.full(200, math.inf)),

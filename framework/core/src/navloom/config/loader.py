@@ -36,7 +36,7 @@ ARRAYS = ("sensor", "node", "alternative", "event")
 SHOWN = 50
 """Most problems that one error lists."""
 
-Source = Literal["default", "file", "--set", "--shadow"]
+Source = Literal["default", "file", "--set", "--shadow", "kept pose"]
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,26 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from navloom.config.config_presets import split_preset
+from navloom.config.table_parts import (
+    Heading,
+    HeadingSpread,
+    OffsetTable,
+    OpenTable,
+    PlaceTable,
+    PointTable,
+    Positive,
+    Start,
+    StartTable,
+    Table,
+    sigma_of,
+)
 from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
-from navloom.roles.base import StrictModel
 from navloom.roles.presets import instance_name
 
 __all__ = [
@@ -22,6 +34,7 @@ __all__ = [
     "FootprintTable",
     "GateTable",
     "LONGEST_NAME",
+    "LOOKING_TIMEOUT",
     "LiveTable",
     "MapTable",
     "NavigationTable",
@@ -39,14 +52,14 @@ __all__ = [
     "RobotTable",
     "RoleTable",
     "RunTable",
+    "STANDING_TIMEOUT",
     "SensorTable",
+    "StartTable",
     "TAKEN",
     "Table",
     "WorldTable",
 ]
 
-Positive = Annotated[float, Field(gt=0.0)]
-Heading = Annotated[float, Field(ge=-360.0, le=360.0)]
 ROLE_TABLES = ROLES.keys()
 """Roles; each has a table of its name in every config."""
 REQUIRED_ROLES = tuple(role for role, cls in ROLES.items() if not cls.facts.is_optional)
@@ -58,26 +71,10 @@ OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""
 GOAL_TOLERANCE = 0.2
 """How near to a goal the robot must come if neither the config nor the world says so, m."""
+STANDING_TIMEOUT, LOOKING_TIMEOUT = 5.0, 120.0
+"""Default of `navigation.localizer_timeout`, s, for a robot that stands, and for one that looks around meanwhile."""
 LONGEST_NAME = 48
 """Longest name, in characters: a key has five names, and at most 255 bytes."""
-
-
-class Table(StrictModel):
-    """Base of the config's tables: unknown keys are refused, integers are accepted as floats, infinity is not."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class OpenTable(StrictModel):
-    """Base of tables that hold a plugin's parameters in addition to their own keys."""
-
-    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
-
-    @property
-    def params(self) -> dict[str, Any]:
-        """The keys that belong to the plugin."""
-        # A copy: the table is frozen, its dict is not.
-        return dict(self.__pydantic_extra__ or {})
 
 
 class RunTable(Table):
@@ -137,21 +134,14 @@ class RobotTable(Table):
         return math.inf if given is None else math.radians(given)
 
 
-class OffsetTable(Table):
-    """An offset of a pose."""
-
-    x: float = Field(default=0.0, description="m")
-    y: float = Field(default=0.0, description="m")
-    heading_deg: Heading = Field(default=0.0, description="degrees, counter-clockwise")
-
-
 class WorldTable(Table):
     """The world of a simulated robot."""
 
     ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
-    start_offset: OffsetTable = Field(
-        default=OffsetTable(), description="of the true start from navigation.start, map axes"
+    start: PlaceTable | None = Field(
+        default=None, description="true start; default: navigation.start, else that of the world itself"
     )
+    start_offset: OffsetTable = Field(default=OffsetTable(), description="added to the true start, map axes")
 
 
 class MapTable(Table):
@@ -228,25 +218,10 @@ class SensorTable(OpenTable):
     )
 
 
-class PointTable(Table):
-    """A point in the map frame, m."""
-
-    x: float
-    y: float
-
-
-class PlaceTable(Table):
-    """A place in the map frame, m and degrees."""
-
-    x: float
-    y: float
-    heading_deg: Heading | None = None
-
-
 class NavigationTable(Table):
     """Start, goal, and the settings of the framework's own nodes."""
 
-    start: PlaceTable | None = Field(default=None, description="default: the world's")
+    start: Start | None = Field(default=None, description='its pose, a guess, or "unknown"; default: the world\'s')
     goal: PlaceTable | None = Field(default=None, description='default: the world\'s; see "drive"')
     via: list[PointTable] = Field(default_factory=list, description="points to pass, in order")
     drive: bool = Field(default=True, description="drive to the goal at once; false waits for goals")
@@ -267,7 +242,11 @@ class NavigationTable(Table):
     stuck_after: Positive = Field(default=15.0, description="time without progress, s")
     max_recoveries: int = Field(default=3, ge=0)
     map_timeout: Positive = Field(default=10.0, description="longest wait for a map, s")
-    localizer_timeout: Positive = Field(default=5.0, description="longest wait for a localizer that is not tracking, s")
+    localizer_timeout: Positive | None = Field(
+        default=None,
+        description=f"longest wait for a localizer that is not tracking, s; default: {STANDING_TIMEOUT:g}, and "
+        f"{LOOKING_TIMEOUT:g} if the robot looks around meanwhile",
+    )
     plan_timeout: Positive = Field(default=10.0, description="longest wait for a plan, s")
     replan_when_blocked: bool = Field(default=True, description="plan again when a new map blocks the trajectory")
     replan_period: float = Field(default=0.0, ge=0.0, description="interval of plans while driving, s; 0: none")
@@ -292,7 +271,8 @@ class GateTable(Table):
 
 
 _OPTIONAL_KEYS = {
-    "goal": ("heading_deg",), "set": ("name", "values"), "displace": ("over",), "slip": ("by", "over"),
+    "goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg"),
+    "displace": ("over",), "slip": ("by", "over"),
 }  # fmt: skip
 """Keys that an event may have beside those that it needs, by what it does."""
 
@@ -301,10 +281,12 @@ class EventTable(Table):
     """An operator's action at a given time, or what happens to a simulated robot then."""
 
     at: float = Field(ge=0.0, description="s after the first tick")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "displace", "slip"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip"]
     x: float | None = None
     y: float | None = None
     heading_deg: Heading | None = None
+    spread: Positive | None = Field(default=None, description="for place: as that of navigation.start")
+    heading_spread_deg: HeadingSpread | None = Field(default=None, description="for place: as for navigation.start")
     role: str | None = None
     name: str | None = Field(default=None, description="instance, for swap and set")
     values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
@@ -329,6 +311,11 @@ class EventTable(Table):
         if extra:
             raise ValueError(f'do = "{self.do}" has no use for {" and ".join(extra)}')
         return self
+
+    @property
+    def sigma(self) -> tuple[float, float] | None:
+        """For place: standard deviations, m and rad; None for an exact pose."""
+        return sigma_of(self.spread, self.heading_spread_deg)
 
 
 DEFAULT_PLUGINS = {role: cls.facts.default_plugin for role, cls in ROLES.items() if cls.facts.default_plugin}
@@ -361,6 +348,9 @@ class LiveTable(Table):
     hang_timeout: Positive = Field(default=2.0, description="longest step before its process is killed, s")
     restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it stays down")
     restart_window: Positive = Field(default=30.0, description="s")
+    keep_pose: bool | None = Field(
+        default=None, description="`up` begins where the robot was when it was last up; default: if it is a real robot"
+    )
 
     @model_validator(mode="after")
     def _spread_fits(self) -> LiveTable:

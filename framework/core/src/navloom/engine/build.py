@@ -18,6 +18,7 @@ from navloom.engine.node_ports import Port
 from navloom.engine.parameter_changes import blamed_on_event, changed_params, set_events
 from navloom.engine.platform_world import world_of_platform
 from navloom.engine.plugin_instances import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
+from navloom.engine.starts import check_search, starts_of
 from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
 from navloom.geometry.footprints import FootprintError, disc, polygon, rectangle
@@ -106,6 +107,8 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
             system.map = grid_of(known, (config.map or MapTable()).resolution, config.robot.height)
     _check_disturbances(system, problems)
     _check_set_events(system, problems)
+    with problems.gather():
+        check_search(system, discovery)
     problems.refuse(loaded.error)
     return system
 
@@ -124,10 +127,14 @@ def _system(
     assert issubclass(platform, Platform)
     ranging = [name for name, port in ports.items() if issubclass(port.carries, RangeScan)]
     specs, wiring = connect(catalogue, parts, ports, ranging if config.gate.monitor else ())
-    start, goal, tolerance = _task(config, world)
+    goal, tolerance = _task(config, world)
+    start, start_sigma, true_start = starts_of(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
-    system = System(loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks)
+    system = System(
+        loaded, robot, world, start, start_sigma, true_start, goal, tolerance, catalogue, specs, wiring, parts,
+        sensors, asks,
+    )  # fmt: skip
     # Checked here, because the goal would otherwise be missed each time, which nobody would trace to these four values.
     least = least_tolerance(system.braking)
     if tolerance < least:
@@ -237,22 +244,14 @@ def _explains(table: RoleTable, place: str, role: str) -> None:
         )
 
 
-def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | None, float]:
-    """Start, goal and tolerance: from the config, otherwise from the world."""
+def _task(config: Config, world: World | None) -> tuple[PlaceTable | None, float]:
+    """Goal and tolerance: from the config, otherwise from the world."""
     navigation = config.navigation
-    if navigation.start is not None:
-        heading = math.radians(math.remainder(navigation.start.heading_deg or 0.0, 360.0))
-        start = Pose2D(navigation.start.x, navigation.start.y, heading)
-    elif world is not None and world.start is not None:
-        start = Pose2D(world.start.x, world.start.y, world.start.heading)
-    else:
-        # A real robot without a map begins at the origin of the map that it makes.
-        start = Pose2D(0.0, 0.0, 0.0)
     goal = navigation.goal
     if goal is None and world is not None and world.goal is not None:
         goal = PlaceTable(x=world.goal.x, y=world.goal.y)
     authored = world.goal_tolerance if world is not None else None
-    return start, goal, navigation.goal_tolerance or authored or GOAL_TOLERANCE
+    return goal, navigation.goal_tolerance or authored or GOAL_TOLERANCE
 
 
 def _check_disturbances(system: System, problems: Gathered) -> None:

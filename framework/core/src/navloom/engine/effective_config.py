@@ -43,9 +43,11 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
         if sensor.kind in platform.sensor_settings:
             settings = platform.sensor_settings[sensor.kind].model_validate(sensor.params)
             tree["sensor"][number].update(settings.model_dump(mode="json"))
+    if tree["navigation"]["localizer_timeout"] is None:
+        tree["navigation"]["localizer_timeout"] = system.localizer_timeout
     if system.map is not None and tree["map"] is None:
         tree["map"] = MapTable().model_dump(mode="json")
-    worlds = _of_world(system, tree["navigation"])
+    worlds = _of_world(system, tree)
     return [
         # What a world fills in is in no file, but it would count as a default.
         (place, value, worlds.get(place) or loaded.sources.get(place) or presets.get(place, "default"))
@@ -53,22 +55,31 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
     ]
 
 
-def _of_world(system: System, navigation: dict[str, Any]) -> dict[str, str]:
+def _of_world(system: System, tree: dict[str, Any]) -> dict[str, str]:
     """Fill in the task that the world names, and return the places that came from the world."""
-    world, filled = system.world, []
+    world, navigation = system.world, tree["navigation"]
+    filled: list[str] = []
     if world is None:
         return {}
-    if navigation["start"] is None and world.start is not None:
-        start = system.start
-        navigation["start"] = {"x": start.x, "y": start.y, "heading_deg": math.degrees(start.heading)}
-        filled.append("start")
+    if world.start is not None:
+        own = {"x": world.start.x, "y": world.start.y, "heading_deg": math.degrees(world.start.heading)}
+        if navigation["start"] is None:
+            navigation["start"] = own
+            filled.append("navigation.start")
+        elif navigation["start"] == "unknown" and tree["world"] and tree["world"]["start"] is None:
+            tree["world"]["start"] = own
+            filled.append("world.start")
     if navigation["goal"] is None and world.goal is not None:
         navigation["goal"] = {"x": world.goal.x, "y": world.goal.y}
-        filled.append("goal")
+        filled.append("navigation.goal")
     if navigation["goal_tolerance"] is None:
         navigation["goal_tolerance"] = system.goal_tolerance
-        filled += ["goal_tolerance"] * (world.goal_tolerance is not None)
-    return {place: "world" for key in filled for place, _ in leaves(navigation[key], f"navigation.{key}")}
+        filled += ["navigation.goal_tolerance"] * (world.goal_tolerance is not None)
+    return {
+        place: "world"
+        for table, key in (place.split(".") for place in filled)
+        for place, _ in leaves(tree[table][key], f"{table}.{key}")
+    }
 
 
 def _table(tree: dict[str, Any], place: str) -> dict[str, Any]:

@@ -80,7 +80,9 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
     assert event.do != "displace" and event.do != "slip"
     if event.do == "place":
         assert event.x is not None and event.y is not None
-        return OperatorRequest("place", goal_at(0, event.x, event.y, event.heading_deg))
+        spread, heading_spread = event.sigma or (None, None)
+        place = goal_at(0, event.x, event.y, event.heading_deg)
+        return OperatorRequest("place", place, spread=spread, heading_spread=heading_spread)
     role = event.role or ""
     instance = event.name or (config.role_table(role).instance if role else "")
     return OperatorRequest(event.do, None, role, instance, assignments(event.values))

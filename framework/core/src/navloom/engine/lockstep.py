@@ -291,7 +291,7 @@ class Lockstep:
             self.configure(request.role, request.instance, request.values)
             key = (request.role, request.instance)
             self._versions[key] = self._versions.get(key, 0) + 1
-        elif request.do == "place":
+        elif request.do in ("place", "relocalise"):
             for stepper in self.steppers:
                 if isinstance(stepper.node, LocalizerNode):
                     stepper.node.place(request, stepper.active)

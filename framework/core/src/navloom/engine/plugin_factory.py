@@ -123,6 +123,7 @@ def _made(system: System, part: Part) -> Role:
         world=system.world if role == "platform" else None,
         disturbances=disturbances(config) if role == "platform" else (),
         map=system.map if role in ROLES and ROLES[role].facts.sees_map else None,
+        start_sigma=system.start_sigma if role == "localizer" else None,
         diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
     )
     with blamed_on_part(part, "__init__"):

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 
 from navloom.config import Loaded
 from navloom.config.schema import Config
-from navloom.config.tables import PlaceTable
+from navloom.config.tables import LOOKING_TIMEOUT, STANDING_TIMEOUT, PlaceTable
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.node_ports import NodeSpec
 from navloom.engine.plugin_instances import Part
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D
 from navloom.navigation.braking import Braking
-from navloom.roles import ROLES, RobotSpec, Role, SensorSpec
+from navloom.roles import ANYWHERE, ROLES, Localizer, Recovery, RobotSpec, Role, SensorSpec
 
 __all__ = ["System"]
 
@@ -28,7 +28,9 @@ class System:
         loaded: The config.
         robot: Description of the robot that plugins receive.
         world: Ground truth, or None on a real robot.
-        start: Start pose, map frame.
+        start: Start pose that the robot is told, map frame.
+        start_sigma: How sure that is, see `Context.start_sigma`.
+        true_start: True start pose of a simulated robot, map frame.
         goal: Goal of the config or world, or None.
         goal_tolerance: How near to the goal the robot must come, m.
         catalogue: Its nodes and their declared streams.
@@ -46,6 +48,8 @@ class System:
     robot: RobotSpec
     world: World | None
     start: Pose2D
+    start_sigma: tuple[float, float] | None
+    true_start: Pose2D
     goal: PlaceTable | None
     goal_tolerance: float
     catalogue: Catalogue
@@ -77,14 +81,31 @@ class System:
         return Braking(self.robot, self.config.run.period)
 
     @property
-    def true_start(self) -> Pose2D:
-        """True start pose of a simulated robot, map frame; `start` is where the robot believes it starts."""
-        table, start = self.config.world, self.start
-        if table is None:
-            return start
-        offset = table.start_offset
-        heading = math.remainder(start.heading + math.radians(offset.heading_deg), math.tau)
-        return Pose2D(start.x + offset.x, start.y + offset.y, heading)
+    def drawn_start(self) -> Pose2D:
+        """The start for pictures: what the robot was told, or where a robot that was told nothing truly stood."""
+        return self.true_start if self.start_sigma == ANYWHERE else self.start
+
+    @property
+    def searchers(self) -> set[tuple[str, str]]:
+        """Localizers that can search and recoveries that look around, by role and name."""
+        return {
+            source
+            for source, part in self.parts.items()
+            if (issubclass(part.cls, Localizer) and part.cls.can_search)
+            or (issubclass(part.cls, Recovery) and part.cls.looks_around)
+        }
+
+    @property
+    def localizer_timeout(self) -> float:
+        """How long a goal waits for a localizer that is not tracking, s; by default longer if the robot looks around.
+
+        A robot that stands sees no more after some seconds than before.
+        """
+        given = self.config.navigation.localizer_timeout
+        if given is not None:
+            return given
+        active = {(role, self.config.role_table(role).instance) for role in ("localizer", "recovery")}
+        return LOOKING_TIMEOUT if active <= self.searchers else STANDING_TIMEOUT
 
     @property
     def config(self) -> Config:

@@ -100,7 +100,9 @@ def _places(system: System) -> Iterator[str]:
     start, goal = system.true_start, system.goal
     problem = place_problem(system, start.x, start.y, start.heading)
     if problem:
-        yield f"navigation.start: {problem.text}"
+        own = system.config.world
+        key = "navigation.start" if own is None or own.start is None else "world.start"
+        yield f"{key}: {problem.text}"
     if goal is not None:
         heading = None if goal.heading_deg is None else math.radians(goal.heading_deg)
         problem = place_problem(system, goal.x, goal.y, heading)

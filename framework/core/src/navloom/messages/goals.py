@@ -43,23 +43,42 @@ class Goal(Message):
     via: Annotated[tuple[Point2D, ...], Most(512)]
 
 
-@message()
+@message(2)
 class OperatorRequest(Message):
     """A request of an operator, in either executor.
 
     Attributes:
-        do: What to do; "release" ends teleoperation, and "enter_unseen" lets the operator drive into space
-            that no sensor has seen.
+        do: What to do; "release" ends teleoperation, "enter_unseen" lets the operator drive into space
+            that no sensor has seen, and "relocalise" has the localizer search for the robot anywhere.
         goal: For "goal"; for "place", the pose where the robot is, with its heading.
         role, instance: For "swap", the role and its new active instance; for "set", whose parameters change.
         values: For "set", TOML assignments `name = value`, one per string.
+        spread, heading_spread: For "place", standard deviations of the pose, of x and of y, m, and of the heading,
+            rad, if it is a guess; both None for an exact one, as in version 1.
     """
+
+    do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen", "place", "relocalise"]
+    goal: Goal | None = None
+    role: Name = ""
+    instance: Name = ""
+    values: Annotated[tuple[str, ...], Most(256)] = ()
+    spread: float | None = None
+    heading_spread: float | None = None
+
+
+@message(1, now=OperatorRequest)
+class OperatorRequest1(Message):
+    """`OperatorRequest` until a place could be a guess; for its fields see there."""
 
     do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen", "place"]
     goal: Goal | None = None
     role: Name = ""
     instance: Name = ""
     values: Annotated[tuple[str, ...], Most(256)] = ()
+
+    def upgraded(self) -> OperatorRequest:
+        """The present version."""
+        return OperatorRequest(*self.read_fields())
 
 
 @message()

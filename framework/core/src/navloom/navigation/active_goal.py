@@ -36,6 +36,8 @@ END = 0.01
 MISSES = 3
 """How often a goal or via point may be missed like this before it counts as no progress; also how often a robot that
 stopped at the goal, and is not within its tolerances at rest, drives on."""
+SILENT_RECOVERY = 10.0
+"""Longest silence of a recovery, s."""
 PROGRESS = 0.05
 """Decrease of the remaining length that counts as progress, m."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
@@ -77,6 +79,8 @@ class ActiveGoal:
         code: Why it recovers, waits or searches, or last did.
         avoider: Avoider status at the newest recovery: it is outdated for the drive after that.
         has_driven: A path of this goal was driven.
+        looks: How often the recovery was asked to look around.
+        looks_since: When that was last requested, s; None while it is not.
     """
 
     goal: Goal
@@ -101,6 +105,8 @@ class ActiveGoal:
     code: ReasonCode = ""
     avoider: AvoiderStatus | None = None
     has_driven: bool = False
+    looks: int = 0
+    looks_since: float | None = None
 
     def start_drive(self, path_id: int, time: float) -> None:
         """A drive along a path starts."""
@@ -128,6 +134,22 @@ class ActiveGoal:
         """How far the robot is from the goal, in words."""
         turned = f" and {math.degrees(self.heading_error(pose)):.1f}°" if self.goal.heading is not None else ""
         return f"{self.distance(pose):.3f} m{turned}"
+
+    def hears_no_recovery(self, since: float, seen: GoalView) -> bool:
+        """Whether the recovery that was requested at a time, s, has been silent for too long."""
+        return seen.time - max(self.heard, since) > SILENT_RECOVERY
+
+    def looks_again(self, seen: GoalView) -> bool:
+        """Whether the recovery is to be asked to look around: for the first time, or since its last attempt ended."""
+        since, step = self.looks_since, seen.recovery
+        if since is not None and seen.time != since and step is not None:
+            self.heard = seen.time
+            is_over = step.state != "running"
+        else:  # in the tick of a request, its status is of the attempt before
+            is_over = since is None or self.hears_no_recovery(since, seen)
+        if is_over:
+            self.looks, self.looks_since = self.looks + 1, seen.time
+        return is_over
 
     def change_path(self, time: float) -> None:
         """Another path is taken without a stop."""

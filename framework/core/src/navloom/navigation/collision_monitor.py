@@ -188,7 +188,8 @@ class CollisionMonitor:
 
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take a scan; False if it is not newer than the last, or must wait for the odometry of its time."""
-        time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, SensorEchoes(self.limits.sigma))
+        time, made = scan.stamp_ns * 1e-9, SensorEchoes(self.limits.sigma, self._outline)
+        sensor = self._sensors.setdefault(name, made)
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
         if not self._stamps or time > self._stamps[-1]:

@@ -34,8 +34,6 @@ __all__ = ["GoalMachine"]
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
 """How long a goal waits for a silent platform before it ends with an error, s."""
-SILENT_RECOVERY = 10.0
-"""Longest silence of a recovery, s."""
 ASKS = 3
 """How often a map or a plan is requested within its timeout, live, where request and answer can be lost."""
 
@@ -154,8 +152,6 @@ class GoalMachine:
         out, self._out = self._out, []
         return out
 
-    # --- the states -----------------------------------------------------------------------------------------------
-
     def _while_mapping(self, active: ActiveGoal, seen: GoalView) -> None:
         if self._scan is not None and active.asked is None:
             self._ask_scan(active, self._scan[0], seen)
@@ -207,7 +203,7 @@ class GoalMachine:
     def _while_recovering(self, active: ActiveGoal, seen: GoalView) -> None:
         step = seen.recovery
         if step is None or seen.time == active.since:
-            if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
+            if active.hears_no_recovery(active.since, seen):
                 self._recover(active, active.why, active.code, seen)  # the recovery died, or its last message was lost
             return
         active.heard = seen.time
@@ -226,14 +222,17 @@ class GoalMachine:
             self._finish(GoalEnd("error", "platform_silent", f"the platform has been silent for {LOST:g} s"), seen)
 
     def _while_searching(self, active: ActiveGoal, seen: GoalView) -> None:
-        """The localizer is not tracking: the robot stays stopped until it is, and then plans from there."""
+        """The localizer is not tracking: look around, or stay stopped, until it is, and then plan from there."""
         estimate = seen.estimate
         assert estimate is not None
         if estimate.state == "tracking" and estimate.stamp_ns >= self._placed_ns:
+            self._end_recovery(active)
             self._need_map(seen)
         elif seen.time - active.since > (longest := self.rules.localizer_timeout):
             why = f"the localizer has not been tracking for {longest:g} s: {estimate.reason}"
             self._finish(GoalEnd("lost", "not_tracking", why.removesuffix(": ")), seen)
+        elif seen.looks_around and estimate.state != "tracking" and active.looks_again(seen):
+            self._out.append(("recovery", RecoveryRequest(True, active.looks, "searching")))
 
     def _replan(self, active: ActiveGoal, seen: GoalView) -> None:
         """Request another path without stopping, and take it if it is better."""
@@ -261,15 +260,17 @@ class GoalMachine:
             if watch.is_blocked:
                 self._fail_plan(active, answer, seen)
 
-    # --- what they share ------------------------------------------------------------------------------------------
-
     def _pause(self, active: ActiveGoal, state: GoalState, code: ReasonCode, seen: GoalView) -> None:
         """Stop the drive, or the recovery, and wait."""
-        if self.state == "recovering":
-            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+        self._end_recovery(active)
         self._set_drive(NO_DRIVE)
         active.since, active.code, self._arrival.since = seen.time, code, None
         self.state = state
+
+    def _end_recovery(self, active: ActiveGoal) -> None:
+        if self.state == "recovering" or active.looks_since is not None:
+            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+        active.looks_since = None
 
     def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
         """Request a sweep if the mapper depends on requested sweeps and has had none; else plan if there is a map.
@@ -375,8 +376,7 @@ class GoalMachine:
         if active is None:
             return
         self._out.append(("result", result_of(active, end, place, seen)))
-        if self.state == "recovering":
-            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+        self._end_recovery(active)
         self._active, self._arrival.since = None, None
         self.state = "idle"
         self._set_drive(NO_DRIVE)

@@ -33,6 +33,7 @@ class GoalRules:
         max_recoveries: Most recoveries for one goal.
         map_timeout, plan_timeout: How long to wait for a map or a plan, s.
         localizer_timeout: How long to wait for a localizer that is not tracking before the goal ends lost, s.
+        searchers: Localizers that can search and recoveries that look around, as "role instance".
         deadline: Run time at which a goal times out, s; live, how long a goal may take, s.
         braking: How the robot comes to rest.
         fastest: Largest speed of the reference, m/s.
@@ -60,6 +61,7 @@ class GoalRules:
     # In lockstep no message is lost, so that no request is repeated, and a run has one deadline for all goals.
     is_live: bool = False
     replan: ReplanRules = field(default_factory=ReplanRules)
+    searchers: frozenset[str] = frozenset()
 
 
 # Not frozen, as a message would be: one view is made per tick and filled by the goal's node.
@@ -85,6 +87,8 @@ class GoalView:
     """The answer is a path of the known map that leads through what the mapper has seen: no other was found."""
     speed: float = 0.0
     """Forward speed that the gate last commanded, m/s."""
+    looks_around: bool = False
+    """The active localizer can search, and the active recovery looks around meanwhile."""
 
     @property
     def stop_kind(self) -> str:

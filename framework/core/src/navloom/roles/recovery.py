@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ class RecoveryInput:
         scans: New scans of the range sensors in this tick.
         estimate: Pose in the map and velocity in base.
         attempt: Number of the attempt for this goal, from 1.
-        reason: Why the goal is stuck.
+        reason: Why the goal is stuck; "searching" while the localizer is not tracking, see `Recovery.looks_around`.
         starts: True in the first tick of an attempt.
         trail: (k, 3) x, y, m, heading, rad, map frame: poses of base over the last metres, oldest first.
         sensors: Name of the sensor of each scan.
@@ -51,7 +52,13 @@ class RecoveryInput:
 
 
 class Recovery(Role[P]):
-    """Frees a stuck robot. It is called in each tick while the goal requests it."""
+    """Frees a stuck robot. It is called in each tick while the goal requests it.
+
+    Class attributes:
+        looks_around: It is also requested, with the reason "searching", while a localizer that can search is not
+            tracking: it then moves the robot so that its sensors see more, until the goal ends the request. The pose
+            of the estimate is not to be trusted meanwhile, only its velocity.
+    """
 
     role = "recovery"
     facts = RoleFacts(
@@ -62,6 +69,7 @@ class Recovery(Role[P]):
         commands=True,
     )
     is_patient = True
+    looks_around: ClassVar[bool] = False
 
     @abstractmethod
     def recover(self, given: RecoveryInput) -> RecoveryStep:

@@ -27,7 +27,7 @@ from navloom.plugins.code_owners import Owned, Owners
 from navloom.plugins.output_limit import LARGEST_OUTPUT, bounded_output
 from navloom.plugins.run_observers import Onlookers
 from navloom.plugins.thread_owners import keeping_alive, started_by, watched_threads
-from navloom.runs import metric_functions
+from navloom.runs import localization_metrics, metric_functions
 from navloom.runs.episode_recorder import Recorder
 from navloom.runs.episode_trail import Trail, trail_of, ways_of
 from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
@@ -35,9 +35,9 @@ from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
 __all__ = ["Episode", "run_episode", "run_info"]
 
 POSE_ERRORS = {
-    "rms": metric_functions.pose_error_rms,
-    "p95": metric_functions.pose_error_p95,
-    "max": metric_functions.pose_error_max,
+    "rms": localization_metrics.pose_error_rms,
+    "p95": localization_metrics.pose_error_p95,
+    "max": localization_metrics.pose_error_max,
 }
 
 

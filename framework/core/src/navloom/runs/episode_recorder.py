@@ -19,6 +19,7 @@ from navloom.messages import (
     MapUpdate,
     Message,
     OccupancyGrid,
+    Odometry,
     OperatorRequest,
     Path,
     PlanRequest,
@@ -56,6 +57,8 @@ class Recorder:
         known: The newest known map that it publishes beside that one.
         recoveries: Number of recovery attempts.
         estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
+        trust: Whether it tracks at each of these poses, 1 or 0, and xx, xy, yy, m², heading, rad², of its covariance.
+        odometry: (time s, x m, y m, heading rad) of each odometry, in its own frame.
         goals: Each goal by its number.
         given_at: Time at which each of them was given, s, by its number.
         legs: Number of legs of the first goal: one more than its `via` points.
@@ -68,6 +71,7 @@ class Recorder:
     wants: frozenset[tuple[str, str]] | None = frozenset(
         {
             ("platform", "truth"),
+            ("platform", "odometry"),
             ("reference", "reference"),
             ("reference", "trajectory"),
             ("planner", "path"),
@@ -101,6 +105,8 @@ class Recorder:
     known: OccupancyGrid | None = None
     recoveries: int = 0
     estimates: list[tuple[float, float, float, float]] = field(default_factory=list)
+    trust: list[tuple[float, float, float, float, float]] = field(default_factory=list)
+    odometry: list[tuple[float, float, float, float]] = field(default_factory=list)
     goals: dict[int, Goal] = field(default_factory=dict)
     given_at: dict[int, float] = field(default_factory=dict)
     legs: int = 1
@@ -144,6 +150,12 @@ class Recorder:
     def _keep_estimate(self, estimate: PoseEstimate, time: float) -> None:
         pose = estimate.pose
         self.estimates.append((estimate.stamp_ns * 1e-9, pose.x, pose.y, pose.heading))
+        (xx, xy, _), (_, yy, _), (_, _, turn) = estimate.covariance.tolist()
+        self.trust.append((float(estimate.state == "tracking"), xx, xy, yy, turn))
+
+    def _keep_odometry(self, odometry: Odometry, time: float) -> None:
+        pose = odometry.pose
+        self.odometry.append((odometry.stamp_ns * 1e-9, pose.x, pose.y, pose.heading))
 
     def _keep_request(self, request: OperatorRequest, time: float) -> None:
         goal = request.goal
@@ -218,6 +230,7 @@ class Recorder:
 _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
     Truth: Recorder._keep_truth,
     PoseEstimate: Recorder._keep_estimate,
+    Odometry: Recorder._keep_odometry,
     OperatorRequest: Recorder._keep_request,
     Command: Recorder._keep_command,
     Reference: Recorder._keep_reference,

@@ -19,6 +19,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place, World
 from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
+from navloom.runs.localization import Localization, beside_truth
 
 if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
@@ -67,8 +68,6 @@ class Trail:
         max_deceleration: Limit of the robot's deceleration, m/s².
         reaction: Longest time that a command stays in effect without renewal, s: the gate's `stop_deadline`.
         tick_ns: Wall time of each control step, ns: not reproducible, so no metric may use it.
-        pose_error: Distance between the estimated and the true position, m; NaN without an estimate or ground truth.
-            An empty array means NaN everywhere.
         gate_limits: Number of times the gate's monitor began to slow or stop the robot.
         reference: Reference length of the BARN scores, m: the world's `reference_length`, else the shortest path to the
             goal itself; None means `optimal`.
@@ -79,6 +78,7 @@ class Trail:
         carried: Whether the robot was displaced in the tick, so that it drove no way; an empty array means never.
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
+        localization: The localizer's estimates beside the true poses; empty without ground truth.
     """
 
     time: Floats
@@ -106,7 +106,6 @@ class Trail:
     max_deceleration: float
     reaction: float
     tick_ns: NDArray[np.int64]
-    pose_error: Floats = field(default_factory=lambda: np.empty(0))
     gate_limits: int = 0
     reference: float | None = None
     heading_error: float | None = None
@@ -114,6 +113,7 @@ class Trail:
     tick_cpu_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
+    localization: Localization = field(default_factory=Localization)
 
     @property
     def succeeded(self) -> bool:
@@ -202,7 +202,6 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         max_deceleration=system.robot.max_deceleration,
         reaction=config.gate.stop_deadline,
         tick_ns=np.array(log.control_ns or log.tick_ns, dtype=np.int64),
-        pose_error=_pose_error(truth, recorder),
         gate_limits=log.gate_limits,
         reference=ways.reference,
         heading_error=heading_error,
@@ -210,6 +209,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
         carried=carried_at(time, recorder.began, config),
         streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
+        localization=_localization(truth, recorder),
     )
 
 
@@ -352,11 +352,10 @@ def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance
     return max(float(said[first, 0]), recorder.given_at.get(goal.goal_id, 0.0))
 
 
-def _pose_error(truth: Floats, recorder: Recorder) -> Floats:
-    """(n,) distance between the estimated and the true position of each tick, m."""
-    said = np.array(recorder.estimates, dtype=np.float64).reshape(-1, 4)
-    time = truth[:, 0]
-    return np.hypot(_at(time, said[:, 0], said[:, 1]) - truth[:, 1], _at(time, said[:, 0], said[:, 2]) - truth[:, 2])
+def _localization(truth: Floats, recorder: Recorder) -> Localization:
+    poses = [(*pose, *trust) for pose, trust in zip(recorder.estimates, recorder.trust, strict=True)]
+    estimates, odometry = np.array(poses).reshape(-1, 9), np.array(recorder.odometry).reshape(-1, 4)
+    return beside_truth(truth, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:

@@ -37,9 +37,6 @@ __all__ = [
     "heading_error",
     "integrated_jerk",
     "path_length",
-    "pose_error_max",
-    "pose_error_p95",
-    "pose_error_rms",
     "recoveries",
     "spl",
     "steering_flips_per_metre",
@@ -77,24 +74,6 @@ def success(trail: Trail) -> float:
 def false_success(trail: Trail) -> float | None:
     """1 if the robot reported that it had arrived but had not, else 0; None without ground truth."""
     return float(trail.outcome == FALSE_SUCCESS) if trail.has_truth else None
-
-
-def pose_error_rms(trail: Trail) -> float | None:
-    """Root mean square over the ticks of the distance between the estimated and the true position, m."""
-    known = _known(trail.pose_error)
-    return math.sqrt(float((known**2).mean())) if known.size else None
-
-
-def pose_error_p95(trail: Trail) -> float | None:
-    """95th percentile over the ticks of the distance between the estimated and the true position, m."""
-    known = _known(trail.pose_error)
-    return float(np.percentile(known, 95)) if known.size else None
-
-
-def pose_error_max(trail: Trail) -> float | None:
-    """Largest distance between the estimated and the true position, m."""
-    known = _known(trail.pose_error)
-    return float(known.max()) if known.size else None
 
 
 def spl(trail: Trail) -> float | None:
@@ -316,7 +295,8 @@ def _within(values: Floats) -> tuple[Floats, Floats]:
     a, rise = values[:-1], np.diff(values)
     is_level = rise == 0.0
     slope = np.where(is_level, 1.0, rise)
-    low, high = np.sort([(-1.0 - a) / slope, (1.0 - a) / slope], axis=0)
+    with np.errstate(over="ignore"):  # of a rise of almost nothing: it is cut below
+        low, high = np.sort([(-1.0 - a) / slope, (1.0 - a) / slope], axis=0)
     is_in = np.abs(a) <= 1.0
     low, high = np.where(is_level, np.where(is_in, 0.0, 1.0), low), np.where(is_level, np.where(is_in, 1.0, 0.0), high)
     return np.clip(low, 0.0, 1.0), np.clip(high, 0.0, 1.0)

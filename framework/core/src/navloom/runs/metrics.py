@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from navloom.runs import metric_functions
+from navloom.runs import localization_metrics, metric_functions
 from navloom.runs.episode_trail import Trail
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class Metric:
         is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
         reads: Streams of roles and nodes whose messages it needs, as `("people", "tracks")`: `trail.streams` has them.
         is_detail: Another metric describes the same quantity: files have both, the tables of a report the other only.
+        role: Role that it judges; empty for the whole robot. Where methods differ in it, tables show a detail too.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Metric:
     is_share: bool = False
     reads: tuple[tuple[str, str], ...] = ()
     is_detail: bool = False
+    role: str = ""
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
@@ -229,19 +231,20 @@ METRICS: tuple[Metric, ...] = (
         SHARE, is_share=True,
     ),
     Metric(
-        "pose_error_rms", "m", "lower", metric_functions.pose_error_rms,
-        "Root mean square of the distance between estimated and true position. Undefined without ground truth.",
+        "pose_error_rms", "m", "lower", localization_metrics.pose_error_rms,
+        "Root mean square of the distance between estimated and true position, while the localizer tracks. Undefined "
+        "if it never does, or without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "pose_error_p95", "m", "lower", metric_functions.pose_error_p95,
-        "95th percentile of that distance. Undefined without ground truth.",
+        "pose_error_p95", "m", "lower", localization_metrics.pose_error_p95,
+        "95th percentile of that distance. Undefined as `pose_error_rms`.",
         NOT_NEGATIVE, is_detail=True,
     ),
     Metric(
-        "pose_error_max", "m", "lower", metric_functions.pose_error_max,
-        "Largest such distance. Undefined without ground truth.",
-        NOT_NEGATIVE, is_detail=True,
+        "pose_error_max", "m", "lower", localization_metrics.pose_error_max,
+        "Largest such distance. Undefined as `pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
     ),
     Metric(
         "gate_limits", "1", "lower", metric_functions.gate_limits,
@@ -252,5 +255,81 @@ METRICS: tuple[Metric, ...] = (
         "heading_error", "rad", "lower", metric_functions.heading_error,
         "Difference between the final heading and the one asked for. Undefined if none was, or without ground truth.",
         NOT_NEGATIVE,
+    ),
+    Metric(
+        "pose_error_median", "m", "lower", localization_metrics.pose_error_median,
+        "Median of the distance of `pose_error_rms`. Undefined as `pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "pose_heading_rms", "rad", "lower", localization_metrics.pose_heading_rms,
+        "Root mean square of the difference between estimated and true heading, while the localizer tracks. Undefined "
+        "as `pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "pose_heading_median", "rad", "lower", localization_metrics.pose_heading_median,
+        "Median of that difference. Undefined as `pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "pose_heading_max", "rad", "lower", localization_metrics.pose_heading_max,
+        "Largest such difference. Undefined as `pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "found_time", "s", "lower", localization_metrics.found_time,
+        "Time until the localizer tracks within 0.2 m and 5° of the truth for 1 s; the longest time allowed if it "
+        "never does. Undefined without ground truth.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "found_distance", "m", "lower", localization_metrics.found_distance,
+        "Distance driven until then, or in the whole episode. Undefined without ground truth.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "not_tracking_time", "s", "lower", localization_metrics.not_tracking_time,
+        "Time in which the localizer searched or was lost. Undefined without ground truth.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "false_tracking", "1", "lower", localization_metrics.false_tracking,
+        "1 if the localizer tracked more than 0.5 m or 15° off for more than 1 s, else 0. Undefined without ground "
+        "truth.",
+        SHARE, is_share=True, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "false_tracking_time", "s", "lower", localization_metrics.false_tracking_time,
+        "Time in which it did so. Undefined without ground truth.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "jump_max", "m", "lower", localization_metrics.jump_max,
+        "Largest change of the estimated position from one tick to the next that odometry does not explain, while the "
+        "robot moves and the localizer tracks. Undefined if there is no such tick, or without ground truth.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "jumps", "1", "lower", localization_metrics.jumps,
+        "Number of such changes of more than 2 cm. Undefined as `jump_max`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "within_3_sigma", "1", "higher", localization_metrics.within_3_sigma,
+        "Share of the tracked ticks in which the true pose is within three standard deviations, along both main axes "
+        "of the position's covariance and in heading. Undefined as `pose_error_rms`.",
+        SHARE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "sigma_median", "m", None, localization_metrics.sigma_median,
+        "Median of the position's standard deviation along its longest axis, while the localizer tracks. Undefined as "
+        "`pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
+    ),
+    Metric(
+        "heading_sigma_median", "rad", None, localization_metrics.heading_sigma_median,
+        "Median of the heading's standard deviation, while the localizer tracks. Undefined as `pose_error_rms`.",
+        NOT_NEGATIVE, is_detail=True, role="localizer",
     ),
 )  # fmt: skip

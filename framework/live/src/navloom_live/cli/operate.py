@@ -1,4 +1,4 @@
-"""Commands that act on a live robot: goal, cancel, place, swap, stop, resume, params."""
+"""Commands that act on a live robot: goal, cancel, place, relocalise, swap, stop, resume, params."""
 
 from __future__ import annotations
 
@@ -12,7 +12,15 @@ from navloom.cli.options import AsJson, RobotOptions, a_heading, a_number, secon
 from navloom.cli.output import LOG
 from navloom.inputs import printable
 
-__all__ = ["cancel", "goal", "params", "place", "resume", "stop", "swap"]
+__all__ = ["cancel", "goal", "params", "place", "relocalise", "resume", "stop", "swap"]
+
+
+def a_spread(value: float | None) -> float | None:
+    """Check of an option: a standard deviation."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"got {value:g}, expected a number above 0")
+    return value
+
 
 params = App(help="Parameters of a live robot's plugins.", no_args_is_help=True)
 NUMBERS = made_with(context_settings={"ignore_unknown_options": True})
@@ -89,23 +97,46 @@ def place(
     x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
     y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
     heading: Annotated[float, typer.Argument(metavar="HEADING", help="deg, map frame.", callback=a_heading)],
+    spread: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="It is a guess: standard deviation of X and of Y, m.", callback=a_spread),
+    ] = None,
+    heading_spread: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="It is a guess: standard deviation of HEADING, deg.", callback=a_spread),
+    ] = None,
     *,
     robot: RobotOptions,
 ) -> None:
-    """Tell a live robot where it is.
+    """Tell a live robot where it is, or about where: it then searches near there.
 
     Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
     """
+    from navloom.config.table_parts import sigma_of
     from navloom.inputs import warn_of_radians
 
     from navloom_live.operating import operator_actions
 
     warn_of_radians(heading)
     with robot.operate() as client:
-        warning = operator_actions.place(client, x, y, math.radians(heading))
+        sigma = sigma_of(spread, heading_spread)
+        warning = operator_actions.place(client, x, y, math.radians(heading), sigma)
     if warning:
         LOG.warning(warning)
-    typer.echo(f"placed at ({x:g}, {y:g}), {heading:g}°; `navloom status` shows whether it tracks")
+    does = "placed at" if sigma is None else "searches near"
+    typer.echo(f"{does} ({x:g}, {y:g}), {heading:g}°; `navloom status` shows whether it tracks")
+
+
+def relocalise(robot: RobotOptions) -> None:
+    """Have a live robot forget where it is, and search for itself on the whole map.
+
+    A goal waits meanwhile; with the recovery look_around, the robot moves to see more. Without a goal it stays stopped.
+    """
+    from navloom_live.operating import operator_actions
+
+    with robot.operate() as client:
+        operator_actions.relocalise(client)
+    typer.echo("searches on the whole map; `navloom status` shows whether it tracks")
 
 
 def stop(

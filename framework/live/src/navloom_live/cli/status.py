@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["rows", "status"]
 
+MOST_PLACES = 3
+"""Most places that the status lists of those where a searching robot may be."""
+
 
 def status(
     *,
@@ -28,7 +31,7 @@ def status(
 
     from navloom_live.operating.client import ClientError
     from navloom_live.operating.introspection import changed_parameters, last_words
-    from navloom_live.operating.pose_report import pose_now
+    from navloom_live.operating.pose_report import hypotheses_now, pose_now
     from navloom_live.operating.robot_nodes import listing
     from navloom_live.operating.shadow_report import shadows_of
 
@@ -36,15 +39,16 @@ def status(
         nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
         shadows = shadows_of(client, nodes)
         pose = pose_now(client, nodes)
+        places = hypotheses_now(client, nodes)
     if not nodes:
         raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
     if as_json:
         print_json(
-            _summary(client.keys.prefix, nodes, words, changed, pose)
+            _summary(client.keys.prefix, nodes, words, changed, pose, places)
             | {"shadows": [state.to_json() for state in shadows]}
         )
     else:
-        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows, pose))
+        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed, shadows, pose, places))
 
 
 def _summary(
@@ -53,9 +57,10 @@ def _summary(
     words: Mapping[str, Any],
     changed: Mapping[str, Sequence[str]],
     pose: Any,
+    places: Any = None,
 ) -> dict[str, Any]:
     from navloom_live.operating.introspection import message_fields
-    from navloom_live.operating.pose_report import pose_fields
+    from navloom_live.operating.pose_report import place_fields, pose_fields
     from navloom_live.operating.robot_nodes import missing, platform_age, run_clock_ns
 
     reason, remedy = _why_stopped(words, nodes)
@@ -66,6 +71,7 @@ def _summary(
         "platform_age_s": platform_age(nodes),
         "platform": _platform(nodes),
         "pose": None if pose is None else pose_fields(pose),
+        "hypotheses": None if places is None else place_fields(places),
         "nodes": len(nodes),
         "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
         "silent_nodes": [node.name for node in nodes if node.description is None],
@@ -83,6 +89,7 @@ def rows(
     changed: Mapping[str, Sequence[str]],
     shadows: Sequence[ShadowState] = (),
     pose: Any = None,
+    places: Any = None,
 ) -> list[tuple[str, str]]:
     """The printed lines; rows without a value are left out."""
     from navloom_live.operating.robot_nodes import missing, run_clock_ns
@@ -97,6 +104,7 @@ def rows(
         ("last goal", _result(words["goal/result"])),
         ("pose", _pose(pose)),
         ("localizer", localizer := _localizer(words["goal/feedback"], pose)),
+        ("may be at", "" if localizer == "tracking" else _places(places)),
         _driver(words, nodes, localizer in ("", "tracking")),
         ("platform", _platform(nodes)),
         ("active", _selection(words["gate/selection"])),
@@ -152,6 +160,20 @@ def _pose(estimate: Any) -> str:
     if at["position_std"] is None:
         return f"{text}, uncertainty not known"
     return f"{text}, ± {at['position_std']:.2f} m, ± {at['heading_std_deg']:.1f}°"
+
+
+def _places(found: Any) -> str:
+    """The likeliest of the places where the robot may be, each with its weight in percent."""
+    from navloom_live.operating.pose_report import place_fields
+
+    if found is None or not len(found.poses):
+        return ""
+    best = [
+        f"({at['x']:z.2f}, {at['y']:z.2f}), {at['heading_deg']:z.0f}° ({100.0 * at['weight']:.0f} %)"
+        for at in place_fields(found)[:MOST_PLACES]
+    ]
+    more = len(found.poses) - len(best)
+    return "; ".join([*best, *([f"{more} more"] if more else [])])
 
 
 def _localizer(feedback: Any, estimate: Any) -> str:

@@ -35,6 +35,10 @@ def up(
     ] = None,
     record: Record = None,
     insecure: Insecure = False,
+    start_anew: Annotated[
+        bool,
+        typer.Option("--start-anew", help="Start at the config's pose, not where the robot was when it was last up."),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="End with the last goal, and print the result as JSON.")
     ] = False,
@@ -61,7 +65,7 @@ def up(
     if out is not None:
         raise ConfigError("--out: a live run keeps no trace; use it with --barrier or `navloom run`")
     cut: list[str] = []
-    episode = _live(loaded, host, insecure, record, cut, as_json)
+    episode = _live(loaded, host, insecure, record, cut, as_json, not start_anew)
     if episode is not None and as_json:
         print_json(episode.summary())
     reached = episode is None or episode.trail.succeeded
@@ -181,7 +185,9 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
     return lambda robot: recorder_beside(robot.keys.prefix, record, say, cut, robot.network.insecure)
 
 
-def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool) -> Any:
+def _live(
+    loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool, resumes: bool
+) -> Any:
     from navloom.config import ConfigError
     from navloom.plugins import Discovery
     from navloom.plugins.run_observers import Onlookers
@@ -190,7 +196,7 @@ def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cu
     from navloom_live.drives.live_run import LiveRun
 
     with ending() as event, ExitStack() as observed:
-        run = LiveRun(loaded, host, insecure, log_of("hosting").info, event)
+        run = LiveRun(loaded, host, insecure, log_of("hosting").info, event, keeps=True, resumes=resumes)
         if as_json and not run.judges:
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with StatusTable(run, sys.stderr, log_of("hosting").info) as table:

@@ -41,6 +41,7 @@ from navloom_recording.excerpt import repeating
 from navloom_live.drives.live_observers import LiveShow
 from navloom_live.drives.live_shadows import LiveShadows
 from navloom_live.drives.live_warnings import LiveWarnings
+from navloom_live.hosting.kept_pose import KeptPose, keeps_pose, resume
 from navloom_live.hosting.live_robot import Beside, LiveRobot
 from navloom_live.hosting.network import network_of
 from navloom_live.live import requests
@@ -86,6 +87,7 @@ class LiveRun:
         onlookers: Observers of plugins. They are notified when every node is up; the caller notifies them of the end.
         recording: File that `beside` writes; None for none.
         reads: Streams that metrics read, `(role or node, port)`: the recorder keeps their messages.
+        keeps: Keep the robot's pose, if its config allows that. resumes: Begin at the pose that was kept.
 
     Attributes:
         judges: Whether the run is judged here, on the host of the platform; other hosts do not receive the data for it.
@@ -108,10 +110,17 @@ class LiveRun:
     onlookers: Onlookers | None = None
     recording: Path | None = None
     reads: frozenset[tuple[str, str]] = frozenset()
+    keeps: bool = False
+    resumes: bool = False
 
     def __post_init__(self) -> None:
         self.recorder = Recorder(reads=self.reads)
         self.system: System = assemble(self.loaded)
+        self._kept: KeptPose | None = None
+        if self.keeps and self.host is None and keeps_pose(self.system):
+            self._kept, loaded = resume(self.system, self.resumes, self.say)
+            if loaded is not self.loaded:
+                self.loaded, self.system = loaded, assemble(loaded)
         check_live(self.system)
         shares = spread(self.loaded.config, all_sources(self.system), self.host)
         self.judges = any(role == "platform" for share in shares.values() for role, _ in share)
@@ -163,6 +172,8 @@ class LiveRun:
                         self._warnings = stack.enter_context(LiveWarnings(robot.bus, robot.keys, self.say))
                     self.say("up: every node is there")  # and so is the recorder: all requests from now on are recorded
                     self._drive(robot, until_idle, look, ended)
+        if self._kept is not None:
+            self._kept.write()
         return self._episode() if self.log.results else None
 
     def _episode(self) -> Episode:
@@ -322,7 +333,12 @@ class LiveRun:
                 values = requests.Assignments(tuple(request.values))
                 client.call(request.role, request.instance, requests.SET_PARAMETERS, values)
             elif request.do == "place" and request.goal is not None:
-                operator_actions.place(client, request.goal.x, request.goal.y, request.goal.heading or 0.0)
+                guess = request.spread is not None and request.heading_spread is not None
+                sigma = (request.spread, request.heading_spread) if guess else None
+                pose = request.goal.x, request.goal.y, request.goal.heading or 0.0
+                operator_actions.place(client, *pose, sigma)  # type: ignore[arg-type]
+            elif request.do == "relocalise":
+                operator_actions.relocalise(client)
             else:
                 client.call("gate", "main", GATE[request.do], Nothing())
             if request.do != "goal":  # a goal is printed with its number
@@ -355,6 +371,8 @@ class LiveRun:
                 self._tell_fault(source, message.fault, at.tick)
         elif isinstance(message, PoseEstimate):
             self._place = Point2D(message.pose.x, message.pose.y) if active else self._place
+            if active and self._kept is not None:
+                self._kept.note(message)
         elif isinstance(message, GoalResult):
             self._end(message)
         elif isinstance(message, Feedback):

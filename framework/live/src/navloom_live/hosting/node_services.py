@@ -92,6 +92,7 @@ class Services:
                 self._serve(source, requests.SET_PARAMETERS, partial(self._set, source))
             if source[0] == "localizer":
                 self._serve(source, requests.PLACE, partial(self._place, runner))
+                self._serve(source, requests.RELOCALISE, partial(self._relocalise, runner))
             if source[0] == "mapper":
                 self._serve(source, requests.CLEAR, partial(self._clear, runner))
             if source[0] == "planner":
@@ -250,16 +251,30 @@ class Services:
         return requests.GoalNumber(number)
 
     def _place(self, runner: LiveRunner, asked: requests.Place) -> requests.Placed:
-        """Set a localizer's pose."""
+        """Set a localizer's pose, or have it search near one that is a guess."""
         node = runner.cell.node
         assert isinstance(node, LocalizerNode)
         _refuse_wrong(x=asked.x, y=asked.y, heading=asked.heading)
+        for name, sigma in (("spread", asked.spread), ("heading_spread", asked.heading_spread)):
+            if sigma is not None and not 0.0 < sigma < math.inf:
+                raise ServiceError(f"rejected: {name} is {sigma!r}, expected a number above 0")
+        if (asked.spread is None) != (asked.heading_spread is None):
+            raise ServiceError("rejected: a guess needs both spread and heading_spread")
         problem = place_problem(self._system, asked.x, asked.y, asked.heading)
         if problem is not None and problem.is_outside:
             raise ServiceError(problem.text)
-        pose = Pose2D(asked.x, asked.y, math.remainder(asked.heading, math.tau))
-        self._apply(runner, lambda: node.plugin.place(pose))
-        return requests.Placed(True, "" if problem is None else problem.text)
+        goal = Goal(0, asked.x, asked.y, math.remainder(asked.heading, math.tau), ())
+        request = OperatorRequest("place", goal, spread=asked.spread, heading_spread=asked.heading_spread)
+        self._apply(runner, lambda: node.obey(request))
+        # Where a guess is exactly does not matter.
+        return requests.Placed(True, "" if problem is None or asked.spread is not None else problem.text)
+
+    def _relocalise(self, runner: LiveRunner, asked: Nothing) -> Nothing:
+        """Have a localizer search anywhere."""
+        node = runner.cell.node
+        assert isinstance(node, LocalizerNode)
+        self._apply(runner, lambda: node.obey(OperatorRequest("relocalise")))
+        return asked
 
     def _clear(self, runner: LiveRunner, asked: Nothing) -> Nothing:
         """Clear the map with the next data."""

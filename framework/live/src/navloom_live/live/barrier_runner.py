@@ -107,7 +107,7 @@ class BarrierRunner:
             # Every node sees every request, and each acts on its own.
             if target == self.cell.source and request.do == "swap":
                 self.cell.stepper.enabled = True
-            elif request.do == "place" and isinstance(self.cell.node, LocalizerNode):
+            elif request.do in ("place", "relocalise") and isinstance(self.cell.node, LocalizerNode):
                 self.cell.node.place(request, self.cell.stepper.active)
             elif target == self.cell.source and request.do == "set":
                 self.configure(request.values)

@@ -20,6 +20,7 @@ __all__ = [
     "LIMIT",
     "PLACE",
     "PLAN",
+    "RELOCALISE",
     "REPLAN",
     "SET_PARAMETERS",
     "SUBMIT",
@@ -62,11 +63,13 @@ class GoalNumber:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the robot is: m, m, rad, map frame."""
+    """Where the robot is: m, m, rad, map frame; for a guess with its standard deviations, m and rad."""
 
     x: float
     y: float
     heading: float
+    spread: float | None = None
+    heading_spread: float | None = None
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ SUBMIT = Service("submit", Submit, GoalNumber)
 CANCEL = Service("cancel", Nothing, GoalNumber)
 REPLAN = Service("replan", Nothing, GoalNumber)
 PLACE = Service("place", Place, Placed)
+RELOCALISE = Service("relocalise", Nothing, Nothing)
 PLAN = Service("plan", Between, Planned)
 CLEAR = Service("clear", Nothing, Nothing)
 LIMIT = Service("limit", SpeedLimit, SpeedLimit)

@@ -246,14 +246,16 @@ class Navigator:
         """Let the robot drive again after a stop or a contact."""
         operator_actions.resume(self.client)
 
-    def place(self, x: float, y: float, heading: float) -> str:
+    def place(self, x: float, y: float, heading: float, sigma: tuple[float, float] | None = None) -> str:
         """Tell the robot where it is. A goal that it drives to is planned again from there.
 
-        Every localizer takes the pose, so that a swap keeps it. A recording of a live robot does not contain this.
+        Every localizer takes the pose, so that a swap keeps it.
 
         Args:
             x, y: Place, m, map frame.
             heading: Heading, rad, map frame.
+            sigma: Standard deviations of x and of y, m, and of the heading, rad, if it is a guess: the localizer then
+                searches for the robot near there, and anywhere if it is not there. None for an exact pose.
 
         Returns:
             A warning if the robot does not fit there; empty otherwise.
@@ -262,7 +264,17 @@ class Navigator:
             Refused: The place is outside the map, a number is not finite, or the active localizer accepts no pose;
                 ClientError: there is no localizer, or it does not answer.
         """
-        return operator_actions.place(self.client, x, y, heading)
+        return operator_actions.place(self.client, x, y, heading, sigma)
+
+    def relocalise(self) -> None:
+        """Have the localizer forget where the robot is, and search for it on the whole map.
+
+        A goal waits meanwhile; if the recovery looks around, it moves the robot so that the localizer sees more.
+
+        Raises:
+            Refused: The active localizer cannot search; ClientError: there is none, or it does not answer.
+        """
+        operator_actions.relocalise(self.client)
 
     def plan(
         self, start: tuple[float, float, float], goal: tuple[float, float, float]

@@ -16,6 +16,7 @@ from navloom_live.live.requests import (
     LIMIT,
     PLACE,
     PLAN,
+    RELOCALISE,
     REPLAN,
     SET_PARAMETERS,
     SWAP,
@@ -27,7 +28,7 @@ from navloom_live.live.requests import (
     SpeedLimit,
     Swap,
 )
-from navloom_live.live.service import RESUME, Nothing
+from navloom_live.live.service import RESUME, Nothing, Service
 from navloom_live.operating.client import Client, ClientError, Refused
 from navloom_live.timing import INSTANCE_START_LIMIT
 
@@ -43,6 +44,7 @@ __all__ = [
     "limit_speed",
     "place",
     "plan",
+    "relocalise",
     "resume",
     "set_parameters",
     "swap",
@@ -59,18 +61,30 @@ def cancel(client: Client) -> bool:
     return bool(client.call("goal", "main", CANCEL, Nothing()).goal_id)
 
 
-def place(client: Client, x: float, y: float, heading: float) -> str:
+def place(client: Client, x: float, y: float, heading: float, sigma: tuple[float, float] | None = None) -> str:
     """Tell every localizer where the robot is; see `Navigator.place`."""
-    for name, value in (("x", x), ("y", y), ("heading", heading)):
-        if not math.isfinite(value):
+    spread, heading_spread = sigma or (None, None)
+    given = {"x": x, "y": y, "heading": heading, "spread": spread, "heading_spread": heading_spread}
+    for name, value in given.items():
+        if value is not None and not math.isfinite(value):
             raise Refused(f"{name} is {value}, expected a finite number")
+    answers = _tell_localizers(client, PLACE, Place(x, y, heading, spread, heading_spread))
+    return next((answer.warning for answer in answers if answer.warning), "")
+
+
+def relocalise(client: Client) -> None:
+    """Have every localizer that can search for the robot anywhere; see `Navigator.relocalise`."""
+    _tell_localizers(client, RELOCALISE, Nothing())
+
+
+def _tell_localizers(client: Client, service: Service[Any, Any], asked: Any) -> list[Any]:
+    """Ask every localizer, and have the goal planned again; their answers."""
     there = [node for node in client.describe() if node.role == "localizer"]
-    warning = ""
+    answers = []
     # The active one first: if it refuses, nothing is changed.
     for node in sorted(there, key=lambda node: not node.active):
         try:
-            answer = client.call("localizer", node.instance, PLACE, Place(x, y, heading))
-            warning = warning or answer.warning
+            answers.append(client.call("localizer", node.instance, service, asked))
         except Refused:
             if node.active:
                 raise
@@ -78,7 +92,7 @@ def place(client: Client, x: float, y: float, heading: float) -> str:
         raise ClientError(f"robot {client.keys.prefix}: no localizer answers; `navloom doctor` says why")
     with contextlib.suppress(ClientError):  # without a goal node there is no goal to plan again
         client.call("goal", "main", REPLAN, Nothing())
-    return warning
+    return answers
 
 
 def plan(client: Client, start: tuple[float, float, float], goal: tuple[float, float, float]) -> Planned:

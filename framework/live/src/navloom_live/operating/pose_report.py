@@ -8,14 +8,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from navloom.messages import PoseEstimate
+from navloom.messages import Hypotheses, PoseEstimate
 
+from navloom_live.live.description import Description
 from navloom_live.live.mailbox import Mailbox
 from navloom_live.operating.client import Client
-from navloom_live.operating.introspection import tap
+from navloom_live.operating.introspection import last, tap
 from navloom_live.operating.robot_nodes import Node, answering
 
-__all__ = ["pose_fields", "pose_now"]
+__all__ = ["hypotheses_now", "place_fields", "pose_fields", "pose_now"]
 
 POSE_WAIT = 1.0
 """Longest wait for a pose, s: longer than a localizer's usual period."""
@@ -23,9 +24,10 @@ POSE_WAIT = 1.0
 
 def pose_now(client: Client, nodes: Sequence[Node], timeout: float = POSE_WAIT) -> PoseEstimate | None:
     """The next pose of the active localizer; None if none comes within `timeout`, s."""
-    name = next((one.instance for one in answering(nodes) if one.role == "localizer" and one.active), None)
-    if name is None:
+    active = _localizer(nodes)
+    if active is None:
         return None
+    name = active.instance
     mailbox, limit = Mailbox(), time.monotonic() + timeout
     (inlet,) = tap(client, [f"localizer/{name}/pose"], mailbox).values()
     seen = 0
@@ -35,6 +37,27 @@ def pose_now(client: Client, nodes: Sequence[Node], timeout: float = POSE_WAIT) 
             if isinstance(message, PoseEstimate):
                 return message
     return None
+
+
+def hypotheses_now(client: Client, nodes: Sequence[Node]) -> Hypotheses | None:
+    """The places where the active localizer says that the robot may be; None if it keeps one only."""
+    active = _localizer(nodes)
+    if active is None or not active.published.get("hypotheses"):
+        return None
+    found = last(client, "localizer", active.instance, "hypotheses")
+    return found if isinstance(found, Hypotheses) else None
+
+
+def _localizer(nodes: Sequence[Node]) -> Description | None:
+    return next((one for one in answering(nodes) if one.role == "localizer" and one.active), None)
+
+
+def place_fields(found: Hypotheses) -> list[dict[str, float]]:
+    """The places, the likeliest first, as plain values."""
+    return [
+        {"x": x, "y": y, "heading_deg": math.degrees(heading), "weight": weight}
+        for (x, y, heading), weight in zip(found.poses.tolist(), found.weights.tolist(), strict=True)
+    ]
 
 
 def pose_fields(estimate: PoseEstimate) -> dict[str, Any]:

@@ -33,7 +33,7 @@ RANKS: Mapping[str, int] = {
     "stop": 0,
     **dict.fromkeys(("cancel", "resume", "release"), 1),
     **dict.fromkeys(("submit", "swap", "enter_unseen", "place", "replan", "params/set", "memory", "add", "extend"), 2),
-    **dict.fromkeys(("plan", "clear", "limit"), 2),
+    **dict.fromkeys(("relocalise", "plan", "clear", "limit"), 2),
 }
 """Rank of each service, 0 for the most important. Services that only read come last."""
 READING = 3

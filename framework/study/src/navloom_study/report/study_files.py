@@ -114,9 +114,10 @@ class StudyFiles:
 
     @property
     def table_metrics(self) -> tuple[Metric, ...]:
-        """The metrics of the report's tables: one of each quantity, and the primary one."""
+        """The metrics of the report's tables: one of each quantity, the primary one, and all of roles that differ."""
         primary = {one.metric for one in self.comparison.differences if one.is_primary}
-        return tuple(metric for metric in self.metrics if not metric.is_detail or metric.name in primary)
+        roles = {place.partition(".")[0] for place in self.request["differs"]}
+        return tuple(m for m in self.metrics if not m.is_detail or m.name in primary or m.role in roles)
 
     def metric(self, name: str) -> Metric | None:
         """A metric by name, or None."""

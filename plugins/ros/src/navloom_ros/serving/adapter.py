@@ -26,7 +26,7 @@ from navloom_ros.serving.lifecycle import offer_states
 from navloom_ros.serving.map_cells import OCCUPIED, OUTSIDE, UNKNOWN, cells_at, outside
 from navloom_ros.serving.outlets import STREAMS, Outlets
 from navloom_ros.serving.planning import Planning
-from navloom_ros.serving.poses import Poses
+from navloom_ros.serving.poses import Estimate, Poses
 from navloom_ros.serving.speed_limits import SpeedLimits
 from navloom_ros.times import time_of
 from navloom_ros.translating import Translated, Translator
@@ -90,7 +90,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
             Behaviours(node, goals, FAILURES, time.sleep)
             Planning(node, goals, "map", FAILURES, hits)
             offer_states(node, lambda: goals.can_drive, lambda: goals.robot is not None)
-        poses = Poses(node, "map", say) if "pose" in given.take else None
+        poses = Poses(node, "map", FAILURES, say) if "pose" in given.take else None
         limits = SpeedLimits(node, FAILURES, say) if "goals" in given.take else None
         said = ""
         try:
@@ -147,6 +147,8 @@ class _Session:
     def run(self, ends: Callable[[], bool]) -> None:
         """Forward messages until the robot is down or `ends` returns true."""
         missed, looked_ns = 0, monotonic_ns()
+        if self._poses is not None:
+            self._poses.robot = self._robot
         try:
             while not ends() and missed < GONE:
                 if self._is_simulated is None:
@@ -168,6 +170,8 @@ class _Session:
         finally:
             if self._goals is not None:
                 self._goals.detach()
+            if self._poses is not None:
+                self._poses.robot = None
 
     def _find_clock(self) -> None:
         """Follow the clock of the robot's platform: `ros2_base` may drive a simulated robot."""
@@ -176,13 +180,19 @@ class _Session:
         if self._is_simulated:
             self._say("the robot is simulated: stamps are those of /clock, and nothing is published before it")
 
-    def _place(self, place: tuple[float, float, float]) -> None:
+    def _place(self, place: Estimate) -> None:
         # The robot itself knows only the bounds of a world that its config names.
         if why := outside(self._map, *place[:2]):
             self._say(f"pose refused: {why}")
             return
         try:
-            self._robot.place(*place)
+            try:
+                self._robot.place(*place)
+            except NavloomError:
+                if place.sigma is None:
+                    raise
+                # RViz gives every pose a spread, and most localizers that cannot search take one.
+                self._robot.place(*place[:3])
         except NavloomError as error:  # as from a localizer that takes no pose
             self._say(f"pose refused: {error}")
 

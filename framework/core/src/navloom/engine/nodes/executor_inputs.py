@@ -1,4 +1,4 @@
-"""What an executor tells the goal and gate nodes in addition to their inputs, so that a replay can repeat it.
+"""What an executor tells goal, gate and localizer nodes in addition to their inputs, so that a replay can repeat it.
 
 A step record holds it as the text `told`, a JSON object; empty for nothing. Its fields are defined here.
 """
@@ -6,6 +6,7 @@ A step record holds it as the text `told`, a JSON object; empty for nothing. Its
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ from navloom.inputs.typed_json import from_json
 from navloom.messages import Goal, OperatorRequest, Point2D, StopReason
 from navloom.messages.stop_reasons import STOPS
 
-__all__ = ["GateTold", "GoalTold", "Obeyed"]
+__all__ = ["GateTold", "GoalTold", "LocalizerTold", "Obeyed"]
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,47 @@ class _GoalRecord:
     lost: bool = False
     restarted: tuple[str, ...] = ()
     submitted: tuple[_Submitted, ...] = ()
+
+
+@dataclass(frozen=True)
+class LocalizerTold:
+    """What a localizer's node was told for one step.
+
+    Attributes:
+        places: What came through a service since the previous step: a pose, x, y, m, heading, rad, and its standard
+            deviations, m and rad, or None for an exact one; or None, to search anywhere.
+    """
+
+    places: tuple[tuple[float, float, float, float | None, float | None] | None, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """Text for the step record; empty for nothing."""
+        return json.dumps(asdict(self)) if self.places else ""
+
+    @property
+    def requests(self) -> Iterator[OperatorRequest]:
+        """The places as requests."""
+        for place in self.places:
+            if place is None:
+                yield OperatorRequest("relocalise")
+            else:
+                x, y, heading, spread, heading_spread = place
+                goal = Goal(0, x, y, heading, ())
+                yield OperatorRequest("place", goal, spread=spread, heading_spread=heading_spread)
+
+    @classmethod
+    def of(cls, text: str) -> LocalizerTold:
+        """From a step record."""
+        return from_json(cls, text or "{}")
+
+
+def place_of(request: OperatorRequest) -> tuple[float, float, float, float | None, float | None] | None:
+    """A request as `LocalizerTold` holds it."""
+    goal = request.goal
+    if goal is None or goal.heading is None:
+        return None
+    return goal.x, goal.y, goal.heading, request.spread, request.heading_spread
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,7 @@ class GoalNode(Node):
         self._answer: Path | PlanFailure | None = None
         self._selection: Selection | None = None
         self._selected = ("", "")
+        self._looks_around = False
         # The state machine names its ports as text: it is pure and knows no ports.
         self._out: dict[str, Out[Any]] = {out.name: out for out in self.outs()}
 
@@ -91,6 +92,7 @@ class GoalNode(Node):
         if selection is not self._selection:
             self._selection = selection
             self._selected = _instances(selection)
+            self._looks_around = self._finds_itself(selection)
         seen = GoalView(
             tick.number,
             tick.time,
@@ -108,13 +110,14 @@ class GoalNode(Node):
             self.trajectory.value,
             self._is_through_seen(),
             0.0 if self.commanded.value is None else self.commanded.value.twist.vx,
+            self._looks_around,
         )
         for request in self.request.values:
             if request.do == "goal" and request.goal is not None:
                 self.machine.submit(request.goal, seen)
             elif request.do == "cancel":
                 self.machine.cancel(seen)
-            elif request.do == "place":
+            elif request.do in ("place", "relocalise"):
                 self.machine.place(seen)
         if self.fault:
             self.machine.fail(self.fault, seen)
@@ -134,6 +137,11 @@ class GoalNode(Node):
         """Whether the planner's newest path is one of the known map, because what the mapper saw leaves none."""
         answer, failure = self._answer, self.failure.value
         return isinstance(answer, Path) and failure is not None and failure.request_id == answer.request_id
+
+    def _finds_itself(self, selection: Selection | None) -> bool:
+        """Whether the active localizer can search, and the active recovery looks around meanwhile."""
+        chosen = {} if selection is None else selection.chosen
+        return {f"{role} {chosen.get(role)}" for role in ("localizer", "recovery")} <= self.machine.rules.searchers
 
     def _note(self) -> str:
         if not (self.fault or self.is_lost or self.restarted or self.submitted):

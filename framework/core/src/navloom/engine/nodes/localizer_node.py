@@ -8,6 +8,7 @@ import numpy as np
 
 from navloom.engine.answer_checks import LocalizerDoor
 from navloom.engine.node_ports import Latest, OtherSensors, Output, Sensors
+from navloom.engine.nodes.executor_inputs import LocalizerTold, place_of
 from navloom.engine.nodes.node_base import Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.streams import LocalizerPorts, MapperPorts, PlatformPorts
@@ -38,20 +39,35 @@ class LocalizerNode(RoleNode[Localizer]):
         self.door = LocalizerDoor(plugin)
         self._known: MapUpdate | None = None
         self._hypotheses: Hypotheses | None = None
+        self._obeyed: list[OperatorRequest] = []
+
+    def obey(self, request: OperatorRequest) -> None:
+        """Obey a request that came through a service, which no port carries; see `place`."""
+        self.place(request, is_active=True)
+        self._obeyed.append(request)
 
     def place(self, request: OperatorRequest, is_active: bool) -> None:
-        """Take the pose of an operator's "place", between two steps.
+        """Obey an operator's "place" or "relocalise", between two steps.
 
         Raises:
-            InputError: The plugin accepts none, and it is the active one.
+            InputError: The plugin accepts no place, or cannot search, and it is the active one.
         """
-        goal = request.goal
-        assert goal is not None and goal.heading is not None
+        goal, pose = request.goal, None
+        if goal is not None:
+            assert goal.heading is not None
+            pose = Pose2D(goal.x, goal.y, goal.heading)
         # A shadow that accepts no place must not refuse the operator's request.
         with nullcontext() if is_active else suppress(InputError):
-            self.plugin.place(Pose2D(goal.x, goal.y, goal.heading))
+            if pose is None:
+                self.plugin.search()
+            elif request.spread is None or request.heading_spread is None:
+                self.plugin.place(pose)
+            else:
+                self.plugin.search(pose, (request.spread, request.heading_spread))
 
     def step(self, tick: Tick) -> None:
+        self.told = LocalizerTold(tuple([place_of(one) for one in self._obeyed])).text if self._obeyed else ""
+        self._obeyed.clear()
         odometry = self.odometry.value
         assert odometry is not None
         scans, names = in_order(self.scans)

@@ -99,6 +99,9 @@ class RecoveryNode(RoleNode[Recovery]):
         """Add the pose to the trail of where the robot has been."""
         if estimate is None:
             return
+        if estimate.state != "tracking":
+            self._trail.clear()  # its poses jump when the robot is found
+            return
         pose = estimate.pose
         if not self._trail or math.dist((pose.x, pose.y), self._trail[-1][:2]) >= TRAIL_STEP:
             self._trail.append((pose.x, pose.y, pose.heading))

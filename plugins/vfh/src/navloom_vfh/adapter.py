@@ -14,7 +14,7 @@ from navloom_avoidance.smoothing import warm_up_smoothing
 from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance
-from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance, VfhStarAvoidance
+from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance
 from navloom_vfh.params import (
     ROBUST,
     VFH_PLUS_PRINTED,
@@ -25,6 +25,7 @@ from navloom_vfh.params import (
     VfhPlusParams,
     VfhStarParams,
 )
+from navloom_vfh.star import VfhStarAvoidance
 
 __all__ = ["Vfh", "VfhPlus", "VfhStar"]
 

@@ -1,0 +1,226 @@
+"""The fastest command from which the footprint stops before what is on its arc, and the choice among such commands."""
+
+import math
+
+import numpy as np
+from navloom_avoidance.clearance import outside_distance
+from navloom_avoidance.himm import TOP
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+LONGEST = 100  # most steps of one roll-forward
+STEP = 0.05  # s: at 2 m/s a step of 0.1 m, less than the depth of any obstacle that a laser sees from two sides
+STOPPED = 0.01  # m/s: a lagging robot at this speed stops within a millimetre or two
+APPROACH = 0.25  # share of its distance above the floor by which a point within the margin may come nearer in one check
+HALVINGS = 4  # the speed is exact to 1/16 of what is wanted
+
+
+@njit(cache=True, nogil=True)
+def stops_free(
+    points: Floats,
+    gaps: Floats,
+    edges: Floats,
+    rim: float,
+    twist: tuple[float, float],
+    command: tuple[float, float],
+    period: float,
+    limits: tuple[float, float],
+    margin: float,
+    floor: float,
+    in_flight: Floats,
+    lag: float,
+    dead_time: float,
+) -> bool:
+    """Whether one period of a command, and then braking with the same curvature, keeps the margin to every point.
+
+    Args:
+        points: (n, 3), x, y, m, base frame, and the margin to be kept to each, m, sorted by their gaps.
+        gaps: (n,), distance of each beyond a side of the footprint, m, rising.
+        edges: clearance.footprint_edges(). rim: Distance of its farthest corner from the base, m.
+        twist: Present speed, m/s, and turn rate, rad/s. command: m/s, >= 0, and rad/s.
+        period: s. limits: Acceleration and deceleration of the command gate, m/s^2.
+        margin: Greatest of all points, m. floor: A point that is this near may not come nearer at all, m.
+        in_flight, lag, dead_time: From motors.Motors.
+    """
+    keeps = math.exp(-STEP / lag) if lag > 0.0 else 0.0
+    x = y = heading = elapsed = 0.0
+    v, w = twist
+    commanded = in_flight[-1, 0]
+    curvature = command[1] / command[0] if command[0] > 0.0 else 0.0
+    for _ in range(LONGEST):
+        driven = elapsed - dead_time
+        if driven < -1.0e-9:
+            row = max(0, in_flight.shape[0] - math.ceil(-driven / period - 1.0e-9))
+            v_next, w_next = in_flight[row, 0], in_flight[row, 1]
+        else:
+            goal = command[0] if driven < period - 1.0e-9 else 0.0
+            if goal >= commanded:
+                commanded = min(goal, commanded + limits[0] * STEP)
+            else:
+                commanded = max(goal, commanded - limits[1] * STEP)
+            v_next = commanded
+            w_next = command[1] if driven < period - 1.0e-9 else min(1.0, commanded / max(command[0], 1.0e-6)) * command[1]
+            if command[0] == 0.0 and driven >= period - 1.0e-9:
+                w_next = 0.0
+        if lag > 0.0:
+            v_next, w_next = v_next + keeps * (v - v_next), w_next + keeps * (w - w_next)
+        w = w_next
+        travel, turn = 0.5 * (v + v_next) * STEP, w * STEP
+        x += travel * math.cos(heading + 0.5 * turn)
+        y += travel * math.sin(heading + 0.5 * turn)
+        heading += turn
+        v = v_next
+        elapsed += STEP
+        cos_t, sin_t = math.cos(heading), math.sin(heading)
+        # No part of the footprint has moved farther than this.
+        met = margin + math.hypot(x, y) + abs(heading) * rim
+        for i in range(points.shape[0]):
+            if gaps[i] > met:
+                break
+            dx, dy = points[i, 0] - x, points[i, 1] - y
+            distance = outside_distance(edges, dx * cos_t + dy * sin_t, dy * cos_t - dx * sin_t)
+            if distance < points[i, 2]:
+                now = min(gaps[i], points[i, 2])
+                if distance < now - max(APPROACH * (now - floor), 1.0e-6):
+                    return False
+        if driven >= period - STEP and abs(v) <= STOPPED and abs(w) <= 2.0 * STOPPED:
+            break
+    return True
+
+
+@njit(cache=True, nogil=True)
+def near_points(
+    cells: Floats, edges: Floats, reach: float, margins: tuple[float, float], points: Floats, gaps: Floats
+) -> int:
+    """Cells near the footprint, with the margin to keep to each, nearest first.
+
+    Args:
+        cells: (n, 3), x, y, m, base frame, and certainty; above TOP, an echo point of a laser.
+        edges: clearance.footprint_edges(). reach: Greatest distance beyond a side, m.
+        margins: Of an echo point and of a cell, m. points: (N, 3), gaps: (N,), filled in, see stops_free().
+
+    Returns:
+        Rows filled.
+    """
+    distance = np.empty(cells.shape[0])
+    index = np.empty(cells.shape[0], np.int64)
+    count = 0
+    for i in range(cells.shape[0]):
+        gap = outside_distance(edges, cells[i, 0], cells[i, 1])
+        if gap <= reach:
+            distance[count], index[count] = gap, i
+            count += 1
+    order = np.argsort(distance[:count])
+    count = min(count, gaps.size)
+    for k in range(count):
+        i = index[order[k]]
+        points[k, 0], points[k, 1] = cells[i, 0], cells[i, 1]
+        points[k, 2] = margins[0] if cells[i, 2] > TOP else margins[1]
+        gaps[k] = distance[order[k]]
+    return count
+
+
+@njit(cache=True, nogil=True)
+def fastest_free(
+    points: Floats,
+    gaps: Floats,
+    edges: Floats,
+    rim: float,
+    twist: tuple[float, float],
+    wanted: float,
+    turn: float,
+    period: float,
+    limits: tuple[float, float],
+    margin: float,
+    floor: float,
+    in_flight: Floats,
+    lag: float,
+    dead_time: float,
+) -> float:
+    """Greatest speed up to the wanted one that stops_free() at a turn rate, m/s, by bisection; -1 if not even 0 does."""
+    if stops_free(
+        points, gaps, edges, rim, twist, (wanted, turn), period, limits, margin, floor, in_flight, lag, dead_time
+    ):
+        return wanted
+    if not stops_free(
+        points, gaps, edges, rim, twist, (0.0, turn), period, limits, margin, floor, in_flight, lag, dead_time
+    ):
+        # Corners may need room ahead to turn: a slow arc can be free where a turn in place is not.
+        low = -1.0
+    else:
+        low = 0.0
+    high = wanted
+    for _ in range(HALVINGS):
+        middle = 0.5 * (max(low, 0.0) + high)
+        if stops_free(
+            points, gaps, edges, rim, twist, (middle, turn), period, limits, margin, floor, in_flight, lag, dead_time
+        ):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True, nogil=True)
+def progress_score(v: float, w: float, error: float, time: float, nose: float) -> float:
+    """Way of the nose in the chosen direction, m, after a time, s.
+
+    Args:
+        v, w: m/s and rad/s. error: Chosen direction relative to the heading, rad. nose: Its distance from the base, m.
+    """
+    turned = w * time
+    off = abs(error - turned)
+    return max(0.0, v * time * math.cos(error - 0.5 * turned)) - nose * min(off, math.pi)
+
+
+@njit(cache=True, nogil=True)
+def choose_command(
+    points: Floats,
+    gaps: Floats,
+    edges: Floats,
+    rim: float,
+    twist: tuple[float, float],
+    error: float,
+    wanted: float,
+    turn: float,
+    max_turn: float,
+    spread: int,
+    time: float,
+    nose: float,
+    period: float,
+    limits: tuple[float, float],
+    margin: float,
+    floor: float,
+    in_flight: Floats,
+    lag: float,
+    dead_time: float,
+) -> tuple[float, float]:
+    """The command that brings the nose farthest in the chosen direction, of those that stop free.
+
+    Args:
+        error: Chosen direction relative to the predicted heading, rad.
+        wanted: Greatest speed, m/s. turn: Turn rate of the steering law, rad/s. max_turn: rad/s.
+        spread: Number of turn rates tried on each side of it. time, nose: See progress_score().
+        The others: As for stops_free().
+
+    Returns:
+        Speed, m/s, and turn rate, rad/s; (-1, 0) if nothing is free.
+    """
+    best, best_v, best_w = -np.inf, -1.0, 0.0
+    step = 2.0 * max_turn / (2 * spread) if spread > 0 else 0.0
+    for k in range(-2 * spread, 2 * spread + 1):
+        w = turn + k * step * 0.5
+        if abs(w) > max_turn:
+            continue
+        if progress_score(wanted, w, error, time, nose) <= best:
+            continue
+        v = fastest_free(
+            points, gaps, edges, rim, twist, wanted, w, period, limits, margin, floor, in_flight, lag, dead_time
+        )
+        if v < 0.0 or (v == 0.0 and abs(w) < 0.05):
+            continue
+        score = progress_score(v, w, error, time, nose)
+        if score > best:
+            best, best_v, best_w = score, v, w
+    return best_v, best_w

@@ -59,6 +59,7 @@ class _HistogramAvoider(Avoider[P]):
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
         beams = self._joiner.join(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
+        self._method.remaining = given.remaining
         decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
         why = self._diagnostics(decision) if self.is_to_explain(given.stamp_ns, decision.status) else None
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)

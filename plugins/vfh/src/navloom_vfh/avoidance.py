@@ -75,10 +75,12 @@ class HistogramAvoidance(Method):
         threshold: Density that blocks a sector.
         gain: Factor of the smoothing on the density of an obstacle; 1 without smoothing.
         reach: Distance at which a cell's magnitude falls to 0, m.
+        remaining: Length of the path beyond the target of the next tick, m.
     """
 
     threshold: float
     gain = 1.0
+    remaining = 0.0
 
     def __init__(self, params: HistogramParams, robot: Robot, period: float) -> None:
         super().__init__(robot, period)

@@ -17,6 +17,13 @@ HALVINGS = 4  # the speed is exact to 1/16 of what is wanted
 
 
 @njit(cache=True, nogil=True)
+def ramp(now: float, wanted: float, up: float, down: float) -> float:
+    """Speed one step later on the gate's ramp: at most `up` faster, or `down` slower, m/s."""
+    most = up if abs(wanted) > abs(now) and wanted * now >= 0.0 else down
+    return min(max(wanted, now - most), now + most)
+
+
+@njit(cache=True, nogil=True)
 def stops_free(
     points: Floats,
     gaps: Floats,
@@ -38,7 +45,7 @@ def stops_free(
         points: (n, 3), x, y, m, base frame, and the margin to be kept to each, m, sorted by their gaps.
         gaps: (n,), distance of each beyond a side of the footprint, m, rising.
         edges: clearance.footprint_edges(). rim: Distance of its farthest corner from the base, m.
-        twist: Present speed, m/s, and turn rate, rad/s. command: m/s, >= 0, and rad/s.
+        twist: Present speed, m/s, and turn rate, rad/s. command: m/s and rad/s.
         period: s. limits: Acceleration and deceleration of the command gate, m/s^2.
         margin: Greatest of all points, m. floor: A point that is this near may not come nearer at all, m.
         in_flight, lag, dead_time: From motors.Motors.
@@ -47,22 +54,17 @@ def stops_free(
     x = y = heading = elapsed = 0.0
     v, w = twist
     commanded = in_flight[-1, 0]
-    curvature = command[1] / command[0] if command[0] > 0.0 else 0.0
+    curvature = command[1] / command[0] if command[0] != 0.0 else 0.0
     for _ in range(LONGEST):
         driven = elapsed - dead_time
         if driven < -1.0e-9:
             row = max(0, in_flight.shape[0] - math.ceil(-driven / period - 1.0e-9))
             v_next, w_next = in_flight[row, 0], in_flight[row, 1]
         else:
-            goal = command[0] if driven < period - 1.0e-9 else 0.0
-            if goal >= commanded:
-                commanded = min(goal, commanded + limits[0] * STEP)
-            else:
-                commanded = max(goal, commanded - limits[1] * STEP)
+            is_driving = driven < period - 1.0e-9
+            commanded = ramp(commanded, command[0] if is_driving else 0.0, limits[0] * STEP, limits[1] * STEP)
             v_next = commanded
-            w_next = command[1] if driven < period - 1.0e-9 else min(1.0, commanded / max(command[0], 1.0e-6)) * command[1]
-            if command[0] == 0.0 and driven >= period - 1.0e-9:
-                w_next = 0.0
+            w_next = command[1] if is_driving else curvature * commanded
         if lag > 0.0:
             v_next, w_next = v_next + keeps * (v - v_next), w_next + keeps * (w - w_next)
         w = w_next
@@ -208,6 +210,8 @@ def choose_command(
         Speed, m/s, and turn rate, rad/s; (-1, 0) if nothing is free.
     """
     best, best_v, best_w = -np.inf, -1.0, 0.0
+    # What the gate lets through: with more, the arc of the command would not be that of the robot.
+    wanted = min(wanted, max(0.0, in_flight[-1, 0]) + limits[0] * period)
     step = 2.0 * max_turn / (2 * spread) if spread > 0 else 0.0
     for k in range(-2 * spread, 2 * spread + 1):
         w = turn + k * step * 0.5

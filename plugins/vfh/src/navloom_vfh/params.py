@@ -129,6 +129,12 @@ class VfhStarParams(VfhPlusParams):
     spread: int = Field(3, ge=0, le=20, description="Turn rates tried on each side of the wanted one.")
     horizon: float = Field(0.4, gt=0.0, le=5.0, description="Time after which a command's progress is compared, s.")
     nose: float = Field(0.3, ge=0.0, le=5.0, description="Weight of the heading error in that, m per rad.")
+    keep_target: float = Field(
+        3.0, ge=0.0, le=60.0, description="How long a seen way is kept if the path jumps to a longer one, s; 0: not."
+    )
+    back_up: float = Field(0.4, ge=0.0, le=5.0, description="Distance to back up when stuck, m; 0: never.")
+    back_speed: float = Field(0.2, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
+    stuck_patience: float = Field(1.5, gt=0.0, le=60.0, description="Time without motion before backing up, s.")
     node_limit: int = Field(400, ge=120, le=5000, description="Nodes of the search tree; bounds the time of a tick.")
 
     @model_validator(mode="after")

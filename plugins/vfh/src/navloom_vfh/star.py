@@ -15,7 +15,7 @@ from navloom_avoidance.robot import Robot
 from navloom_avoidance.steering import turn_rate, wrap
 
 from navloom_vfh.avoidance import Choice, Floats, Pose, View
-from navloom_vfh.free_run import choose_command, near_points
+from navloom_vfh.free_run import choose_command, near_points, stops_free
 from navloom_vfh.lookahead import COLUMNS, DEPTH, IS_GOAL, ROOT, TOTAL, look_ahead
 from navloom_vfh.methods import VfhPlusAvoidance
 from navloom_vfh.survey import openings
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 MOST_NEAR = 4096
 """Most points of one roll-forward; the nearest are kept."""
+MOVED = 0.35  # rad: a robot that turned by this is not stuck
 
 
 class VfhStarAvoidance(VfhPlusAvoidance):
@@ -50,11 +51,15 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         if p.echoes == "points":
             self._cells = np.zeros((self._cells.shape[0] + 8192, 3))
         self._near, self._gaps = np.zeros((MOST_NEAR, 3)), np.zeros(MOST_NEAR)
-        self._raw = np.zeros((8192, 3))
+        self._raw = np.zeros((8192 + self._cells.shape[0], 3))
 
     def reset(self) -> None:
         super().reset()
-        self._time = 0.0
+        self._time, self._still = 0.0, 0.0
+        self._target: tuple[tuple[float, float], float, float] | None = None
+        self._backing: Pose | None = None
+        self._anchor: Pose = (math.inf, 0.0, 0.0)
+        self._reaches = False
         self.memory = EchoMemory(self.edges, self.params.memory, self.params.look_ahead * self.params.step + self.reach)
         self._has_cells = self.params.echoes == "cells"
 
@@ -71,7 +76,64 @@ class VfhStarAvoidance(VfhPlusAvoidance):
     ) -> Decision:
         self._time += self.period
         self._count = -1
+        target = self._kept_target(pose, target)
+        if self._backing is not None:
+            if beams is not None and beams.ranges.size:
+                self.enter(beams, pose)
+            if (sent := self._back_up(pose, twist)) is not None:
+                return sent
+            beams = None
+        elif self._is_stuck(pose, twist):
+            self._backing = pose
         return super().decide(beams, pose, twist, target)
+
+    def _kept_target(self, pose: Pose, target: tuple[float, float]) -> tuple[float, float]:
+        """The target, or the one before where the path jumped to a longer one while a way to the old one is seen.
+
+        A noisy map can close a gap that the scans show open. Turning back there costs more than driving through.
+        """
+        p, remaining = self.params, self.remaining
+        if p.keep_target > 0.0 and self._target is not None:
+            old, rest, since = self._target
+            is_jump = math.dist(target, old) > p.target_shift
+            # Beyond the target its path counts, up to it the straight line.
+            is_longer = math.dist(target, pose[:2]) + remaining > math.dist(old, pose[:2]) + rest + p.target_shift
+            is_passed = math.dist(old, pose[:2]) < p.step
+            if is_jump and is_longer and not is_passed and self._reaches and self._time - since < p.keep_target:
+                return old
+        self._target = (target, remaining, self._time)
+        return target
+
+    def _is_stuck(self, pose: Pose, twist: tuple[float, float]) -> bool:
+        """Whether the robot has hardly moved for a while although it obeys this avoider."""
+        p, place = self.params, self._anchor
+        is_there = self._target is not None and math.dist(pose[:2], self._target[0]) < p.progress_step
+        has_moved = math.dist(pose[:2], place[:2]) > p.progress_step or abs(wrap(pose[2] - place[2])) > MOVED
+        if has_moved or is_there or self.trap.place is not None or not self.motors.obeyed(twist):
+            self._anchor, self._still = pose, 0.0
+        else:
+            self._still += self.period
+        if p.back_up == 0.0 or self._still <= p.stuck_patience:
+            return False
+        self._still = 0.0
+        return True
+
+    def _back_up(self, pose: Pose, twist: tuple[float, float]) -> Decision | None:
+        """Drive straight back until far enough or something is in the way; then None."""
+        p, r = self.params, self.robot
+        assert self._backing is not None
+        way = math.dist(pose[:2], self._backing[:2])
+        command = (-min(p.back_speed, self.max_speed), 0.0)
+        count = self._near_points(pose, abs(twist[0]) + p.back_speed)
+        if way < p.back_up and self._still < p.back_up / p.back_speed + 1.0 and stops_free(
+            self._near[:count], self._gaps[:count], self.edges, self.rim, twist, command, self.period,
+            (r.max_acceleration, r.max_deceleration), max(p.point_margin, p.arc_margin), p.floor, self.in_flight,
+            r.motor_lag, r.dead_time,
+        ):  # fmt: skip
+            self._still += self.period
+            return Decision(*command, "steering", None, f"stuck: backing up, {way:.2f} of {p.back_up:g} m")
+        self._backing, self._still, self._anchor = None, 0.0, pose
+        return None
 
     def gather(self, view: View) -> int:
         """Number of cells and echo points of this tick, written to `_cells`."""
@@ -103,6 +165,7 @@ class VfhStarAvoidance(VfhPlusAvoidance):
             self.search_from(view, cells, found, 0.0)
             must_slow = True
         end = self.nodes[self.way_end]
+        self._reaches = bool(end[IS_GOAL])
         return int(end[ROOT]), must_slow, f", {int(end[DEPTH]) + 1} steps ahead at cost {end[TOTAL]:.1f}"
 
     def search_from(self, view: View, cells: Floats, found: int, circle: float) -> None:
@@ -138,19 +201,24 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         self, view: View, choice: Choice, error: float, wanted: float, turn: float, spread: int
     ) -> tuple[float, float]:
         p, r = self.params, self.robot
-        raw = choice.cells
-        if p.echoes == "points":
-            cells = occupied_cells(self.grid, self.origin, p.cell, view.pose, self.edges, self._raw) if self._has_cells else 0
-            cells += points_in_base(self.memory.points, view.pose, self.far, 0.01, TOP + 1.0e-6, self._raw[cells:])
-            raw = self._raw[:cells]
-        speed = max(wanted, abs(view.twist[0]))
-        reach = speed * (self.period + r.motor_lag + r.dead_time + speed / (2.0 * r.max_deceleration)) + self.rim
-        count = near_points(raw, self.edges, reach, (p.point_margin, p.arc_margin), self._near, self._gaps)
+        count = self._near_points(view.pose, max(wanted, abs(view.twist[0])))
         return choose_command(
             self._near[:count], self._gaps[:count], self.edges, self.rim, view.twist, error, wanted, turn,
             self.max_turn, spread, p.horizon, p.nose, self.period, (r.max_acceleration, r.max_deceleration),
             max(p.point_margin, p.arc_margin), p.floor, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
+
+    def _near_points(self, pose: Pose, speed: float) -> int:
+        """Number of points that the robot might meet before it stops from a speed, m/s; fills `_near` and `_gaps`."""
+        p, r, count = self.params, self.robot, 0
+        if self._has_cells:
+            count = occupied_cells(self.grid, self.origin, p.cell, pose, self.edges, self._raw)
+        if p.echoes == "points":
+            count += points_in_base(self.memory.points, pose, self.far, 0.01, TOP + 1.0e-6, self._raw[count:])
+        time = 2.0 * self.period + r.motor_lag + r.dead_time + speed / (2.0 * r.max_deceleration)
+        return near_points(
+            self._raw[:count], self.edges, speed * time + self.rim, (p.point_margin, p.arc_margin), self._near, self._gaps
+        )
 
     def checked(self, view: View, choice: Choice, wanted: tuple[float, float]) -> tuple[float, float]:
         if self.params.speed_law == "density":

@@ -218,5 +218,9 @@ VFH_STAR_PRINTED = Preset(
         "projected_target_weight": (5.0, "mu_1' = 5"),
         "projected_heading_weight": (1.0, "mu_2' = 1"),
         "projected_previous_weight": (1.0, "mu_3' = 1"),
+        "echoes": ("cells", "the certainty grid of VFH, for every sensor"),
+        "speed_law": ("density", "not in the paper: the law of VFH 1991"),
+        "keep_target": (0.0, "not in the paper"),
+        "back_up": (0.0, "not in the paper"),
     },
 )

@@ -59,7 +59,7 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         self._target: tuple[tuple[float, float], float, float] | None = None
         self._backing: Pose | None = None
         self._anchor: Pose = (math.inf, 0.0, 0.0)
-        self._reaches = False
+        self._reaches = self._has_way = False
         self.memory = EchoMemory(self.edges, self.params.memory, self.params.look_ahead * self.params.step + self.reach)
         self._has_cells = self.params.echoes == "cells"
 
@@ -109,7 +109,7 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         p, place = self.params, self._anchor
         is_there = self._target is not None and math.dist(pose[:2], self._target[0]) < p.progress_step
         has_moved = math.dist(pose[:2], place[:2]) > p.progress_step or abs(wrap(pose[2] - place[2])) > MOVED
-        if has_moved or is_there or self.trap.place is not None or not self.motors.obeyed(twist):
+        if has_moved or is_there or self.trap.place is not None or not self._has_way or not self.motors.obeyed(twist):
             self._anchor, self._still = pose, 0.0
         else:
             self._still += self.period
@@ -120,16 +120,13 @@ class VfhStarAvoidance(VfhPlusAvoidance):
 
     def _back_up(self, pose: Pose, twist: tuple[float, float]) -> Decision | None:
         """Drive straight back until far enough or something is in the way; then None."""
-        p, r = self.params, self.robot
+        p = self.params
         assert self._backing is not None
         way = math.dist(pose[:2], self._backing[:2])
         command = (-min(p.back_speed, self.max_speed), 0.0)
-        count = self._near_points(pose, abs(twist[0]) + p.back_speed)
-        if way < p.back_up and self._still < p.back_up / p.back_speed + 1.0 and stops_free(
-            self._near[:count], self._gaps[:count], self.edges, self.rim, twist, command, self.period,
-            (r.max_acceleration, r.max_deceleration), max(p.point_margin, p.arc_margin), p.floor, self.in_flight,
-            r.motor_lag, r.dead_time,
-        ):  # fmt: skip
+        self._near_points(pose, abs(twist[0]) + p.back_speed)
+        is_in_time = self._still < p.back_up / p.back_speed + 1.0
+        if way < p.back_up and is_in_time and self._stops_free(twist, command):
             self._still += self.period
             return Decision(*command, "steering", None, f"stuck: backing up, {way:.2f} of {p.back_up:g} m")
         self._backing, self._still, self._anchor = None, 0.0, pose
@@ -147,6 +144,11 @@ class VfhStarAvoidance(VfhPlusAvoidance):
                 )
             self._count = count
         return self._count
+
+    def choose(self, view: View) -> Choice:
+        choice = super().choose(view)
+        self._has_way = choice.direction is not None
+        return choice
 
     def survey(self, view: View, circle: float) -> tuple[int, int, bool, float]:
         p, count = self.params, self.gather(view)
@@ -201,22 +203,23 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         self, view: View, choice: Choice, error: float, wanted: float, turn: float, spread: int
     ) -> tuple[float, float]:
         p, r = self.params, self.robot
-        count = self._near_points(view.pose, max(wanted, abs(view.twist[0])))
+        self._near_points(view.pose, max(wanted, abs(view.twist[0])))
+        count = self._near_count
         return choose_command(
             self._near[:count], self._gaps[:count], self.edges, self.rim, view.twist, error, wanted, turn,
             self.max_turn, spread, p.horizon, p.nose, self.period, (r.max_acceleration, r.max_deceleration),
             max(p.point_margin, p.arc_margin), p.floor, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
 
-    def _near_points(self, pose: Pose, speed: float) -> int:
-        """Number of points that the robot might meet before it stops from a speed, m/s; fills `_near` and `_gaps`."""
+    def _near_points(self, pose: Pose, speed: float) -> None:
+        """Fill `_near` and `_gaps` with the points that the robot might meet before it stops from a speed, m/s."""
         p, r, count = self.params, self.robot, 0
         if self._has_cells:
             count = occupied_cells(self.grid, self.origin, p.cell, pose, self.edges, self._raw)
         if p.echoes == "points":
             count += points_in_base(self.memory.points, pose, self.far, 0.01, TOP + 1.0e-6, self._raw[count:])
         time = 2.0 * self.period + r.motor_lag + r.dead_time + speed / (2.0 * r.max_deceleration)
-        return near_points(
+        self._near_count = near_points(
             self._raw[:count], self.edges, speed * time + self.rim, (p.point_margin, p.arc_margin), self._near, self._gaps
         )
 
@@ -224,6 +227,19 @@ class VfhStarAvoidance(VfhPlusAvoidance):
         if self.params.speed_law == "density":
             return super().checked(view, choice, wanted)
         if wanted[0] > 0.0 or wanted[1] == 0.0:
-            return wanted  # choose_command() checked it
-        v, w = self.fastest(view, choice, math.copysign(0.5 * math.pi, wanted[1]), self.params.creep, wanted[1], 0)
-        return (v, w) if v >= 0.0 else (0.0, 0.0)
+            return wanted  # choose_command() has checked it
+        p = self.params
+        trials = [(0.0, wanted[1] * part) for part in (1.0, 0.5, 0.25)]
+        # Driving ahead moves the corners past what is in the way of a turn.
+        trials += [(p.creep, wanted[1] * part) for part in (1.0, 0.5, 0.0, -0.5)] if p.creep > 0.0 else []
+        self._near_points(view.pose, max(p.creep, abs(view.twist[0])))
+        return next((trial for trial in trials if self._stops_free(view.twist, trial)), (0.0, 0.0))
+
+    def _stops_free(self, twist: tuple[float, float], command: tuple[float, float]) -> bool:
+        """Whether the robot stops free of the points of the last _near_points()."""
+        p, r, n = self.params, self.robot, self._near_count
+        return stops_free(
+            self._near[:n], self._gaps[:n], self.edges, self.rim, twist, command, self.period,
+            (r.max_acceleration, r.max_deceleration), max(p.point_margin, p.arc_margin), p.floor, self.in_flight,
+            r.motor_lag, r.dead_time,
+        )  # fmt: skip

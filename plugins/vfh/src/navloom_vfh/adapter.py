@@ -1,4 +1,4 @@
-"""VFH, VFH+ and VFH* as navloom avoiders."""
+"""VFH, VFH+, VFH* and the swept VFH* as navloom avoiders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navloom_avoidance.smoothing import warm_up_smoothing
 from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance
-from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance
+from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance, VfhStarAvoidance
 from navloom_vfh.params import (
     ROBUST,
     VFH_PLUS_PRINTED,
@@ -24,10 +24,11 @@ from navloom_vfh.params import (
     VfhParams,
     VfhPlusParams,
     VfhStarParams,
+    VfhSweptParams,
 )
-from navloom_vfh.star import VfhStarAvoidance
+from navloom_vfh.swept import VfhSweptAvoidance
 
-__all__ = ["Vfh", "VfhPlus", "VfhStar"]
+__all__ = ["Vfh", "VfhPlus", "VfhStar", "VfhSwept"]
 
 Floats = NDArray[np.float64]
 WARM_UP_ROBOT = Robot(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]), 0.5, 0.4, 0.5, 1.0)
@@ -37,7 +38,7 @@ P = TypeVar("P", bound=HistogramParams)
 
 
 class _HistogramAvoider(Avoider[P]):
-    """Avoider that runs any one of the three methods."""
+    """Avoider that runs any one of the methods."""
 
     _method: HistogramAvoidance
     _make: type
@@ -100,6 +101,15 @@ class VfhStar(_HistogramAvoider[VfhStarParams]):
     presets = {"robust": ROBUST, "printed": VFH_STAR_PRINTED}
     claims = {Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhStarAvoidance
+
+
+class VfhSwept(_HistogramAvoider[VfhSweptParams]):
+    """Drives VFH*'s way at the speed from which the swept footprint stops before what is on its arc."""
+
+    name = "vfh_swept"
+    presets = {"robust": ROBUST}
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
+    _make = VfhSweptAvoidance
 
 
 def warm_up(method: HistogramAvoidance) -> None:

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+ECHO = TOP + 1.0e-6  # certainty of an echo point: that of a full cell, and recognisable
 LONGEST = 100  # most steps of one roll-forward
 STEP = 0.05  # s: at 2 m/s a step of 0.1 m, less than the depth of any obstacle that a laser sees from two sides
 STOPPED = 0.01  # m/s: a lagging robot at this speed stops within a millimetre or two
@@ -33,8 +34,6 @@ def stops_free(
     command: tuple[float, float],
     period: float,
     limits: tuple[float, float],
-    margin: float,
-    floor: float,
     in_flight: Floats,
     lag: float,
     dead_time: float,
@@ -42,18 +41,19 @@ def stops_free(
     """Whether one period of a command, and then braking with the same curvature, keeps the margin to every point.
 
     Args:
-        points: (n, 3), x, y, m, base frame, and the margin to be kept to each, m, sorted by their gaps.
+        points: (n, 4), x, y, m, base frame, and the margin and floor of each, m, sorted by their gaps. A point within
+            its margin may come nearer only by a share of its distance above its floor.
         gaps: (n,), distance of each beyond a side of the footprint, m, rising.
         edges: clearance.footprint_edges(). rim: Distance of its farthest corner from the base, m.
         twist: Present speed, m/s, and turn rate, rad/s. command: m/s and rad/s.
         period: s. limits: Acceleration and deceleration of the command gate, m/s^2.
-        margin: Greatest of all points, m. floor: A point that is this near may not come nearer at all, m.
         in_flight, lag, dead_time: From motors.Motors.
     """
     keeps = math.exp(-STEP / lag) if lag > 0.0 else 0.0
     x = y = heading = elapsed = 0.0
     v, w = twist
     commanded = in_flight[-1, 0]
+    most = points[:, 2].max() if points.shape[0] > 0 else 0.0
     curvature = command[1] / command[0] if command[0] != 0.0 else 0.0
     for _ in range(LONGEST):
         driven = elapsed - dead_time
@@ -76,7 +76,7 @@ def stops_free(
         elapsed += STEP
         cos_t, sin_t = math.cos(heading), math.sin(heading)
         # No part of the footprint has moved farther than this.
-        met = margin + math.hypot(x, y) + abs(heading) * rim
+        met = most + math.hypot(x, y) + abs(heading) * rim
         for i in range(points.shape[0]):
             if gaps[i] > met:
                 break
@@ -84,7 +84,7 @@ def stops_free(
             distance = outside_distance(edges, dx * cos_t + dy * sin_t, dy * cos_t - dx * sin_t)
             if distance < points[i, 2]:
                 now = min(gaps[i], points[i, 2])
-                if distance < now - max(APPROACH * (now - floor), 1.0e-6):
+                if distance < now - max(APPROACH * (now - points[i, 3]), 1.0e-6):
                     return False
         if driven >= period - STEP and abs(v) <= STOPPED and abs(w) <= 2.0 * STOPPED:
             break
@@ -93,14 +93,15 @@ def stops_free(
 
 @njit(cache=True, nogil=True)
 def near_points(
-    cells: Floats, edges: Floats, reach: float, margins: tuple[float, float], points: Floats, gaps: Floats
+    cells: Floats, edges: Floats, reach: float, margins: Floats, points: Floats, gaps: Floats
 ) -> int:
     """Cells near the footprint, with the margin to keep to each, nearest first.
 
     Args:
-        cells: (n, 3), x, y, m, base frame, and certainty; above TOP, an echo point of a laser.
+        cells: (n, 3), x, y, m, base frame, and certainty; ECHO for an echo point of a laser.
         edges: clearance.footprint_edges(). reach: Greatest distance beyond a side, m.
-        margins: Of an echo point and of a cell, m. points: (N, 3), gaps: (N,), filled in, see stops_free().
+        margins: (2, 2), margin and floor of an echo point, and of a cell, m.
+        points: (N, 4), gaps: (N,), filled in, see stops_free().
 
     Returns:
         Rows filled.
@@ -118,7 +119,7 @@ def near_points(
     for k in range(count):
         i = index[order[k]]
         points[k, 0], points[k, 1] = cells[i, 0], cells[i, 1]
-        points[k, 2] = margins[0] if cells[i, 2] > TOP else margins[1]
+        points[k, 2:] = margins[0 if cells[i, 2] == ECHO else 1]
         gaps[k] = distance[order[k]]
     return count
 
@@ -134,19 +135,17 @@ def fastest_free(
     turn: float,
     period: float,
     limits: tuple[float, float],
-    margin: float,
-    floor: float,
     in_flight: Floats,
     lag: float,
     dead_time: float,
 ) -> float:
     """Greatest speed up to the wanted one that stops_free() at a turn rate, m/s, by bisection; -1 if not even 0 does."""
     if stops_free(
-        points, gaps, edges, rim, twist, (wanted, turn), period, limits, margin, floor, in_flight, lag, dead_time
+        points, gaps, edges, rim, twist, (wanted, turn), period, limits, in_flight, lag, dead_time
     ):
         return wanted
     if not stops_free(
-        points, gaps, edges, rim, twist, (0.0, turn), period, limits, margin, floor, in_flight, lag, dead_time
+        points, gaps, edges, rim, twist, (0.0, turn), period, limits, in_flight, lag, dead_time
     ):
         # Corners may need room ahead to turn: a slow arc can be free where a turn in place is not.
         low = -1.0
@@ -156,7 +155,7 @@ def fastest_free(
     for _ in range(HALVINGS):
         middle = 0.5 * (max(low, 0.0) + high)
         if stops_free(
-            points, gaps, edges, rim, twist, (middle, turn), period, limits, margin, floor, in_flight, lag, dead_time
+            points, gaps, edges, rim, twist, (middle, turn), period, limits, in_flight, lag, dead_time
         ):
             low = middle
         else:
@@ -187,13 +186,11 @@ def choose_command(
     wanted: float,
     turn: float,
     max_turn: float,
-    spread: int,
+    turn_rates: int,
     time: float,
     nose: float,
     period: float,
     limits: tuple[float, float],
-    margin: float,
-    floor: float,
     in_flight: Floats,
     lag: float,
     dead_time: float,
@@ -203,7 +200,7 @@ def choose_command(
     Args:
         error: Chosen direction relative to the predicted heading, rad.
         wanted: Greatest speed, m/s. turn: Turn rate of the steering law, rad/s. max_turn: rad/s.
-        spread: Number of turn rates tried on each side of it. time, nose: See progress_score().
+        turn_rates: Turn rates are tried max_turn / (2 turn_rates) apart. time, nose: See progress_score().
         The others: As for stops_free().
 
     Returns:
@@ -212,15 +209,15 @@ def choose_command(
     best, best_v, best_w = -np.inf, -1.0, 0.0
     # What the gate lets through: with more, the arc of the command would not be that of the robot.
     wanted = min(wanted, max(0.0, in_flight[-1, 0]) + limits[0] * period)
-    step = 2.0 * max_turn / (2 * spread) if spread > 0 else 0.0
-    for k in range(-2 * spread, 2 * spread + 1):
-        w = turn + k * step * 0.5
+    step = 0.5 * max_turn / turn_rates if turn_rates > 0 else 0.0
+    for k in range(-2 * turn_rates, 2 * turn_rates + 1):
+        w = turn + k * step
         if abs(w) > max_turn:
             continue
         if progress_score(wanted, w, error, time, nose) <= best:
             continue
         v = fastest_free(
-            points, gaps, edges, rim, twist, wanted, w, period, limits, margin, floor, in_flight, lag, dead_time
+            points, gaps, edges, rim, twist, wanted, w, period, limits, in_flight, lag, dead_time
         )
         if v < 0.0 or (v == 0.0 and abs(w) < 0.05):
             continue

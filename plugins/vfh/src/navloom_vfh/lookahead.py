@@ -14,8 +14,7 @@ from navloom_vfh.turning import masked_histogram, turning_limits
 Floats = NDArray[np.float64]
 Place = tuple[float, float, float]
 # Columns of a node of the search tree
-X, Y, THETA, DIRECTION, COST, TOTAL, DEPTH, ROOT, IS_OPEN, IS_GOAL, PARENT = range(11)
-COLUMNS = 11
+X, Y, THETA, DIRECTION, COST, TOTAL, DEPTH, ROOT, IS_OPEN, IS_GOAL = range(10)
 
 
 @njit(cache=True, nogil=True)
@@ -124,7 +123,7 @@ def add_node(
     """Fill one row of the tree: a candidate direction taken from a place, its cost, and where it leads.
 
     Args:
-        nodes: (limit, 11). index: Row to fill. parent: Row of the parent, -1 for the primary candidates.
+        nodes: (limit, 10). index: Row to fill. parent: Row of the parent, -1 for the primary candidates.
         place: Place of the parent. target: m. previous: Direction taken before it, rad. All in the base frame.
         first, later: Weights of the primary and of the projected candidates.
         discount, goal_depth, step, circle: As for look_ahead().
@@ -149,7 +148,6 @@ def add_node(
     nodes[index, COST], nodes[index, TOTAL] = cost, cost + rest
     nodes[index, ROOT] = index if parent < 0 else nodes[parent, ROOT]
     nodes[index, IS_OPEN], nodes[index, IS_GOAL] = 1.0, 1.0 if is_goal else 0.0
-    nodes[index, PARENT] = parent
 
 
 @njit(cache=True, nogil=True)
@@ -185,7 +183,7 @@ def look_ahead(
         first, later: mu_1.. and mu_1'.., see costs.py. discount: lambda.
         goal_depth: n_g, number of steps to look ahead; 1 is VFH+. A node within a step of the target is a goal too.
         step: d_s, m. circle, radius, reach, slack, threshold, certainty, widest: As for candidates(). sectors: n.
-        nodes: (limit, 11), filled with the tree; the columns are named at the top of this module.
+        nodes: (limit, 10), filled with the tree; the columns are named at the top of this module.
 
     Returns:
         Row of the last node of the path (-1 without roots), number of rows filled, number of nodes expanded. Column

@@ -12,6 +12,7 @@ from navloom_avoidance.steering import wrap
 
 from navloom_vfh.avoidance import Choice, Floats, HistogramAvoidance, View
 from navloom_vfh.costs import cheapest
+from navloom_vfh.lookahead import DEPTH, IS_GOAL, ROOT, TOTAL, look_ahead
 from navloom_vfh.survey import survey_openings, survey_valleys
 from navloom_vfh.turning import turning_radius
 from navloom_vfh.valleys import nearest_valley, valley_direction
@@ -106,3 +107,47 @@ class VfhPlusAvoidance(HistogramAvoidance):
             must_slow,
             "",
         )
+
+
+class VfhStarAvoidance(VfhPlusAvoidance):
+    """Chooses the first candidate of the cheapest path of several steps (Ulrich & Borenstein 2000).
+
+    Attributes:
+        nodes: (limit, 10), search tree of the last tick, see lookahead.py; `node_count` rows are valid.
+        way_end: Row of the last node of the chosen path.
+        expanded: Number of nodes expanded.
+    """
+
+    params: VfhStarParams
+
+    def __init__(self, params: VfhStarParams, robot: Robot, period: float) -> None:
+        self.later = (
+            params.projected_target_weight,
+            params.projected_heading_weight,
+            params.projected_previous_weight,
+        )
+        self.nodes = np.zeros((params.node_limit, 10))
+        self.node_count, self.way_end, self.expanded = 0, -1, 0
+        super().__init__(params, robot, period)
+
+    def pick(self, view: View, cells: Floats, found: int, circle: float, must_slow: bool) -> tuple[int, bool, str]:
+        self.search_from(view, cells, found, circle)
+        if circle > 0.0 and not self.nodes[self.way_end, IS_GOAL]:
+            # No path reaches a goal at this speed; a slower robot may find one.
+            _, found, _, _ = self.survey(view, 0.0)
+            self.search_from(view, cells, found, 0.0)
+            must_slow = True
+        end = self.nodes[self.way_end]
+        return int(end[ROOT]), must_slow, f", {int(end[DEPTH]) + 1} steps ahead at cost {end[TOTAL]:.1f}"
+
+    def search_from(self, view: View, cells: Floats, found: int, circle: float) -> None:
+        """Look ahead from the first `found` of `_directions`; fills `nodes`."""
+        p, heading = self.params, view.pose[2]
+        toward = view.bearing - heading
+        target = (view.distance * math.cos(toward), view.distance * math.sin(toward))
+        self.way_end, self.node_count, self.expanded = look_ahead(
+            cells, self._directions[:found] - heading, target, self.previous(view) - heading,
+            self.weights, self.later, p.discount, p.look_ahead, p.step, circle, self.radius, self.reach,
+            self.slack if p.stops_at_target else math.inf, p.threshold_high, float(p.mask_certainty), p.sectors,
+            p.widest_slot, self.nodes,
+        )  # fmt: skip

@@ -35,7 +35,7 @@ class HistogramParams(Params):
     widest_slot: int = Field(18, ge=2, le=72, description="s_max, sectors: a wider opening is followed along its edge.")
     turn_gain: float = Field(2.0, gt=0.0, le=50.0, description="Turn rate per heading error, 1/s; period * gain < 2.")
     max_turn_deg: float = Field(120.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
-    max_speed: float = Field(0.78, gt=0.0, le=5.0, description="V_max, m/s; the robot's own limit also applies.")
+    max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit also applies.")
     min_speed: float = Field(0.04, ge=0.0, le=1.0, description="V_min, m/s: least speed that the density slows to.")
     slow_density: float = Field(
         4.0, gt=0.0, le=100.0, description="h_m: density ahead, before smoothing, that slows to V_min."
@@ -100,11 +100,6 @@ class VfhPlusParams(HistogramParams):
 class VfhStarParams(VfhPlusParams):
     """Ulrich & Borenstein 2000."""
 
-    safety_distance: float = Field(
-        0.0, ge=0.0, le=2.0, description="d_s: added to the disc's radius, m; a point stays a point."
-    )
-    max_turn_deg: float = Field(180.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
-    max_speed: float = Field(5.0, gt=0.0, le=5.0, description="V_max, m/s; the robot's own limit also applies.")
     window: int = Field(81, ge=11, le=161, description="Cells along a side: look_ahead * step + reach to each side.")
     look_ahead: int = Field(5, ge=1, le=20, description="n_g, steps looked ahead; 1 is VFH+.")
     step: float = Field(0.5, gt=0.0, le=5.0, description="d_s, length of a projected step, m.")
@@ -116,25 +111,6 @@ class VfhStarParams(VfhPlusParams):
         1.0, ge=0.0, le=100.0, description="mu_2', of the angle to the heading; no unit."
     )
     projected_previous_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_3', to the previous step; no unit.")
-    echoes: Literal["points", "cells"] = Field(
-        "points", description="A laser's echoes count as points at its resolution, or in the certainty cells."
-    )
-    memory: float = Field(20.0, ge=0.0, le=600.0, description="How long points out of a laser's sight count, s.")
-    spacing: float = Field(0.05, gt=0.0, le=0.5, description="One point in a square of this counts in histograms, m.")
-    point_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and echo points, m.")
-    floor: float = Field(0.02, ge=0.0, le=1.0, description="A point this near may come no nearer, m.")
-    speed_law: Literal["free_run", "density"] = Field(
-        "free_run", description="Speed by the run that is free on the arc, or by the density ahead."
-    )
-    spread: int = Field(3, ge=0, le=20, description="Turn rates tried on each side of the wanted one.")
-    horizon: float = Field(0.4, gt=0.0, le=5.0, description="Time after which a command's progress is compared, s.")
-    nose: float = Field(0.3, ge=0.0, le=5.0, description="Weight of the heading error in that, m per rad.")
-    keep_target: float = Field(
-        3.0, ge=0.0, le=60.0, description="How long a seen way is kept if the path jumps to a longer one, s; 0: not."
-    )
-    back_up: float = Field(0.4, ge=0.0, le=5.0, description="Distance to back up when stuck, m; 0: never.")
-    back_speed: float = Field(0.2, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
-    stuck_patience: float = Field(1.5, gt=0.0, le=60.0, description="Time without motion before backing up, s.")
     node_limit: int = Field(400, ge=120, le=5000, description="Nodes of the search tree; bounds the time of a tick.")
 
     @model_validator(mode="after")
@@ -146,6 +122,38 @@ class VfhStarParams(VfhPlusParams):
                 f"and projected_previous_weight together, {others:g}, or the search may miss the cheapest way"
             )
         return self
+
+
+class VfhSweptParams(VfhStarParams):
+    """VFH* for fast robots with a laser, ours."""
+
+    safety_distance: float = Field(
+        0.1, ge=0.0, le=2.0, description="d_s: added to the disc's radius where there are cells, m."
+    )
+    point_distance: float = Field(0.02, ge=0.0, le=2.0, description="The same where there are echo points alone, m.")
+    max_turn_deg: float = Field(180.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
+    max_speed: float = Field(5.0, gt=0.0, le=5.0, description="V_max, m/s; the robot's own limit also applies.")
+    echoes: Literal["points", "cells"] = Field(
+        "points", description="A laser's echoes count as points at its resolution, or in the certainty cells."
+    )
+    memory: float = Field(20.0, ge=0.0, le=600.0, description="How long points out of a laser's sight count, s.")
+    spacing: float = Field(0.05, gt=0.0, le=0.5, description="One point in a square of this counts in histograms, m.")
+    point_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and echo points, m.")
+    point_floor: float = Field(
+        0.02, ge=0.0, le=1.0, description="An echo point that is this near may come no nearer, m."
+    )
+    speed_law: Literal["free_run", "density"] = Field(
+        "free_run", description="Speed by the run that is free on the arc, or by the density ahead."
+    )
+    turn_rates: int = Field(3, ge=0, le=20, description="Turn rates up to half of Omega_max that are tried.")
+    horizon: float = Field(0.4, gt=0.0, le=5.0, description="Time after which a command's progress is compared, s.")
+    nose: float = Field(0.3, ge=0.0, le=5.0, description="Weight of the heading error in that, m per rad.")
+    keep_target: float = Field(
+        3.0, ge=0.0, le=60.0, description="How long a seen way is kept if the path jumps to a longer one, s; 0: not."
+    )
+    back_up: float = Field(0.4, ge=0.0, le=5.0, description="Distance to back up when stuck, m; 0: never.")
+    back_speed: float = Field(0.2, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
+    stuck_patience: float = Field(0.8, gt=0.0, le=60.0, description="Time without motion before backing up, s.")
 
 
 ROBUST = Preset("our choice: for a robot with a size, sonars or a laser")
@@ -218,9 +226,5 @@ VFH_STAR_PRINTED = Preset(
         "projected_target_weight": (5.0, "mu_1' = 5"),
         "projected_heading_weight": (1.0, "mu_2' = 1"),
         "projected_previous_weight": (1.0, "mu_3' = 1"),
-        "echoes": ("cells", "the certainty grid of VFH, for every sensor"),
-        "speed_law": ("density", "not in the paper: the law of VFH 1991"),
-        "keep_target": (0.0, "not in the paper"),
-        "back_up": (0.0, "not in the paper"),
     },
 )

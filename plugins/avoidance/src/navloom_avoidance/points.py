@@ -165,6 +165,9 @@ class EchoMemory:
         edges: Footprint: clearance.footprint_edges(). memory: How long points out of sight count, s.
         reach: Points farther from the base are dropped, m. spacing: One older point is kept in a square of this, m.
         capacity: Most points; the oldest are lost.
+
+    Attributes:
+        beam_spacing: Largest angle between neighbouring beams, rad: what a laser sees may reach that much farther.
     """
 
     def __init__(
@@ -178,6 +181,7 @@ class EchoMemory:
     def forget(self) -> None:
         """Forget all points."""
         self._count = 0
+        self.beam_spacing = 0.0
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -191,6 +195,8 @@ class EchoMemory:
             numbers = np.unique(beams.sensors)
             thin = [n for n in numbers if (beams.half_angles[beams.sensors == n] < THIN_BEAM).all()]
             self._lasers = [np.flatnonzero(beams.sensors == n) for n in thin]
+            bearings = [np.diff(np.sort(beams.bearings[index])) for index in self._lasers if index.size > 1]
+            self.beam_spacing = max((float(np.median(steps)) for steps in bearings), default=0.0)
             self._others = np.flatnonzero(~np.isin(beams.sensors, thin))
         for index in self._lasers:
             laser = slice(index[0], index[-1] + 1)

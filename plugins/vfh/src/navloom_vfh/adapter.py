@@ -111,6 +111,16 @@ class VfhSwept(_HistogramAvoider[VfhSweptParams]):
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhSweptAvoidance
 
+    @classmethod
+    def warm_up(cls) -> None:
+        super().warm_up()
+        bearings = np.array([-0.3, 0.0, 0.3])
+        limits, sensors = np.tile([0.0, 8.0], (3, 1)), np.zeros(3, np.int64)
+        laser = Beams.fixed(np.zeros((3, 2)), bearings, np.zeros(3), np.ones(3), limits, sensors)
+        method = VfhSweptAvoidance(cls.Params(), WARM_UP_ROBOT, 0.05)
+        for _ in range(2):
+            method.step(laser, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+
 
 def warm_up(method: HistogramAvoidance) -> None:
     """Compile every kernel for the types of one tick, with an occupied cell ahead so that every stage runs."""

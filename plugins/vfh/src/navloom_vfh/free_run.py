@@ -33,7 +33,7 @@ def stops_free(
     twist: tuple[float, float],
     command: tuple[float, float],
     period: float,
-    limits: tuple[float, float],
+    limits: tuple[float, float, float],
     in_flight: Floats,
     lag: float,
     dead_time: float,
@@ -46,7 +46,7 @@ def stops_free(
         gaps: (n,), distance of each beyond a side of the footprint, m, rising.
         edges: clearance.footprint_edges(). rim: Distance of its farthest corner from the base, m.
         twist: Present speed, m/s, and turn rate, rad/s. command: m/s and rad/s.
-        period: s. limits: Acceleration and deceleration of the command gate, m/s^2.
+        period: s. limits: Acceleration and deceleration of the command gate, m/s^2, and of the turn, rad/s^2.
         in_flight, lag, dead_time: From motors.Motors.
     """
     keeps = math.exp(-STEP / lag) if lag > 0.0 else 0.0
@@ -54,17 +54,23 @@ def stops_free(
     v, w = twist
     commanded = in_flight[-1, 0]
     most = points[:, 2].max() if points.shape[0] > 0 else 0.0
-    curvature = command[1] / command[0] if command[0] != 0.0 else 0.0
+    last, turning = 0.0, in_flight[-1, 1]
     for _ in range(LONGEST):
         driven = elapsed - dead_time
         if driven < -1.0e-9:
             row = max(0, in_flight.shape[0] - math.ceil(-driven / period - 1.0e-9))
             v_next, w_next = in_flight[row, 0], in_flight[row, 1]
         else:
-            is_driving = driven < period - 1.0e-9
-            commanded = ramp(commanded, command[0] if is_driving else 0.0, limits[0] * STEP, limits[1] * STEP)
-            v_next = commanded
-            w_next = command[1] if is_driving else curvature * commanded
+            if driven < period - 1.0e-9:
+                commanded = ramp(commanded, command[0], limits[0] * STEP, limits[1] * STEP)
+                turning = ramp(turning, command[1], limits[2] * STEP, limits[2] * STEP)
+                last = commanded
+            else:
+                # As VfhSweptAvoidance brakes: on the arc that the robot is on.
+                commanded = ramp(commanded, 0.0, limits[0] * STEP, limits[1] * STEP)
+                bent = command[1] * commanded / last if last != 0.0 else 0.0
+                turning = ramp(turning, bent, limits[2] * STEP, limits[2] * STEP)
+            v_next, w_next = commanded, turning
         if lag > 0.0:
             v_next, w_next = v_next + keeps * (v - v_next), w_next + keeps * (w - w_next)
         w = w_next
@@ -93,7 +99,7 @@ def stops_free(
 
 @njit(cache=True, nogil=True)
 def near_points(
-    cells: Floats, edges: Floats, reach: float, margins: Floats, points: Floats, gaps: Floats
+    cells: Floats, edges: Floats, reach: float, margins: Floats, beam_spacing: float, points: Floats, gaps: Floats
 ) -> int:
     """Cells near the footprint, with the margin to keep to each, nearest first.
 
@@ -101,6 +107,7 @@ def near_points(
         cells: (n, 3), x, y, m, base frame, and certainty; ECHO for an echo point of a laser.
         edges: clearance.footprint_edges(). reach: Greatest distance beyond a side, m.
         margins: (2, 2), margin and floor of an echo point, and of a cell, m.
+        beam_spacing: Angle between two beams, rad: an obstacle may reach beyond its echo by as much.
         points: (N, 4), gaps: (N,), filled in, see stops_free().
 
     Returns:
@@ -119,7 +126,11 @@ def near_points(
     for k in range(count):
         i = index[order[k]]
         points[k, 0], points[k, 1] = cells[i, 0], cells[i, 1]
-        points[k, 2:] = margins[0 if cells[i, 2] == ECHO else 1]
+        if cells[i, 2] == ECHO:
+            beside = beam_spacing * math.hypot(cells[i, 0], cells[i, 1])
+            points[k, 2], points[k, 3] = margins[0, 0] + beside, margins[0, 1] + beside
+        else:
+            points[k, 2], points[k, 3] = margins[1, 0], margins[1, 1]
         gaps[k] = distance[order[k]]
     return count
 
@@ -134,7 +145,7 @@ def fastest_free(
     wanted: float,
     turn: float,
     period: float,
-    limits: tuple[float, float],
+    limits: tuple[float, float, float],
     in_flight: Floats,
     lag: float,
     dead_time: float,
@@ -187,10 +198,11 @@ def choose_command(
     turn: float,
     max_turn: float,
     turn_rates: int,
+    barred: int,
     time: float,
     nose: float,
     period: float,
-    limits: tuple[float, float],
+    limits: tuple[float, float, float],
     in_flight: Floats,
     lag: float,
     dead_time: float,
@@ -200,7 +212,8 @@ def choose_command(
     Args:
         error: Chosen direction relative to the predicted heading, rad.
         wanted: Greatest speed, m/s. turn: Turn rate of the steering law, rad/s. max_turn: rad/s.
-        turn_rates: Turn rates are tried max_turn / (2 turn_rates) apart. time, nose: See progress_score().
+        turn_rates: Turn rates are tried max_turn / (2 turn_rates) apart.
+        barred: Sign of the turn rates that are not tried, 0 for none. time, nose: See progress_score().
         The others: As for stops_free().
 
     Returns:
@@ -212,7 +225,7 @@ def choose_command(
     step = 0.5 * max_turn / turn_rates if turn_rates > 0 else 0.0
     for k in range(-2 * turn_rates, 2 * turn_rates + 1):
         w = turn + k * step
-        if abs(w) > max_turn:
+        if abs(w) > max_turn or w * barred > 0.0:
             continue
         if progress_score(wanted, w, error, time, nose) <= best:
             continue

@@ -16,6 +16,7 @@ from navloom_avoidance.steering import turn_rate, wrap
 
 from navloom_vfh.avoidance import Choice, Floats, Point, Pose, View
 from navloom_vfh.free_run import ECHO, choose_command, near_points, stops_free
+from navloom_vfh.held import Held
 from navloom_vfh.kept_target import KeptTarget
 from navloom_vfh.lookahead import IS_GOAL
 from navloom_vfh.methods import VfhStarAvoidance
@@ -52,6 +53,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         self._cells = np.zeros((self._cells.shape[0] + MOST_POINTS, 3))
         self._fine = np.zeros_like(self._cells)
         self.near, self.gaps, self.near_count = np.zeros((MOST_NEAR, 4)), np.zeros(MOST_NEAR), 0
+        self.limits = (robot.max_acceleration, robot.max_deceleration, robot.max_angular_acceleration)
         self.margins = np.array([[p.point_margin, p.point_floor], [p.arc_margin, p.arc_margin]])
 
     def reset(self) -> None:
@@ -59,8 +61,17 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         self.memory = EchoMemory(self.edges, self.params.memory, self.far)
         self.has_cells = self.params.echoes == "cells"
         self.kept.forget()
+        self.held, self._sent = Held(), (0.0, 0.0)
         self.stuck.restart()
         self._time, self._count, self._reaches, self._steers = 0.0, 0, False, False
+
+    def step(
+        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
+    ) -> Decision:
+        self.held.note(share, self._sent, self.period)
+        decision = super().step(beams, pose, twist, target, share)
+        self._sent = (decision.speed, decision.turn)
+        return decision
 
     def enter(self, beams: Beams, pose: Pose) -> None:
         rest = self.memory.enter(beams, pose, self._time) if self.params.echoes == "points" else beams
@@ -75,7 +86,8 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         # Cells are coarse, and a sonar's echo is anywhere on its arc; points are where the laser saw them.
         self.radius = self.disc + (p.safety_distance if self.has_cells else p.point_distance) if self.disc > 0.0 else 0.0
         target = self.kept.choose(pose[:2], target, self.remaining, self._reaches, self.period)
-        is_told = self._steers and self.motors.obeyed(twist) and math.dist(target, pose[:2]) > p.progress_step
+        follows = self.held.is_held or self.motors.obeyed(twist)
+        is_told = self._steers and follows and math.dist(target, pose[:2]) > p.progress_step
         self.stuck.note(pose, self.period if is_told or self.stuck.backs_up else 0.0)
         decision = super().decide(beams, pose, twist, target)
         if decision.status == "trapped":
@@ -91,7 +103,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         self._look_near(pose, max(abs(twist[0]), speed))
         bend = min(BEND * speed, self.max_turn)
         command = next((c for c in ((-speed, 0.0), (-speed, bend), (-speed, -bend)) if self._stops_free(twist, c)), None)
-        if command is None:
+        if command is None or not self.held.allows(command):
             if self.stuck.backs_up:
                 self.stuck.restart(pose)
             return None
@@ -139,8 +151,8 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         n = self.near_count
         v, w = choose_command(
             self.near[:n], self.gaps[:n], self.edges, self.rim, view.twist, error, self.max_speed,
-            turn_rate(error, 0.0, p.turn_gain, self.max_turn), self.max_turn, p.turn_rates, p.horizon, p.nose,
-            self.period, (r.max_acceleration, r.max_deceleration), self.in_flight, r.motor_lag, r.dead_time,
+            turn_rate(error, 0.0, p.turn_gain, self.max_turn), self.max_turn, p.turn_rates, self.held.side, p.horizon, p.nose,
+            self.period, self.limits, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
         if v < 0.0:
             return self._send(view, choice, *self._braking(), direction, choice.why + ", nothing is free: braking")
@@ -163,7 +175,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         # Driving ahead moves the corners past what is in the way of a turn.
         trials += [(p.creep, wanted[1] * part) for part in (1.0, 0.5, 0.0, -0.5)] if p.creep > 0.0 else []
         self._look_near(view.pose, max(p.creep, abs(view.twist[0])))
-        return next((trial for trial in trials if self._stops_free(view.twist, trial)), (0.0, 0.0))
+        return next((trial for trial in trials if self.held.allows(trial) and self._stops_free(view.twist, trial)), (0.0, 0.0))
 
     def _look_near(self, pose: Pose, speed: float) -> None:
         """Fill `near` and `gaps` with what the footprint may meet before the robot has stopped from a speed, m/s."""
@@ -171,13 +183,14 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         way = speed * (2.0 * self.period + r.motor_lag + r.dead_time + 0.5 * speed / r.max_deceleration)
         count = self._gather(pose, FINE, self._fine)
         self.near_count = near_points(
-            self._fine[:count], self.edges, way + 2.0 * self.rim, self.margins, self.near, self.gaps
-        )
+            self._fine[:count], self.edges, way + 2.0 * self.rim, self.margins, self.memory.beam_spacing, self.near,
+            self.gaps,
+        )  # fmt: skip
 
     def _stops_free(self, twist: tuple[float, float], command: tuple[float, float]) -> bool:
         """Whether the robot stops free of the points of the last _look_near()."""
         r, n = self.robot, self.near_count
         return stops_free(
             self.near[:n], self.gaps[:n], self.edges, self.rim, twist, command, self.period,
-            (r.max_acceleration, r.max_deceleration), self.in_flight, r.motor_lag, r.dead_time,
+            self.limits, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip

@@ -12,7 +12,7 @@ from navloom_avoidance.clearance import disc_radius
 from navloom_avoidance.decision import Decision
 from navloom_avoidance.points import EchoMemory, points_in_base
 from navloom_avoidance.robot import Robot
-from navloom_avoidance.steering import turn_rate, wrap
+from navloom_avoidance.steering import wrap
 
 from navloom_vfh.avoidance import Choice, Floats, Point, Pose, View
 from navloom_vfh.free_run import ECHO, choose_command, near_points, stops_free
@@ -20,6 +20,7 @@ from navloom_vfh.held import Held
 from navloom_vfh.kept_target import KeptTarget
 from navloom_vfh.lookahead import IS_GOAL
 from navloom_vfh.methods import VfhStarAvoidance
+from navloom_vfh.steering import stopping_speed, turn_rate, turning_speed
 from navloom_vfh.stuck import Stuck
 from navloom_vfh.survey import openings
 
@@ -150,13 +151,26 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         self._look_near(view.pose, max(self.max_speed, abs(view.twist[0])))
         n = self.near_count
         v, w = choose_command(
-            self.near[:n], self.gaps[:n], self.edges, self.rim, view.twist, error, self.max_speed,
+            self.near[:n], self.gaps[:n], self.edges, self.rim, view.twist, error, self._target_speed(view, coming),
             turn_rate(error, 0.0, p.turn_gain, self.max_turn), self.max_turn, p.turn_rates, self.held.side, p.horizon, p.nose,
             self.period, self.limits, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
         if v < 0.0:
             return self._send(view, choice, *self._braking(), direction, choice.why + ", nothing is free: braking")
         return self._send(view, choice, v, w, direction, choice.why)
+
+    def _target_speed(self, view: View, coming: float) -> float:
+        """Greatest speed at which the robot can turn to the target, and stop at the goal, m/s.
+
+        Args:
+            view: The tick. coming: Angle that the robot still turns by the commands in flight, rad.
+        """
+        p = self.params
+        off = wrap(view.bearing - view.pose[2] - coming)
+        way = view.distance + self.remaining
+        stopping = stopping_speed(way, self.robot.max_deceleration, self.period + self.motors.delay)
+        turning = turning_speed(view.distance, off, self.max_turn)
+        return min(self.max_speed, max(min(stopping, turning), p.min_speed))
 
     def _braking(self) -> tuple[float, float]:
         """The command that brakes on the arc of the last command, which was found free."""

@@ -117,7 +117,7 @@ class VfhSwept(_HistogramAvoider[VfhSweptParams]):
         bearings = np.array([-0.3, 0.0, 0.3])
         limits, sensors = np.tile([0.0, 8.0], (3, 1)), np.zeros(3, np.int64)
         laser = Beams.fixed(np.zeros((3, 2)), bearings, np.zeros(3), np.ones(3), limits, sensors)
-        method = VfhSweptAvoidance(cls.Params(), WARM_UP_ROBOT, 0.05)
+        method = VfhSweptAvoidance(VfhSweptParams(), WARM_UP_ROBOT, 0.05)
         for _ in range(2):
             method.step(laser, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
 

@@ -150,14 +150,10 @@ def fastest_free(
     lag: float,
     dead_time: float,
 ) -> float:
-    """Greatest speed up to the wanted one that stops_free() at a turn rate, m/s, by bisection; -1 if not even 0 does."""
-    if stops_free(
-        points, gaps, edges, rim, twist, (wanted, turn), period, limits, in_flight, lag, dead_time
-    ):
+    """Greatest speed up to the wanted one, m/s, that stops_free() at a turn rate, by bisection; -1 for none."""
+    if stops_free(points, gaps, edges, rim, twist, (wanted, turn), period, limits, in_flight, lag, dead_time):
         return wanted
-    if not stops_free(
-        points, gaps, edges, rim, twist, (0.0, turn), period, limits, in_flight, lag, dead_time
-    ):
+    if not stops_free(points, gaps, edges, rim, twist, (0.0, turn), period, limits, in_flight, lag, dead_time):
         # Corners may need room ahead to turn: a slow arc can be free where a turn in place is not.
         low = -1.0
     else:
@@ -165,9 +161,7 @@ def fastest_free(
     high = wanted
     for _ in range(HALVINGS):
         middle = 0.5 * (max(low, 0.0) + high)
-        if stops_free(
-            points, gaps, edges, rim, twist, (middle, turn), period, limits, in_flight, lag, dead_time
-        ):
+        if stops_free(points, gaps, edges, rim, twist, (middle, turn), period, limits, in_flight, lag, dead_time):
             low = middle
         else:
             high = middle
@@ -229,9 +223,7 @@ def choose_command(
             continue
         if progress_score(wanted, w, error, time, nose) <= best:
             continue
-        v = fastest_free(
-            points, gaps, edges, rim, twist, wanted, w, period, limits, in_flight, lag, dead_time
-        )
+        v = fastest_free(points, gaps, edges, rim, twist, wanted, w, period, limits, in_flight, lag, dead_time)
         if v < 0.0 or (v == 0.0 and abs(w) < 0.05):
             continue
         score = progress_score(v, w, error, time, nose)

@@ -17,7 +17,7 @@ class KeptTarget:
 
     Attributes:
         longest: How long a target is kept, s; 0 keeps none.
-        shift: A target that moved by more than this has jumped, and a way that is longer by more than this is longer, m.
+        shift: A target that moved by more than this has jumped; a path must be longer by as much to count as longer, m.
         near: A kept target nearer than this is passed, m.
     """
 

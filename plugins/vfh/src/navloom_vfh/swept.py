@@ -85,7 +85,9 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         self._time += self.period
         self._count = -1
         # Cells are coarse, and a sonar's echo is anywhere on its arc; points are where the laser saw them.
-        self.radius = self.disc + (p.safety_distance if self.has_cells else p.point_distance) if self.disc > 0.0 else 0.0
+        self.radius = (
+            self.disc + (p.safety_distance if self.has_cells else p.point_distance) if self.disc > 0.0 else 0.0
+        )
         target = self.kept.choose(pose[:2], target, self.remaining, self._reaches, self.period)
         follows = self.held.is_held or self.motors.obeyed(twist)
         is_told = self._steers and follows and math.dist(target, pose[:2]) > p.progress_step
@@ -103,7 +105,9 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         speed = min(self.params.back_speed, self.max_speed)
         self._look_near(pose, max(abs(twist[0]), speed))
         bend = min(BEND * speed, self.max_turn)
-        command = next((c for c in ((-speed, 0.0), (-speed, bend), (-speed, -bend)) if self._stops_free(twist, c)), None)
+        command = next(
+            (c for c in ((-speed, 0.0), (-speed, bend), (-speed, -bend)) if self._stops_free(twist, c)), None
+        )
         if command is None or not self.held.allows(command):
             if self.stuck.backs_up:
                 self.stuck.restart(pose)
@@ -152,8 +156,8 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         n = self.near_count
         v, w = choose_command(
             self.near[:n], self.gaps[:n], self.edges, self.rim, view.twist, error, self._target_speed(view, coming),
-            turn_rate(error, 0.0, p.turn_gain, self.max_turn), self.max_turn, p.turn_rates, self.held.side, p.horizon, p.nose,
-            self.period, self.limits, self.in_flight, r.motor_lag, r.dead_time,
+            turn_rate(error, 0.0, p.turn_gain, self.max_turn), self.max_turn, p.turn_rates, self.held.side,
+            p.horizon, p.nose, self.period, self.limits, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
         if v < 0.0:
             return self._send(view, choice, *self._braking(), direction, choice.why + ", nothing is free: braking")
@@ -189,7 +193,9 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         # Driving ahead moves the corners past what is in the way of a turn.
         trials += [(p.creep, wanted[1] * part) for part in (1.0, 0.5, 0.0, -0.5)] if p.creep > 0.0 else []
         self._look_near(view.pose, max(p.creep, abs(view.twist[0])))
-        return next((trial for trial in trials if self.held.allows(trial) and self._stops_free(view.twist, trial)), (0.0, 0.0))
+        return next(
+            (trial for trial in trials if self.held.allows(trial) and self._stops_free(view.twist, trial)), (0.0, 0.0)
+        )
 
     def _look_near(self, pose: Pose, speed: float) -> None:
         """Fill `near` and `gaps` with what the footprint may meet before the robot has stopped from a speed, m/s."""

@@ -120,6 +120,7 @@ class VfhSwept(_HistogramAvoider[VfhSweptParams]):
         method = VfhSweptAvoidance(VfhSweptParams(), WARM_UP_ROBOT, 0.05)
         for _ in range(2):
             method.step(laser, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+        method.can_stop((0.0, 0.0), (0.1, 0.0))
 
 
 def warm_up(method: HistogramAvoidance) -> None:

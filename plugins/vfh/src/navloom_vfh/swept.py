@@ -103,11 +103,9 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         if not self.stuck.backs_up and not self.stuck.is_due:
             return None
         speed = min(self.params.back_speed, self.max_speed)
-        self._look_near(pose, max(abs(twist[0]), speed))
+        self.look_near(pose, max(abs(twist[0]), speed))
         bend = min(BEND * speed, self.max_turn)
-        command = next(
-            (c for c in ((-speed, 0.0), (-speed, bend), (-speed, -bend)) if self._stops_free(twist, c)), None
-        )
+        command = next((c for c in ((-speed, 0.0), (-speed, bend), (-speed, -bend)) if self.can_stop(twist, c)), None)
         if command is None or not self.held.allows(command):
             if self.stuck.backs_up:
                 self.stuck.restart(pose)
@@ -152,7 +150,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         # The command acts after dead time and lag: the error counts from the heading then.
         coming = r.dead_time * float(self.in_flight[0, 1]) + r.motor_lag * view.twist[1]
         error = wrap(direction - view.pose[2] - coming)
-        self._look_near(view.pose, max(self.max_speed, abs(view.twist[0])))
+        self.look_near(view.pose, max(self.max_speed, abs(view.twist[0])))
         n = self.near_count
         v, w = choose_command(
             self.near[:n], self.gaps[:n], self.edges, self.rim, view.twist, error, self._target_speed(view, coming),
@@ -192,12 +190,12 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         trials = [(0.0, wanted[1] * part) for part in (1.0, 0.5, 0.25)]
         # Driving ahead moves the corners past what is in the way of a turn.
         trials += [(p.creep, wanted[1] * part) for part in (1.0, 0.5, 0.0, -0.5)] if p.creep > 0.0 else []
-        self._look_near(view.pose, max(p.creep, abs(view.twist[0])))
+        self.look_near(view.pose, max(p.creep, abs(view.twist[0])))
         return next(
-            (trial for trial in trials if self.held.allows(trial) and self._stops_free(view.twist, trial)), (0.0, 0.0)
+            (trial for trial in trials if self.held.allows(trial) and self.can_stop(view.twist, trial)), (0.0, 0.0)
         )
 
-    def _look_near(self, pose: Pose, speed: float) -> None:
+    def look_near(self, pose: Pose, speed: float) -> None:
         """Fill `near` and `gaps` with what the footprint may meet before the robot has stopped from a speed, m/s."""
         r = self.robot
         way = speed * (2.0 * self.period + r.motor_lag + r.dead_time + 0.5 * speed / r.max_deceleration)
@@ -207,8 +205,8 @@ class VfhSweptAvoidance(VfhStarAvoidance):
             self.gaps,
         )  # fmt: skip
 
-    def _stops_free(self, twist: tuple[float, float], command: tuple[float, float]) -> bool:
-        """Whether the robot stops free of the points of the last _look_near()."""
+    def can_stop(self, twist: tuple[float, float], command: tuple[float, float]) -> bool:
+        """Whether the robot stops free of the points of the last look_near()."""
         r, n = self.robot, self.near_count
         return stops_free(
             self.near[:n], self.gaps[:n], self.edges, self.rim, twist, command, self.period,

@@ -110,7 +110,10 @@ def test_it_slows_down_for_the_goal_but_not_for_a_target_on_the_way():
 
 def test_echo_points_are_where_the_laser_sees_them_and_sonars_stay_cells():
     avoider = make(VfhSwept)
-    avoider.avoid(given(laser(np.where(np.arange(101) == 50, 1.234, math.inf)), sonars([math.inf] * 3 + [1.0] * 5)))
+    scan = laser(np.where(np.arange(101) == 50, 1.234, math.inf))
+    answer = avoider.avoid(given(scan, sonars([math.inf] * 3 + [1.0] * 5)))
+    d = answer.diagnostics
+    assert d.window[math.floor(-d.window_y / 0.1), math.floor((1.234 - d.window_x) / 0.1)] == 15
     np.testing.assert_allclose(avoider._method.memory.points[:, :2], [[1.234, 0.0]], atol=1e-12)
     assert avoider._method.has_cells
 

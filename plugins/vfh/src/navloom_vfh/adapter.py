@@ -67,11 +67,12 @@ class _HistogramAvoider(Avoider[P]):
 
     def _diagnostics(self, decision: Decision) -> AvoiderDiagnostics:
         method = self._method
+        grid, origin = method.picture()
         cell, alpha = method.common.cell, 2.0 * math.pi / method.common.sectors
         slots = np.asarray(method.slots[: method.slot_count] * alpha, np.float64)
         slots[:, 1] += slots[:, 0]
         return AvoiderDiagnostics(
-            method.grid, cell, float(method.origin[0]) * cell, float(method.origin[1]) * cell, method.density,
+            grid, cell, float(origin[0]) * cell, float(origin[1]) * cell, method.density,
             method.threshold, slots, decision.direction, decision.why,
         )  # fmt: skip
 

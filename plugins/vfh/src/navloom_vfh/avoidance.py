@@ -113,6 +113,10 @@ class HistogramAvoidance(Method):
         """Enter the readings of one tick."""
         enter_readings(self.grid, self.origin, self._votes, beams, pose, self.common)
 
+    def picture(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """The certainty window, and the place of its first cell, in cells."""
+        return self.grid, self.origin
+
     @abstractmethod
     def choose(self, view: View) -> Choice:
         """Choose the direction to steer to, from the window and the view."""

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.certainty import occupied_cells
+from navloom_avoidance.certainty import occupied_cells, scroll_window
 from navloom_avoidance.clearance import disc_radius
 from navloom_avoidance.decision import Decision
+from navloom_avoidance.himm import TOP
 from navloom_avoidance.points import EchoMemory, points_in_base
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.steering import wrap
+from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import Choice, Floats, Point, Pose, View
 from navloom_vfh.free_run import ECHO, choose_command, near_points, stops_free
@@ -38,6 +40,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
     Attributes:
         memory: Echo points of the lasers.
         has_cells: Whether the certainty window is in use: there are sonars, or `echoes` is "cells".
+        place: Position of the robot in the last tick, m.
         near, gaps: Points that the robot may meet in this tick, from free_run.near_points(); `near_count` rows.
     """
 
@@ -65,6 +68,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
         self.held, self._sent = Held(), (0.0, 0.0)
         self.stuck.restart()
         self._time, self._count, self._reaches, self._steers = 0.0, 0, False, False
+        self.place: Point = (0.0, 0.0)
 
     def step(
         self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
@@ -83,7 +87,7 @@ class VfhSweptAvoidance(VfhStarAvoidance):
     def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         p = self.params
         self._time += self.period
-        self._count = -1
+        self._count, self.place = -1, pose[:2]
         # Cells are coarse, and a sonar's echo is anywhere on its arc; points are where the laser saw them.
         self.radius = (
             self.disc + (p.safety_distance if self.has_cells else p.point_distance) if self.disc > 0.0 else 0.0
@@ -97,6 +101,15 @@ class VfhSweptAvoidance(VfhStarAvoidance):
             self.stuck.restart(pose)
             return decision
         return self._back_up(pose, twist) or decision
+
+    def picture(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """The certainty window about the robot, with full certainty where echo points are, and its origin in cells."""
+        grid, origin, cell = self.grid.copy(), self.origin.copy(), self.params.cell
+        scroll_window(grid, origin, self.place[0], self.place[1], cell)
+        cells = np.floor(self.memory.points[:, :2] / cell).astype(np.int64) - origin
+        columns, rows = cells[((cells >= 0) & (cells < grid.shape[0])).all(axis=1)].T
+        grid[rows, columns] = TOP
+        return grid, origin
 
     def _back_up(self, pose: Pose, twist: tuple[float, float]) -> Decision | None:
         """The command that backs a stuck robot up; None if it is not stuck, or something is behind it."""

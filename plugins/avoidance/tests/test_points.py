@@ -62,7 +62,7 @@ def test_the_beam_spacing_does_not_depend_on_the_order_of_the_beams():
 
 
 def test_one_point_of_a_square_is_given_in_the_base_frame():
-    """(0.99, 2.01) seen from (1, 1), looking along y, is 1.01 m ahead; the second point is in the same square of 5 cm."""
+    """(0.99, 2.01) seen from (1, 1), looking along y, is 1.01 m ahead; the second is in its square."""
     points, cells = np.array([[0.99, 2.01, 0.0], [0.98, 2.02, 0.0], [9.0, 9.0, 0.0]]), np.zeros((5, 3))
     count = points_in_base(points, (1.0, 1.0, 0.5 * math.pi), 3.0, 0.05, 15.0, cells)
     np.testing.assert_allclose(cells[:count], [[1.01, 0.01, 15.0]], atol=1e-12)

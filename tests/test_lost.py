@@ -29,19 +29,40 @@ def test_a_wrong_start_is_corrected_and_the_goal_truly_reached() -> None:
 
 
 def test_on_the_map_of_another_building_it_ends_lost_near_its_start() -> None:
-    episode = run_episode(load_config("building", ["map.ref=paper_gates", "run.stop_after=60"]))
+    changes = ["localizer.plugin=scan_matching", "map.ref=paper_gates", "run.stop_after=60"]
+    episode = run_episode(load_config("building", changes))
     assert episode.result.outcome == "lost" and episode.summary()["truly_reached"] is False
     assert "less than 5% of the beams have seen the map at this place" in episode.result.reason
     truth = np.array([row[1:3] for row in episode.recorder.truth])
     assert np.hypot(*(truth[-1] - truth[0])) < 0.3
 
 
+def test_a_robot_that_looks_around_there_ends_lost_after_its_time_and_touches_nothing() -> None:
+    changes = ["map.ref=paper_gates", "run.stop_after=60", "navigation.localizer_timeout=30"]
+    episode = run_episode(load_config("building", changes))
+    assert episode.result.outcome == "lost" and episode.summary()["collisions"] == 0
+    assert episode.result.reason.startswith("the localizer has not been tracking for 30 s: ")
+
+
 def test_the_command_says_lost_and_exits_with_1() -> None:
     from navloom.cli.main import app
 
-    done = CliRunner().invoke(app, ["run", "building", "--set", "map.ref=paper_gates", "--set", "run.stop_after=60"])
+    changes = ["localizer.plugin=scan_matching", "map.ref=paper_gates", "run.stop_after=60"]
+    done = CliRunner().invoke(app, ["run", "building", *(word for change in changes for word in ("--set", change))])
     assert done.exit_code == 1
     assert "lost" in done.output and "of the beams have seen the map" in done.output
+
+
+@pytest.mark.parametrize(
+    ("world", "x", "y", "heading"), [("floor:1", 17.33, 8.76, 14.0), ("floor:2", 25.54, 0.72, 98.0)]
+)
+def test_a_robot_that_starts_anywhere_finds_itself_and_reaches_its_goal(
+    world: str, x: float, y: float, heading: float
+) -> None:
+    start = f"world.start={{x={x},y={y},heading_deg={heading}}}"
+    changes = [f"world.ref={world}", "navigation.start=unknown", start, "run.stop_after=200"]
+    summary = run_episode(load_config("building", changes)).summary()
+    assert (summary["outcome"], summary["truly_reached"], summary["collisions"]) == ("succeeded", True, 0)
 
 
 # --- campaigns ------------------------------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ def map_of(log: LogDrive, scans: Sequence[RangeScan], cell: float = 0.05) -> Occ
 def drive(
     log: LogDrive,
     name: str,
-    known: OccupancyGrid,
+    known: OccupancyGrid | None,
     params: dict[str, Any] | None = None,
     sigma: tuple[float, float] | None = None,
     odometry: Floats | None = None,
@@ -151,7 +151,7 @@ def drive(
     Args:
         log: The log; its first odometry is where the localizer begins.
         name: Plugin of the localizer, also with a preset.
-        known: The map.
+        known: The map; None for a localizer that needs none.
         params: Parameters that differ from the defaults.
         sigma: See `Context.start_sigma`.
         odometry: (n, 3) odometry with made faults instead of the log's.

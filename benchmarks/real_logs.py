@@ -133,7 +133,12 @@ def _places(log: LogDrive, count: int) -> Iterator[int]:
 
 
 def _fault_row(log: LogDrive, name: str, known: OccupancyGrid, fault: str, number: int, at_ns: int, params: Any) -> Any:
-    """What became of one made fault, or of a start without a pose."""
+    """What became of one made fault, or of a start without a pose.
+
+    Returns:
+        wrong: Whether the localizer tracked falsely after it. noticed_s: How long, s; None if it did not or never
+        noticed. found_again: Whether it tracks truly at the end. Others as `report`.
+    """
     part = log.between(at_ns - round(BEFORE * 1e9), at_ns + round(AFTER * 1e9))
     amounts = {"turn": (12.0, -18.0, 24.0, -30.0)[number % 4], "spin": 0.5, "drag": 1.3, "gap": 10.0}
     odometry, sigma, begun = None, None, BEFORE
@@ -143,15 +148,16 @@ def _fault_row(log: LogDrive, name: str, known: OccupancyGrid, fault: str, numbe
         part, odometry = faulty(part, fault, at_ns, amounts[fault])
     found, said = drive(part, name, known, params, sigma, odometry)
     after = found.time >= begun
-    wrong = after & ((found.error > NOTICED[0]) | (found.turn_error > NOTICED[1]))
-    unsure = np.flatnonzero(after & ~found.is_tracking)
+    wrong = after & found.is_tracking & ((found.error > NOTICED[0]) | (found.turn_error > NOTICED[1]))
+    first = int(np.argmax(wrong))
+    noticed = first + int(np.argmin(wrong[first:])) if wrong.any() and not wrong[first:].all() else None
     row = report(found, said)
     return {
         "fault": fault,
         "amount": amounts.get(fault),
         "at_s": round((at_ns - int(log.stamps_ns[0])) * 1e-9, 1),
-        "harmful": bool(wrong.any()),
-        "noticed_s": round(float(found.time[unsure[0]] - begun), 1) if len(unsure) else None,
+        "wrong": bool(wrong.any()),
+        "noticed_s": None if noticed is None else round(float(found.time[noticed] - found.time[first]), 1),
         "found_again": row["end"] == "tracking",
         **row,
     }

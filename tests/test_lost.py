@@ -15,6 +15,7 @@ from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Place
 from navloom.plugins import Discovery
 from navloom.runs.episode import run_episode
+from navloom.runs.metrics import measure
 from typer.testing import CliRunner
 
 BODY = rectangle(0.5, 0.5)
@@ -29,8 +30,8 @@ def test_a_wrong_start_is_corrected_and_the_goal_truly_reached() -> None:
 
 
 def test_on_the_map_of_another_building_it_ends_lost_near_its_start() -> None:
-    changes = ["localizer.plugin=scan_matching", "map.ref=paper_gates", "run.stop_after=60"]
-    episode = run_episode(load_config("building", changes))
+    matched = "localizer.plugin=scan_matching"
+    episode = run_episode(load_config("building", ["map.ref=paper_gates", "run.stop_after=60", matched]))
     assert episode.result.outcome == "lost" and episode.summary()["truly_reached"] is False
     assert "less than 5% of the beams have seen the map at this place" in episode.result.reason
     truth = np.array([row[1:3] for row in episode.recorder.truth])
@@ -44,11 +45,17 @@ def test_a_robot_that_looks_around_there_ends_lost_after_its_time_and_touches_no
     assert episode.result.reason.startswith("the localizer has not been tracking for 30 s: ")
 
 
+def test_on_the_map_of_another_building_a_search_finds_no_place() -> None:
+    episode = run_episode(load_config("building", ["map.ref=paper_gates", "run.stop_after=60"]))
+    assert episode.result.outcome != "succeeded"
+    assert measure(episode.trail)["false_tracking_time"] < 1.0
+
+
 def test_the_command_says_lost_and_exits_with_1() -> None:
     from navloom.cli.main import app
 
-    changes = ["localizer.plugin=scan_matching", "map.ref=paper_gates", "run.stop_after=60"]
-    done = CliRunner().invoke(app, ["run", "building", *(word for change in changes for word in ("--set", change))])
+    changes = ["map.ref=paper_gates", "run.stop_after=60", "localizer.plugin=scan_matching"]
+    done = CliRunner().invoke(app, ["run", "building", *(part for change in changes for part in ("--set", change))])
     assert done.exit_code == 1
     assert "lost" in done.output and "of the beams have seen the map" in done.output
 

@@ -43,6 +43,15 @@ def test_another_avoider_is_compared_and_drawn(recorded: Path, tmp_path: Path) -
     assert len(rows) == 1 + 3 * summary["ticks"] and summary["differing_share"] > 0.1
 
 
+def test_another_mapper_gives_its_map(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    changes = ["--set", "run.stop_after=2", "--set", "mapper.plugin=known_map"]
+    RUN.invoke(app, ["run", "explore", *changes, "--record", str(path)])
+    done = RUN.invoke(app, ["replay", str(path), "--mapper", "scan_grid", "--out", str(tmp_path / "map")])
+    assert done.exit_code == 0, done.output
+    assert b"image: map.pgm" in (tmp_path / "map" / "map.yaml").read_bytes()
+
+
 def test_an_existing_recording_is_not_written_over(recorded: Path) -> None:
     size = recorded.stat().st_size
     done = RUN.invoke(app, ["run", "paper", "--record", str(recorded)])

@@ -9,6 +9,7 @@ import pytest
 from navloom.config import ConfigError, load_config, shipped_configs
 from navloom.geometry.world import Place, World
 from navloom.plugins import Discovery
+from navloom.worlds import WORLDS
 from navloom_study.compare import Study, plan_study
 from navloom_study.study_methods import methods_of, toml_value, variation_of
 from navloom_study.study_worlds import expanded, placed, seeds_of, world_digest, worlds_of
@@ -272,6 +273,15 @@ def test_a_reference_length_is_in_a_world_s_hash_and_its_absence_is_not() -> Non
     # The hash that studies made before worlds had reference lengths hold.
     assert world_digest(plain) == "dbdb83bb425fa735299b017f30acd70a7fd2ccab2076d5c88f51d47dbb4c8af1"
     assert world_digest(replace(plain, reference_length=2.0)) != world_digest(replace(plain, reference_length=3.0))
+
+
+def test_what_is_glass_or_not_mapped_is_in_a_world_s_hash_and_its_absence_is_not() -> None:
+    plain = WORLDS["corridor"]()
+    # The hash that studies made before obstacles had a material hold.
+    assert world_digest(plain) == "0216d1bfdf49fec11b5f1b8b1d02cd96fde5b59706850c006e67ee7306312449"
+    wall, *others = plain.obstacles
+    changed = (replace(wall, material="glass"), replace(wall, is_mapped=False), wall)
+    assert len({world_digest(replace(plain, obstacles=(one, *others))) for one in changed}) == 3
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.grid import world_to_grid
 from navloom.geometry.world import Box, Place, World
+from navloom.testing import cast
 from navloom.worlds import WorldError
 from navloom_maps.floor import DEVELOPMENT_SEEDS, TEST_SEEDS, Floor, floor_of, floor_world, lookalikes
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def test_a_seed_is_the_same_storey_on_every_machine() -> None:
     boxes = [f"{o.name} {o.centre[0]:.3f} {o.centre[1]:.3f} {o.is_mapped}" for o in world.obstacles]
     assert world.raster is not None
     content = np.packbits(world.raster.occupied).tobytes() + "\n".join(boxes).encode()
-    assert hashlib.sha256(content).hexdigest()[:16] == "c35d496fe97e8268"
+    assert hashlib.sha256(content).hexdigest()[:16] == "35d0228b80da5a54"
 
 
 def test_another_seed_is_another_storey() -> None:
@@ -90,6 +91,21 @@ def test_look_alike_rooms_are_the_same_in_the_frame_of_their_door() -> None:
     expected = clearance(ROBOT, pose, floor.world, height=0.6)[0]
     for place in found:
         assert clearance(ROBOT, place, floor.world, height=0.6)[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_laser_in_a_look_alike_room_sees_the_same_but_through_the_door() -> None:
+    turns = np.linspace(0.0, 2.0 * math.pi, 180, endpoint=False)
+    for seed in range(10):
+        floor = floor_of(f"{seed}?lookalike=0.6")
+        copy = next(room for room in floor.rooms if room.alike != room.number)
+        pose = Place(copy.door.x, copy.door.y + (1.2 if copy.up else -1.2), 0.3)
+
+        def seen(place: Place, world: World = floor.world) -> NDArray[np.float64]:
+            ways = np.stack([np.cos(turns + place.heading), np.sin(turns + place.heading), 0.0 * turns], axis=1)
+            return cast(world, np.tile([place.x, place.y, 0.3], (180, 1)), ways)
+
+        for other in lookalikes(floor, pose):
+            assert (np.abs(seen(other) - seen(pose)) < 1e-6).mean() > 0.8
 
 
 def test_without_look_alikes_no_room_has_another() -> None:
@@ -132,6 +148,14 @@ def test_the_map_shows_glass_and_mapped_furniture_only() -> None:
     assert {o.is_mapped for o in shelves} == {True, False}
 
 
+@pytest.mark.parametrize(("unmapped", "is_mapped"), [("0", True), ("1", False)])
+def test_all_furniture_is_mapped_or_none(unmapped: str, is_mapped: bool) -> None:
+    world = floor_of(f"5?unmapped={unmapped}").world
+    # Of a chair, the map shows the legs.
+    shown = {o.is_mapped for o in world.obstacles if not (o.name.startswith("chair") and isinstance(o, Box))}
+    assert shown == {is_mapped}
+
+
 def test_a_hundred_metres_square_has_its_size() -> None:
     world = floor_of("1?size=100x100").world
     assert world.raster is not None and world.raster.occupied.shape == (2000, 2000)
@@ -145,6 +169,7 @@ def test_a_hundred_metres_square_has_its_size() -> None:
         ("", "floor:: expected a seed"),
         ("-1", "floor:-1: expected a seed"),
         ("1?sise=3x3", "option 'sise' does not exist; did you mean 'size'"),
+        ("1?size=30x20,glass=0.2", "separate options by &, not by a comma"),
         ("1?size=30", "size=30: expected width x height from 12x9 to 200x200 m"),
         ("1?size=5x5", "size=5x5: expected width x height"),
         ("1?size=300x20", "size=300x20: expected width x height"),

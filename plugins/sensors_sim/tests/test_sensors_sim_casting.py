@@ -84,6 +84,21 @@ def test_an_obstacle_out_of_reach_is_not_hit():
         assert list(cast_rays(origins, ways, world, True, reach)[0]) == expected
 
 
+def test_leaving_out_what_is_out_of_reach_changes_no_bit():
+    rng = np.random.default_rng(1)
+    x, y, yaw = rng.uniform(-20.0, 20.0, 300), rng.uniform(-20.0, 20.0, 300), rng.uniform(-3.0, 3.0, 300)
+    boxes = [Box(f"b{k}", (x[k], x[k] + 1.5), (y[k], y[k] + 0.3), yaw=yaw[k]) for k in range(150)]
+    world = scene(*boxes, *(Cylinder(f"c{k}", x[k], y[k], 0.2) for k in range(150, 300)))
+    turns = rng.uniform(-math.pi, math.pi, 400)
+    origins = np.column_stack([rng.uniform(-1.0, 1.0, (400, 2)), np.full(400, 0.3)])
+    ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(400)])
+    everywhere, hits = cast_rays(origins, ways, world, False)
+    near, near_hits = cast_rays(origins, ways, world, False, 5.0)
+    assert 50 < (everywhere < 5.0).sum() < 350
+    np.testing.assert_array_equal(near, np.where(everywhere < 5.0, everywhere, math.inf))
+    np.testing.assert_array_equal(near_hits, np.where(everywhere < 5.0, hits, NOTHING))
+
+
 def test_indices_run_over_boxes_cylinders_raster():
     wall = Raster("r", np.array([[True]]), 1.0, Place(-5.0, -0.5))
     world = scene(Box("a", (9.0, 10.0), (-1.0, 1.0)), Cylinder("c", 0.0, 5.0, 1.0), raster=wall)

@@ -44,6 +44,14 @@ ENTRIES = Entries()
 # --- platforms --------------------------------------------------------------------------------------------------------
 
 
+@ENTRIES.plant("not_displaced", caught_by="disturbed")
+class NotDisplaced(SensorsSim):
+    """Says that it takes disturbances, and does not."""
+
+    def __init__(self, params: SensorsSimParams, context: Context) -> None:
+        super().__init__(params, replace(context, disturbances=()))
+
+
 @ENTRIES.plant("scans_of_last_tick", caught_by="aligned")
 class ScansOfLastTick(SensorsSim):
     """Measures before it moves the robot, and stamps the scan after."""

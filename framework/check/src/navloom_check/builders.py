@@ -43,6 +43,7 @@ from navloom.roles import (
     AvoiderInput,
     Context,
     ControllerInput,
+    Disturbance,
     LocalizerInput,
     MapperInput,
     PlannerInput,
@@ -88,11 +89,15 @@ def context(
     world: World | None = None,
     map: OccupancyGrid | None = None,
     diagnostics_rate_hz: float = math.inf,
+    disturbances: Sequence[Disturbance] = (),
 ) -> Context:
     """The context that the framework gives to a plugin; its random streams come from the seed."""
     spec = _robot() if robot is None else robot
     stream = stream_source(seed, role, instance)
-    return Context(instance, period, spec, stream, pose(start), tuple(sensors), world, map, diagnostics_rate_hz)
+    return Context(
+        instance, period, spec, stream, pose(start), tuple(sensors), world, map, diagnostics_rate_hz,
+        disturbances=tuple(disturbances),
+    )  # fmt: skip
 
 
 # `context` has an argument named robot, which hides the function.

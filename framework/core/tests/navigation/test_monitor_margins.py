@@ -135,7 +135,7 @@ def test_the_margin_grows_for_an_echo_that_the_laser_no_longer_sees() -> None:
 
 def unseen(distance: float, *motions: tuple[float, float]) -> float:
     """How far what lies ahead may reach beyond its echo after a robot drove, m, or turned, rad, without seeing it."""
-    limits = MonitorLimits(robot(footprint=LONG, max_deceleration=0.5), 0.05, 0.005)
+    limits = MonitorLimits(robot(footprint=TAIL, max_deceleration=0.5), 0.05, 0.005)
     monitor, bearings, two = CollisionMonitor(limits), np.array([0.0, 0.005]), np.zeros(2)
     x, heading, stamp = 0.0, 0.0, 0
     for k, (way, turn) in enumerate(((0.0, 0.0), *motions)):

@@ -7,7 +7,7 @@ import math
 import re
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import Field, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,10 @@ LARGEST = 100_000
 KEPT = 64
 """Number of parsed worlds that are cached: more than are in use at a time."""
 RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>\?.*)?")
+
+
+_LATER_FIELDS = {"reference_length", "is_mapped", "material"}
+"""Fields of worlds and obstacles that are younger than the first studies."""
 
 
 class CachedDiscovery(Discovery):
@@ -233,7 +237,7 @@ def _pieces(value: Any) -> Iterator[bytes]:
     elif is_dataclass(value):
         yield type(value).__name__.encode()
         for entry in fields(value):
-            if not (isinstance(value, World) and entry.name in _unhashed(value)):
+            if not _is_unhashed(value, entry):
                 yield from _pieces(getattr(value, entry.name))
     elif isinstance(value, tuple):
         yield str(len(value)).encode()
@@ -243,6 +247,8 @@ def _pieces(value: Any) -> Iterator[bytes]:
         yield repr(value).encode()
 
 
-def _unhashed(world: World) -> tuple[str, ...]:
-    """Fields that are not hashed: the name, and a missing reference length, so that older hashes stay valid."""
-    return ("name", "reference_length") if world.reference_length is None else ("name",)
+def _is_unhashed(value: Any, entry: Field[Any]) -> bool:
+    """Whether a field is not hashed: a world's name, and defaults of later fields, so that older hashes stay valid."""
+    if isinstance(value, World) and entry.name == "name":
+        return True
+    return entry.name in _LATER_FIELDS and getattr(value, entry.name) == entry.default

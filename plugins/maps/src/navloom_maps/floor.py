@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +66,7 @@ def floor_of(argument: str) -> Floor:
         lookalike: Share of rooms, from 0 to 1, that copy the shape and furniture of an earlier room, where one fits.
         furniture: Density of the furniture, from 0, none, to 1: hardly a further piece fits that a robot of 0.5 m width
             gets round.
-        unmapped: Share of the furniture, from 0 to 1, that is not on the map. Chairs never are.
+        unmapped: Share of the furniture, from 0 to 1, that is not on the map. Of a chair, the map shows the legs.
         glass: Share of the walls between rooms and corridors, from 0 to 1, that is glass. Posts beside doors stay.
 
     Raises:
@@ -82,8 +81,10 @@ def floor_of(argument: str) -> Floor:
     # Streams of their own: another density of furniture or glass must not change the walls.
     walls, furniture, glass = (np.random.default_rng((seed, number)).random for number in range(3))
     plan = plan_floor(walls, width, height, corridors, shares["lookalike"])
-    groups = [[room for room in plan.rooms if room.alike == first.number] for first in plan.rooms]
-    groups = [rooms for rooms in groups if rooms]
+    alike: dict[int, list[Room]] = {}
+    for room in plan.rooms:
+        alike.setdefault(room.alike, []).append(room)
+    groups = list(alike.values())
     solids: list[Obstacle] = []
     for rooms in groups:
         pieces = furnish(furniture, rooms[0].shape, shares["furniture"], shares["unmapped"])
@@ -137,11 +138,13 @@ def _moved(pose: Place, room: Room, other: Room) -> Place:
 def _task(plan: FloorPlan) -> tuple[Place, Place]:
     """Start and goal behind the doors that are farthest from each other along x and y; the start faces its door."""
 
-    def apart(pair: tuple[Room, Room]) -> int:
-        first, second = pair
-        return abs(first.column - second.column) + abs(first.row - second.row)
+    def ends(slope: int) -> tuple[int, Room, Room]:
+        along = {room.number: room.column + slope * room.row for room in plan.rooms}
+        first, *_, last = sorted(plan.rooms, key=lambda room: along[room.number])
+        return along[last.number] - along[first.number], first, last
 
-    first, second = max(combinations(plan.rooms, 2), key=apart)
+    # The greatest distance along x and y together is that along one of the two diagonals.
+    _, first, second = max(ends(1), ends(-1), key=lambda pair: pair[0])
     (x, y), (goal_x, goal_y) = _behind_door(first), _behind_door(second)
     return Place(x, y, -first.door.heading), Place(goal_x, goal_y)
 

@@ -50,7 +50,7 @@ class Piece:
 
     kind: str
     area: Rectangle
-    is_mapped: bool
+    is_mapped: bool = True
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def furnish(draw: Draw, shape: Shape, density: float, unmapped: float) -> list[P
         draw: Draws in [0, 1).
         shape: The room.
         density: From 0, none, to 1: hardly a further piece fits.
-        unmapped: Probability that a piece is not on the map; chairs never are.
+        unmapped: Probability that a piece and what stands with it are not on the map.
     """
     free = (0, ENTRY, -shape.door // 2 - _BESIDE_DOOR, shape.door // 2 + _BESIDE_DOOR)
     pieces: list[Piece] = []
@@ -81,9 +81,7 @@ def furnish(draw: Draw, shape: Shape, density: float, unmapped: float) -> list[P
         if _meets(area, free) or any(_meets(_grown(area), other) for other in taken) or not _fits(area, shape):
             continue
         taken.append(area)
-        pieces += (
-            replace(piece, area=place(piece.area), is_mapped=piece.is_mapped and is_mapped) for piece in group.pieces
-        )
+        pieces += (replace(piece, area=place(piece.area), is_mapped=is_mapped) for piece in group.pieces)
     return pieces
 
 
@@ -108,11 +106,11 @@ def _group(kind: float, wide: float) -> _Group:
     if kind < _FREE_STANDING:
         along, deep = 24 + int(wide * 9), 14
         chair = (along // 2 - 4, along // 2 - 4 + _CHAIR, deep + 1, deep + 1 + _CHAIR)
-        desk = Piece("table", (0, along, 0, deep), True)
-        return _Group((along, deep + 1 + _CHAIR), (desk, Piece("chair", chair, False)))
+        desk = Piece("table", (0, along, 0, deep))
+        return _Group((along, deep + 1 + _CHAIR), (desk, Piece("chair", chair)))
     if kind < 0.9:
         return _table_with_chairs(24 + int(wide * 17), 16)
-    return _Group((_CHAIR, _CHAIR), (Piece("chair", (0, _CHAIR, 0, _CHAIR), False),))
+    return _Group((_CHAIR, _CHAIR), (Piece("chair", (0, _CHAIR, 0, _CHAIR)),))
 
 
 def _single(kind: str, along: int, deep: int) -> _Group:
@@ -123,11 +121,9 @@ def _table_with_chairs(along: int, deep: int) -> _Group:
     """A table with two chairs on either long side."""
     low = _CHAIR + 1
     chairs = [
-        Piece("chair", (x, x + _CHAIR, y, y + _CHAIR), False)
-        for x in (2, along - 2 - _CHAIR)
-        for y in (0, low + deep + 1)
+        Piece("chair", (x, x + _CHAIR, y, y + _CHAIR)) for x in (2, along - 2 - _CHAIR) for y in (0, low + deep + 1)
     ]
-    return _Group((along, deep + 2 * low), (Piece("table", (0, along, low, low + deep), True), *chairs))
+    return _Group((along, deep + 2 * low), (Piece("table", (0, along, low, low + deep)), *chairs))
 
 
 def _placed(
@@ -204,7 +200,8 @@ def solids_of(room: Room, pieces: list[Piece]) -> Iterator[Obstacle]:
             is_table = piece.kind == "table"
             span, radius = (_TABLE_TOP, _LEG) if is_table else (_SEAT, _CHAIR_LEG)
             inset = 1.0 if is_table else 0.5
-            yield _box(room, name, piece, span)
+            # A map of lasers shows the legs of a chair, and a robot of 0.5 m width does not fit between them.
+            yield _box(room, name, replace(piece, is_mapped=piece.is_mapped and is_table), span)
             legs = ((x, y) for x in (x0 + inset, x1 - inset) for y in (y0 + inset, y1 - inset))
             for leg, (x, y) in enumerate(legs, start=1):
                 at = room.place(x, y)

@@ -27,7 +27,7 @@ _APART = (0.5, math.radians(15.0))
 """Least distance of two places, m or rad."""
 _SOFT = 0.1
 """Difference of two scores by which one place is e times as likely as the other."""
-_RIVAL, _BETTER = 0.1, 0.05
+_RIVAL, _BETTER = 0.1, 0.15
 """Score of a new place, compared with the present one: it may be less by the first while the place is new; once it is
 proven it must be more by the second."""
 _SHARE = 0.3
@@ -44,6 +44,9 @@ _EVERY = 0.2
 """Least time between two looks along the map, s."""
 _LEAST_SIGMA = np.diag([0.005**2, 0.005**2, math.radians(0.15) ** 2])
 """Least covariance that is reported: the particles of a set may all come from one."""
+_QUICK, _SLOW, _FALL = 0.5, 0.03, 0.7
+"""Weight of a new scan in the quick and in the slow mean of the likelihood; share of the slow one below which the quick
+one has fallen."""
 _FEW = 20
 """Least number of echoes of a scan that is used."""
 _PAUSE = 5.0
@@ -98,6 +101,9 @@ class Belief:
     """Part of the next scan's beams that is looked at."""
     _alarm: bool
     """Whether so many beams pass through walls that other places are searched."""
+    _fast: float
+    _slow: float
+    """Mean likelihood of a beam, over a few and over many scans."""
     _counts: Floats
     """Recent counts of `look_along`."""
 
@@ -149,7 +155,7 @@ class Belief:
         s = self.settings
         is_usable = echoes >= _FEW
         if is_usable and len(self.filter.particles) and self._is_due():
-            self.filter.correct(beams, echoes)
+            self._compare(self.filter.correct(beams, echoes))
             self._way = self._turn = 0.0
             self._first -= 1
             self._look(beams, echoes)
@@ -164,6 +170,11 @@ class Belief:
             self._take(found)
         self._estimate()
         self._judge()
+
+    def _compare(self, likelihood: float) -> None:
+        """Notice a sudden fall of the mean likelihood of a beam, as augmented Monte Carlo localisation does."""
+        self._fast += _QUICK * (likelihood - self._fast)
+        self._slow += _SLOW * (likelihood - self._slow)
 
     def _is_due(self) -> bool:
         s = self.settings
@@ -222,7 +233,7 @@ class Belief:
         through = seen.through / max(seen.through + seen.fit, 1.0)
         self._through = through if seen.through > 0.05 * seen.total else 0.0
         s = self.settings
-        self._alarm = self._through > 0.5 * (1.0 - s.trusted_share)
+        self._alarm = self._through > 0.5 * (1.0 - s.trusted_share) or self._fast < _FALL * self._slow
         if self._alarm or top.weights[0] < s.sure_weight:
             self._proven = min(self._proven, s.prove_way) if self._proven >= s.prove_way else 0.0
         else:
@@ -277,6 +288,7 @@ class Belief:
         self._way = self._turn = self._unproven_way = self._through = 0.0
         self._first, self._part, self._alarm = _FIRST_SCANS, 0, False
         self._counts = np.zeros(6)
+        self._fast = self._slow = 0.0
 
 
 def _likelihoods(scores: Floats, best: float | None = None) -> Floats:

@@ -31,7 +31,7 @@ class ScanMatchingParams(Params):
     rest_noise_deg: float = Field(0.1, gt=0.0, le=5.0, description="Spread of heading after 1 s, degrees/sqrt(s).")
     sigma: float = Field(0.02, gt=0.0, le=1.0, description="Standard deviation of a beam's end from its wall, m.")
     redundancy: float = Field(
-        10.0, ge=1.0, le=1000.0, description="Number of beams that count as one independent measurement."
+        4.0, ge=1.0, le=1000.0, description="Number of beams that count as one independent measurement."
     )
     robust_scale: float = Field(0.08, gt=0.0, le=2.0, description="Misfit above which a beam has little weight, m.")
     reach: float = Field(

@@ -53,7 +53,7 @@ class Settings:
     rest_noise: float = 0.002
     rest_turn_noise: float = math.radians(0.1)
     sigma: float = 0.02
-    redundancy: float = 10.0
+    redundancy: float = 4.0
     robust_scale: float = 0.08
     reach: float = 0.5
     least_inliers: int = 20

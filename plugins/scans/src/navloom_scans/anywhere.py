@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from navloom_scans import matching, sight
 from navloom_scans.field import DistanceField, distance_field
-from navloom_scans.lattice import FULL, expand, offsets_of, pyramid_of
+from navloom_scans.lattice import COMPLETE, DIVE, DRAIN, FULL, expand, offsets_of, pyramid_of
 from navloom_scans.poses import pose_of
 from navloom_scans.sight import look_along
 
@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 _ANYWHERE = (math.inf, math.inf)
 _MAX_CELLS = 4_000_000
 """Most lattice cells. On a larger map the cells are doubled: a pyramid has one byte per cell and level."""
+_MAX_SIDE = 32_000
+"""Most cells in one direction: a node of the queue has 16 bits for each."""
 _REFINE_WORK = 200
 """Work of fitting and scoring one place, in nodes."""
 _FIRST_CAPACITY = 1 << 14
@@ -52,7 +54,7 @@ class SearchSettings:
         apart, turned: Least distance of two places, m, or of their headings, rad.
         gate: Depth behind a wall's front from which a beam passes through it, m, on the lattice.
         sigma, redundancy, robust_scale, reach, iterations: As those of `scan_matching`, for the final fits.
-        most_work: Nodes after which the search ends with what it has found.
+        most_work: Nodes after which the search goes on with the best position of each node, for a fifth of that.
     """
 
     step: float = 0.1
@@ -73,7 +75,7 @@ class SearchSettings:
     robust_scale: float = 0.08
     reach: float = 0.5
     iterations: int = 8
-    most_work: int = 5_000_000
+    most_work: int = 2_000_000
 
 
 class MapSearch:
@@ -83,10 +85,10 @@ class MapSearch:
     not of time, so that a run repeats bit for bit.
 
     Attributes:
-        is_complete: Whether the last search saw the whole map, or the whole guess: `most_work` ended it otherwise.
+        is_complete: Whether the last search found the best places for certain; `most_work` ended it otherwise.
         work: Work of the last search, in nodes.
         shape: Extent of the map along y and x of its raster, m.
-        bytes: Memory of the pyramid and of the places where the robot may stand.
+        bytes: Memory of the pyramid, of the places where the robot may stand, and of the queue of the last search.
     """
 
     def __init__(self, field: DistanceField, free: Bools, settings: SearchSettings = SearchSettings()) -> None:
@@ -101,7 +103,10 @@ class MapSearch:
         cell, self._heading = 2.0 * float(field.frame[4]), math.atan2(field.frame[3], field.frame[2])
         rows, columns = free.shape
         step = settings.step
-        while math.ceil(rows * cell / step) * math.ceil(columns * cell / step) > _MAX_CELLS:
+        while (
+            math.ceil(rows * cell / step) * math.ceil(columns * cell / step) > _MAX_CELLS
+            or max(rows, columns) * cell / step > _MAX_SIDE
+        ):
             step *= 2.0
         self._step, width = step, settings.width * step / settings.step
         v, u = (
@@ -114,9 +119,13 @@ class MapSearch:
         self._pyramid = pyramid_of(values, settings.levels)
         self._standing = _blocks(may_stand, settings.levels)
         self.shape = (rows * cell, columns * cell)
-        self.bytes = self._pyramid.nbytes + self._standing.nbytes
+        self._queue = np.empty((0, 3), dtype=np.int32)
         self.is_complete, self.work = True, 0
         self._is_over, self._places, self._scores = True, np.empty((0, 3)), np.empty(0)
+
+    @property
+    def bytes(self) -> int:
+        return int(self._pyramid.nbytes + self._standing.nbytes + self._queue.nbytes)
 
     def search(
         self,
@@ -175,36 +184,46 @@ class MapSearch:
         self._turns = middle + (np.arange(headings) - (headings // 2)) * spacing
         self._offsets = offsets_of(used, self._turns, self._step)
         self._heads = np.full(FULL * max(len(used), 1) + 1, -1)
-        self._queue = np.empty((_FIRST_CAPACITY, 5), dtype=np.int64)
+        self._queue = np.empty((_FIRST_CAPACITY, 3), dtype=np.int32)
         self._marks = np.array([0, 0, -1, 0, 0])
         self._found = np.empty((max(count, 1), 4))
         share = FULL * max(len(used), 1)
         self._limits = np.array(
             [self._step, s.gate, FULL, s.apart, s.turned, max(1.0, s.least * share), s.margin * share]
         )
-        self._is_searched = not len(used) or count < 1
+        self._mode: int | None = COMPLETE if len(used) and count > 0 else None
+        self._limit_of_work = s.most_work
 
     def step(self, budget: int) -> bool:
         """Continue a search by some work, in nodes; whether it has ended. A node is about 0.1 to 0.3 µs."""
         while budget > 0 and not self._is_over:
-            if not self._is_searched:
-                room = min(budget, self.settings.most_work - self.work)
+            if self._mode is not None:
+                room = min(budget, self._limit_of_work - self.work)
                 work, is_done = expand(
                     self._pyramid, self._standing, self._corners, self._offsets, self._turns, self.field.values,
                     self.field.frame, self._rays, self._count, self._limits, self._queue, self._heads, self._marks,
-                    self._found, room,
+                    self._found, self._mode, room,
                 )  # fmt: skip
                 budget, self.work = budget - work, self.work + work
                 if self._marks[1] + 8 >= len(self._queue):
                     self._queue = np.concatenate((self._queue, np.empty_like(self._queue)))
-                self.is_complete = is_done or self.work < self.settings.most_work
-                self._is_searched = is_done or not self.is_complete
+                if is_done or self.work >= self._limit_of_work:
+                    self._end(is_done)
             elif len(self._refined) < self._marks[4]:
                 self._refined.append(self._refine(self._found[len(self._refined)]))
                 budget, self.work = budget - _REFINE_WORK, self.work + _REFINE_WORK
             else:
                 self._finish()
         return self._is_over
+
+    def _end(self, is_done: bool) -> None:
+        """End a way of searching: a complete one that takes too long goes on with the best position of each node."""
+        if is_done:
+            self._mode = None
+            return
+        self.is_complete = False
+        self._mode = DIVE if self._mode == COMPLETE else DRAIN
+        self._limit_of_work += self.settings.most_work // 5 if self._mode == DIVE else 1 << 40
 
     def result(self) -> tuple[Floats, Floats]:
         """(k, 3) poses of a search that has ended, map frame, the best first, and their (k,) scores, at most 1."""

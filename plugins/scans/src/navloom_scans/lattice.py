@@ -14,10 +14,12 @@ from numba import njit
 
 from navloom_scans.sight import is_through
 
-__all__ = ["FULL", "expand", "offsets_of", "pyramid_of"]
+__all__ = ["COMPLETE", "DIVE", "DRAIN", "FULL", "expand", "offsets_of", "pyramid_of"]
 
 FULL = 255
 """Value of a lattice cell at a wall."""
+COMPLETE, DIVE, DRAIN = 0, 1, 2
+"""How `expand` goes on: every node; the best position of each node only; only nodes whose score is final."""
 _FINAL = 0
 """Stage of a node whose score is final; a block of level k has stage k + 1."""
 _TRACE_WORK = 60
@@ -90,13 +92,7 @@ def _push(queue, heads, marks, bound, stage, heading, row, column):  # type: ign
     else:
         slot = marks[1]
         marks[1] += 1
-    queue[slot, 0], queue[slot, 1], queue[slot, 2], queue[slot, 3], queue[slot, 4] = (
-        heads[bound],
-        stage,
-        heading,
-        row,
-        column,
-    )
+    queue[slot, 0], queue[slot, 1], queue[slot, 2] = heads[bound], stage << 16 | heading, row << 16 | column
     heads[bound] = slot
     marks[3] = max(marks[3], bound)
 
@@ -117,10 +113,52 @@ def _through(field, frame, rays, echoes, x, y, heading, gate, most):  # type: ig
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _bound_within(pyramid, standing, corners, offsets, level, row, column):  # type: ignore[no-untyped-def]
+    """Bound of a block; -1 if the robot cannot stand in it, or if it is not searched."""
+    size, pad = 2**level, 2 ** (pyramid.shape[0] - 1) - 1
+    if row > corners[1, 0] or column > corners[1, 1] or row + size <= corners[0, 0] or column + size <= corners[0, 1]:
+        return -1
+    if not standing[level, row // size, column // size]:
+        return -1
+    return _bound(pyramid[level], offsets, row + pad, column + pad)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _dive(pyramid, standing, corners, offsets, level, row, column):  # type: ignore[no-untyped-def]
+    """Go from a block to the position of the largest bound: row, column, and bound, -1 if there is none; and work."""
+    bound, work = -1, 0
+    while level > 0:
+        level -= 1
+        size, bound, best_row, best_column = 2**level, -1, row, column
+        for k in range(4):
+            r, c = row + k // 2 * size, column + k % 2 * size
+            value = _bound_within(pyramid, standing, corners, offsets, level, r, c)
+            work += 1
+            if value > bound:
+                bound, best_row, best_column = value, r, c
+        if bound < 0:
+            break
+        row, column = best_row, best_column
+    return row, column, bound, work
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_near(found, count, turns, limits, heading, row, column):  # type: ignore[no-untyped-def]
+    """Whether one of the results is near a position and a heading."""
+    for k in range(count):
+        off = math.hypot(found[k, 1] - row, found[k, 2] - column) * limits[0]
+        turned = abs(turns[np.int64(found[k, 0])] - turns[heading]) % math.tau
+        if off < limits[3] and min(turned, math.tau - turned) < limits[4]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def expand(  # type: ignore[no-untyped-def]
-    pyramid, standing, corners, offsets, turns, field, frame, rays, echoes, limits, queue, heads, marks, found, budget
-):
-    """Expand nodes until the budget is used or the search is complete.
+    pyramid, standing, corners, offsets, turns, field, frame, rays, echoes, limits, queue, heads, marks, found, mode,
+    budget,
+):  # fmt: skip
+    """Expand nodes until the budget is used or no node is left.
 
     Args:
         pyramid: As `pyramid_of` returns it.
@@ -133,33 +171,34 @@ def expand(  # type: ignore[no-untyped-def]
         rays: (m, 4) end point, m, and direction, base frame, of the beams that are followed along the map: first
             `echoes` beams with an echo, then those without one.
         limits: (7,) edge of a cell, m; depth behind a wall's front from which a beam passes through it, m; score of one
-            beam through a wall; least distance of two results, m and rad; least score; largest
-            difference from the best score.
-        queue: (capacity, 5) next node of the same bound, stage, heading, row, column. heads: (bounds,) first node.
+            beam through a wall; least distance of two results, m and rad; least score; largest difference from the
+            best score.
+        queue: (capacity, 3) int32: next node of the same bound, stage and heading, row and column, in 16 bits each.
+        heads: (bounds,) first node.
         marks: (5,) next root, slots used, first free slot, largest bound, number of results.
         found: (k, 4) filled: heading, row, column, score of each result.
+        mode: `COMPLETE`; `DIVE` to follow only the best position of each node; `DRAIN` to take only nodes whose score
+            is final.
         budget: Nodes to score.
 
     Returns:
-        Work done, in nodes, and whether the search is complete. It ends early if the queue is nearly full.
+        Work done, in nodes, and whether no node is left. It ends early if the queue is nearly full.
     """
-    levels = pyramid.shape[0]
-    pad, top, least = 2 ** (levels - 1) - 1, levels - 1, np.int64(limits[5])
-    size, work = 2**top, 0
+    top, least, work = pyramid.shape[0] - 1, np.int64(limits[5]), 0
+    size = 2**top
     first_row, first_column = corners[0, 0] // size, corners[0, 1] // size
     high, wide = corners[1, 0] // size - first_row + 1, corners[1, 1] // size - first_column + 1
     roots = offsets.shape[0] * high * wide
     while work < budget and marks[1] + 8 < queue.shape[0]:
+        work += 1
         if marks[0] < roots:
             # Headings vary fastest: the end points then stay near one another in memory.
             block, heading = marks[0] // offsets.shape[0], marks[0] % offsets.shape[0]
             marks[0] += 1
-            row, column = first_row + block // wide, first_column + block % wide
-            if standing[top, row, column]:
-                bound = _bound(pyramid[top], offsets[heading], row * size + pad, column * size + pad)
-                work += 1
-                if bound >= least:
-                    _push(queue, heads, marks, bound, top + 1, heading, row * size, column * size)
+            row, column = (first_row + block // wide) * size, (first_column + block % wide) * size
+            bound = _bound_within(pyramid, standing, corners, offsets[heading], top, row, column)
+            if bound >= least:
+                _push(queue, heads, marks, bound, top + 1, heading, row, column)
             continue
         while marks[3] >= least and heads[marks[3]] < 0:
             marks[3] -= 1
@@ -167,21 +206,13 @@ def expand(  # type: ignore[no-untyped-def]
             return work, True
         bound = marks[3]
         slot = heads[bound]
-        stage, heading, row, column = queue[slot, 1], queue[slot, 2], queue[slot, 3], queue[slot, 4]
+        stage, heading = int(queue[slot, 1] >> 16), int(queue[slot, 1] & 0xFFFF)
+        row, column = int(queue[slot, 2] >> 16), int(queue[slot, 2] & 0xFFFF)
         heads[bound] = queue[slot, 0]
         queue[slot, 0] = marks[2]
         marks[2] = slot
-        if stage <= 1:
-            is_near = False
-            for k in range(marks[4]):
-                off = math.hypot(found[k, 1] - row, found[k, 2] - column) * limits[0]
-                turned = abs(turns[np.int64(found[k, 0])] - turns[heading]) % math.tau
-                if off < limits[3] and min(turned, math.tau - turned) < limits[4]:
-                    is_near = True
-                    break
-            if is_near:
-                continue
-            if stage == _FINAL:
+        if stage == _FINAL:
+            if not _is_near(found, marks[4], turns, limits, heading, row, column):
                 k = marks[4]
                 found[k, 0], found[k, 1], found[k, 2], found[k, 3] = heading, row, column, bound
                 marks[4] += 1
@@ -190,27 +221,33 @@ def expand(  # type: ignore[no-untyped-def]
                     least = np.int64(limits[5])
                 if marks[4] == found.shape[0]:
                     return work, True
+            continue
+        if mode == DRAIN:
+            continue
+        if stage > 1 and mode == DIVE:
+            row, column, bound, done = _dive(pyramid, standing, corners, offsets[heading], stage - 1, row, column)
+            work += done
+            if bound < least:
+                continue
+            stage = 1
+        if stage == 1:
+            if _is_near(found, marks[4], turns, limits, heading, row, column):
                 continue
             u, v, c, s = (column + 0.5) * limits[0], (row + 0.5) * limits[0], frame[2], frame[3]
             x, y = frame[0] + c * u - s * v, frame[1] + s * u + c * v
             turn = turns[heading] + math.atan2(s, c)
             most = (bound - least) / limits[2]
-            score = bound - np.int64(limits[2] * _through(field, frame, rays, echoes, x, y, turn, limits[1], most))
+            bound -= np.int64(limits[2] * _through(field, frame, rays, echoes, x, y, turn, limits[1], most))
             work += _TRACE_WORK
-            if score >= least:
-                _push(queue, heads, marks, score, _FINAL, heading, row, column)
+            if bound >= least:
+                _push(queue, heads, marks, bound, _FINAL, heading, row, column)
             continue
         level = stage - 2
         half = 2**level
-        for down in range(2):
-            for across in range(2):
-                r, c = row + down * half, column + across * half
-                if r > corners[1, 0] or c > corners[1, 1] or r + half <= corners[0, 0] or c + half <= corners[0, 1]:
-                    continue
-                if not standing[level, r // half, c // half]:
-                    continue
-                bound = _bound(pyramid[level], offsets[heading], r + pad, c + pad)
-                work += 1
-                if bound >= least:
-                    _push(queue, heads, marks, bound, level + 1, heading, r, c)
+        for k in range(4):
+            r, c = row + k // 2 * half, column + k % 2 * half
+            bound = _bound_within(pyramid, standing, corners, offsets[heading], level, r, c)
+            work += 1
+            if bound >= least:
+                _push(queue, heads, marks, bound, level + 1, heading, r, c)
     return work, False

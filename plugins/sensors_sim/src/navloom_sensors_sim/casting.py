@@ -30,6 +30,8 @@ _BLOCK = 256
 _OX, _OY, _OZ, _DX, _DY, _IX, _IY, _IZ, _BEST, _HIT = (k * _BLOCK for k in range(10))
 _HUGE = 1e300
 """Value used for 1/0: finite, so that 0 * _HUGE is 0 and no slab becomes NaN."""
+_ROUNDING = 1e-6
+"""More than rounding shifts a hit, m."""
 _LEAP = 3.0
 """Free distance above which a leap is faster than single steps, cells."""
 
@@ -96,11 +98,15 @@ def cast_block(origins, directions, obstacles, floor, reach, ranges, hits):  # t
         _load(work, origins, directions, start, size, floor, reach)
         # A plain 0 or False would be a literal, for which numba compiles the callees again.
         first = np.int64(0)
+        x0, x1, y0, y1 = _spread(work, size, reach)
         for k in range(boxes.shape[0]):
-            if boxes[k, 8] != 0.0:
+            # Half a diagonal at most, whatever the yaw.
+            radius = abs(boxes[k, 2]) + abs(boxes[k, 3])
+            if boxes[k, 8] != 0.0 and _is_within(boxes[k, 0], boxes[k, 1], radius, x0, x1, y0, y1):
                 _cut_box(work, first, size, boxes, k)
         for k in range(cylinders.shape[0]):
-            if cylinders[k, 5] != 0.0:
+            radius = abs(cylinders[k, 2])
+            if cylinders[k, 5] != 0.0 and _is_within(cylinders[k, 0], cylinders[k, 1], radius, x0, x1, y0, y1):
                 _cut_cylinder(work, first, size, cylinders, k, float(boxes.shape[0] + k))
         _finish(work, start, size, obstacles, ranges, hits)
 
@@ -168,6 +174,23 @@ def _load(work, origins, directions, start, size, floor, reach):  # type: ignore
         on_floor = floor and dz < 0.0 and oz < -dz * reach
         work[_BEST + i] = oz / -dz if on_floor else reach
         work[_HIT + i] = FLOOR if on_floor else NOTHING
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread(work, size, reach):  # type: ignore[no-untyped-def]
+    """Lowest and highest x, then y, that the block's rays reach, m: obstacles beyond change no hit."""
+    x0, x1, y0, y1 = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(size):
+        x0, x1 = min(x0, work[_OX + i]), max(x1, work[_OX + i])
+        y0, y1 = min(y0, work[_OY + i]), max(y1, work[_OY + i])
+    around = reach + _ROUNDING
+    return x0 - around, x1 + around, y0 - around, y1 + around
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_within(x, y, radius, x0, x1, y0, y1):  # type: ignore[no-untyped-def]
+    """Whether a disc may touch a rectangle."""
+    return x + radius >= x0 and x - radius <= x1 and y + radius >= y0 and y - radius <= y1
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

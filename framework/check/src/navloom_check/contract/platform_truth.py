@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from navloom.geometry.echoes import poses_at
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Box, World
 from navloom.messages import Pose2D, PoseTrack, RangeScan, Sweep
-from navloom.roles import Context, Platform, PlatformOutput, SensorSpec
+from navloom.roles import Context, Disturbance, Platform, PlatformOutput, SensorSpec
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
@@ -19,6 +21,7 @@ from navloom_check.check_scenes import PERIOD
 from navloom_check.checks import check
 from navloom_check.contract.parameter_bounds import values_of
 from navloom_check.findings import Finding, NotRun
+from navloom_check.messages import ns
 from navloom_check.plugin_player import Fault, Player
 
 __all__ = ["CHECKS", "START", "context_of", "expected_ranges", "has_defaults", "made_world", "outputs_of", "track_of"]
@@ -48,6 +51,10 @@ FEWEST = 5
 """Fewest beams of a sensor that are judged."""
 HEARD = 0.2
 """Greatest share of the beams that meet nothing and have an echo: sensors have false ones."""
+PUT, SLIP = (2.8, 0.2, -1.0), 0.5
+"""Place to which a robot is displaced, m, m, rad, and the way that its wheels report without driving, m."""
+CLOSE = 0.01
+"""Greatest error of these, m and rad."""
 APART = 3
 """Steps for which contact and truth may differ: a bumper has a delay."""
 
@@ -296,6 +303,32 @@ def contact(bench: Bench) -> Iterator[Finding]:
             return
 
 
+@check("contract", {"platform"}, "A displacement moves the true robot alone, and a slip its odometry alone.")
+def disturbed(bench: Bench) -> Iterator[Finding]:
+    """For a stopped robot of a simulator that `takes_disturbances`."""
+    if not bench.subject.thing.takes_disturbances:
+        raise NotRun("it takes no disturbances")
+    context = context_of(bench, ())
+    events = (Disturbance("displace", ns(PERIOD), to=PUT), Disturbance("slip", ns(2.0 * PERIOD), by=(SLIP, 0.0, 0.0)))
+    before, moved, slipped = outputs_of(bench, replace(context, disturbances=events), STILL, 3)
+    for what, out, driven in (("displaced", moved, 0.0), ("displaced, and slipped after that", slipped, SLIP)):
+        if out.truth is None:
+            raise NotRun("it gives no truth")
+        at, said = out.truth.pose, _way(before.odometry.pose, out.odometry.pose)
+        given = f"a stopped robot, {what}"
+        if max(abs(at.x - PUT[0]), abs(at.y - PUT[1]), abs(at.heading - PUT[2])) > CLOSE:
+            found = f"gives truth.pose ({at.x:.2f}, {at.y:.2f}, {at.heading:.2f} rad)"
+            yield Finding(found, f"{PUT}, by Context.disturbances", given=given)
+            return
+        if abs(said - driven) > CLOSE:
+            yield Finding(f"gives odometry that moved by {said:.2f} m", f"{driven:g} m", given=given)
+            return
+
+
+def _way(begin: Pose2D, end: Pose2D) -> float:
+    return math.hypot(end.x - begin.x, end.y - begin.y)
+
+
 @check("contract", {"platform"}, "Every value that a sensor's settings allow works, with the others at their defaults.")
 def sensor_extremes(bench: Bench) -> Iterator[Finding]:
     """As `extremes`, for the settings in the tables [[sensor]]."""
@@ -320,4 +353,4 @@ def sensor_extremes(bench: Bench) -> Iterator[Finding]:
                         return
 
 
-CHECKS = (echoes, no_echo, own_noise, contact, sensor_extremes)
+CHECKS = (echoes, no_echo, own_noise, contact, disturbed, sensor_extremes)

@@ -111,10 +111,6 @@ class Verdict(NamedTuple):
         return bool(self.kind) and self.twist.vx == 0.0 and self.twist.wz == 0.0
 
 
-DEEP = 0.05
-"""Depth within the footprint from which a remembered echo is none, m: a robot that touches something is less deep."""
-
-
 class CollisionMonitor:
     """Checks commands against scans and odometry.
 
@@ -192,7 +188,8 @@ class CollisionMonitor:
 
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take a scan; False if it is not newer than the last, or must wait for the odometry of its time."""
-        time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, SensorEchoes(self.limits.sigma))
+        time, made = scan.stamp_ns * 1e-9, SensorEchoes(self.limits.sigma, self._outline)
+        sensor = self._sensors.setdefault(name, made)
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
         if not self._stamps or time > self._stamps[-1]:
@@ -371,8 +368,6 @@ class CollisionMonitor:
             beyond = sensor.obstacles[kept, 2]
             near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx, beyond], axis=1))
         seen = np.concatenate(near) if near else NO_POINTS
-        # What the robot stands on is not there: it was carried, and remembers echoes that no sensor sees now.
-        seen = seen[~within(seen, self._outline, np.full(len(seen), -DEEP))]
         mapped = self._surfaces(reach, seen[:, :2])
         return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
 

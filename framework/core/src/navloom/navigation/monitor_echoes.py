@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom.messages import RangeScan
+from navloom.navigation.monitor_rollout import within
 
 __all__ = [
     "KEEP",
@@ -48,11 +49,16 @@ or 2 rad that it turns, and at most, m: odometry with a slip of 1 cm per root me
 NO_POINTS = np.empty((0, 3))
 
 
+DEEP = 0.05
+"""Depth within the footprint from which a remembered echo is forgotten, m: deeper than a robot touches things."""
+
+
 class SensorEchoes:
     """Echoes of one sensor.
 
     Args:
         sigma: Standard deviation of a range, m.
+        outline: (n, 2) footprint of the robot, m, base frame: what it remembers deep inside is forgotten.
 
     Attributes:
         scans: Stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first.
@@ -62,8 +68,8 @@ class SensorEchoes:
         view: x, y, m, of the laser then, heading, rad, of the base, and (bins,) which directions its beams cover.
     """
 
-    def __init__(self, sigma: float) -> None:
-        self.sigma = sigma
+    def __init__(self, sigma: float, outline: Floats | None = None) -> None:
+        self.sigma, self.outline = sigma, outline
         self.scans = deque[tuple[float, Floats]]()
         self.ranges: Floats | None = None
         self.obstacles = NO_POINTS
@@ -92,6 +98,11 @@ class SensorEchoes:
         # Two beams are one bin apart, so that the gap grows with the distance.
         reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
         held = out_of_view(self.obstacles, (x, y, heading), scan.bearings, bins)
+        if self.outline is not None and len(held):
+            # A robot that was carried remembers echoes where it now stands, and sees none of them.
+            dx, dy = held[:, 0] - base[0], held[:, 1] - base[1]
+            inside = np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx])
+            held = held[~within(inside, self.outline, np.full(len(held), -DEEP))]
         if self.seen_at is not None:
             moved = np.abs(base - self.seen_at)
             # A slip turns the heading of the odometry, which displaces what is far away the most.

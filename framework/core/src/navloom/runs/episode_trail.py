@@ -228,33 +228,11 @@ def lost_trail(
     """The trail without ticks of an episode that left no data, as after a crash. For the arguments see `Trail`."""
     none, never = np.empty(0), np.empty(0, dtype=np.bool_)
     return Trail(
-        time=none,
-        x=none,
-        y=none,
-        heading=none,
-        vx=none,
-        wz=none,
-        clearance=none,
-        cross_track=none,
-        command_vx=none,
-        command_wz=none,
-        engaged=never,
-        stopped_by_gate=never,
-        outcome=outcome,
-        reason=reason,
-        touches=0,
-        recoveries=0,
-        gate_stops=0,
-        period=period,
-        optimal=optimal,
-        goal_distance=None,
-        limit=limit,
-        max_linear=max_linear,
-        max_deceleration=max_deceleration,
-        reaction=reaction,
-        tick_ns=np.empty(0, dtype=np.int64),
-        reference=reference,
-    )
+        time=none, x=none, y=none, heading=none, vx=none, wz=none, clearance=none, cross_track=none, command_vx=none,
+        command_wz=none, engaged=never, stopped_by_gate=never, outcome=outcome, reason=reason, touches=0, recoveries=0,
+        gate_stops=0, period=period, optimal=optimal, goal_distance=None, limit=limit, max_linear=max_linear,
+        max_deceleration=max_deceleration, reaction=reaction, tick_ns=np.empty(0, dtype=np.int64), reference=reference,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -295,7 +295,8 @@ def _within(values: Floats) -> tuple[Floats, Floats]:
     a, rise = values[:-1], np.diff(values)
     is_level = rise == 0.0
     slope = np.where(is_level, 1.0, rise)
-    low, high = np.sort([(-1.0 - a) / slope, (1.0 - a) / slope], axis=0)
+    with np.errstate(over="ignore"):  # of a rise of almost nothing: it is cut below
+        low, high = np.sort([(-1.0 - a) / slope, (1.0 - a) / slope], axis=0)
     is_in = np.abs(a) <= 1.0
     low, high = np.where(is_level, np.where(is_in, 0.0, 1.0), low), np.where(is_level, np.where(is_in, 1.0, 0.0), high)
     return np.clip(low, 0.0, 1.0), np.clip(high, 0.0, 1.0)

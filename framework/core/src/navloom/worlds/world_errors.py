@@ -51,6 +51,8 @@ def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, 
         for key, value in pairs:
             if key not in defaults:
                 raise WorldError(f"{argument!r}: option {key!r} does not exist; {did_you_mean(key, defaults)}")
+            if any(f",{other}=" in value for other in defaults):
+                raise WorldError(f"{argument!r}: separate options by &, not by a comma, as in ?key=value&key=value")
             options[key] = value
     return name, options
 

@@ -216,7 +216,8 @@ def _substitute(
 ) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.written_files import tell_out
-    from navloom.runs.result_folder import OutFolder
+    from navloom.messages import MapUpdate
+    from navloom.runs.result_folder import MAP, OutFolder
     from navloom.runs.shadow_comparison import shadow_table
 
     from navloom_recording.cli.substitute_output import can_draw, tell_substitute
@@ -229,7 +230,7 @@ def _substitute(
     results = []
     pictures: dict[str, bytes] = {}
     names = [role if roles.count(role) == 1 else f"{role}-{name}" for role, name in stand_ins]
-    with OutFolder(out, ("result.json", "ticks.csv", *(f"{name}.png" for name in names))) as folder:
+    with OutFolder(out, ("result.json", "ticks.csv", *(f"{name}.png" for name in names), *MAP)) as folder:
         draws = out is not None and can_draw()
         with stage(as_json) as (say, progress):
             for (role, name), picture in zip(stand_ins, names, strict=True):
@@ -243,6 +244,9 @@ def _substitute(
         table = shadow_table([found.found for found, _ in results])
         summaries = [found.summary() for found, _ in results]
         folder.write({"result.json": json_bytes(summaries), "ticks.csv": table, **pictures})
+        maps = [found.last.grid for found, _ in results if isinstance(found.last, MapUpdate)]
+        if len(maps) == 1:
+            folder.write_map(maps[0])
     if as_json:
         print_json(summaries)
     else:

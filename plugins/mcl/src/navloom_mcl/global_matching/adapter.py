@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from navloom import ANYWHERE, Context, Hypotheses, LocalizerInput, Pose2D, PoseEstimate
@@ -31,8 +32,8 @@ _NEAR = (1.0, math.radians(30.0))
 _PROVEN, _STARTED, _LEFT = 10.0, 2.0, 1.0
 """How much likelier than any other place the tracked one is, as a logarithm: if a drive had proven it, if it had not,
 and if the view has changed at once."""
-_EVERY = 1.0
-"""Time from one message of a tracked place to the next, s."""
+_EVERY, _OFTEN = 1.0, 0.2
+"""Time from one message of hypotheses to the next, s: while the robot is tracked, and while it is searched."""
 
 
 class GlobalMatching(ScanMatching):
@@ -42,6 +43,10 @@ class GlobalMatching(ScanMatching):
     can_search = True
     Params = GlobalMatchingParams
     params: GlobalMatchingParams
+    _searching: Search | None
+    _doubted_at: float
+    """Time since which the pose has been doubted, s; infinite while it is tracked."""
+    _hypotheses: Hypotheses | None
 
     def __init__(self, params: GlobalMatchingParams, context: Context) -> None:
         self._map: MapSearch | None = None
@@ -85,12 +90,12 @@ class GlobalMatching(ScanMatching):
 
     def _begin(self) -> None:
         super()._begin()
-        self._searching: Search | None = None
+        self._searching = None
         self._sigma = _NEAR
         self._watch = Watch(Finder(self._map_search(), self.params.candidates), self.params.search_work)
         self._doubted_at = self._searching_at = math.inf
         self._told_at = -math.inf
-        self._hypotheses: Hypotheses | None = None
+        self._hypotheses = None
 
     def _take_field(self) -> None:
         super()._take_field()
@@ -117,9 +122,9 @@ class GlobalMatching(ScanMatching):
             tracker.is_bridged = False
             self._watch.suspect()
         self._doubted_at = min(self._doubted_at, time)
-        beams, echoes = (
-            beams_of(given.scans, given.odometry, self.params) if self._watch.wants(judge, time) else (None, 0)
-        )
+        beams, echoes = None, 0
+        if self._watch.wants(judge, time):
+            beams, echoes = beams_of(given.scans, given.odometry, self.params)
         better = self._watch.step(judge, tracker, time, beams, echoes)
         is_doubted = judge.state != "tracking" and (judge.is_elsewhere or time - self._doubted_at >= _DOUBTED)
         if is_doubted or better or not self._is_smooth:
@@ -139,10 +144,9 @@ class GlobalMatching(ScanMatching):
         assert search is not None
         self._searching_at = min(self._searching_at, time)
         beams, echoes = beams_of(given.scans, odometry, self.params)
-        passed = self._passed
-        found = search.step(tracker.odometry, passed, beams, echoes)
+        found = search.step(tracker.odometry, self._passed, beams, echoes)
         if found is not None:
-            self._take(found, time)
+            self._take(found)
             self._tell(odometry.stamp_ns, tracker.pose[None, :], np.ones(1))
             return self._estimate(odometry)
         places = search.places.found
@@ -150,17 +154,18 @@ class GlobalMatching(ScanMatching):
             pose = places[0].tracker.pose
             tracker.relocate(pose, places[0].tracker.covariance)
             covariance = search.places.covariance(pose)
-            poses = np.array([place.tracker.pose for place in places])
-            self._tell(odometry.stamp_ns, poses, np.array([place.weight for place in places]))
         else:
             covariance = np.diag([self._sigma[0] ** 2, self._sigma[0] ** 2, self._sigma[1] ** 2])
-            self._tell(odometry.stamp_ns, np.empty((0, 3)), np.empty(0))
+        if time - self._told_at >= _OFTEN or self._hypotheses is None:
+            poses = np.array([place.tracker.pose for place in places]).reshape(-1, 3)
+            self._tell(odometry.stamp_ns, poses, np.array([place.weight for place in places]))
         self._shown.follow(tracker.pose, tracker.odometry, (0.0, 0.0), at_once=True)
-        state = "lost" if time - self._searching_at >= self.params.give_up_after else "searching"
+        is_lost = time - self._searching_at >= self.params.give_up_after
+        state: Literal["lost", "searching"] = "lost" if is_lost else "searching"
         pose2d = Pose2D(*tracker.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose2d, odometry.twist, covariance, state, search.reason)
 
-    def _take(self, found: Place, time: float) -> None:
+    def _take(self, found: Place) -> None:
         """Track from a place that a drive has proven."""
         tracker = self._tracker
         tracker.relocate(found.tracker.pose, found.tracker.covariance)

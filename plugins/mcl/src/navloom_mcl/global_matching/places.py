@@ -79,6 +79,11 @@ class Place:
         """Logarithm of the likelihood of the drive, with the prior."""
         return self.prior + sum(self.logs)
 
+    @property
+    def mean(self) -> float:
+        """Mean logarithm of the likelihood of a scan of the drive, which is 0 if every beam ends at a mapped wall."""
+        return sum(self.logs) / max(len(self.logs), 1)
+
 
 class Places:
     """Follows places and weighs them.
@@ -118,15 +123,11 @@ class Places:
         for place in self.found:
             place.prior, place.logs, place.way = 0.0, [], 0.0
 
-    def see(self, beams: Floats, echoes: int, *, is_needed: bool = False) -> None:
-        """Weigh the places by a scan if the robot has moved since the last one.
-
-        Args:
-            beams, echoes: (n, 4) beams, of which the first have an echo.
-            is_needed: Use the scan in any case.
-        """
+    def see(self, beams: Floats, echoes: int) -> None:
+        """Weigh the places by a scan, (n, 4) beams of which the first have an echo, if the robot has moved."""
         off = relative(self._last, self._odometry)
-        if not is_needed and self._left <= 0 and math.hypot(off[0], off[1]) < _WAY and abs(off[2]) < _TURN:
+        # A robot that stands sees the same again: that is no further evidence.
+        if self._left <= 0 and math.hypot(off[0], off[1]) < _WAY and abs(off[2]) < _TURN:
             return
         self._left, self._last = self._left - 1, self._odometry
         stride = max(1, len(beams) // _BEAMS)
@@ -211,7 +212,8 @@ class Places:
             return
         logs = {id(place): place.log for place in self.found}
         self.found.sort(key=lambda place: -logs[id(place)])
-        best, kept = logs[id(self.found[0])], []
+        best = logs[id(self.found[0])]
+        kept: list[Place] = []
         for place in self.found:
             pose = place.tracker.pose
             if logs[id(place)] < best - _REFUTED or len(kept) == _MOST:

@@ -34,6 +34,12 @@ _STRAY = 6.0
 """Largest loss in the log likelihood of a place far from a guess: a guess may be wrong."""
 _FIT, _SEEN, _THROUGH = 0.35, 0.12, 0.15
 """Least share of the echoes, and of all beams, that must be at mapped walls at a place; largest share through them."""
+_EXPLAINED, _KEPT_EXPLAINED = -1.6, -2.6
+"""Least mean log likelihood of a scan of the drive: at a place, and where the robot was tracked until now. A scan of 60
+beams, a third of them from unmapped things, has -1.6; the best place on the map of another building has -3."""
+_UNIQUE, _UNIQUE_SCANS = (0.8, 0.4, 0.9995), 3
+"""Least share of the echoes and of all beams at mapped walls, and least weight, of a place that needs no drive; number
+of scans that show it."""
 _CONTINUED, _BEYOND, _GATE = 0.6, 0.15, 0.16
 """Share of the beams that continue the last scan, and that pass through what it saw, from which the robot was carried;
 gate of that comparison, m."""
@@ -99,7 +105,7 @@ class Search:
         self._searched, self._waited = -math.inf, 0.0
         self._began = math.inf
         """Way at which the last search of the whole map that has ended began, m."""
-        self._count, self._is_whole = 0, False
+        self._count, self._is_whole, self._finder_is_complete = 0, False, False
         self.reason = "the place is not known: the map is searched"
 
     def take_map(self, search: MapSearch) -> None:
@@ -123,9 +129,8 @@ class Search:
         places.advance(odometry, time)
         if echoes >= _FEW:
             self._notice_carrying(beams, echoes)
-            is_due = not self._finder.is_busy and not self._pending and self._is_due()
-            places.see(beams, echoes, is_needed=is_due)
-            if is_due:
+            places.see(beams, echoes)
+            if not self._finder.is_busy and not self._pending and self._is_due():
                 near = self._moved_guess() if self._is_near else None
                 self._finder.begin(beams, echoes, odometry, *(near or ()))
                 self._searched, self._waited = places.way, 0.0
@@ -135,7 +140,7 @@ class Search:
             if self._is_near:
                 self._is_near, self._searched = False, -math.inf
             else:
-                self._is_whole = True
+                self._is_whole, self._finder_is_complete = True, self._map.is_complete
                 self._began = self._searched
         for pose in self._pending[:_PER_TICK]:
             places.add(pose, self._prior(pose))
@@ -183,16 +188,26 @@ class Search:
         if not self.places.found or self._pending:
             return None
         best, limits = self.places.found[0], self.limits
-        if best.weight < limits.sure_weight or best.way < limits.prove_way or not self._fits(best):
+        if best.weight < limits.sure_weight or not self._is_whole or not self._fits(best):
             return None
+        if self._is_unique(best):
+            return best
         # A search of the whole map on the way has found nothing better.
         began = self._began - (self.places.way - best.way)
-        return best if self._is_whole and began >= _CONFIRMED else None
+        return best if best.way >= limits.prove_way and began >= _CONFIRMED else None
+
+    def _is_unique(self, place: Place) -> bool:
+        """Whether one view is enough: nearly all of it is on the map, and it looks like no other place."""
+        seen = Sight(*place.counts.tolist())
+        echoes = seen.fit + seen.behind + seen.elsewhere
+        is_all = seen.fit >= _UNIQUE[0] * echoes and seen.fit >= _UNIQUE[1] * seen.total
+        return is_all and place.weight >= _UNIQUE[2] and len(place.logs) >= _UNIQUE_SCANS and self._finder_is_complete
 
     def _fits(self, place: Place) -> bool:
         seen = Sight(*place.counts.tolist())
         echoes = max(seen.fit + seen.behind + seen.elsewhere, 1e-9)
-        is_seen = seen.fit >= max(_FIT * echoes, _SEEN * seen.total)
+        least = _KEPT_EXPLAINED if place.prior > 0.0 else _EXPLAINED
+        is_seen = seen.fit >= max(_FIT * echoes, _SEEN * seen.total) and place.mean >= least
         return is_seen and seen.through <= _THROUGH * max(seen.fit + seen.through, 1e-9)
 
     def _doubt(self) -> str:

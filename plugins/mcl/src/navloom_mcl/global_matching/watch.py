@@ -20,7 +20,8 @@ _START = (0.8, math.radians(30.0))
 _WAY = 0.5
 """Way between two searches near a start, until a drive has proven it, m."""
 _THROUGH, _PAUSE = 0.15, 3.0
-"""Share of the beams to mapped walls that pass through them, above which the whole map is searched, and the least time between two searches then, s."""
+"""Share of the beams to mapped walls that pass through them, above which the whole map is searched; least time between
+two searches then, s."""
 _BETTER, _FAR_BETTER = 0.1, 0.3
 """Lead in the score of another place before a drive has proven the tracked one, and after."""
 _APART = (0.4, math.radians(12.0))

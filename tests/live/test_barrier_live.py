@@ -122,10 +122,18 @@ def test_the_trace_is_that_of_lockstep_with_swap_latency_stop_and_new_parameters
 
 def test_the_trace_of_a_displaced_robot_is_that_of_lockstep(folder: Path) -> None:
     events = "event=[{at=2.0,do='displace',over=0.5,by={x=0.2,y=0.1}},{at=3.0,do='slip',by={heading_deg=10}}]"
-    loaded = load_config("building", ["run.stop_after=4.0", events])
+    loaded = load_config("building", ["localizer.plugin=odometry", "run.stop_after=4.0", events])
     episode = run_episode(loaded)
     assert episode.trail.carried.sum() == 11
     assert run_barrier(loaded).log.trace_sha256 == episode.log.trace_sha256
+
+
+def test_a_time_offset_is_added_live_as_in_lockstep(folder: Path) -> None:
+    late = ["sensor.laser.stamp_delay=0.12", "sensor.laser.time_offset=-0.12", "run.stop_after=2.0"]
+    loaded = load_config("building", late)
+    expected = run_episode(loaded).log.trace_sha256
+    assert run_barrier(loaded).log.trace_sha256 == expected
+    assert run_episode(load_config("building", [late[0], late[2]])).log.trace_sha256 != expected
 
 
 VARYING = {"wall_s", "tick_us", "planner_ms", "mapper_ms", "shadows"}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from navloom.cli.main import app
+from navloom.config import ConfigError
 from navloom_recording.reader import Recording
 from navloom_recording.recording_header import RecordingError
 from typer.testing import CliRunner
@@ -86,3 +87,38 @@ def test_a_parameter_of_a_role_that_is_not_tried_is_refused(recorded: Path) -> N
 def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     done = RUN.invoke(app, ["replay", str(tmp_path / "none.mcap")])
     assert isinstance(done.exception, RecordingError) and "cannot be read" in str(done.exception)
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive whose scans are stamped 0.12 s late, and whose config says so."""
+    path = tmp_path_factory.mktemp("late") / "run.mcap"
+    delay = ("--set", "sensor.laser.stamp_delay=0.12", "--set", "sensor.laser.time_offset=-0.12")
+    RUN.invoke(app, ["run", "building", "--set", "run.stop_after=4", *delay, "--record", str(path), "--json"])
+    return path
+
+
+def test_a_recording_keeps_the_stamps_of_the_sensor_and_its_replay_corrects_them_again(late: Path) -> None:
+    stamps = [one.message.stamp_ns for one in Recording(late).messages(["platform/*/laser"])]
+    assert stamps[:3] == [120_000_000, 170_000_000, 220_000_000]
+    found = json.loads(RUN.invoke(app, ["replay", str(late), "--check", "--json"]).stdout)
+    assert found["same"] and {node["node"] for node in found["nodes"]} >= {"gate main", "localizer scan_matching"}
+
+
+def test_a_replay_can_try_another_time_offset(late: Path) -> None:
+    other = ["--set", "sensor.laser.time_offset=0.0"]
+    found = json.loads(RUN.invoke(app, ["replay", str(late), *other, "--json"]).stdout)
+    assert not found["same"] and "localizer scan_matching" in found["first_difference"]
+
+
+@pytest.mark.parametrize(
+    "change, why",
+    [
+        ("sensor.lazer.time_offset=0", "there is no sensor 'lazer'; did you mean 'laser'?"),
+        ("sensor.laser.beams=90", "expected sensor.laser.time_offset=SECONDS"),
+        ("sensor.laser.time_offset=120", "--set sensor.0.time_offset: got 120, expected at most 0.2"),
+    ],
+)
+def test_an_offset_that_does_not_fit_is_refused(late: Path, change: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(why)):
+        RUN.invoke(app, ["replay", str(late), "--set", change], catch_exceptions=False)

@@ -114,6 +114,23 @@ def test_the_legend_names_only_drawn_objects(toy: Episode) -> None:
     assert names.isdisjoint({"outlines in the map", "above the robot"})
 
 
+def test_glass_and_what_is_not_on_the_map_have_colours_of_their_own(toy: Episode) -> None:
+    panes = (replace(WALL, name="pane", material="glass"), replace(WALL, name="new", y=(1.0, 1.2), is_mapped=False))
+    collections = draw_run(changed(toy, *panes)).axes[0].collections
+    faces = {drawn.get_label(): tuple(drawn.get_facecolor()[0]) for drawn in collections if len(drawn.get_facecolor())}
+    assert {"glass", "not on the map"} <= faces.keys()
+    assert faces["glass"] != faces["not on the map"]
+
+
+def test_a_displacement_is_drawn_apart_from_the_track(toy: Episode) -> None:
+    episode = changed(toy)
+    episode.trail = replace(toy.trail, carried=np.arange(len(toy.trail.time)) == 20)
+    lines = {drawn.get_label(): drawn for drawn in draw_run(episode).axes[0].collections}
+    (jump,) = lines["displaced"].get_segments()
+    np.testing.assert_array_equal(jump, toy.recorder.driven[19:21])
+    assert len(lines["driven by the controller"].get_segments()[0]) <= 20
+
+
 def test_what_is_above_the_robot_is_dashed(toy: Episode) -> None:
     figure = draw_run(changed(toy, WALL, GIRDER))
     dashes = {drawn.get_label(): drawn.get_linestyle()[0][1] for drawn in figure.axes[0].collections}

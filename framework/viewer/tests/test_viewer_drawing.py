@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path as FilePath
 from typing import Any, get_args
@@ -37,7 +38,7 @@ from navloom_viewer.drawing import Drawing
 from navloom_viewer.panels import Panel, panels_of
 from navloom_viewer.picture_setup import actors_of
 from navloom_viewer.shapes import cones, prism, ring_bars, slot_arcs, stripes
-from navloom_viewer.world_drawing import legend
+from navloom_viewer.world_drawing import legend, standing
 from viewer_rig import Memory, component, facts_for, pose_at, shown
 
 pytest.importorskip("rerun", reason="the extra `view` is not installed")
@@ -125,6 +126,16 @@ def test_a_robot_that_has_been_up_for_long_begins_at_its_first_message() -> None
     made.take(shown(Contact(False), port="contact", tick=7000))
     stamps = {stamp for path, _, tick, stamp in memory.logged if tick is not None}
     assert stamps == {7000 * 50_000_000}
+
+
+def test_glass_and_what_is_not_on_the_map_are_drawn_apart() -> None:
+    facts = facts_for()
+    assert facts.world is not None
+    wall, *_ = facts.world.obstacles
+    solids = (wall, replace(wall, name="pane", material="glass"), replace(wall, name="new", is_mapped=False))
+    shapes = dict(standing(replace(facts, world=replace(facts.world, obstacles=solids))))
+    colours = [component(shapes[f"/world/{where}"], "colors") for where in ("in_the_way", "glass", "unmapped")]
+    assert len({str(colour) for colour in colours}) == 3
 
 
 def test_an_obstacle_appears_when_the_sweep_has_ended() -> None:

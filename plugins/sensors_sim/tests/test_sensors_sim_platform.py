@@ -221,3 +221,13 @@ def test_dropped_and_stuck_beams(bench):
 def test_a_stuck_beam_must_exist():
     with pytest.raises(ValidationError, match="expected one of 0 to 180"):
         LaserSettings(stuck_beam=181)
+
+
+def test_scans_that_are_stamped_late_arrive_late_and_see_what_punctual_ones_saw(bench):
+    punctual = bench(sensors=(("laser", "laser_2d", {}),), obstacles=CLUTTER)
+    late = bench(sensors=(("laser", "laser_2d", {"stamp_delay": 0.12}),), obstacles=CLUTTER)
+    seen = [(punctual.step(0.3, 0.2).scans["laser"], late.step(0.3, 0.2).scans.get("laser")) for _ in range(6)]
+    # Ticks of 50 ms: the scan of tick 0 arrives at 120 ms, in the third tick, and so on.
+    assert [at for at, (_, scan) in enumerate(seen) if scan is None] == [0, 1]
+    assert [scan.stamp_ns for _, scan in seen[2:]] == [120_000_000, 170_000_000, 220_000_000, 270_000_000]
+    assert np.array_equal(seen[5][1].ranges, seen[2][0].ranges)

@@ -20,6 +20,7 @@ __all__ = ["ALIASES", "OF_FRAMEWORK", "PARTS", "MissingPartError", "has_part", "
 
 PARTS = {
     "navloom_avoidance": "navloom-avoidance",
+    "navloom_calibration": "navloom-calibration",
     "navloom_carmen": "navloom-carmen",
     "navloom_check": "navloom-check",
     "navloom_live": "navloom-live",

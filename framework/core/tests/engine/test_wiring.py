@@ -7,7 +7,7 @@ from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.stepper import Stepper
 from navloom.engine.streams import AvoiderPorts, LocalizerPorts
 from navloom.engine.wiring import Slot, make_wire
-from navloom.messages import Command, Envelope, Message, Twist2D
+from navloom.messages import Command, Envelope, Message, Odometry, Pose2D, Twist2D
 
 
 def command(vx: float) -> Command:
@@ -67,3 +67,18 @@ def test_inputs_that_are_redirected_to_another_instance_read_it() -> None:
         wire.lead_to(new)
     assert (node.plain.value, node.dated.when) == (command(0.2), (3, 150, 140, 1))
     assert node.unread.value is None
+
+
+def test_readers_of_a_late_sensor_receive_the_time_of_its_measurement_and_watchers_its_stamp() -> None:
+    slot, seen = Slot("key", "place", offset_ns=-120), list[Message]()
+    slot.watchers.append(lambda message, at: seen.append(message))
+    given = Odometry(500, Pose2D(1.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
+    slot.put(given, 1, (4, 500, 500, 0), 4)
+    assert seen == [given]
+    assert slot.message == Odometry(380, given.pose, given.twist)
+
+
+def test_a_corrected_stamp_is_not_before_the_beginning_of_the_run_clock() -> None:
+    slot = Slot("key", "place", offset_ns=-120)
+    slot.put(Odometry(50, Pose2D(1.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)), 1, (1, 50, 50, 0), 1)
+    assert slot.message is not None and vars(type(slot.message))["stamp_ns"].__get__(slot.message) == 0

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from navloom_recording.imported_log import SWEEP as SWEEP
     from navloom_recording.imported_log import ImportedLog as ImportedLog
     from navloom_recording.imported_log import imported_config as imported_config
+    from navloom_recording.imported_log import late_note as late_note
     from navloom_recording.imported_log import mount_option as mount_option
     from navloom_recording.imported_log import placed_in_map as placed_in_map
     from navloom_recording.imported_log import scans_alone as scans_alone
@@ -38,7 +39,7 @@ else:
         {
             "navloom_recording.recording_header": "RecordingError RecordingHeader header_of",
             "navloom_recording.imported_log": (
-                "OWN_PORTS PERIOD RANGE_SCAN SWEEP ImportedLog imported_config mount_option placed_in_map "
+                "OWN_PORTS PERIOD RANGE_SCAN SWEEP ImportedLog imported_config late_note mount_option placed_in_map "
                 "scans_alone start_option too_coarse writing"
             ),
             "navloom_recording.reader": "RawRecorded Recorded Recording",

@@ -22,6 +22,7 @@ from navloom.geometry.frames import compose, inverse
 from navloom.inputs import heading_problem, warn_of_radians
 from navloom.messages import Envelope, Message, Odometry, Pose2D, RangeScan, Sweep
 from navloom.messages.codec import encode, schema_label
+from navloom.parts import has_part, part
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.one_file import available_points
@@ -35,7 +36,7 @@ from navloom_recording.writer import RecordingWriter, WriteError
 
 __all__ = [
     "INSTANCE", "OWN_PORTS", "PERIOD", "RANGE_SCAN", "SWEEP", "ImportedLog", "RecordedPlatform", "discovery",
-    "imported_config", "mount_option", "navloom_register", "placed_in_map", "scans_alone", "start_option",
+    "imported_config", "late_note", "mount_option", "navloom_register", "placed_in_map", "scans_alone", "start_option",
     "too_coarse", "writing",
 ]  # fmt: skip
 
@@ -216,6 +217,14 @@ def too_coarse(stamps: NDArray[Any], share: float = 0.3) -> str:
         return ""
     seen = f"have {changes + 1} different stamps" if changes else f"all have the stamp {stamps[0]:g}"
     return f"its {len(stamps)} messages {seen}"
+
+
+def late_note(recording: Path) -> str:
+    """Which lasers of a recording are late, see navloom-calibration; empty without it."""
+    if not has_part("navloom_calibration"):
+        return ""
+    found: str = part("navloom_calibration.late_note").late_note(recording)
+    return found
 
 
 def scans_alone(recording: Path) -> str:

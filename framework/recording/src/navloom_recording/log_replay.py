@@ -174,6 +174,11 @@ class _Runner:
             spec.role: [given.name for given in spec.inputs if given.name.startswith("scan.")]
             for spec in self.system.specs
         }
+        # Nodes correct the stamps that they read; here it is asked whether the track covers them.
+        self.offsets_ns = {
+            f"scan.{port.name}": port.offset_ns for spec in self.system.specs if spec.role == "platform"
+            for port in spec.ports
+        }  # fmt: skip
         system = self.system
         self.reference = ReferenceNode.of(self.config, system.robot, system.braking, system.goal_tolerance)
         self.result = LogReplay()
@@ -285,9 +290,10 @@ class _Runner:
         ready: dict[str, list[Message]] = {}
         left = []
         for name, scan in self.waiting:
-            if not self.track or _end_ns(scan) > self.track[-1].stamp_ns:
+            offset_ns = self.offsets_ns[name]
+            if not self.track or _end_ns(scan) + offset_ns > self.track[-1].stamp_ns:
                 left.append((name, scan))
-            elif scan.stamp_ns >= self.track[0].stamp_ns:
+            elif scan.stamp_ns + offset_ns >= self.track[0].stamp_ns:
                 ready.setdefault(name, []).append(scan)
         self.waiting = left
         return ready

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError, Loaded
+from navloom.config.config_errors import problems_of
 from navloom.config.config_presets import instance_of
 from navloom.config.loader import parse_override
 from navloom.config.schema import Config
@@ -19,6 +20,7 @@ from navloom.plugins.registry import nearest
 from navloom.roles.presets import named_plugin
 from navloom.runs.shadow_comparison import Disagreement
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from navloom_recording.message_cache import Shelf
 from navloom_recording.missing_plugins import option_of
@@ -26,7 +28,7 @@ from navloom_recording.reader import Recording
 from navloom_recording.step_outputs import Outcomes
 from navloom_recording.step_replay import Replayer, ReplayNode, Stepped
 
-__all__ = ["Substitute", "substitute", "substitute_config"]
+__all__ = ["Substitute", "substitute", "substitute_config", "with_offsets"]
 
 Floats = NDArray[np.float64]
 RESERVED = ("rate_hz", "latency", "sensors", "required")
@@ -114,6 +116,34 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         return replace(loaded, config=Config.model_validate(tree))
     except ValueError as error:
         raise ConfigError(f"{option_of(role, name)}: {error}") from None
+
+
+def with_offsets(loaded: Loaded, changes: Sequence[str]) -> Loaded:
+    """A recording's config with other time offsets of sensors, whose raw stamps are recorded.
+
+    Args:
+        loaded: The recording's config.
+        changes: `sensor.NAME.time_offset=VALUE`.
+
+    Raises:
+        ConfigError: There is no such sensor, or the value does not fit.
+    """
+    tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
+    sensors = {one["name"]: one for one in tree.get("sensor", [])}
+    for change in changes:
+        place, value = parse_override(change)
+        name, _, key = place.removeprefix("sensor.").partition(".")
+        if name not in sensors:
+            raise ConfigError(f"--set {change}: there is no sensor {name!r}{nearest(name, list(sensors))}")
+        if key != "time_offset":
+            raise ConfigError(
+                f"--set {change}: what the sensor measured is recorded; expected sensor.{name}.time_offset=SECONDS"
+            )
+        sensors[name]["time_offset"] = value
+    try:
+        return replace(loaded, config=Config.model_validate(tree))
+    except ValidationError as error:
+        raise ConfigError(*(f"--set {problem}" for problem in problems_of(error, Config, given=tree))) from None
 
 
 def substitute(

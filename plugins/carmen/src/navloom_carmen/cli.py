@@ -51,7 +51,7 @@ def import_log(
     If the log's poses are corrected, the raw odometry is recovered.
     """
     from navloom.cli import print_json, print_table
-    from navloom_recording import mount_option
+    from navloom_recording import late_note, mount_option
 
     from navloom_carmen.carmen_import import import_carmen
 
@@ -59,6 +59,7 @@ def import_log(
     start = place.pose()
     _refuse_bag(log)
     found = import_carmen(log, out, poses.value, period, range_max, mounts, place.map_, start)
+    found.note = "; ".join(filter(None, [found.note, late_note(out)]))
     if as_json:
         print_json({"file": str(out), **found.to_json()})
         return

@@ -231,12 +231,15 @@ def import_(
 
     Laser scans, ranges, point clouds, odometry and mounts are imported, with their ROS stamps.
     """
+    from navloom_recording import late_note
+
     from navloom_ros.adapter import import_from
     from navloom_ros.bag_import import Choice
 
     choice = Choice(namespace, base_frame, stamps is Stamps.received, run)
     with _refusals():
         found = import_from(bag, out, map_topic or (), mount or (), odom, place.map_, place.pose(), choice)
+    found.notes += filter(None, [late_note(out)])
     span = (found.last_ns - found.first_ns) * 1e-9
     if as_json:
         topics = [topic.to_json() for topic in found.topics]

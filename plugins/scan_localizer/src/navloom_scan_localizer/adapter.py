@@ -22,6 +22,7 @@ from navloom_scans import beams, matching, search, sight, small
 from navloom_scans.maps import field_of_map, is_same_map
 from navloom_scans.poses import relative
 from navloom_scans.small import inverse
+from navloom_scans.trail import OdometryTrail
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import surface
@@ -73,6 +74,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         start = self.context.start
         place = np.array([start.x, start.y, start.heading])
         self._tracker, self._stamp_ns = PoseTracker(self.params.settings(), self._field, place), 0
+        self._trail = OdometryTrail(self.params.max_age, self.context.period)
         self._begin()
 
     def place(self, pose: Pose2D) -> None:
@@ -116,18 +118,19 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         self._passed = (odometry.stamp_ns - since_ns) / 1e9
         _predict(self._tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
+        self._trail.add(odometry.stamp_ns, self._tracker.odometry)
 
     def _see(self, given: LocalizerInput) -> None:
         """Correct the pose by the scans of this tick, and judge it."""
         odometry, tracker = given.odometry, self._tracker
-        points = _echoes(given, odometry.twist, self.params)
+        points = _echoes(given, odometry.twist, self.params, self._trail)
         if not points:
             return
         echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
         if tracker.correct(echoes):
             self._ambiguity.look(echoes)
         if self._judge.is_due(time):
-            silent = _silent(given, self.params)
+            silent = _silent(given, self.params, self._trail)
             beams = np.concatenate((echoes, *silent)) if silent else echoes
             self._judge.look(beams, time, len(echoes))
 
@@ -163,6 +166,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
         self._aided, self._unaided = p.settings(), p.unaided()
         self._tracker, self._stamp_ns = PoseTracker(self._aided, self._surface.field, np.zeros(3)), 0
+        self._trail = OdometryTrail(p.max_age, self.context.period)
         self._motion, self._sweep = UnaidedMotion(), Sweep()
         self.place(start)
 
@@ -197,6 +201,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         else:
             tracker.settings = self._aided
             _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
+            self._trail.add(odometry.stamp_ns, tracker.odometry)
         self._stamp_ns = odometry.stamp_ns
         points, can_wait = self._near(given, twist), False
         # The first scan has nothing to be matched with.
@@ -231,7 +236,8 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
 
     def _near(self, given: LocalizerInput, twist: Twist2D, order: float | None = None) -> NDArray[np.float64]:
         """The points of all scans within `max_range`, (n, 4), see `_points`, in that order or that of the sweep."""
-        points = _echoes(given, twist, self.params, self._sweep.order if order is None else order)
+        trail = None if self._motion.is_certain else self._trail
+        points = _echoes(given, twist, self.params, trail, self._sweep.order if order is None else order)
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         return joined[: beams.keep_near(joined, self.params.max_range)]
 
@@ -311,38 +317,47 @@ def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
 
 
 def _echoes(
-    given: LocalizerInput, twist: Twist2D, limits: _BeamLimits, order: float = 1.0
+    given: LocalizerInput, twist: Twist2D, limits: _BeamLimits, trail: OdometryTrail | None, order: float = 1.0
 ) -> list[NDArray[np.float64]]:
     """The points of each scan, see `_points`."""
     stamp_ns = given.odometry.stamp_ns
-    return [_points(scan, stamp_ns, twist, limits, scan.ranges, order) for scan in _scans(given)]
+    return [_points(scan, stamp_ns, twist, limits, trail, scan.ranges, order) for scan in _scans(given)]
 
 
 def _scans(given: LocalizerInput) -> list[RangeScan]:
     return [scan for scan in given.scans if isinstance(scan, RangeScan)]
 
 
-def _silent(given: LocalizerInput, p: _BeamLimits) -> list[NDArray[np.float64]]:
+def _silent(given: LocalizerInput, p: _BeamLimits, trail: OdometryTrail) -> list[NDArray[np.float64]]:
     """Beams without an echo, as those of `_points`; they end where the sensor would still have seen a wall."""
     found = []
     for scan in _scans(given):
         limit = scan.range_max - p.limit_margin
         if len(scan.ranges) and scan.ranges.max() >= limit:
             seen = np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
-            found.append(_points(scan, given.odometry.stamp_ns, given.odometry.twist, p, seen))
+            found.append(_points(scan, given.odometry.stamp_ns, given.odometry.twist, p, trail, seen))
     return found
 
 
 def _points(
-    scan: RangeScan, stamp_ns: int, twist: Twist2D, p: _BeamLimits, ranges: NDArray[np.float64], order: float = 1.0
+    scan: RangeScan,
+    stamp_ns: int,
+    twist: Twist2D,
+    p: _BeamLimits,
+    trail: OdometryTrail | None,
+    ranges: NDArray[np.float64],
+    order: float = 1.0,
 ) -> NDArray[np.float64]:
-    """(n, 4) end points, m, and directions of a scan's beams in one of `ORDERS`, in the base frame at a time, ns."""
+    """(n, 4) end points, m, and directions of a scan's beams in one of `ORDERS`, in the base frame at a time, ns.
+
+    Without a trail of odometry the velocity is taken as constant since the scan.
+    """
     late = (scan.stamp_ns - stamp_ns) / 1e9
-    # The velocity is taken as constant in between, which holds for a moment only.
     if abs(late) > p.max_age:
         return np.empty((0, 4))
     limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
-    rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
+    velocity = _row(twist) if trail is None else trail.velocity_since(scan.stamp_ns, _row(twist))
+    rows, motion = np.empty((len(scan.ranges), 4)), np.append(velocity, late)
     offsets = scan.time_offsets if order == 1.0 else ordered(scan.time_offsets, order)
     # Computed ranges and offsets are writable, for which a kernel would compile while the robot drives.
     given = (scan.origins, scan.bearings, scan.half_angles, read_only(offsets), read_only(ranges))

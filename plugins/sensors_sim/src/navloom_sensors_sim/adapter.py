@@ -30,7 +30,7 @@ from navloom_sensors_sim.motion import STATE
 from navloom_sensors_sim.orders import Orders
 from navloom_sensors_sim.params import LaserSettings, PitchedLaserSettings, SensorsSimParams, SonarSettings
 from navloom_sensors_sim.robot import Robot
-from navloom_sensors_sim.scanners import LaserScanner, Moment, Sensor, SonarRing
+from navloom_sensors_sim.scanners import LaserScanner, LateSensor, Moment, Sensor, SonarRing
 from navloom_sensors_sim.scene import Scene
 from navloom_sensors_sim.sweeper import PitchedLaser
 from navloom_sensors_sim.warming import warm_up
@@ -165,6 +165,8 @@ class SensorsSim(Platform[SensorsSimParams]):
             sensor = make(checked, context.robot.footprint, context.stream(spec.name), context.period)
         except ValueError as error:
             raise InputError(f"sensor {spec.name}: {error}") from error
+        if isinstance(checked, (LaserSettings, SonarSettings)) and checked.stamp_delay:
+            sensor = LateSensor(sensor, round(1e9 * checked.stamp_delay))
         return self.sensor_kinds[spec.kind], sensor
 
     @classmethod

@@ -130,10 +130,16 @@ def cast_fan(origins, directions, first_bearing, step, obstacles, reach, ranges,
     boxes, cylinders = obstacles.boxes, obstacles.cylinders
     spans = np.empty((boxes.shape[0] + cylinders.shape[0], 4), np.int64)
     beam_spans(origins[:, 0], first_bearing, step, count, reach, obstacles, spans)
+    # Of a large world, most obstacles are out of reach: they are looked at once, and not in each block.
+    met, is_met = np.empty(spans.shape[0], np.int64), 0
+    for k in range(spans.shape[0]):
+        if spans[k, 0] < spans[k, 1] or spans[k, 2] < spans[k, 3]:
+            met[is_met] = k
+            is_met += 1
     for start in range(0, count, _BLOCK):
         size = min(_BLOCK, count - start)
         _load(work, origins, directions, start, size, np.bool_(False), reach)
-        for k in range(spans.shape[0]):
+        for k in met[:is_met]:
             for side in range(0, 4, 2):
                 first, end = max(spans[k, side] - start, 0), min(spans[k, side + 1] - start, size)
                 if first >= end:

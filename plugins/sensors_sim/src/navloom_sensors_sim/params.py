@@ -13,6 +13,9 @@ from pydantic import Field, model_validator
 __all__ = ["LaserSettings", "PitchedLaserSettings", "SensorsSimParams", "SonarSettings"]
 
 Settings = TypeVar("Settings", bound=Params)
+_STAMP_DELAY = Field(
+    0.0, ge=0.0, le=1.0, description="From a measurement to its stamp, s: a driver that stamps what has arrived."
+)
 
 
 class SensorsSimParams(Params):
@@ -118,6 +121,7 @@ class LaserSettings(_Mounted):
     )
     stuck_range: float = Field(0.5, ge=0.0, le=1000.0, description="What a stuck beam reads, m.")
     rate_hz: float | None = Field(None, gt=0.0, le=10_000.0, description="Scan rate, Hz; none: one scan per tick.")
+    stamp_delay: float = _STAMP_DELAY
 
     @model_validator(mode="after")
     def _ranges_rise(self) -> LaserSettings:
@@ -149,6 +153,7 @@ class SonarSettings(Params):
         None, gt=0.0, le=10_000.0, description="Reading rate, Hz; none: one reading per tick."
     )
     noise: bool = Field(True, description="Range noise and crosstalk are simulated.")
+    stamp_delay: float = _STAMP_DELAY
 
     @model_validator(mode="after")
     def _ranges_rise(self) -> SonarSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -14,7 +15,7 @@ from navloom_sensors_sim.casting import Obstacles
 if TYPE_CHECKING:
     from navloom_sensors_sim.params import LaserSettings, SonarSettings
 
-__all__ = ["LaserScanner", "Moment", "Sensor", "SonarRing", "freeze"]
+__all__ = ["LaserScanner", "LateSensor", "Moment", "Sensor", "SonarRing", "freeze"]
 
 Floats = NDArray[np.float64]
 Fields = tuple[Any, ...]
@@ -49,6 +50,21 @@ class Sensor(Protocol):
 
     def read(self, moment: Moment) -> Fields | None:
         """Message fields completed in the tick, or None; what the sensor sees never changes how much it draws."""
+
+
+class LateSensor:
+    """A sensor whose messages arrive a time after the measurement, ns, and bear the stamp of their arrival."""
+
+    def __init__(self, sensor: Sensor, delay_ns: int) -> None:
+        self._sensor, self._delay_ns = sensor, delay_ns
+        self._underway: deque[Fields] = deque()
+
+    def read(self, moment: Moment) -> Fields | None:
+        """The message that arrived in the tick, if one did; the sensor gives at most one a tick."""
+        fields = self._sensor.read(moment)
+        if fields is not None:
+            self._underway.append((fields[0] + self._delay_ns, *fields[1:]))
+        return self._underway.popleft() if self._underway and self._underway[0][0] <= moment.end_ns else None
 
 
 def _ticks_between(rate_hz: float | None, period: float) -> int:

@@ -212,6 +212,10 @@ class SensorTable(OpenTable):
 
     name: str = Field(max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$")
     kind: str = Field(min_length=1)
+    # Above 0 by no more than mappers extrapolate the track of the robot.
+    time_offset: float = Field(
+        default=0.0, ge=-1.0, le=0.2, description="added to its stamps, s; of scans stamped 0.12 s late: -0.12"
+    )
 
 
 class NavigationTable(Table):

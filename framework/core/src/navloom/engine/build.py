@@ -85,7 +85,8 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     if platform_part is not None and len(sensors) == len(config.sensor):
         assert issubclass(platform_part.cls, Platform)
         ports = {
-            sensor.name: sensor_port(sensor.name, platform_part.cls.sensor_kinds[sensor.kind]) for sensor in sensors
+            table.name: sensor_port(table.name, platform_part.cls.sensor_kinds[table.kind], table.time_offset)
+            for table in config.sensor
         }
         for part in parts.values():
             with problems.gather():
@@ -210,6 +211,12 @@ def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[
             # A sensor's name becomes a port beside these.
             if table.name in OWN_PORTS:
                 raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port of every platform; choose another")
+            message = platform.sensor_kinds[table.kind]
+            if table.time_offset and not hasattr(message, "stamp_ns"):
+                raise ConfigError(
+                    f"sensor.{number}.time_offset: is {table.time_offset:g} s, but {message.__name__}, which "
+                    f"{table.kind} gives, has no stamp_ns: expected 0"
+                )
             if table.kind in platform.sensor_settings:
                 check_params(platform.sensor_settings[table.kind], table.params, f"sensor.{number}")
             specs.append(SensorSpec(table.name, table.kind, table.params))

@@ -105,7 +105,10 @@ def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:
     """One instance of a node, not wired yet."""
     robot, spec = system.config.robot, system.wiring[role, name]
     prefix = f"{robot.realm}/{robot.name}/{spec.role}"
-    slots = {port: Slot(f"{prefix}/{name}/{port}", f"{spec.role} {name} {port}") for port in spec.outputs}
+    slots = {
+        port.name: Slot(f"{prefix}/{name}/{port.name}", f"{spec.role} {name} {port.name}", port.offset_ns)
+        for port in spec.ports
+    }
     part = system.parts.get((spec.role, name))
     if part is None:
         return Stepper(spec, node, name, slots)

@@ -63,9 +63,12 @@ class Port(Generic[M]):
         required: The robot does not drive without the role's active instance.
         answers: This stream is the role's result: alternatives are compared by it, and an instance that has published
             it can take over.
+
+    Attributes:
+        offset_ns: What readers add to the stamps of its messages, ns: the sensor's `time_offset`.
     """
 
-    __slots__ = ("answers", "carries", "name", "quality", "required", "retained", "role")
+    __slots__ = ("answers", "carries", "name", "offset_ns", "quality", "required", "retained", "role")
 
     def __init__(
         self,
@@ -79,6 +82,7 @@ class Port(Generic[M]):
         self.carries, self.quality = carries, quality
         self.retained, self.required, self.answers = retained, required, answers
         self.role = self.name = ""
+        self.offset_ns = 0
 
     def __str__(self) -> str:
         return f"{self.role}.{self.name}"

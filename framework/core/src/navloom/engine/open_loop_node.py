@@ -8,7 +8,7 @@ from typing import Any
 from navloom.engine.node_ports import Input, NodeSpec, When
 from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.stepper import Stepper
-from navloom.engine.wiring import Slot, Wire
+from navloom.engine.wiring import Slot, Wire, at_measurement
 from navloom.messages import Message
 
 __all__ = ["FedNode"]
@@ -26,15 +26,18 @@ class _FedWire(Wire):
 
     def hand(self, given: Any) -> None:
         """Take what the node will read: for `new` and `track` a sequence of messages, for `offers` a message with its
-        envelope, otherwise a message; None for none.
+        envelope, otherwise a message; None for none. Stamps of sensors are those that were recorded.
         """
-        reading = self.input.reading
+        reading, offset_ns = self.input.reading, self.input.source.offset_ns
         is_row = reading in ("new", "track")
         self.values = (given or ()) if is_row else ()
         self.value = None if is_row else given
         self.when: When | None = None
         if reading == "offers" and given is not None:
             self.value, self.when = given[0], given[1][2:]
+        if offset_ns:
+            self.values = [at_measurement(message, offset_ns) for message in self.values]
+            self.value = None if self.value is None else at_measurement(self.value, offset_ns)
 
 
 class FedNode:

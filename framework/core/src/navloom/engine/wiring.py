@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
@@ -11,7 +12,7 @@ from navloom.engine.node_ports import Input, When
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import schema_label
 
-__all__ = ["QueueWire", "Slot", "Wire", "make_wire", "runs"]
+__all__ = ["QueueWire", "Slot", "Wire", "at_measurement", "make_wire", "runs"]
 
 Watcher = Callable[[Message, Envelope], None]
 TRACK_LENGTH = 4096
@@ -26,6 +27,10 @@ _as_tuple = tuple.__new__
 class Slot:
     """One output port of one instance: its newest message, and the one before for `~` readers.
 
+    Args:
+        key, place: Key of the port, and its role, instance and name for the trace.
+        offset_ns: See `Port.offset_ns`. Readers receive corrected stamps, watchers the sensor's own, for recordings.
+
     Attributes:
         message: The newest message; None before the first. `value` is the same, for nodes that read the slot itself.
         sequence: Sequence number of the newest message; 0 before the first.
@@ -34,13 +39,14 @@ class Slot:
         older: Message, sequence number and tick of the newest message published before that tick.
     """
 
-    __slots__ = ("_envelope", "key", "labels", "message", "older", "place", "queues", "sequence", "tick", "watchers",
-                 "when")  # fmt: skip
+    __slots__ = ("_envelope", "key", "labels", "message", "offset_ns", "older", "place", "queues", "sequence", "tick",
+                 "watchers", "when")  # fmt: skip
     value: Any
 
-    def __init__(self, key: str, place: str) -> None:
+    def __init__(self, key: str, place: str, offset_ns: int = 0) -> None:
         self.key = key
         self.place = place
+        self.offset_ns = offset_ns
         self.message: Message | None = None
         self._envelope: Envelope | None = None
         self.when: When | None = None
@@ -69,9 +75,10 @@ class Slot:
         # A second message within a tick replaces the first; the one before the tick stays for `~` readers.
         if self.tick < tick:
             self.older = (self.message, self.sequence, self.tick)
-        self.message, self.sequence, self.when, self.tick, self._envelope = message, sequence, when, tick, envelope
+        read = at_measurement(message, self.offset_ns) if self.offset_ns else message
+        self.message, self.sequence, self.when, self.tick, self._envelope = read, sequence, when, tick, envelope
         for queue in self.queues:
-            queue.append((tick, message, sequence))
+            queue.append((tick, read, sequence))
         # The envelope is made only if somebody looks.
         if self.watchers:
             at = self.envelope
@@ -85,6 +92,12 @@ class Slot:
         if found is None:
             found = self.labels[cls] = f"{self.place} {schema_label(cls)}".encode()
         return found
+
+
+def at_measurement(message: Any, offset_ns: int) -> Message:
+    """A sensor's message with its stamp corrected by an offset, ns; not before the beginning of the run clock."""
+    corrected: Message = replace(message, stamp_ns=max(0, message.stamp_ns + offset_ns))
+    return corrected
 
 
 Slot.value = vars(Slot)["message"]  # an alias of `message`: a property would cost a call

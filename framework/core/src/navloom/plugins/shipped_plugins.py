@@ -11,6 +11,7 @@ SHIPPED = {
         "planner.jps",
     ),
     "navloom-benchmarks": ("command.bench",),
+    "navloom-calibration": ("command.calibrate",),
     "navloom-carmen": ("command.import",),
     "navloom-check": ("command.check",),
     "navloom-dwa": ("avoider.dwa",),

@@ -173,4 +173,5 @@ def _feed(wire: Wire, source: Source, board: Switchboard, mailbox: Mailbox, slot
 
 
 def _slot(given: Input, source: Source, board: Switchboard) -> Slot:
-    return Slot(board.keys.port(*source, given.port), f"{source[0]} {source[1]} {given.port}")
+    place = f"{source[0]} {source[1]} {given.port}"
+    return Slot(board.keys.port(*source, given.port), place, given.source.offset_ns)

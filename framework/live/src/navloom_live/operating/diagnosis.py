@@ -47,6 +47,8 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "gate": ("platform",),
 }
 """Roles that step with the platform whether or not there is a goal, each with the roles it waits for."""
+IN_TURNS = "if it is lost in turns, record some and run `navloom calibrate` on them: its scans may be late"
+"""Remedy for a robot whose sensors are late, which nothing else shows."""
 STEP_WAIT = 2.0
 """Time within which each of these roles must step, s."""
 
@@ -297,7 +299,7 @@ def _unsure(feedback: Message | None) -> list[Finding]:
     """Finding for a localizer that is not tracking, according to the goal's feedback."""
     if not isinstance(feedback, Feedback) or not feedback.localizer:
         return []
-    return [Finding("problem", f"the localizer is {feedback.localizer}", WHERE_IT_IS)]
+    return [Finding("problem", f"the localizer is {feedback.localizer}", f"{WHERE_IT_IS}; {IN_TURNS}")]
 
 
 def _stopped(words: Mapping[str, Message | None], has_cause: bool) -> list[Finding]:

@@ -39,7 +39,12 @@ def replay(
     ] = None,
     shadow: Shadows = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="ROLE.KEY=V",
+            help="A parameter of such a plugin, or sensor.NAME.time_offset=S; repeats.",
+        ),
     ] = None,
     plugin: PluginFiles = None,
     check: Annotated[bool, typer.Option("--check", help="Exit 1 if an output differs from the recorded one.")] = False,
@@ -76,6 +81,7 @@ def replay(
     from navloom_recording.cli.imported_replay import replay_imported
     from navloom_recording.excerpt import excerpt_of
     from navloom_recording.reader import Recording
+    from navloom_recording.substitutes import with_offsets
     from navloom_recording.world_attachments import with_world
 
     given = {"avoider": avoider, "controller": controller, "planner": planner, "mapper": mapper, "localizer": localizer}
@@ -93,7 +99,11 @@ def replay(
     is_part = only is not None or until is not None or pdb
     if is_part and (live or stand_ins):
         raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
-    for change in set_ or ():
+    offsets = [change for change in set_ or () if change.startswith("sensor.")]
+    set_ = [change for change in set_ or () if change not in offsets]
+    if live and offsets:
+        raise ConfigError(f"--set {offsets[0]}: --live publishes what the sensors said: give the offset to its readers")
+    for change in set_:
         if change.partition(".")[0] not in dict(stand_ins):
             tried = ", ".join(dict(stand_ins)) or "none has"
             raise ConfigError(f"--set {change}: expected ROLE.KEY=V, with a ROLE that has another plugin here: {tried}")
@@ -109,13 +119,13 @@ def replay(
     if not is_imported and place != MapOptions():
         raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
     with TemporaryDirectory() as folder:
-        loaded = with_world(recording, recording.header.loaded(), Path(folder))
+        loaded = with_offsets(with_world(recording, recording.header.loaded(), Path(folder)), offsets)
         if is_imported:
             if shadow:
                 raise ConfigError("--shadow: an imported log has no plugins; name one for each role, as --avoider vff")
-            replay_imported(recording, loaded, dict(stand_ins), set_ or (), out, as_json, place)
+            replay_imported(recording, loaded, dict(stand_ins), set_, out, as_json, place)
         elif stand_ins:
-            _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
+            _substitute(recording, loaded, stand_ins, set_, out, as_json)
         else:
             _check(recording, loaded, excerpt, check, out, as_json)
 

@@ -29,7 +29,7 @@ import multiprocessing
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,10 @@ from navloom.runs.metrics import measure
 __all__ = ["drive", "main", "table", "tasks"]
 
 STREAMS = (("localizer", "pose"), ("platform", "laser"), ("platform", "odometry"))
+LIMIT = 120.0
+"""Longest drive, s."""
+NOTICED = 5.0
+"""Time of motion within which a disturbance has to be noticed, s."""
 COUNTS = {
     "global": 50, "wrong_start": 100, "kidnapped": 50, "unmapped": 200, "turn": 20, "spin": 20, "drag": 20,
     "aisle": 20,
@@ -73,7 +77,7 @@ def tasks(parts: Sequence[str], maps: Sequence[str], floors: Sequence[str], coun
 
 def drive(task: Task, localizer: str, changes: Sequence[str] = (), peer: bool = False) -> dict[str, Any]:
     """Drive one scene: how it ended, the metrics, and what its part asks for."""
-    begun = time.perf_counter()
+    begun, used = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         scene = scene_of(task, Path(folder))
         loaded = load_config("building", [*scene.changes, f"localizer.plugin={localizer}", *changes])
@@ -89,7 +93,8 @@ def drive(task: Task, localizer: str, changes: Sequence[str] = (), peer: bool = 
             from amcl_peer import follow
 
             row["amcl"] = follow(episode, scene.start if task.part != "global" else None)
-    return {name: _rounded(value) for name, value in row.items()} | {"wall_s": round(time.perf_counter() - begun, 1)}
+    row |= {"wall_s": time.perf_counter() - begun, "cpu_s": time.process_time() - used}
+    return {name: _rounded(value) for name, value in row.items()}
 
 
 def _rounded(value: Any) -> Any:
@@ -153,33 +158,45 @@ def _after(known: Localization, end: float) -> dict[str, Any]:
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """What the campaign must show, by part and map; look-alikes apart."""
-    lines = [f"{'part':12}{'map':9}{'drives':>7}{'reached':>8}{'found':>7}{'false':>6}{'contact':>8}{'lost right':>11}"
-             f"{'again':>7}{'time s':>8}{'way m':>7}{'3 sigma':>9}{'sigma m':>9}{'rms m':>7}"]  # fmt: skip
     groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for row in rows:
         name = "floors" if row["map"].startswith("floor:") else row["map"]
         groups.setdefault((row["part"], f"{name} alike" if row.get("alike") else name), []).append(row)
+    lines = [f"{'part':12}{'map':14}"]
     for (part, name), of in sorted(groups.items(), key=lambda item: (PARTS.index(item[0][0]), item[0][1])):
-        lines.append(f"{part:12}{name:9}" + _cells(of))
+        cells = _cells(of)
+        lines[0] = lines[0][:26] + "".join(f"{title:>11}" for title in cells)
+        lines.append(f"{part:12}{name:14}" + "".join(f"{cell:>11}" for cell in cells.values()))
     return "\n".join(lines)
 
 
-def _cells(rows: Sequence[dict[str, Any]]) -> str:
-    found = [row for row in rows if row["found_time"] is not None and row["found_time"] < 119.0]
-    again = [row.get("found_again_s") is not None for row in rows if "found_again_s" in row]
+def _cells(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+    found = [row for row in rows if row["found_time"] is not None and row["found_time"] < LIMIT]
+    disturbed = [row for row in rows if "found_again_s" in row]
+
+    def counted(holds: Callable[[dict[str, Any]], bool], of: Sequence[dict[str, Any]] = rows) -> str:
+        return str(sum(map(holds, of))) if of else "-"
 
     def middle(name: str, of: Sequence[dict[str, Any]] = rows) -> str:
         values = [row[name] for row in of if row[name] is not None]
         return f"{np.median(values):.3g}" if values else "-"
 
     within = [row["within_3_sigma"] for row in rows if row["within_3_sigma"] is not None]
-    return (
-        f"{len(rows):7}{sum(row['success'] == 1.0 for row in rows):8}{len(found):7}"
-        f"{sum((row['false_tracking_time'] or 0.0) > 0.0 and not row.get('false_at_alike') for row in rows):6}"
-        f"{sum(row['collisions'] > 0 for row in rows):8}{sum(row['lost_while_right'] > 0.0 for row in rows):11}"
-        f"{f'{sum(again)}' if again else '-':>7}{middle('found_time', found):>8}{middle('found_distance', found):>7}"
-        f"{f'{np.mean(within):.4f}' if within else '-':>9}{middle('sigma_median'):>9}{middle('pose_error_rms'):>7}"
-    )
+    return {
+        "drives": str(len(rows)),
+        "reached": counted(lambda row: row["success"] == 1.0),
+        "found": str(len(found)),
+        "false": counted(lambda row: (row["false_tracking_time"] or 0.0) > 0.0 and not row.get("false_at_alike")),
+        "contact": counted(lambda row: row["collisions"] > 0),
+        "lost right": counted(lambda row: row["lost_while_right"] > 0.0),
+        "noticed": counted(lambda row: row["noticed_s"] is not None and row["noticed_s"] <= NOTICED, disturbed),
+        "again": counted(lambda row: row["found_again_s"] is not None, disturbed),
+        "time s": middle("found_time", found),
+        "way m": middle("found_distance", found),
+        "3 sigma": f"{np.mean(within):.4f}" if within else "-",
+        "sigma m": middle("sigma_median"),
+        "rms m": middle("pose_error_rms"),
+    }
 
 
 def _work(given: tuple[Task, str, Sequence[str], bool]) -> dict[str, Any]:
@@ -222,7 +239,7 @@ def main() -> int:
                     file.write(json.dumps(row) + "\n")
             if given.json:
                 print(json.dumps(row), flush=True)
-            said = row.get("error") or f"{row['outcome']}, {row['wall_s']} s"
+            said = row.get("error") or f"{row['outcome']}, {row['wall_s']:.1f} s"
             spent = time.perf_counter() - begun
             print(f"{number} of {len(left)}, {spent:.0f} s: {row['key']}: {said}", file=sys.stderr, flush=True)
     keys = {task.key for task in wanted}

@@ -26,7 +26,7 @@ def test_a_seed_always_gives_the_same_room() -> None:
     assert room(CLOSED) == room(CLOSED) != room(CLOSED + 1)
 
 
-@pytest.mark.parametrize("avoider", ["dwa", "improved_vfh", "vfh_plus", "vfh_star"])
+@pytest.mark.parametrize("avoider", ["dwa", "improved_vfh", "vfh_plus", "vfh_star", "vfh_swept"])
 def test_it_takes_another_door_without_a_recovery(avoider: str, tmp_path: Path) -> None:
     episode = drive(tmp_path, CLOSED, 1, f"avoider.plugin={avoider}")
     summary = episode.summary()

@@ -38,6 +38,13 @@ def test_on_the_map_of_another_building_it_ends_lost_near_its_start() -> None:
     assert np.hypot(*(truth[-1] - truth[0])) < 0.3
 
 
+def test_a_robot_that_looks_around_there_ends_lost_after_its_time_and_touches_nothing() -> None:
+    changes = ["map.ref=paper_gates", "run.stop_after=60", "navigation.localizer_timeout=30"]
+    episode = run_episode(load_config("building", changes))
+    assert episode.result.outcome == "lost" and episode.summary()["collisions"] == 0
+    assert episode.result.reason.startswith("the localizer has not been tracking for 30 s: ")
+
+
 def test_on_the_map_of_another_building_a_search_finds_no_place() -> None:
     episode = run_episode(load_config("building", ["map.ref=paper_gates", "run.stop_after=60"]))
     assert episode.result.outcome != "succeeded"
@@ -51,6 +58,18 @@ def test_the_command_says_lost_and_exits_with_1() -> None:
     done = CliRunner().invoke(app, ["run", "building", *(part for change in changes for part in ("--set", change))])
     assert done.exit_code == 1
     assert "lost" in done.output and "of the beams have seen the map" in done.output
+
+
+@pytest.mark.parametrize(
+    ("world", "x", "y", "heading"), [("floor:1", 17.33, 8.76, 14.0), ("floor:2", 25.54, 0.72, 98.0)]
+)
+def test_a_robot_that_starts_anywhere_finds_itself_and_reaches_its_goal(
+    world: str, x: float, y: float, heading: float
+) -> None:
+    start = f"world.start={{x={x},y={y},heading_deg={heading}}}"
+    changes = [f"world.ref={world}", "navigation.start=unknown", start, "run.stop_after=200"]
+    summary = run_episode(load_config("building", changes)).summary()
+    assert (summary["outcome"], summary["truly_reached"], summary["collisions"]) == ("succeeded", True, 0)
 
 
 # --- campaigns ------------------------------------------------------------------------------------------------------

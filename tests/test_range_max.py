@@ -31,7 +31,7 @@ def scan(kind: str, reading: float, stamp: float) -> object:
 
 
 @pytest.mark.parametrize("kind", SCANS)
-@pytest.mark.parametrize("name", ["dwa", "improved_vfh", "vff", "vfh", "vfh_plus", "vfh_star"])
+@pytest.mark.parametrize("name", ["dwa", "improved_vfh", "vff", "vfh", "vfh_plus", "vfh_star", "vfh_swept"])
 def test_no_avoider_steers_round_the_end_of_its_sensors(name: str, kind: str) -> None:
     driven = []
     for reading in (math.inf, SCANS[kind][2], 1.1 * SCANS[kind][2]):

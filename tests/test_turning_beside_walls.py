@@ -23,7 +23,7 @@ GAPS = (0.02, 0.05, 0.1, 0.2, 0.45)
 GOALS = {"ahead": (3.0, 0.55), "behind": (0.9, 0.55), "across": (1.8, 4.0)}
 LASERS = (270, 360)
 AVOIDERS = ("dwa", "improved_vfh", "improved_vfh@printed", "vfh_plus", "vfh_plus@printed", "vfh_star",
-            "vfh_star@printed")  # fmt: skip
+            "vfh_star@printed", "vfh_swept")  # fmt: skip
 """Those that claim to spare the footprint, with their presets."""
 
 

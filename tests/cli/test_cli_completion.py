@@ -104,7 +104,13 @@ def test_bash_completes_configs_and_leaves_what_fits_none_to_files(complete: Com
 
 def test_bash_completes_values_of_options(complete: Complete) -> None:
     assert complete("navloom", "status", "--robot", "") == ["lab/r2"]
-    assert complete("navloom", "replay", "run.mcap", "--avoider", "v") == ["vff", "vfh", "vfh_plus", "vfh_star"]
+    assert complete("navloom", "replay", "run.mcap", "--avoider", "v") == [
+        "vff",
+        "vfh",
+        "vfh_plus",
+        "vfh_star",
+        "vfh_swept",
+    ]
     assert complete("navloom", "run", "paper", "--seed", "") == []
 
 
@@ -158,7 +164,7 @@ def check_zsh(ask: Complete) -> None:
     assert {"paper", "explore"} <= set(ask("navloom run "))
     assert ask("navloom run my") == [r"my\ robot.toml"]
     assert ask("navloom status --robot ") == ["lab/r2"]
-    assert ask("navloom replay run.mcap --avoider vfh") == ["vfh", "vfh_plus", "vfh_star"]
+    assert ask("navloom replay run.mcap --avoider vfh") == ["vfh", "vfh_plus", "vfh_star", "vfh_swept"]
 
 
 def wait_for(terminal: int, text: str) -> str:
@@ -184,4 +190,4 @@ def test_fish_completes(here: Path) -> None:
     assert ask("navloom run paper --se") == ["--seed", "--set"]
     assert "paper" in ask("navloom run ") and ask("navloom run my") == ["my robot.toml"]
     assert ask("navloom status --robot ") == ["lab/r2"]
-    assert ask("navloom replay run.mcap --avoider vfh") == ["vfh", "vfh_plus", "vfh_star"]
+    assert ask("navloom replay run.mcap --avoider vfh") == ["vfh", "vfh_plus", "vfh_star", "vfh_swept"]

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from navloom.config import ConfigError, load_config
+from navloom.config import ConfigError, load_config, shipped_configs
 from navloom.geometry.world import Place, World
 from navloom.plugins import Discovery
 from navloom.worlds import WORLDS
 from navloom_study.compare import Study, plan_study
 from navloom_study.study_methods import methods_of, toml_value, variation_of
-from navloom_study.study_worlds import expanded, placed, seeds_of, world_digest
+from navloom_study.study_worlds import expanded, placed, seeds_of, world_digest, worlds_of
 
 CONFIG = """
 [world]
@@ -196,6 +196,25 @@ def goals(study: Study) -> list[tuple[float, float]]:
 def test_a_world_brings_its_own_task_and_the_configs_belongs_to_the_configs_world(config: str) -> None:
     study = plan_study(config, ["avoider=improved_vfh,vff"], ["empty", "doorway"])
     assert goals(study) == [(1.0, 2.0), (0.0, 6.0)] * 2
+
+
+@pytest.mark.parametrize(
+    ("start", "told"),
+    [
+        ('"unknown"', None),
+        ("{ x = 9.0, y = 9.0, spread = 2.0 }", {"x": 0.0, "y": 0.0, "heading_deg": 90.0, "spread": 2.0}),
+    ],
+)
+def test_in_another_world_a_guess_stays_one_and_an_unknown_start_unknown(
+    start: str, told: dict[str, float] | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "lost.toml"
+    path.write_text(f"{shipped_configs()['building']}\n[navigation]\nstart = {start}\n", "utf-8")
+    path.write_text(path.read_text("utf-8").replace('ref = "doorway"', 'ref = "doorway"\nstart = { x = 1.0, y = 1.0 }'))
+    (case,) = worlds_of(load_config(str(path)), ["corridor"], Discovery())
+    assert case.values.get("navigation.start") == told
+    # That of the config belongs to the config's own world.
+    assert case.values["world.start"] == {"x": 0.0, "y": 0.0, "heading_deg": 90.0}
 
 
 def test_a_goal_of_set_has_precedence_over_both(config: str) -> None:

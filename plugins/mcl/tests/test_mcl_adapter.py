@@ -157,6 +157,17 @@ def test_a_hall_that_looks_the_same_leaves_two_places():
     assert drive.answer.covariance[2, 2] > 0.15 * math.pi**2
 
 
+def test_while_it_tracks_its_pose_is_the_only_hypothesis():
+    drive = Drive(flat(), (2.0, 2.5, 0.3), Pose2D(2.0, 2.5, 0.3), None)
+    messages = []
+    for _ in range(40):
+        drive.step(0.1, 0.2)
+        if not messages or drive.localizer.hypotheses() is not messages[-1]:
+            messages.append(drive.localizer.hypotheses())
+    # 2 s, and one message each 0.5 s.
+    assert [len(message.poses) for message in messages] == [1, 1, 1, 1]
+
+
 def test_a_carried_robot_notices_and_is_found_again():
     drive = Drive(flat(), (2.0, 2.5, 0.3), Pose2D(2.0, 2.5, 0.3), None)
     drive.turn(2.0)

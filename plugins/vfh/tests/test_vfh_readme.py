@@ -4,10 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
-from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar
+from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar, VfhSwept
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-ALL = (Vfh, VfhPlus, VfhStar)
+ALL = (Vfh, VfhPlus, VfhStar, VfhSwept)
 
 
 def test_each_example_is_a_valid_table():
@@ -22,6 +22,6 @@ def test_each_example_is_a_valid_table():
 def test_every_function_of_the_equation_table_exists():
     named = re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0])
     for module, name in named:
-        package = "navloom.avoidance" if module in ("search", "himm") else "navloom_vfh"
+        package = "navloom.avoidance" if module in ("search", "himm", "points") else "navloom_vfh"
         assert hasattr(__import__(f"{package}.{module}", fromlist=[name]), name), f"{module}.{name}"
     assert len(named) > 15

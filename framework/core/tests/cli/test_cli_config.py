@@ -65,6 +65,16 @@ def test_show_prints_each_value_and_its_source(in_process: CommandLine) -> None:
     assert shown["map.ref"] == ("world", "default")
 
 
+def test_show_tells_how_sure_a_start_is_and_where_a_simulated_robot_truly_stands(in_process: CommandLine) -> None:
+    search = ("--set", "localizer.plugin=global_matching")
+    guess = values(in_process, "building", *search, "--set", "navigation.start={x=1,y=2,spread=0.7}")
+    assert guess["navigation.start.spread"] == (0.7, "--set")
+    assert guess["navigation.start.heading_spread_deg"] == (pytest.approx(15.0), "default")
+    unknown = values(in_process, "building", *search, "--set", "navigation.start=unknown")
+    assert unknown["navigation.start"] == ("unknown", "--set") and unknown["world.start.heading_deg"] == (90.0, "world")
+    assert unknown["navigation.localizer_timeout"] == (120.0, "default")
+
+
 def test_each_line_of_show_can_be_given_to_set(in_process: CommandLine) -> None:
     code, said, _ = in_process("config", "show", "paper")
     assert code == 0

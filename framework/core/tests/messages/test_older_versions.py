@@ -8,16 +8,18 @@ from navloom.messages import (
     Envelope,
     Feedback,
     GateStatus,
+    Goal,
     GoalResult,
     Message,
     MessageError,
+    OperatorRequest,
     Point2D,
     StopReason,
     Words,
     message,
 )
 from navloom.messages.codec import UnknownSchema, decode, encode, schema_label
-from navloom.messages.goals import Feedback1, GoalResult1
+from navloom.messages.goals import Feedback1, GoalResult1, OperatorRequest1
 from navloom.messages.motion import GateStatus1
 from navloom.messages.schema import OLDER, in_version
 from navloom.plugins.message_opening import Opener
@@ -25,6 +27,7 @@ from navloom.plugins.message_opening import Opener
 AT = Envelope("lab/r1/gate/main/status", 7, 3, 150_000_000, 100_000_000, 1)
 PLACE = Point2D(1.0, 2.0)
 STALE = StopReason("stale", "controller law")
+HERE = Goal(0, 1.0, 2.0, 0.5, ())
 PAIRS = [
     (
         GateStatus1("none", "", True, False, "stale: controller law", ("mapper b",), 0.3, "obstacle", PLACE, 0.5),
@@ -33,6 +36,7 @@ PAIRS = [
     (GateStatus1("avoider", "vfh", False, False, "", ()), GateStatus("avoider", "vfh", False, False, None, ())),
     (Feedback1(1, "recovering", 0.5, 2.0, 0.1, 1, "lost: x"), Feedback(1, "recovering", 0.5, 2.0, 0.1, 1, "lost: x")),
     (GoalResult1(1, "stuck", "trapped", PLACE), GoalResult(1, "stuck", "trapped", PLACE)),
+    (OperatorRequest1("place", HERE), OperatorRequest("place", HERE)),
 ]
 
 

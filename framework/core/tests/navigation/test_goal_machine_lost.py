@@ -171,3 +171,19 @@ def test_looking_around_ends_with_the_goal_and_is_none_of_its_recoveries() -> No
     machine.step(seen(2.05, "searching", **LOOKS))
     out = machine.step(seen(7.05, "lost", **LOOKS))
     assert looks(out) == [(False, 0, "")] and [result.outcome for result in results(out)] == ["lost"]
+
+
+@pytest.mark.parametrize(
+    ("looks_around", "tracks", "ends"), [(True, 2.0, True), (True, 11.0, False), (False, 2.0, False)]
+)
+def test_a_moment_of_tracking_gives_a_robot_that_looks_around_no_more_time(
+    looks_around: bool, tracks: float, ends: bool
+) -> None:
+    machine = driving()
+    more = {"looks_around": looks_around}
+    machine.step(seen(2.0, "searching", **more))
+    machine.step(seen(6.0, **more))
+    machine.step(seen(6.0 + tracks, "searching", **more))
+    # 4 s before and 1.05 s now are more than 5 s.
+    out = machine.step(seen(7.05 + tracks, "searching", **more))
+    assert bool(results(out)) == ends

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from navloom.config import load_config
 from navloom.plugins import Discovery, PluginError, one_file
-from navloom.plugins.one_file import FILES, use_files
+from navloom.plugins.one_file import FILES, replaced_by, use_files
 from navloom.runs.provenance import distributions
 from navloom.testing import avoider_input, make
 
@@ -152,10 +152,17 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         use_files([tmp_path / "away.py"])
 
 
-def test_a_name_that_is_taken_is_refused_with_both_owners(tmp_path: Path) -> None:
+def test_a_file_replaces_an_installed_plugin_of_its_name_and_says_so(tmp_path: Path) -> None:
     file = kept(tmp_path, "second_vff.py", AVOIDER.replace('"fast"', '"vff"'))
     use_files([file])
-    with pytest.raises(PluginError, match=rf"two plugins are named 'avoider.vff', from {file} and navloom-vff"):
+    assert Discovery().role("avoider", "vff").__module__ == "second_vff"
+    assert replaced_by([file]) == [f"avoider.vff: that of {file} replaces the one of navloom-vff"]
+
+
+def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
+    first, second = (kept(tmp_path, name, AVOIDER.replace('"fast"', '"vff"')) for name in ("one_vff.py", "two_vff.py"))
+    use_files([first, second])
+    with pytest.raises(PluginError, match=rf"two plugins are named 'avoider.vff', from {first} and {second}"):
         Discovery().role("avoider", "vff")
 
 

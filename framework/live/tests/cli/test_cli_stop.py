@@ -23,7 +23,7 @@ from navloom_live.operating.client import ClientError
 from navloom_live.operating.stop_command import STOPPED, read_options, stop_robots
 
 OPERATING = [
-    ["goal", "1", "2"], ["cancel"], ["place", "1", "-2", "90"], ["swap", "avoider", "vff"], ["resume"],
+    ["goal", "1", "2"], ["cancel"], ["place", "1", "-2", "90"], ["relocalise"], ["swap", "avoider", "vff"], ["resume"],
     ["teleop", "--vx", "0.1"], ["list"], ["status"], ["echo", "gate/status"], ["hz", "gate/status"], ["doctor"],
     ["params", "get", "avoider"], ["params", "set", "avoider", "reach=1"], ["down"], ["stop", "--log-json"],
 ]  # fmt: skip

@@ -174,7 +174,7 @@ def _variant(name: str, system: System) -> Variant:
     mapper = system.parts[("mapper", config.mapper.instance)].params
     robot = system.robot
     return Variant(
-        name, robot.footprint, robot.height, system.start, goal, system.goal_tolerance, plugins, instances,
+        name, robot.footprint, robot.height, system.drawn_start, goal, system.goal_tolerance, plugins, instances,
         tuple(shadows), sweep_rule(mapper, robot.height), system.world is not None,
     )  # fmt: skip
 

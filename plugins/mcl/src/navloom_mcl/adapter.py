@@ -29,6 +29,9 @@ from navloom_mcl.params import MclParams
 
 __all__ = ["Mcl"]
 
+_TELL_NS = 500_000_000
+"""Longest time between two messages of the places, ns; longer than a tick, so that they do not fill a recording."""
+
 
 class Mcl(Localizer[MclParams]):
     """Follows the robot on a known map with weighted samples of its pose, and finds it anywhere on that map."""
@@ -97,10 +100,17 @@ class Mcl(Localizer[MclParams]):
         belief.predict(_row(odometry.pose), max(0.0, passed))
         self._stamp_ns = odometry.stamp_ns
         belief.correct(*beams_of(given.scans, odometry, self.params))
-        places = belief.filter.hypotheses()
-        self._places = Hypotheses(odometry.stamp_ns, places.poses, places.weights)
+        self._tell(odometry.stamp_ns)
         pose = Pose2D(*belief.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, belief.covariance, belief.state, belief.reason)
+
+    def _tell(self, stamp_ns: int) -> None:
+        """Make a new message of the places where their number changes, and now and then."""
+        belief, places = self._belief, self._belief.filter.hypotheses()
+        count = 1 if belief.state == "tracking" else len(places.poses)
+        last = self._places
+        if last is None or len(last.poses) != count or stamp_ns - last.stamp_ns >= _TELL_NS:
+            self._places = Hypotheses(stamp_ns, places.poses[:count], places.weights[:count])
 
     def _take_map(self, known: OccupancyGrid) -> None:
         """Match another known map from now on; another message of the same map changes nothing."""

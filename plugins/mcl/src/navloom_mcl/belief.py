@@ -13,7 +13,7 @@ from navloom_scans.sight import look_along
 from numpy.typing import NDArray
 
 from navloom_mcl.filter import ParticleFilter
-from navloom_mcl.finding import Finder, Found
+from navloom_mcl.finding import Finder, Found, History
 
 __all__ = ["Belief", "BeliefSettings"]
 
@@ -30,6 +30,12 @@ _SOFT = 0.1
 _RIVAL, _BETTER = 0.1, 0.15
 """Score of a new place, compared with the present one: it may be less by the first while the place is new; once it is
 proven it must be more by the second."""
+_SOFT_ALONG, _COMPARED = 0.02, 8
+"""The same for the mean scores along the way, which are known better; number of new places that are compared."""
+_LITTLE = 0.05
+"""Likelihood, compared with that of the present place, below which a new place is left out."""
+_POOR = 0.5
+"""Score of the best place near a guess below which the guess may be wrong."""
 _SHARE = 0.3
 """Share of the weight that new places get together."""
 _WAY_PER_TURN = 0.3
@@ -86,7 +92,7 @@ class Belief:
     state: Literal["tracking", "searching", "lost"]
     reason: str
     _guess: tuple[Floats, tuple[float, float]] | None
-    """What the next search looks near; None for the whole map."""
+    """What the searches look near until the place is proven; None for the whole map."""
     _time: float
     """Time since the last start, s."""
     _since: float
@@ -94,6 +100,9 @@ class Belief:
     _searching_since: float
     _proven: float
     """Way along which the present place has fitted, m."""
+    _cleared: float
+    """That way at the last search that found no other place."""
+    _history: History
     _way: float
     _turn: float
     """Motion since the last scan that was used, m and rad."""
@@ -125,13 +134,13 @@ class Belief:
         self.filter.spread(pose[None, :], np.diag(sigma**2), None, self.filter.settings.least)
         self.pose, self.covariance = pose_of(*pose.tolist()), np.diag(sigma**2)
         self._restart("tracking", "")
-        self._proven = s.prove_way
+        self._proven = self._cleared = s.prove_way
 
     def forget(self, near: Floats | None, sigma: tuple[float, float]) -> None:
         """Search for the robot, anywhere or near a guess, (3,) with standard deviations, m and rad."""
         self.filter.clear()
         self._restart("searching", "the place is not known: the map is searched")
-        self._proven, self._guess = 0.0, None if near is None else (near, sigma)
+        self._proven, self._cleared, self._guess = 0.0, 0.0, None if near is None else (near, sigma)
         rows, columns = self._search.shape
         wide = max(rows, columns) if near is None else min(sigma[0], max(rows, columns))
         turn = math.pi if near is None else min(sigma[1], math.pi)
@@ -149,6 +158,9 @@ class Belief:
         self.filter.predict(step, time)
         if not len(self.filter.particles):
             self.pose = compose(self.pose, step)
+        if self._guess is not None:
+            near, sigma = self._guess
+            self._guess = compose(near, step), sigma
 
     def correct(self, beams: Floats, echoes: int) -> None:
         """Take the beams of this tick, as for `ParticleFilter.correct`, and continue the search."""
@@ -158,6 +170,7 @@ class Belief:
             self._compare(self.filter.correct(beams, echoes))
             self._way = self._turn = 0.0
             self._first -= 1
+            self._history.add(self._search, beams, echoes, self.odometry)
             self._look(beams, echoes)
         elif is_usable and len(self.filter.particles) and self._time - self._looked >= _EVERY:
             self._look(beams, echoes)
@@ -191,20 +204,20 @@ class Belief:
 
     def _take(self, found: Found) -> None:
         """Use what a search has found."""
-        if not len(found.poses):
+        if not len(found.poses) or found.scores[0] < _POOR:
             # The guess may be wrong: the next search looks everywhere.
             self._guess = None
+        if not len(found.poses):
             if not len(self.filter.particles):
                 self._doubt_text = "no place on the map fits what the robot sees"
             return
         if not len(self.filter.particles):
             weights = _likelihoods(found.scores)
             self.filter.spread(found.poses, _FOUND, weights)
-            self._first, self._proven, self._unproven_way, self._guess = _FIRST_SCANS, 0.0, 0.0, None
+            self._first, self._proven, self._unproven_way = _FIRST_SCANS, 0.0, 0.0
             self._counts[:] = 0.0
             return
-        share = min(self._proven / max(self.settings.prove_way, 1e-9), 1.0)
-        least = found.score_here + (1.0 - share) * -_RIVAL + share * _BETTER
+        least = found.score_here + (_BETTER if self.state == "tracking" else -_RIVAL)
         places = self.filter.hypotheses()
         known = places.poses[places.weights >= _KNOWN]
         new = [
@@ -212,14 +225,30 @@ class Belief:
             for k, pose in enumerate(found.poses)
             if found.scores[k] >= least and all(_is_apart(pose, other) for other in known)
         ]
-        if not new:
+        weights = self._weights_of(found, new)
+        if not weights.any():
+            self._cleared = self._proven
             return
-        weights = _likelihoods(found.scores[new] - max(found.score_here, -1.0), 0.0)
-        total = float(weights.sum())
-        self.filter.inject(found.poses[new], _FOUND, weights, _SHARE * min(1.0, total))
-        self._first = _FIRST_SCANS
+        self.filter.inject(found.poses[new], _FOUND, weights, _SHARE * min(1.0, float(weights.sum())))
+        self._first, self._cleared = _FIRST_SCANS, 0.0
         if found.scores[new[0]] > found.score_here + _BETTER:
             self._proven = 0.0
+            self._history.clear()
+
+    def _weights_of(self, found: Found, new: list[int]) -> Floats:
+        """(k,) how likely new places, by index, are compared with the present one: by this scan and those of the way.
+
+        A place where this scan fits far better is not compared along the way: the robot may have been carried there.
+        """
+        weights = np.zeros(len(new))
+        here = self._history.score(self._search, self.pose, self.odometry)
+        for n, k in enumerate(new[:_COMPARED]):
+            better, along = float(found.scores[k] - found.score_here), 0.0
+            if better < 2.0 * _BETTER:
+                along = self._history.score(self._search, found.poses[k], self.odometry) - here
+            weight = math.exp(min(better / _SOFT + along / _SOFT_ALONG, 3.0))
+            weights[n] = weight if weight > _LITTLE else 0.0
+        return weights
 
     def _look(self, beams: Floats, echoes: int) -> None:
         """Count what the beams see along the map from the likeliest place, and prove it by a drive."""
@@ -259,7 +288,7 @@ class Belief:
             return f"the position has a standard deviation of {sigma:.2f} m, more than {s.lost_sigma:g} m"
         if self._through > 1.0 - s.trusted_share:
             return f"{self._through:.0%} of the beams to a wall of the map pass through it"
-        if self._proven < s.prove_way:
+        if self._proven < s.prove_way or self._cleared < 0.5 * s.prove_way:
             return f"one place fits, along {self._proven:.1f} m of {s.prove_way:g} m so far"
         return ""
 
@@ -273,8 +302,9 @@ class Belief:
         if self._time - self._since >= s.patience:
             self.state, self.reason = ("searching", doubt) if is_tracking else ("tracking", "")
             self._since = self._searching_since = self._time
+            self._guess = None
             if self.state == "searching":
-                self._proven = 0.0
+                self._proven = self._cleared = 0.0
         elif self.state == "searching" and self._time - self._searching_since >= s.lost_after:
             self.state = "lost"
 
@@ -289,12 +319,13 @@ class Belief:
         self._first, self._part, self._alarm = _FIRST_SCANS, 0, False
         self._counts = np.zeros(6)
         self._fast = self._slow = 0.0
+        self._history = History()
 
 
-def _likelihoods(scores: Floats, best: float | None = None) -> Floats:
+def _likelihoods(scores: Floats) -> Floats:
     """(k,) relative likelihoods of places from their scores."""
-    most = float(scores.max()) if best is None else best
-    return np.array([math.exp(min((score - most) / _SOFT, 20.0)) for score in scores.tolist()])
+    most = float(scores.max())
+    return np.array([math.exp((score - most) / _SOFT) for score in scores.tolist()])
 
 
 def _is_apart(pose: Floats, other: Floats) -> bool:

@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 
 _MOST_PLACES = 64
 """Most hypotheses, as in the framework's message."""
+_LIKELY = 0.02
+"""Weight from which a place has particles of its own."""
 _EVEN = 0.5
 """Share of the particles that must count, by their effective number, for a set to be kept without resampling."""
 
@@ -30,7 +32,7 @@ class FilterSettings:
     """Settings of the filter: lengths in m, angles in rad; the README explains each.
 
     Attributes:
-        least, most: Limits of the number of particles.
+        least, most: Limits of the number of particles; each place keeps half of `least`.
         kld_error, kld_quantile: Largest Kullback-Leibler distance, and the normal quantile of its probability.
         bin_size, bin_turns: Edge of a bin, m, and bins in a full turn.
         way_noise, turn_per_way, turn_noise, rest_noise, rest_turn_noise: Spread of odometry, see `likelihood.moved`.
@@ -182,6 +184,9 @@ class ParticleFilter:
             _, which = bins_of(self.particles, s.bin_size, s.bin_turns)
             first = self._random.random()
             count = sample_size(self.weights, which, first, s.least, s.most, s.kld_error, s.kld_quantile)
+            # Each place keeps half of the least: the weights of few particles drift apart by chance.
+            places = int((self.hypotheses().weights > _LIKELY).sum())
+            count = max(count, min(places * s.least // 2, s.most))
         self.particles = self.particles[resampled(self.weights, self._random.random(), count)]
         self.weights, self._places = np.full(count, 1.0 / count), None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,14 @@ from navloom_scans.anywhere import MapSearch
 from navloom_scans.poses import compose, relative
 from numpy.typing import NDArray
 
-__all__ = ["Finder", "Found"]
+__all__ = ["Finder", "Found", "History"]
 
 Floats = NDArray[np.float64]
+
+_KEPT = 10
+"""Number of scans of the way that are kept."""
+_KEEP_WAY, _KEEP_TURN = 0.4, math.radians(40.0)
+"""Motion from one kept scan to the next, m or rad."""
 
 
 class Found(NamedTuple):
@@ -83,6 +89,36 @@ class Finder:
     def stop(self) -> None:
         """Drop a running search."""
         self.is_busy = False
+
+
+class History:
+    """Scans along the way so far: a place that fits now must fit them too, where odometry says that they were taken."""
+
+    def __init__(self) -> None:
+        self._scans: deque[tuple[Floats, int, Floats]] = deque(maxlen=_KEPT)
+
+    def add(self, search: MapSearch, beams: Floats, echoes: int, odometry: Floats) -> None:
+        """Keep a scan, as for `Finder.begin`, if the robot has moved since the last one that was kept."""
+        if self._scans:
+            step = relative(self._scans[-1][2], odometry)
+            if math.hypot(step[0], step[1]) < _KEEP_WAY and abs(step[2]) < _KEEP_TURN:
+                return
+        self._scans.append((*search.rays_of(beams, echoes), odometry.copy()))
+
+    def score(self, search: MapSearch, pose: Floats, odometry: Floats) -> float:
+        """Mean score of the scans for a robot that is now at a pose, (3,) map frame; 1 without scans.
+
+        Each is fitted, since odometry drifts.
+        """
+        total = 0.0
+        for rays, heard, then in self._scans:
+            place = compose(pose, relative(odometry, then))
+            total += search.score_of(search.fitted(place, rays, heard), rays, heard)
+        return total / len(self._scans) if self._scans else 1.0
+
+    def clear(self) -> None:
+        """Forget the way."""
+        self._scans.clear()
 
 
 def _unlikely(poses: Floats, near: Floats, sigma: tuple[float, float]) -> Floats:

@@ -161,12 +161,11 @@ class MapSearch:
                 raster, and headings within three of them, are searched.
         """
         s = self.settings
-        self._beams, self._echoes, self.work, self.is_complete = beams, echoes, 0, True
+        self.work, self.is_complete = 0, True
         self._is_over, self._places, self._scores = False, np.empty((0, 3)), np.empty(0)
         self._refined: list[tuple[float, Floats]] = []
-        used = _spread(_sparse(beams[:echoes], s.sparse), s.beams)
-        silent = _spread(beams[echoes:], s.beams // 3)
-        self._rays, self._count = np.concatenate((used, silent)), len(used)
+        self._rays, self._count = self.rays_of(beams, echoes)
+        used = self._rays[: self._count]
         self._corners = np.array([[0, 0], [n - 1 for n in self._standing.shape[1:]]])
         middle, half = 0.0, math.pi
         if near is not None:
@@ -229,25 +228,35 @@ class MapSearch:
         """(k, 3) poses of a search that has ended, map frame, the best first, and their (k,) scores, at most 1."""
         return self._places, self._scores
 
-    def score_of(self, pose: Floats) -> float:
-        """Score of a pose, (3,) map frame, at the time of the scan of the last search, comparable with those found."""
-        return look_along(self.field, self._rays, self._count, pose, 2.0 * self.settings.robust_scale).score
+    def rays_of(self, beams: Floats, echoes: int) -> tuple[Floats, int]:
+        """The beams of a scan that a search uses, (m, 4), see `begin`, and how many of them have an echo."""
+        s = self.settings
+        heard = _spread(_sparse(beams[:echoes], s.sparse), s.beams)
+        return np.concatenate((heard, _spread(beams[echoes:], s.beams // 3))), len(heard)
+
+    def score_of(self, pose: Floats, rays: Floats | None = None, heard: int = 0) -> float:
+        """Score of a pose, (3,) map frame, for the scan of the last search, or for one of `rays_of`."""
+        if rays is None:
+            rays, heard = self._rays, self._count
+        return look_along(self.field, rays, heard, pose, 2.0 * self.settings.robust_scale).score
+
+    def fitted(self, place: Floats, rays: Floats, heard: int) -> Floats:
+        """The pose near a place, both (3,) map frame, at which the rays of a scan fit best."""
+        s = self.settings
+        loose = np.diag([1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / math.radians(6.0) ** 2])
+        options = np.array([s.sigma**2 * s.redundancy, 0.3, s.robust_scale, 2.0 * s.robust_scale, s.reach])
+        pose, fused, used = np.empty(3), np.empty((3, 3)), rays[:heard]
+        matching.fit_pose(self.field.values, self.field.frame, used, place, loose, options, s.iterations, pose, fused)
+        return pose_of(*(pose if np.isfinite(pose).all() else place).tolist())
 
     def _refine(self, row: Floats) -> tuple[float, Floats]:
         """Score and pose of a result, fitted."""
-        s, f = self.settings, self.field.frame
-        u, v = (row[2] + 0.5) * self._step, (row[1] + 0.5) * self._step
+        f, u, v = self.field.frame, (row[2] + 0.5) * self._step, (row[1] + 0.5) * self._step
         place = np.array(
             [f[0] + f[2] * u - f[3] * v, f[1] + f[3] * u + f[2] * v, self._turns[int(row[0])] + self._heading]
         )
-        loose = np.diag([1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / math.radians(6.0) ** 2])
-        options = np.array([s.sigma**2 * s.redundancy, 0.3, s.robust_scale, 2.0 * s.robust_scale, s.reach])
-        pose, fused = np.empty(3), np.empty((3, 3))
-        used = self._rays[: self._count]
-        matching.fit_pose(self.field.values, f, used, place, loose, options, s.iterations, pose, fused)
-        if not np.isfinite(pose).all():
-            pose = place
-        return self.score_of(pose), pose_of(*pose.tolist())
+        pose = self.fitted(place, self._rays, self._count)
+        return self.score_of(pose), pose
 
     def _finish(self) -> None:
         """Order the places by their scores; of two that the fit moved to one place, keep the better."""

@@ -1,4 +1,4 @@
-"""VFH, VFH+ and VFH* as navloom avoiders."""
+"""VFH, VFH+, VFH* and the swept VFH* as navloom avoiders."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ from navloom_vfh.params import (
     VfhParams,
     VfhPlusParams,
     VfhStarParams,
+    VfhSweptParams,
 )
+from navloom_vfh.swept import VfhSweptAvoidance
 
-__all__ = ["Vfh", "VfhPlus", "VfhStar"]
+__all__ = ["Vfh", "VfhPlus", "VfhStar", "VfhSwept"]
 
 Floats = NDArray[np.float64]
 WARM_UP_ROBOT = Robot(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]), 0.5, 0.4, 0.5, 1.0)
@@ -36,7 +38,7 @@ P = TypeVar("P", bound=HistogramParams)
 
 
 class _HistogramAvoider(Avoider[P]):
-    """Avoider that runs any one of the three methods."""
+    """Avoider that runs any one of the methods."""
 
     _method: HistogramAvoidance
     _make: type
@@ -58,17 +60,19 @@ class _HistogramAvoider(Avoider[P]):
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
         beams = self._joiner.join(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
+        self._method.remaining = given.remaining
         decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
         why = self._diagnostics(decision) if self.is_to_explain(given.stamp_ns, decision.status) else None
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision) -> AvoiderDiagnostics:
         method = self._method
+        grid, origin = method.picture()
         cell, alpha = method.common.cell, 2.0 * math.pi / method.common.sectors
         slots = np.asarray(method.slots[: method.slot_count] * alpha, np.float64)
         slots[:, 1] += slots[:, 0]
         return AvoiderDiagnostics(
-            method.grid, cell, float(method.origin[0]) * cell, float(method.origin[1]) * cell, method.density,
+            grid, cell, float(origin[0]) * cell, float(origin[1]) * cell, method.density,
             method.threshold, slots, decision.direction, decision.why,
         )  # fmt: skip
 
@@ -98,6 +102,26 @@ class VfhStar(_HistogramAvoider[VfhStarParams]):
     presets = {"robust": ROBUST, "printed": VFH_STAR_PRINTED}
     claims = {Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhStarAvoidance
+
+
+class VfhSwept(_HistogramAvoider[VfhSweptParams]):
+    """Drives VFH*'s way at the speed from which the swept footprint stops before what is on its arc."""
+
+    name = "vfh_swept"
+    presets = {"robust": ROBUST}
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
+    _make = VfhSweptAvoidance
+
+    @classmethod
+    def warm_up(cls) -> None:
+        super().warm_up()
+        bearings = np.array([-0.3, 0.0, 0.3])
+        limits, sensors = np.tile([0.0, 8.0], (3, 1)), np.zeros(3, np.int64)
+        laser = Beams.fixed(np.zeros((3, 2)), bearings, np.zeros(3), np.ones(3), limits, sensors)
+        method = VfhSweptAvoidance(VfhSweptParams(), WARM_UP_ROBOT, 0.05)
+        for _ in range(2):
+            method.step(laser, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+        method.can_stop((0.0, 0.0), (0.1, 0.0))
 
 
 def warm_up(method: HistogramAvoidance) -> None:

@@ -75,10 +75,12 @@ class HistogramAvoidance(Method):
         threshold: Density that blocks a sector.
         gain: Factor of the smoothing on the density of an obstacle; 1 without smoothing.
         reach: Distance at which a cell's magnitude falls to 0, m.
+        remaining: Length of the path beyond the target of the next tick, m.
     """
 
     threshold: float
     gain = 1.0
+    remaining = 0.0
 
     def __init__(self, params: HistogramParams, robot: Robot, period: float) -> None:
         super().__init__(robot, period)
@@ -107,13 +109,21 @@ class HistogramAvoidance(Method):
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
         self.slot_count = 0
 
+    def enter(self, beams: Beams, pose: Pose) -> None:
+        """Enter the readings of one tick."""
+        enter_readings(self.grid, self.origin, self._votes, beams, pose, self.common)
+
+    def picture(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """The certainty window, and the place of its first cell, in cells."""
+        return self.grid, self.origin
+
     @abstractmethod
     def choose(self, view: View) -> Choice:
         """Choose the direction to steer to, from the window and the view."""
 
     def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
-            enter_readings(self.grid, self.origin, self._votes, beams, pose, self.common)
+            self.enter(beams, pose)
         distance = math.dist(target, pose[:2])
         bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
         horizon = distance + self.slack if self.common.stops_at_target else math.inf
@@ -158,14 +168,7 @@ class HistogramAvoidance(Method):
         self, view: View, choice: Choice, speed: float, turn: float, direction: float | None, why: str
     ) -> Decision:
         """Reduce the command to a collision-free one, and check the robot's progress."""
-        p, r = self.common, self.robot
-        sent = (speed, turn)
-        if p.arc_check:
-            sent = free_command(
-                choice.cells, self.edges, view.twist, sent, p.creep, self.period, r.max_acceleration,
-                r.max_deceleration, p.turn_horizon, p.arc_margin, p.arc_margin, self.in_flight,
-                r.motor_lag, r.dead_time,
-            )  # fmt: skip
+        sent = self.checked(view, choice, (speed, turn)) if self.common.arc_check else (speed, turn)
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"
         is_clear = direction == view.bearing and choice.ahead == 0.0 and sent == (speed, turn)
@@ -173,6 +176,14 @@ class HistogramAvoidance(Method):
         if reason:
             return self._give_up(view, reason)
         return Decision(*sent, "clear" if is_clear else "steering", direction, why)
+
+    def checked(self, view: View, choice: Choice, wanted: tuple[float, float]) -> tuple[float, float]:
+        """The wanted speed, m/s, and turn rate, rad/s, reduced until the robot can stop free."""
+        p, r = self.common, self.robot
+        return free_command(
+            choice.cells, self.edges, view.twist, wanted, p.creep, self.period, r.max_acceleration,
+            r.max_deceleration, p.turn_horizon, p.arc_margin, p.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
+        )  # fmt: skip
 
     def _watch(self, view: View, sent: tuple[float, float], is_clear: bool) -> str:
         """Count the time without progress; return why the robot is trapped, or an empty string."""

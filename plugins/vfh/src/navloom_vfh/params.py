@@ -124,6 +124,38 @@ class VfhStarParams(VfhPlusParams):
         return self
 
 
+class VfhSweptParams(VfhStarParams):
+    """VFH* for fast robots with a laser, ours."""
+
+    safety_distance: float = Field(
+        0.1, ge=0.0, le=2.0, description="d_s: added to the disc's radius where there are cells, m."
+    )
+    point_distance: float = Field(0.02, ge=0.0, le=2.0, description="The same where there are echo points alone, m.")
+    max_turn_deg: float = Field(180.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
+    max_speed: float = Field(5.0, gt=0.0, le=5.0, description="V_max, m/s; the robot's own limit also applies.")
+    echoes: Literal["points", "cells"] = Field(
+        "points", description="A laser's echoes count as points at its resolution, or in the certainty cells."
+    )
+    memory: float = Field(20.0, ge=0.0, le=600.0, description="How long points out of a laser's sight count, s.")
+    spacing: float = Field(0.05, gt=0.0, le=0.5, description="One point in a square of this counts in histograms, m.")
+    point_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and echo points, m.")
+    point_floor: float = Field(
+        0.02, ge=0.0, le=1.0, description="An echo point that is this near may come no nearer, m."
+    )
+    speed_law: Literal["free_run", "density"] = Field(
+        "free_run", description="Speed by the run that is free on the arc, or by the density ahead."
+    )
+    turn_rates: int = Field(3, ge=0, le=20, description="Turn rates up to half of Omega_max that are tried.")
+    horizon: float = Field(0.4, gt=0.0, le=5.0, description="Time after which a command's progress is compared, s.")
+    nose: float = Field(0.3, ge=0.0, le=5.0, description="Weight of the heading error in that, m per rad.")
+    keep_target: float = Field(
+        3.0, ge=0.0, le=60.0, description="How long a seen way is kept if the path jumps to a longer one, s; 0: not."
+    )
+    back_up: float = Field(0.4, ge=0.0, le=5.0, description="Distance to back up when stuck, m; 0: never.")
+    back_speed: float = Field(0.2, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
+    stuck_patience: float = Field(0.8, gt=0.0, le=60.0, description="Time without motion before backing up, s.")
+
+
 ROBUST = Preset("our choice: for a robot with a size, sonars or a laser")
 
 AS_VFH = "as VFH 1991, on which the method builds"

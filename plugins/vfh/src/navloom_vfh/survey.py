@@ -91,17 +91,41 @@ def survey_openings(
         Numbers of cells, openings and directions; whether the robot must slow down; h_c.
     """
     count = occupied_cells(window[0], window[1], window[2], pose, edges, cells)
-    near = cells[:count]
-    polar_histogram(near, (0.0, 0.0), pose[2], radius, reach, horizon, True, density)
+    found, n, must_slow, ahead = openings(
+        cells[:count], pose[2], radius, reach, horizon, thresholds, circle, certainty, widest, target, density,
+        blocked, slots, directions,
+    )  # fmt: skip
+    return count, found, n, must_slow, ahead
+
+
+@njit(cache=True, nogil=True)
+def openings(
+    near: Floats,
+    heading: float,
+    radius: float,
+    reach: float,
+    horizon: float,
+    thresholds: tuple[float, float],
+    circle: float,
+    certainty: float,
+    widest: int,
+    target: float,
+    density: Floats,
+    blocked: Floats,
+    slots: NDArray[np.int64],
+    directions: Floats,
+) -> tuple[int, int, bool, float]:
+    """As survey_openings(), for cells (n, 3) that are known; return the same without the number of cells."""
+    polar_histogram(near, (0.0, 0.0), heading, radius, reach, horizon, True, density)
     binary_histogram(density, thresholds[0], thresholds[1], blocked)
     masked = np.empty_like(density)
     must_slow = False
     while True:
         right, left = turning_limits(near, (0.0, 0.0, 0.0), circle, radius, certainty)
-        masked_histogram(blocked, pose[2], right, left, masked)
+        masked_histogram(blocked, heading, right, left, masked)
         found = free_slots(masked, 0.5, slots)
         if found > 0 or circle == 0.0:
             break
         must_slow, circle = True, 0.0
     n = slot_directions(slots, found, density.size, widest, 0.5 * widest, target, directions)
-    return count, found, n, must_slow and n > 0, density_ahead(density, pose[2])
+    return found, n, must_slow and n > 0, density_ahead(density, heading)

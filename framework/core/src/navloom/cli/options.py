@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navloom.escapes import printable
 from navloom.installed import config_help
 from navloom.parts import part
 
@@ -79,10 +80,12 @@ Changes = Annotated[
 
 def _use_files(files: list[Path] | None) -> list[Path] | None:
     if files:
-        from navloom.plugins.one_file import use_files
+        from navloom.plugins.one_file import replaced_by, use_files
 
         with redirect_stdout(sys.stderr):  # a file may print when it is imported
             use_files(files)
+        for line in replaced_by(files):
+            typer.echo(printable(line), err=True)
     return files
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
+from navloom.inputs.spreads import GUESS, sigma_of
 from navloom.roles.base import StrictModel
 
 __all__ = ["Heading", "HeadingSpread", "OffsetTable", "OpenTable", "PlaceTable", "PointTable", "Positive",
-           "Start", "StartTable", "Table", "sigma_of"]  # fmt: skip
+           "Start", "StartTable", "Table"]  # fmt: skip
 
 Positive = Annotated[float, Field(gt=0.0)]
 Heading = Annotated[float, Field(ge=-360.0, le=360.0)]
 HeadingSpread = Annotated[float, Field(gt=0.0, le=180.0)]
-GUESS = (0.5, 15.0)
-"""Standard deviations, m and degrees, of a guessed place that gives only the other one: RViz's 2D Pose Estimate."""
 
 
 class Table(StrictModel):
@@ -74,14 +72,6 @@ Start = Annotated[
     Discriminator(lambda given: "text" if isinstance(given, str) else "table"),
 ]
 """A start: a pose, a guess, or "unknown"."""
-
-
-def sigma_of(spread: float | None, heading_spread_deg: float | None) -> tuple[float, float] | None:
-    """Standard deviations, m and rad, of a place with these spreads, m and degrees; None if neither is given."""
-    if spread is None and heading_spread_deg is None:
-        return None
-    turn = GUESS[1] if heading_spread_deg is None else heading_spread_deg
-    return GUESS[0] if spread is None else spread, math.radians(turn)
 
 
 class OffsetTable(Table):

@@ -20,8 +20,8 @@ from navloom.config.table_parts import (
     Start,
     StartTable,
     Table,
-    sigma_of,
 )
+from navloom.inputs.spreads import sigma_of
 from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
 from navloom.roles.presets import instance_name

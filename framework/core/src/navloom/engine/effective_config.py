@@ -43,6 +43,9 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
         if sensor.kind in platform.sensor_settings:
             settings = platform.sensor_settings[sensor.kind].model_validate(sensor.params)
             tree["sensor"][number].update(settings.model_dump(mode="json"))
+    if isinstance(tree["navigation"]["start"], dict) and system.start_sigma is not None:
+        spread, turn = system.start_sigma
+        tree["navigation"]["start"] |= {"spread": spread, "heading_spread_deg": math.degrees(turn)}
     if tree["navigation"]["localizer_timeout"] is None:
         tree["navigation"]["localizer_timeout"] = system.localizer_timeout
     if system.map is not None and tree["map"] is None:

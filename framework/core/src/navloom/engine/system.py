@@ -15,7 +15,7 @@ from navloom.engine.plugin_instances import Part
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D
 from navloom.navigation.braking import Braking
-from navloom.roles import ROLES, Localizer, Recovery, RobotSpec, Role, SensorSpec
+from navloom.roles import ANYWHERE, ROLES, Localizer, Recovery, RobotSpec, Role, SensorSpec
 
 __all__ = ["System"]
 
@@ -79,6 +79,11 @@ class System:
     def braking(self) -> Braking:
         """How the robot comes to rest."""
         return Braking(self.robot, self.config.run.period)
+
+    @property
+    def drawn_start(self) -> Pose2D:
+        """The start for pictures: what the robot was told, or where a robot that was told nothing truly stood."""
+        return self.true_start if self.start_sigma == ANYWHERE else self.start
 
     @property
     def searchers(self) -> set[tuple[str, str]]:

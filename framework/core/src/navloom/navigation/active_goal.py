@@ -36,6 +36,8 @@ END = 0.01
 MISSES = 3
 """How often a goal or via point may be missed like this before it counts as no progress; also how often a robot that
 stopped at the goal, and is not within its tolerances at rest, drives on."""
+STEADY = 10.0
+"""Time of tracking after which a search counts as over, s."""
 SILENT_RECOVERY = 10.0
 """Longest silence of a recovery, s."""
 PROGRESS = 0.05
@@ -79,6 +81,8 @@ class ActiveGoal:
         code: Why it recovers, waits or searches, or last did.
         avoider: Avoider status at the newest recovery: it is outdated for the drive after that.
         has_driven: A path of this goal was driven.
+        searched: How long the localizer was not tracking when it last found the robot, s.
+        found_at: When that was, s.
         looks: How often the recovery was asked to look around.
         looks_since: When that was last requested, s; None while it is not.
     """
@@ -105,6 +109,8 @@ class ActiveGoal:
     code: ReasonCode = ""
     avoider: AvoiderStatus | None = None
     has_driven: bool = False
+    searched: float = 0.0
+    found_at: float = -math.inf
     looks: int = 0
     looks_since: float | None = None
 
@@ -134,6 +140,18 @@ class ActiveGoal:
         """How far the robot is from the goal, in words."""
         turned = f" and {math.degrees(self.heading_error(pose)):.1f}°" if self.goal.heading is not None else ""
         return f"{self.distance(pose):.3f} m{turned}"
+
+    def search_since(self, seen: GoalView) -> float:
+        """Since when the localizer has not been tracking, s, as it is not now.
+
+        While the robot looks around, a moment of tracking counts as none: it might be lost and found for ever.
+        """
+        is_again = seen.looks_around and seen.time - self.found_at < STEADY
+        return seen.time - self.searched if is_again else seen.time
+
+    def end_search(self, seen: GoalView) -> None:
+        """The localizer tracks again."""
+        self.searched, self.found_at = seen.time - self.since, seen.time
 
     def hears_no_recovery(self, since: float, seen: GoalView) -> bool:
         """Whether the recovery that was requested at a time, s, has been silent for too long."""

@@ -227,6 +227,7 @@ class GoalMachine:
         assert estimate is not None
         if estimate.state == "tracking" and estimate.stamp_ns >= self._placed_ns:
             self._end_recovery(active)
+            active.end_search(seen)
             self._need_map(seen)
         elif seen.time - active.since > (longest := self.rules.localizer_timeout):
             why = f"the localizer has not been tracking for {longest:g} s: {estimate.reason}"
@@ -264,8 +265,8 @@ class GoalMachine:
         """Stop the drive, or the recovery, and wait."""
         self._end_recovery(active)
         self._set_drive(NO_DRIVE)
-        active.since, active.code, self._arrival.since = seen.time, code, None
-        self.state = state
+        active.since = active.search_since(seen) if code == "not_tracking" else seen.time
+        active.code, self._arrival.since, self.state = code, None, state
 
     def _end_recovery(self, active: ActiveGoal) -> None:
         if self.state == "recovering" or active.looks_since is not None:

@@ -24,10 +24,11 @@ from navloom.entry_kinds import GROUP, installed_points
 from navloom.messages import Message
 from navloom.plugins.error_origin import raised_in
 from navloom.plugins.hooks import HookSpecs, hookimpl
+from navloom.plugins.loading import owner_of
 from navloom.plugins.registry import NODE, PluginError, Registry
 from navloom.roles import ROLES, Role
 
-__all__ = ["available_points", "files_in_use", "use_files"]
+__all__ = ["available_points", "files_in_use", "replaced_by", "use_files"]
 
 FILES = "NAVLOOM_PLUGIN_FILES"
 """Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they load the same plugins."""
@@ -87,10 +88,26 @@ class Listed:
 def available_points() -> list[EntryPoint]:
     """The entry points of the installed distributions and of the plugin files in use.
 
+    A file's plugin replaces an installed one of the same name: who names a file means it, and a plugin that ships later
+    must not take the name from it. A command cannot be replaced.
+
     Raises:
         PluginError: A file cannot be used, or has changed since the command started.
     """
-    return [*installed_points(), *(point for path, digest in _in_use() for point in _points_of(path, digest))]
+    of_files = [point for path, digest in _in_use() for point in _points_of(path, digest)]
+    taken = {point.name for point in of_files if point.name.partition(".")[0] in ROLES}
+    return [*(point for point in installed_points() if point.name not in taken), *of_files]
+
+
+def replaced_by(files: Iterable[Path]) -> list[str]:
+    """A line for each installed plugin that one of these files in use replaces."""
+    used, installed = dict(_in_use()), {point.name: point for point in installed_points()}
+    return [
+        f"{point.name}: that of {file} replaces the one of {owner_of(installed[point.name])}"
+        for file in files
+        for point in _points_of(file.resolve(), used[file.resolve()])
+        if point.name in installed and point.name.partition(".")[0] in ROLES
+    ]
 
 
 def use_files(files: Iterable[Path]) -> None:

@@ -93,6 +93,7 @@ SHIPPED = {
         "avoider.vfh",
         "avoider.vfh_plus",
         "avoider.vfh_star",
+        "avoider.vfh_swept",
     ),
     "navloom-viewer": ("command.view",),
 }

@@ -112,8 +112,8 @@ def place(
 
     Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
     """
-    from navloom.config.table_parts import sigma_of
     from navloom.inputs import warn_of_radians
+    from navloom.inputs.spreads import sigma_of
 
     from navloom_live.operating import operator_actions
 

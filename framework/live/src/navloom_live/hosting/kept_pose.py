@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from navloom.config import Loaded
 from navloom.config.schema import Config
-from navloom.config.table_parts import GUESS
 from navloom.engine.system import System
 from navloom.engine.task_checks import is_real
 from navloom.files import write_whole
+from navloom.inputs.spreads import GUESS
 from navloom.inputs.typed_json import from_json
 from navloom.messages import OccupancyGrid, Pose2D, PoseEstimate
 

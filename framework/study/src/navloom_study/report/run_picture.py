@@ -115,7 +115,7 @@ def draw_poses(poses: Floats, known: OccupancyGrid | None, is_tracking: NDArray[
 def draw_run(episode: Episode) -> Figure:
     """Draw map, plan, trajectory and true track of a finished run, with start, goal and the true obstacles."""
     recorder, system = episode.recorder, episode.system
-    start, goal = system.start, system.goal
+    start, goal = system.drawn_start, system.goal
     points = [np.array([(start.x, start.y)]), recorder.driven, *(path.points for path in recorder.plans)]
     figure, axes = plan_figure(WIDTH, extent_of(np.concatenate(points), system.world, AROUND))
     if recorder.map is not None:

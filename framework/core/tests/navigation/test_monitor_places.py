@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
-from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
+from navloom.messages import Odometry, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits
 from navloom.testing import robot
 
@@ -347,3 +348,22 @@ def test_a_restart_forgets_the_way_and_the_speed() -> None:
     made = monitor((1.0, 0.0, 0.0, 0.0), (1.1, 0.4, 0.0, 0.0), twist=(0.5, 0.2))
     move(made, (5.0, 0.0, 0.0, 0.0))
     assert made._ways == [0.0] and made._stamps == [5.0] and made._waiting == []
+
+
+def pose_estimate(time: float, x: float, state: Literal["tracking", "searching"] = "tracking") -> PoseEstimate:
+    stamp_ns = round(time * 1e9)
+    return PoseEstimate(stamp_ns, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.eye(3), state)
+
+
+@pytest.mark.parametrize(("found_at", "is_held"), [(0.4, True), (0.6, False)])
+def test_a_robot_that_tracks_again_elsewhere_remembers_nothing_out_of_view(found_at: float, is_held: bool) -> None:
+    """An echo ahead, then a turn by half a turn: it is 0.75 m behind, and no beam looks there."""
+    made = monitor((0.0, 0.0, 0.0, 0.0))
+    made.look("laser", twice(0.0, 0.0, 0.5))
+    move(made, (0.2, 0.0, 0.0, 1.5), (0.4, 0.0, 0.0, math.pi))
+    made.look("laser", twice(0.4, 0.0, 3.0))
+    made.locate(pose_estimate(0.4, 0.0), None)
+    made.locate(pose_estimate(0.4, 0.0, "searching"), None)
+    assert hit(made, v=-1.0) is not None
+    made.locate(pose_estimate(0.4, found_at), None)
+    assert (hit(made, v=-1.0) is not None) == is_held

@@ -130,6 +130,11 @@ class SensorEchoes:
         every = self._every()
         self.obstacles = np.column_stack([every, np.zeros(len(every))])
 
+    def forget_unseen(self) -> None:
+        """Forget the obstacles that the newest scan of a laser does not look at."""
+        if self.view is not None:
+            self.obstacles = self.obstacles[self.covers(self.obstacles[:, :2])]
+
     def covers(self, points: Floats) -> NDArray[np.bool_]:
         """(k,) which points (k, 2), m, odometry frame, lie in a direction of a laser's newest scan."""
         if self.view is None:

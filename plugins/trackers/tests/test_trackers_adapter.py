@@ -18,14 +18,14 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
-from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
 from pydantic import ValidationError
 
 SQUARE = np.array([[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]])
 ROBOT = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
 ALONG = np.linspace(0.0, 9.0, 451)
 TRAJECTORY = Trajectory(1, np.column_stack((ALONG, ALONG, 0 * ALONG, 0 * ALONG, 0 * ALONG, 0 * ALONG + 0.3)))
-TRACKERS = {cls.name: cls for cls in (FierroLewis, Kanayama, PurePursuit, Ramsete)}
+TRACKERS = {cls.name: cls for cls in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)}
 EACH = pytest.mark.parametrize("name", sorted(TRACKERS))
 
 

@@ -12,9 +12,9 @@ import pytest
 from navloom import Context, ControllerInput, Point2D, Pose2D, PoseEstimate, Reference, RobotSpec, Trajectory, Twist2D
 from navloom_lyapunov_tracker.law import TrackingError
 from navloom_trackers import fierro_lewis, kanayama
-from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
 
-TRACKERS = {cls.name: cls for cls in (FierroLewis, Kanayama, PurePursuit, Ramsete)}
+TRACKERS = {cls.name: cls for cls in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)}
 LAWS = pytest.mark.parametrize("name", ["kanayama", "fierro_lewis", "ramsete"])
 SQUARE = np.array([[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]])
 STRONG = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 9.0, 90.0, 0.5, 1.0)

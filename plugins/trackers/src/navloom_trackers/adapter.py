@@ -212,7 +212,9 @@ class Graceful(_Pursuit[GracefulParams]):
         self._damping = 1.0 + k1 + k2
         self._look_ahead, self._approach = _from_robot(params, context, self._damping, (1.0 + k1) * (1.0 + k2))
         self._beta = _or(params.beta, graceful.speed_weight(robot.max_linear, robot.max_angular, params.exponent))
-        self._sight = graceful.line_of_sight(math.radians(params.approach_deg), k1, k2)
+        self._speed = graceful.turning_speed if params.keeps_turn_rate else graceful.speed
+        approach = math.radians(params.approach_deg)
+        self._sight = graceful.line_of_sight(approach, k1, k2) if params.approach_deg < 90.0 else approach
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference, pose = self.params, given.reference, given.estimate.pose
@@ -221,7 +223,7 @@ class Graceful(_Pursuit[GracefulParams]):
         # In a loop smaller than the look-ahead the pose may be at the robot itself, where the law is not defined.
         seen = seen._replace(r=max(seen.r, 0.5 * self._look_ahead[1]))
         curvature = graceful.curvature(seen, own.k1, own.k2)
-        v = graceful.speed(reference.speed, curvature, self._beta, own.exponent)
+        v = self._speed(reference.speed, curvature, self._beta, own.exponent)
         v = pure_pursuit.proximity_speed(v, reference.remaining, *self._approach)
         return -seen.delta, (v, v * curvature), self._damping * v / seen.r
 

@@ -11,7 +11,16 @@ from typing import NamedTuple
 
 from navloom_lyapunov_tracker.law import wrap
 
-__all__ = ["EgocentricPolar", "curvature", "egocentric_polar", "line_of_sight", "rates", "speed", "speed_weight"]
+__all__ = [
+    "EgocentricPolar",
+    "curvature",
+    "egocentric_polar",
+    "line_of_sight",
+    "rates",
+    "speed",
+    "speed_weight",
+    "turning_speed",
+]
 
 
 class EgocentricPolar(NamedTuple):
@@ -51,7 +60,8 @@ def rates(seen: EgocentricPolar, v: float, w: float) -> EgocentricPolar:
 def curvature(seen: EgocentricPolar, k1: float, k2: float) -> float:
     """Curvature ω / v of the way to the target, 1/m.
 
-    κ = -(1/r) (k2 (δ - atan(-k1 θ)) + (1 + k1 / (1 + (k1 θ)²)) sin δ). Under it, z = δ - atan(-k1 θ) vanishes: z' = -k2 v/r z.
+    κ = -(1/r) (k2 (δ - atan(-k1 θ)) + (1 + k1 / (1 + (k1 θ)²)) sin δ). Under it,
+    z = δ - atan(-k1 θ) vanishes: z' = -k2 v/r z.
 
     Args:
         seen: r > 0.
@@ -65,6 +75,20 @@ def curvature(seen: EgocentricPolar, k1: float, k2: float) -> float:
 def speed(fastest: float, bend: float, beta: float, exponent: float) -> float:
     """Speed, m/s, that falls with the curvature κ, 1/m, of the way: v = v_max / (1 + β |κ|^λ)."""
     return fastest / (1.0 + beta * math.pow(abs(bend), exponent))
+
+
+def turning_speed(fastest: float, bend: float, beta: float, exponent: float) -> float:
+    """`speed`, m/s, but beyond the curvature at which ω is greatest, κ^λ = 1 / (β (λ - 1)), ω stays there: v = ω / κ.
+
+    Not from the paper, by which ω falls to 0 as κ grows: a robot that must turn sharply would turn ever more slowly.
+
+    Args:
+        beta: >= 0. exponent: > 1. The others are those of `speed`.
+    """
+    if beta * math.pow(abs(bend), exponent) * (exponent - 1.0) <= 1.0:
+        return speed(fastest, bend, beta, exponent)
+    worst = math.pow(beta * (exponent - 1.0), -1.0 / exponent)
+    return speed(fastest, worst, beta, exponent) * worst / abs(bend)
 
 
 def speed_weight(fastest: float, turn_rate: float, exponent: float) -> float:

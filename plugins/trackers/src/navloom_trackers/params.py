@@ -145,6 +145,9 @@ class GracefulParams(_DerivedParams):
         None, ge=0.0, le=100.0, description="Weight of the curvature in the speed, m^exponent; left out: turn rate."
     )
     exponent: float = Field(2.0, gt=1.0, le=10.0, description="Exponent of the curvature in the speed.")
+    keeps_turn_rate: bool = Field(
+        True, description="In tighter arcs than those of the largest turn rate, keep that turn rate; false: as printed."
+    )
 
 
 ROBUST = Preset("our choice: an angle of approach, and turns in place")
@@ -210,6 +213,7 @@ GRACEFUL_PRINTED = Preset(
         "k2": (3.0, "k_2 = 3"),
         "beta": (0.4, "beta = 0.4"),
         "exponent": (2.0, "lambda = 2"),
+        "keeps_turn_rate": (False, "not in the paper: the turn rate falls"),
         "turn_in_place_above_deg": PLAIN["turn_in_place_above_deg"],
         "approach_deg": PLAIN["approach_deg"],
     },

@@ -97,28 +97,28 @@ def test_regulated_pure_pursuit_looks_ahead_and_slows_by_the_limits_of_the_robot
     """
     command = make("regulated_pure_pursuit").control(seen(1.0, -0.24, 0.0)).twist
     assert command.wz / command.vx == pytest.approx(3.0, abs=1e-2)
-    assert command.vx == pytest.approx(0.3 / (1.14592 * 3.0), rel=1e-2)
+    assert command.vx == pytest.approx(0.5 / (1.14592 * 3.0), rel=1e-2)
 
 
 @pytest.mark.parametrize("name", ["regulated_pure_pursuit", "graceful"])
 def test_it_slows_within_its_braking_distance_of_the_end(name):
-    """0.5² / 1 = 0.25 m; at 0.1 m of it 0.3 * 0.1 / 0.25 = 0.12 m/s."""
-    assert make(name).control(seen(8.7, 0.0, 0.0)).twist.vx == pytest.approx(0.3)
-    assert make(name).control(seen(8.9, 0.0, 0.0)).twist.vx == pytest.approx(0.12)
+    """0.5² / 1 = 0.25 m; at 0.2 m of it 0.4 m/s, more than the reference's speed, and at 0.1 m 0.2 m/s."""
+    assert make(name).control(seen(8.8, 0.0, 0.0)).twist.vx == pytest.approx(0.3)
+    assert make(name).control(seen(8.9, 0.0, 0.0)).twist.vx == pytest.approx(0.2)
 
 
 def test_graceful_heads_for_a_pose_one_look_ahead_away():
     """10.706 * 0.05 * 0.3 = 0.16 m, so 0.4 m, of which 0.24 m to the left, at the angle asin 0.6 = 0.6435 to the line.
 
     θ = -0.6435 and δ = -0.6435: 3 (0.6435 + atan 0.6435) + (1 + 1 / 1.4141) 0.6 = 4.6698, over 0.4: 11.674 1/m.
-    β = (0.5 / 0.87266)² = 0.32828, so by the paper v = 0.3 / (1 + 0.32828 * 136.3) = 0.00656 m/s. The turn rate is
-    greatest where β κ² = 1, at 1.7453 1/m: 0.15 * 1.7453 = 0.2618 rad/s.
+    β = (0.5 / 0.87266)² = 0.32828, so by the paper v = 0.5 / (1 + 0.32828 * 136.3) = 0.01093 m/s. The turn rate is
+    greatest where β κ² = 1, at 1.7453 1/m: 0.25 * 1.7453 = 0.43633 rad/s.
     """
     away = seen(1.0, -0.24, 0.0)
     as_printed = make("graceful", approach_deg=90.0, keeps_turn_rate=False).control(away).twist
     assert as_printed.wz / as_printed.vx == pytest.approx(11.674, rel=3e-3)
-    assert as_printed.vx == pytest.approx(0.00656, rel=1e-2)
-    assert make("graceful", approach_deg=90.0).control(away).twist.wz == pytest.approx(0.2618, rel=1e-3)
+    assert as_printed.vx == pytest.approx(0.01093, rel=1e-2)
+    assert make("graceful", approach_deg=90.0).control(away).twist.wz == pytest.approx(0.43633, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["regulated_pure_pursuit", "graceful"])

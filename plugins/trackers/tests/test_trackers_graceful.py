@@ -34,7 +34,7 @@ def test_a_pose_in_egocentric_polar_coordinates():
 def test_the_rates_are_those_of_a_moving_robot():
     """Line of sight along x, robot at 30°: it comes nearer at 0.4 cos 30° = 0.3464, and leaves the line at 0.2 m/s.
 
-    The line of sight then turns right by 0.2 / 2 = 0.1 rad/s, so both angles from it grow by 0.1, and δ also by ω = 0.3.
+    The line of sight then turns right by 0.2 / 2 = 0.1 rad/s, so θ grows by 0.1 rad/s, and δ by 0.1 + 0.3.
     """
     found = rates(EgocentricPolar(2.0, 0.0, math.pi / 6.0), 0.4, 0.3)
     assert found == pytest.approx((-0.2 * math.sqrt(3.0), 0.1, 0.4))

@@ -160,14 +160,16 @@ class _Regulated(_Pursuit[P]):
 
     _arc: tuple[float, float]
     """Radius of the arcs below which the robot slows down, m, and the least speed there, m/s."""
+    _fastest: float | None = None
+    """Speed to regulate, m/s; None: the reference's."""
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         reference, pose = given.reference, given.estimate.pose
         x, y, _ = self._target(given, math.radians(self.params.approach_deg))
         ahead, left, _ = tracking_error(pose.x, pose.y, pose.heading, x, y, pose.heading)
         curvature = pure_pursuit.pursuit_curvature(ahead, left)
-        v = pure_pursuit.curvature_speed(reference.speed, curvature, *self._arc)
-        v = pure_pursuit.proximity_speed(v, reference.remaining, *self._approach)
+        v = pure_pursuit.curvature_speed(self._fastest or reference.speed, curvature, *self._arc)
+        v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
         least = self._look_ahead[1]
         return math.atan2(left, ahead), (v, v * curvature), 2.0 * v / max(math.hypot(ahead, left), least)
 
@@ -197,6 +199,8 @@ class RegulatedPurePursuit(_Regulated[RegulatedPurePursuitParams]):
         # Small errors of an arc to a point of a line: curvature -2 / L² e - 2 / L ψ.
         self._look_ahead, self._approach = _from_robot(params, context, 2.0, 2.0)
         self._arc = (_or(params.slow_radius, robot.max_linear / robot.max_angular), params.min_arc_speed)
+        # The reference's speed falls with the curvature of the trajectory: to regulate it would slow down twice.
+        self._fastest = robot.max_linear
 
 
 class Graceful(_Pursuit[GracefulParams]):
@@ -223,8 +227,8 @@ class Graceful(_Pursuit[GracefulParams]):
         # In a loop smaller than the look-ahead the pose may be at the robot itself, where the law is not defined.
         seen = seen._replace(r=max(seen.r, 0.5 * self._look_ahead[1]))
         curvature = graceful.curvature(seen, own.k1, own.k2)
-        v = self._speed(reference.speed, curvature, self._beta, own.exponent)
-        v = pure_pursuit.proximity_speed(v, reference.remaining, *self._approach)
+        v = self._speed(self.context.robot.max_linear, curvature, self._beta, own.exponent)
+        v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
         return -seen.delta, (v, v * curvature), self._damping * v / seen.r
 
 

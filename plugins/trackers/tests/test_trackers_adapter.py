@@ -91,13 +91,13 @@ def test_pure_pursuit_slows_before_the_end():
 
 
 def test_regulated_pure_pursuit_looks_ahead_and_slows_by_the_limits_of_the_robot():
-    """Late by a tick of 0.05 s: 6.133 * 0.05 * 0.3 = 0.09 m, so the inscribed radius, 0.4 m, is looked ahead.
+    """Late by a tick of 0.05 s: 6.133 * 0.05 * 0.3 = 0.09 m, so half the inscribed radius, 0.2 m, is looked ahead.
 
-    Of it, 0.24 m are to the left: curvature 2 * 0.24 / 0.16 = 3 1/m. Arcs are slow below 0.5 / 0.43633 = 1.14592 m.
+    Of it, 0.12 m are to the left: curvature 2 * 0.12 / 0.04 = 6 1/m. Arcs are slow below 0.5 / 0.43633 = 1.14592 m.
     """
-    command = make("regulated_pure_pursuit").control(seen(1.0, -0.24, 0.0)).twist
-    assert command.wz / command.vx == pytest.approx(3.0, abs=1e-2)
-    assert command.vx == pytest.approx(0.5 / (1.14592 * 3.0), rel=1e-2)
+    command = make("regulated_pure_pursuit").control(seen(1.0, -0.12, 0.0)).twist
+    assert command.wz / command.vx == pytest.approx(6.0, rel=1e-2)
+    assert command.vx == pytest.approx(0.5 / (1.14592 * 6.0), rel=1e-2)
 
 
 @pytest.mark.parametrize("name", ["regulated_pure_pursuit", "graceful"])
@@ -108,16 +108,16 @@ def test_it_slows_within_its_braking_distance_of_the_end(name):
 
 
 def test_graceful_heads_for_a_pose_one_look_ahead_away():
-    """10.706 * 0.05 * 0.3 = 0.16 m, so 0.4 m, of which 0.24 m to the left, at the angle asin 0.6 = 0.6435 to the line.
+    """10.706 * 0.05 * 0.3 = 0.16 m, so 0.2 m, of which 0.12 m to the left, at the angle asin 0.6 = 0.6435 to the line.
 
-    θ = -0.6435 and δ = -0.6435: 3 (0.6435 + atan 0.6435) + (1 + 1 / 1.4141) 0.6 = 4.6698, over 0.4: 11.674 1/m.
-    β = (0.5 / 0.87266)² = 0.32828, so by the paper v = 0.5 / (1 + 0.32828 * 136.3) = 0.01093 m/s. The turn rate is
+    θ = -0.6435 and δ = -0.6435: 3 (0.6435 + atan 0.6435) + (1 + 1 / 1.4141) 0.6 = 4.6698, over 0.2: 23.349 1/m.
+    β = (0.5 / 0.87266)² = 0.32828, so by the paper v = 0.5 / (1 + 0.32828 * 545.2) = 0.00278 m/s. The turn rate is
     greatest where β κ² = 1, at 1.7453 1/m: 0.25 * 1.7453 = 0.43633 rad/s.
     """
-    away = seen(1.0, -0.24, 0.0)
+    away = seen(1.0, -0.12, 0.0)
     as_printed = make("graceful", approach_deg=90.0, keeps_turn_rate=False).control(away).twist
-    assert as_printed.wz / as_printed.vx == pytest.approx(11.674, rel=3e-3)
-    assert as_printed.vx == pytest.approx(0.01093, rel=1e-2)
+    assert as_printed.wz / as_printed.vx == pytest.approx(23.349, rel=1e-2)
+    assert as_printed.vx == pytest.approx(0.00278, rel=2e-2)
     assert make("graceful", approach_deg=90.0).control(away).twist.wz == pytest.approx(0.43633, rel=1e-4)
 
 

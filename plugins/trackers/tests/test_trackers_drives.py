@@ -12,9 +12,11 @@ from navloom.runs.episode import run_episode
 from trackers_drives import PATHS, drive
 
 LAWS = ["fierro_lewis", "kanayama", "ramsete"]
-TRACKERS = [*LAWS, "pure_pursuit"]
+PURSUITS = ["graceful", "pure_pursuit", "regulated_pure_pursuit"]
+TRACKERS = [*LAWS, *PURSUITS]
 EACH = pytest.mark.parametrize("tracker", TRACKERS)
-BOUNDS = {"fierro_lewis": 0.015, "kanayama": 0.005, "ramsete": 0.008, "pure_pursuit": 0.06}
+BOUNDS = {"fierro_lewis": 0.015, "kanayama": 0.005, "ramsete": 0.008, "pure_pursuit": 0.06,
+          "graceful": 0.06, "regulated_pure_pursuit": 0.06}  # fmt: skip
 """Largest cross-track error after the first 3 m, with radius and track wrong by 5 % either way, m."""
 
 
@@ -43,7 +45,7 @@ def test_from_beside_the_line_it_comes_back_with_small_wheels_and_a_wide_track(t
 
 @pytest.mark.parametrize(
     "tracker",
-    ["fierro_lewis", "pure_pursuit", *(pytest.param(name, marks=pytest.mark.slow) for name in ("kanayama", "ramsete"))],
+    ["fierro_lewis", *PURSUITS, *(pytest.param(name, marks=pytest.mark.slow) for name in ("kanayama", "ramsete"))],
 )
 def test_the_papers_experiment_ends_at_its_goal(tracker: str) -> None:
     """The avoider takes over and hands back, as with `lyapunov_tracker`."""

@@ -131,12 +131,6 @@ def test_on_its_line_of_sight_the_law_keeps_the_approach(approach, k1, k2):
 # --- parameters that follow from the robot ---------------------------------------------------------------------------
 
 
-def test_the_time_from_an_estimate_to_the_turn_rate():
-    """0.05 + 0.05 + 0.1 s, and half of the 0.5 s in which 2 rad/s² reach 1 rad/s."""
-    assert derived.late_time(0.05, 0.05, 0.1, 1.0, 2.0) == pytest.approx(0.45)
-    assert derived.late_time(0.05, 0.05, 0.1, 1.0, math.inf) == pytest.approx(0.2)
-
-
 @pytest.mark.parametrize(
     ("damping", "stiffness", "per_second"),
     [

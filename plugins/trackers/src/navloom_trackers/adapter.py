@@ -237,11 +237,10 @@ def _from_robot(
 ) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Look-ahead and approach of `_Pursuit`: as given, else from the robot; see `derived.margin_look_ahead`."""
     robot = context.robot
-    late = derived.late_time(
-        context.period, robot.dead_time, robot.motor_lag, robot.max_angular, robot.max_angular_acceleration
-    )
+    # A limited turn acceleration is not in it: `stopping_turn` bounds the correction to what ends in time.
+    late = context.period + robot.dead_time + robot.motor_lag
     time = _or(params.look_ahead_time, derived.margin_look_ahead(late, damping, stiffness))
-    least = _or(params.min_look_ahead, inscribed_radius(robot.footprint))
+    least = _or(params.min_look_ahead, 0.5 * inscribed_radius(robot.footprint))
     most = _or(params.max_look_ahead, max(least, time * robot.max_linear))
     distance = _or(params.approach_distance, derived.braking_approach(robot.max_linear, robot.max_deceleration))
     return (time, min(least, most), most), (distance, params.min_approach_speed)

@@ -4,20 +4,10 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["PHASE_MARGIN", "braking_approach", "late_time", "margin_look_ahead"]
+__all__ = ["PHASE_MARGIN", "braking_approach", "margin_look_ahead"]
 
 PHASE_MARGIN = math.radians(45.0)
 """Phase margin of the lateral loop, rad: usual, and enough that an error of the lag by half does no harm."""
-
-
-def late_time(period: float, dead_time: float, motor_lag: float, turn_rate: float, turn_acceleration: float) -> float:
-    """Time from an estimate to the turn rate that answers it, s.
-
-    Args:
-        period: Of a tick, s. dead_time, motor_lag: s.
-        turn_rate, turn_acceleration: Limits of the robot, rad/s and rad/s²; a ramp of t seconds is late by t/2.
-    """
-    return period + dead_time + motor_lag + 0.5 * turn_rate / turn_acceleration
 
 
 def margin_look_ahead(late: float, damping: float, stiffness: float) -> float:
@@ -28,7 +18,7 @@ def margin_look_ahead(late: float, damping: float, stiffness: float) -> float:
     atan(a u / b). A delay of τ takes τ u / T of it.
 
     Args:
-        late: τ, s.
+        late: τ, from an estimate to the motion that answers it, s.
         damping, stiffness: a and b, such that atan(a u / b) is greater than the margin that is to be kept.
     """
     u = math.sqrt(0.5 * (damping**2 + math.sqrt(damping**4 + 4.0 * stiffness**2)))

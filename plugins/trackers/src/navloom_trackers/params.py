@@ -106,7 +106,7 @@ class _DerivedParams(TrackerParams):
         None, gt=0.0, le=10.0, description="Look-ahead distance per speed, s; left out: from the robot's lags."
     )
     min_look_ahead: float | None = Field(
-        None, gt=0.0, le=10.0, description="Least look-ahead, m; left out: the footprint's inscribed radius."
+        None, gt=0.0, le=10.0, description="Least look-ahead, m; left out: half the inscribed radius."
     )
     max_look_ahead: float | None = Field(
         None, gt=0.0, le=50.0, description="Largest look-ahead, m; left out: that of the robot's largest speed."

@@ -196,6 +196,8 @@ def test_at_the_goal_it_turns_to_the_goal_heading_and_stops(name):
         ("ramsete", {"turn_in_place_above_deg": 15.0}),
         ("pure_pursuit", {"min_look_ahead": 1.0}),
         ("pure_pursuit", {"approach_deg": 91.0}),
+        ("regulated_pure_pursuit", {"max_look_ahead": 0.3, "min_look_ahead": 0.4}),
+        ("graceful", {"exponent": 1.0}),
     ],
     ids=lambda value: value if isinstance(value, str) else next(iter(value)),
 )

@@ -91,7 +91,7 @@ def test_pure_pursuit_slows_before_the_end():
 
 
 def test_regulated_pure_pursuit_looks_ahead_and_slows_by_the_limits_of_the_robot():
-    """Late by a tick of 0.05 s: 6.133 * 0.05 * 0.3 = 0.09 m, so half the inscribed radius, 0.2 m, is looked ahead.
+    """Late by a tick of 0.05 s: 3.544 * 0.05 * 0.3 = 0.05 m, so half the inscribed radius, 0.2 m, is looked ahead.
 
     Of it, 0.12 m are to the left: curvature 2 * 0.12 / 0.04 = 6 1/m. Arcs are slow below 0.5 / 0.43633 = 1.14592 m.
     """
@@ -108,7 +108,7 @@ def test_it_slows_within_its_braking_distance_of_the_end(name):
 
 
 def test_graceful_heads_for_a_pose_one_look_ahead_away():
-    """10.706 * 0.05 * 0.3 = 0.16 m, so 0.2 m, of which 0.12 m to the left, at the angle asin 0.6 = 0.6435 to the line.
+    """6.970 * 0.05 * 0.3 = 0.10 m, so 0.2 m, of which 0.12 m to the left, at the angle asin 0.6 = 0.6435 to the line.
 
     θ = -0.6435 and δ = -0.6435: 3 (0.6435 + atan 0.6435) + (1 + 1 / 1.4141) 0.6 = 4.6698, over 0.2: 23.349 1/m.
     β = (0.5 / 0.87266)² = 0.32828, so by the paper v = 0.5 / (1 + 0.32828 * 545.2) = 0.00278 m/s. The turn rate is

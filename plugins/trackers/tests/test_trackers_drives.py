@@ -130,7 +130,7 @@ def test_the_goal_is_reached_whatever_the_sign_of_the_errors(tracker: str, path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tracker", LAWS)
+@pytest.mark.parametrize("tracker", [*LAWS, "graceful", "regulated_pure_pursuit"])
 @pytest.mark.parametrize("late", ["platform.motor_time_constant=0.1", "controller.latency=0.05"])
 def test_lagging_motors_and_late_commands_are_tolerated(tracker: str, late: str) -> None:
     found = drive(tracker, "figure_eight", settings=[late])

@@ -16,7 +16,7 @@ def test_readme_lists_every_parameter_and_preset(folder):
 def test_methods_that_are_compared_have_both_presets():
     both = {cls.name for classes in FOUND.values() for cls in classes if {"robust", "printed"} <= set(cls.presets)}
     assert both >= {"vff", "vfh", "vfh_plus", "vfh_star", "dwa", "improved_vfh", "kanayama", "fierro_lewis", "ramsete",
-                    "pure_pursuit"}  # fmt: skip
+                    "pure_pursuit", "regulated_pure_pursuit", "graceful"}  # fmt: skip
 
 
 @pytest.mark.parametrize("folder", FOUND)

@@ -18,14 +18,14 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
-from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
 from pydantic import ValidationError
 
 SQUARE = np.array([[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]])
 ROBOT = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
 ALONG = np.linspace(0.0, 9.0, 451)
 TRAJECTORY = Trajectory(1, np.column_stack((ALONG, ALONG, 0 * ALONG, 0 * ALONG, 0 * ALONG, 0 * ALONG + 0.3)))
-TRACKERS = {cls.name: cls for cls in (FierroLewis, Kanayama, PurePursuit, Ramsete)}
+TRACKERS = {cls.name: cls for cls in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)}
 EACH = pytest.mark.parametrize("name", sorted(TRACKERS))
 
 
@@ -90,6 +90,44 @@ def test_pure_pursuit_slows_before_the_end():
     assert make("pure_pursuit").control(seen(8.7, 0.0, 0.0)).twist.vx == pytest.approx(0.15)
 
 
+def test_regulated_pure_pursuit_looks_ahead_and_slows_by_the_limits_of_the_robot():
+    """Late by a tick of 0.05 s: 3.544 * 0.05 * 0.3 = 0.05 m, so half the inscribed radius, 0.2 m, is looked ahead.
+
+    Of it, 0.12 m are to the left: curvature 2 * 0.12 / 0.04 = 6 1/m. Arcs are slow below 0.5 / 0.43633 = 1.14592 m.
+    """
+    command = make("regulated_pure_pursuit").control(seen(1.0, -0.12, 0.0)).twist
+    assert command.wz / command.vx == pytest.approx(6.0, rel=1e-2)
+    assert command.vx == pytest.approx(0.5 / (1.14592 * 6.0), rel=1e-2)
+
+
+@pytest.mark.parametrize("name", ["regulated_pure_pursuit", "graceful"])
+def test_it_slows_within_its_braking_distance_of_the_end(name):
+    """0.5² / 1 = 0.25 m; at 0.2 m of it 0.4 m/s, more than the reference's speed, and at 0.1 m 0.2 m/s."""
+    assert make(name).control(seen(8.8, 0.0, 0.0)).twist.vx == pytest.approx(0.3)
+    assert make(name).control(seen(8.9, 0.0, 0.0)).twist.vx == pytest.approx(0.2)
+
+
+def test_graceful_heads_for_a_pose_one_look_ahead_away():
+    """6.970 * 0.05 * 0.3 = 0.10 m, so 0.2 m, of which 0.12 m to the left, at the angle asin 0.6 = 0.6435 to the line.
+
+    θ = -0.6435 and δ = -0.6435: 3 (0.6435 + atan 0.6435) + (1 + 1 / 1.4141) 0.6 = 4.6698, over 0.2: 23.349 1/m.
+    β = (0.5 / 0.87266)² = 0.32828, so by the paper v = 0.5 / (1 + 0.32828 * 545.2) = 0.00278 m/s. The turn rate is
+    greatest where β κ² = 1, at 1.7453 1/m: 0.25 * 1.7453 = 0.43633 rad/s.
+    """
+    away = seen(1.0, -0.12, 0.0)
+    as_printed = make("graceful", approach_deg=90.0, keeps_turn_rate=False).control(away).twist
+    assert as_printed.wz / as_printed.vx == pytest.approx(23.349, rel=1e-2)
+    assert as_printed.vx == pytest.approx(0.00278, rel=2e-2)
+    assert make("graceful", approach_deg=90.0).control(away).twist.wz == pytest.approx(0.43633, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["regulated_pure_pursuit", "graceful"])
+def test_beside_it_the_mirrored_scene_gives_the_mirrored_command(name):
+    left = make(name).control(seen(1.0, -0.2, 0.3)).twist
+    right = make(name).control(seen(1.0, 0.2, -0.3)).twist
+    assert (right.vx, right.wz) == pytest.approx((left.vx, -left.wz))
+
+
 @EACH
 def test_far_beside_it_does_not_turn_beyond_the_limits_of_the_robot(name):
     command = make(name).control(seen(1.0, -0.2, 0.0)).twist
@@ -105,7 +143,7 @@ def test_far_beside_the_heading_back_is_the_angle_of_approach(name):
         command = make(name).control(seen(1.0, -3.0, math.radians(degrees))).twist
         turns.append(command.wz)
     assert turns[0] > 0.0 > turns[2]
-    assert turns[1] == pytest.approx(0.0, abs=1e-9)
+    assert turns[1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_printed_rule_of_kanayama_heads_back_more_squarely_from_farther():
@@ -158,6 +196,8 @@ def test_at_the_goal_it_turns_to_the_goal_heading_and_stops(name):
         ("ramsete", {"turn_in_place_above_deg": 15.0}),
         ("pure_pursuit", {"min_look_ahead": 1.0}),
         ("pure_pursuit", {"approach_deg": 91.0}),
+        ("regulated_pure_pursuit", {"max_look_ahead": 0.3, "min_look_ahead": 0.4}),
+        ("graceful", {"exponent": 1.0}),
     ],
     ids=lambda value: value if isinstance(value, str) else next(iter(value)),
 )

@@ -12,9 +12,9 @@ import pytest
 from navloom import Context, ControllerInput, Point2D, Pose2D, PoseEstimate, Reference, RobotSpec, Trajectory, Twist2D
 from navloom_lyapunov_tracker.law import TrackingError
 from navloom_trackers import fierro_lewis, kanayama
-from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
 
-TRACKERS = {cls.name: cls for cls in (FierroLewis, Kanayama, PurePursuit, Ramsete)}
+TRACKERS = {cls.name: cls for cls in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)}
 LAWS = pytest.mark.parametrize("name", ["kanayama", "fierro_lewis", "ramsete"])
 SQUARE = np.array([[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]])
 STRONG = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 9.0, 90.0, 0.5, 1.0)
@@ -119,3 +119,21 @@ def test_pure_pursuit_slows_within_0_6_m_of_the_end_to_0_05_m_per_s(preset):
 def test_pure_pursuit_turns_in_place_above_its_angle(preset, angle):
     assert commanded("pure_pursuit", preset, heading=math.radians(-angle - 1.0))[0] == 0.0
     assert commanded("pure_pursuit", preset, heading=math.radians(-angle + 1.0))[0] > 0.0
+
+
+@pytest.mark.parametrize("preset", ["printed", "robust"])
+def test_graceful_has_the_papers_gains(preset):
+    """2 cm of 0.2 m to the left: asin 0.1 = 0.10017. 3 (0.10017 + 0.09984) + 1.99007 * 0.1 = 0.79903, over 0.2 m."""
+    v, w = commanded("graceful", preset, -0.02)
+    assert w / v == pytest.approx(0.79903 / 0.2, rel=0.01)
+
+
+def test_graceful_turns_in_place_above_60_degrees_and_as_printed_drives_on():
+    assert commanded("graceful", "robust", heading=math.radians(61.0))[0] == 0.0
+    assert commanded("graceful", "printed", heading=math.radians(61.0))[0] > 0.0
+
+
+def test_as_printed_regulated_pure_pursuit_has_the_look_ahead_of_nav2():
+    """2 cm beside the line at 0.4 m/s: 1.5 s of it are 0.6 m, so 2 * 0.02 / 0.36 1/m."""
+    v, w = commanded("regulated_pure_pursuit", "printed", -0.02, speed=0.4)
+    assert w / v == pytest.approx(0.04 / 0.36, rel=0.01)

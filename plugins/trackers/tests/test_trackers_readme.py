@@ -4,10 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
-from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-TRACKERS = {cls.name: cls for cls in (FierroLewis, Kanayama, PurePursuit, Ramsete)}
+TRACKERS = {cls.name: cls for cls in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)}
 
 
 def test_the_examples_are_valid_tables():

@@ -17,7 +17,9 @@ from navloom import (
     Twist2D,
 )
 from navloom_lyapunov_tracker.adapter import LyapunovTracker
-from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
+
+TRACKERS = (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)
 
 
 def tick(cls):
@@ -35,7 +37,7 @@ def tick(cls):
 
 
 @pytest.mark.benchmark
-@pytest.mark.parametrize("cls", [FierroLewis, Kanayama, PurePursuit, Ramsete], ids=lambda cls: cls.name)
+@pytest.mark.parametrize("cls", TRACKERS, ids=lambda cls: cls.name)
 def test_a_tick_takes_less_than_ten_of_the_lyapunov_tracker(benchmark, cls):
     benchmark(tick(cls))
     other = min(timeit.repeat(tick(LyapunovTracker), number=1000, repeat=10)) / 1000

@@ -36,7 +36,18 @@ def figure_eight(size: float = 3.0) -> Floats:
     return size * np.column_stack((np.cos(turn), np.sin(turn) * np.cos(turn)))
 
 
+def corners() -> Floats:
+    """(n, 2) right angles to the left and to the right, 2 m apart after the first 4 m."""
+    return np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [6.0, 2.0], [6.0, 4.0], [4.0, 4.0], [4.0, 6.0]])
+
+
+def narrow_turns() -> Floats:
+    """(n, 2) lanes of 4 m to and fro, 0.8 m apart."""
+    return np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 0.8], [0.0, 0.8], [0.0, 1.6], [4.0, 1.6]])
+
+
 PATHS = {"line": line, "circle": circle, "figure_eight": figure_eight}
+BENDS = {"corners": corners, "narrow_turns": narrow_turns}
 
 
 class GivenPath(Planner):
@@ -60,6 +71,7 @@ class Drive:
         outcome: Outcome of the goal by ground truth.
         seconds: Duration, s.
         rms, most: RMS and largest cross-track error of the real robot after the first 3 m, m.
+        outside: Largest distance of the real robot to the outer side of the last bend of its path, m.
         track: (n, 5) time, s, true x, y, m, heading, rad, and speed, m/s.
     """
 
@@ -67,6 +79,7 @@ class Drive:
     seconds: float
     rms: float
     most: float
+    outside: float
     track: Floats
 
 
@@ -87,14 +100,14 @@ def drive(
 
     Args:
         tracker: Name of the plugin.
-        path: Key of PATHS.
+        path: Key of PATHS or BENDS.
         params: TOML assignments to the controller's table.
         radius_error, track_error: True value over nominal value, minus 1.
         beside: Start this far to the left of the path, m.
         turned_deg: Start turned from the path by this angle, degrees.
         settings: Further settings of the config.
     """
-    points = PATHS[path]()
+    points = (PATHS | BENDS)[path]()
     ahead = math.atan2(*(points[1] - points[0])[::-1])
     x, y = points[0] + beside * np.array([-math.sin(ahead), math.cos(ahead)])
     errors = f"noise=false,wheel_radius_error={radius_error},half_track_error={track_error}"
@@ -126,19 +139,33 @@ def drive(
     (result,) = log.results
     track = np.array(recorder.truth)[:, :5]
     samples = recorder.trajectories[0].samples
-    off = cross_tracks(samples, track[:, 1:3])
+    left, chords = cross_tracks(samples, track[:, 1:3])
+    off = np.abs(left)
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(track[:, 1:3], axis=0).T))))
     settled = off[driven >= 3.0]
     outcome, seconds = trail_of(system, recorder, log, result).outcome, float(track[-1, 0])
-    return Drive(outcome, seconds, math.sqrt(float((settled**2).mean())), float(settled.max()), track)
+    outside = max(0.0, float((-left * last_bend(samples)[chords]).max()))
+    return Drive(outcome, seconds, math.sqrt(float((settled**2).mean())), float(settled.max()), outside, track)
 
 
-def cross_tracks(samples: Floats, points: Floats) -> Floats:
-    """(n,) distance, m, of points (n, 2) from the nearest chord of a trajectory (k, 6)."""
+def cross_tracks(samples: Floats, points: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """(n,) distance, m, of points (n, 2) to the left of the nearest chord of a trajectory (k, 6), and its number."""
     start, along = samples[:-1, 1:3], np.diff(samples[:, 1:3], axis=0)
     square = (along**2).sum(axis=1)
-    off = []
+    left, chords = [], []
     for point in points:
         share = (((point - start) * along).sum(axis=1) / square).clip(0.0, 1.0)
-        off.append(np.hypot(*(start + share[:, None] * along - point).T).min())
-    return np.array(off)
+        apart = point - start - share[:, None] * along
+        gaps = np.hypot(*apart.T)
+        k = int(np.argmin(gaps))
+        chords.append(k)
+        left.append(math.copysign(gaps[k], along[k, 0] * apart[k, 1] - along[k, 1] * apart[k, 0]))
+    return np.array(left), np.array(chords, np.intp)
+
+
+def last_bend(samples: Floats) -> Floats:
+    """(k - 1,) side to which the path last turned at each chord of a trajectory (k, 6): 1 left, -1 right, 0 not yet."""
+    sides = [0.0]
+    for curvature in samples[:-1, 4]:
+        sides.append(math.copysign(1.0, curvature) if abs(curvature) > 1e-6 else sides[-1])
+    return np.array(sides[1:])

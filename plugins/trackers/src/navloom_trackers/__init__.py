@@ -1,12 +1,12 @@
-"""Trajectory trackers for navloom: Kanayama, Fierro-Lewis, RAMSETE and regulated pure pursuit."""
+"""Trajectory trackers for navloom: Kanayama, Fierro-Lewis, RAMSETE, regulated pure pursuit and graceful motion."""
 
 from navloom import Registry, hookimpl
 
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the controllers `fierro_lewis`, `kanayama`, `pure_pursuit` and `ramsete`."""
-    from navloom_trackers.adapter import FierroLewis, Kanayama, PurePursuit, Ramsete
+    """Add six controllers."""
+    from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
 
-    for tracker in (FierroLewis, Kanayama, PurePursuit, Ramsete):
+    for tracker in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit):
         registry.add(tracker)

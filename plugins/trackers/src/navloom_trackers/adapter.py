@@ -1,4 +1,4 @@
-"""Four tracking laws as navloom controllers."""
+"""Six tracking laws as navloom controllers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from abc import abstractmethod
 from typing import TypeVar
 
 from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
+from navloom.geometry.footprints import inscribed_radius
 from navloom_lyapunov_tracker.law import (
     TrackingError,
     final_turn,
@@ -17,22 +18,26 @@ from navloom_lyapunov_tracker.law import (
     wrap,
 )
 
-from navloom_trackers import fierro_lewis, kanayama, pure_pursuit, ramsete
+from navloom_trackers import derived, fierro_lewis, graceful, kanayama, pure_pursuit, ramsete
 from navloom_trackers.limits import DriveLimits, within_limits, within_reach
 from navloom_trackers.params import (
+    DERIVED,
     FIERRO_LEWIS_PRINTED,
+    GRACEFUL_PRINTED,
     KANAYAMA_PRINTED,
     PURE_PURSUIT_PRINTED,
     RAMSETE_PRINTED,
     ROBUST,
     FierroLewisParams,
+    GracefulParams,
     KanayamaParams,
     PurePursuitParams,
     RamseteParams,
+    RegulatedPurePursuitParams,
     TrackerParams,
 )
 
-__all__ = ["FierroLewis", "Kanayama", "PurePursuit", "Ramsete"]
+__all__ = ["FierroLewis", "Graceful", "Kanayama", "PurePursuit", "Ramsete", "RegulatedPurePursuit"]
 
 
 P = TypeVar("P", bound=TrackerParams)
@@ -134,21 +139,112 @@ class Ramsete(_Tracker[RamseteParams]):
         return error.e3, ramsete.tracking_command(error, *law), ramsete.feedback_gain(*law)
 
 
-class PurePursuit(_Tracker[PurePursuitParams]):
+class _Pursuit(_Tracker[P]):
+    """Law that heads for a pose of the trajectory one look-ahead away."""
+
+    _look_ahead: tuple[float, float, float]
+    """Time, s, and least and largest distance, m."""
+    _approach: tuple[float, float]
+    """Remaining distance, m, below which the robot slows down, and the least speed there, m/s."""
+
+    def _target(self, given: ControllerInput, angle: float) -> tuple[float, float, float]:
+        """Pose to head for, m, rad, map frame: at most `angle`, rad, off the path's direction."""
+        reference, pose = given.reference, given.estimate.pose
+        away = pure_pursuit.look_ahead(given.estimate.twist.vx, *self._look_ahead)
+        away = pure_pursuit.reaching(away, reference.cross_track, angle)
+        return pure_pursuit.pursuit_pose(given.trajectory.samples, reference.progress, pose.x, pose.y, away)
+
+
+class _Regulated(_Pursuit[P]):
     """Regulated pure pursuit, Macenski et al. 2023."""
+
+    _arc: tuple[float, float]
+    """Radius of the arcs below which the robot slows down, m, and the least speed there, m/s."""
+    _fastest: float | None = None
+    """Speed to regulate, m/s; None: the reference's."""
+
+    def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
+        reference, pose = given.reference, given.estimate.pose
+        x, y, _ = self._target(given, math.radians(self.params.approach_deg))
+        ahead, left, _ = tracking_error(pose.x, pose.y, pose.heading, x, y, pose.heading)
+        curvature = pure_pursuit.pursuit_curvature(ahead, left)
+        v = pure_pursuit.curvature_speed(self._fastest or reference.speed, curvature, *self._arc)
+        v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
+        least = self._look_ahead[1]
+        return math.atan2(left, ahead), (v, v * curvature), 2.0 * v / max(math.hypot(ahead, left), least)
+
+
+class PurePursuit(_Regulated[PurePursuitParams]):
+    """Regulated pure pursuit with fixed lengths, near those that Nav2 ships."""
 
     name = "pure_pursuit"
     presets = {"robust": ROBUST, "printed": PURE_PURSUIT_PRINTED}
 
+    def __init__(self, params: PurePursuitParams, context: Context) -> None:
+        super().__init__(params, context)
+        self._look_ahead = (params.look_ahead_time, params.min_look_ahead, params.max_look_ahead)
+        self._approach = (params.approach_distance, params.min_approach_speed)
+        self._arc = (params.slow_radius, params.min_arc_speed)
+
+
+class RegulatedPurePursuit(_Regulated[RegulatedPurePursuitParams]):
+    """Regulated pure pursuit with lengths that follow from the robot."""
+
+    name = "regulated_pure_pursuit"
+    presets = {"robust": DERIVED, "printed": PURE_PURSUIT_PRINTED}
+
+    def __init__(self, params: RegulatedPurePursuitParams, context: Context) -> None:
+        super().__init__(params, context)
+        robot = context.robot
+        # Small errors of an arc to a point of a line: curvature -2 / L² e - 2 / L ψ.
+        self._look_ahead, self._approach = _from_robot(params, context, 2.0, 2.0)
+        self._arc = (_or(params.slow_radius, robot.max_linear / robot.max_angular), params.min_arc_speed)
+        # The reference's speed falls with the curvature of the trajectory: to regulate it would slow down twice.
+        self._fastest = robot.max_linear
+
+
+class Graceful(_Pursuit[GracefulParams]):
+    """The smooth control law of Park & Kuipers 2011, to a pose that moves along the trajectory."""
+
+    name = "graceful"
+    presets = {"robust": DERIVED, "printed": GRACEFUL_PRINTED}
+
+    def __init__(self, params: GracefulParams, context: Context) -> None:
+        super().__init__(params, context)
+        robot, k1, k2 = context.robot, params.k1, params.k2
+        # Small errors of the law on a line: curvature -(1 + k1) (1 + k2) / L² e - (1 + k1 + k2) / L ψ.
+        self._damping = 1.0 + k1 + k2
+        self._look_ahead, self._approach = _from_robot(params, context, self._damping, (1.0 + k1) * (1.0 + k2))
+        self._beta = _or(params.beta, graceful.speed_weight(robot.max_linear, robot.max_angular, params.exponent))
+        self._speed = graceful.turning_speed if params.keeps_turn_rate else graceful.speed
+        approach = math.radians(params.approach_deg)
+        self._sight = graceful.line_of_sight(approach, k1, k2) if params.approach_deg < 90.0 else approach
+
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference, pose = self.params, given.reference, given.estimate.pose
-        away = pure_pursuit.look_ahead(
-            given.estimate.twist.vx, own.look_ahead_time, own.min_look_ahead, own.max_look_ahead
-        )
-        away = pure_pursuit.reaching(away, reference.cross_track, math.radians(own.approach_deg))
-        x, y = pure_pursuit.pursuit_point(given.trajectory.samples, reference.progress, pose.x, pose.y, away)
-        ahead, left, _ = tracking_error(pose.x, pose.y, pose.heading, x, y, pose.heading)
-        curvature = pure_pursuit.pursuit_curvature(ahead, left)
-        v = pure_pursuit.curvature_speed(reference.speed, curvature, own.slow_radius, own.min_arc_speed)
-        v = pure_pursuit.proximity_speed(v, reference.remaining, own.approach_distance, own.min_approach_speed)
-        return math.atan2(left, ahead), (v, v * curvature), 2.0 * v / max(math.hypot(ahead, left), own.min_look_ahead)
+        target = self._target(given, self._sight)
+        seen = graceful.egocentric_polar(pose.x, pose.y, pose.heading, *target)
+        # In a loop smaller than the look-ahead the pose may be at the robot itself, where the law is not defined.
+        seen = seen._replace(r=max(seen.r, 0.5 * self._look_ahead[1]))
+        curvature = graceful.curvature(seen, own.k1, own.k2)
+        v = self._speed(self.context.robot.max_linear, curvature, self._beta, own.exponent)
+        v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
+        return -seen.delta, (v, v * curvature), self._damping * v / seen.r
+
+
+def _from_robot(
+    params: RegulatedPurePursuitParams | GracefulParams, context: Context, damping: float, stiffness: float
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """Look-ahead and approach of `_Pursuit`: as given, else from the robot; see `derived.margin_look_ahead`."""
+    robot = context.robot
+    # A limited turn acceleration is not in it: `stopping_turn` bounds the correction to what ends in time.
+    late = context.period + robot.dead_time + robot.motor_lag
+    time = _or(params.look_ahead_time, derived.margin_look_ahead(late, damping, stiffness))
+    least = _or(params.min_look_ahead, 0.5 * inscribed_radius(robot.footprint))
+    most = _or(params.max_look_ahead, max(least, time * robot.max_linear))
+    distance = _or(params.approach_distance, derived.braking_approach(robot.max_linear, robot.max_deceleration))
+    return (time, min(least, most), most), (distance, params.min_approach_speed)
+
+
+def _or(given: float | None, derived_value: float) -> float:
+    return derived_value if given is None else given

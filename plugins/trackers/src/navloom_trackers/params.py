@@ -8,15 +8,19 @@ from navloom import Params, Preset
 from pydantic import Field, model_validator
 
 __all__ = [
+    "DERIVED",
     "FIERRO_LEWIS_PRINTED",
+    "GRACEFUL_PRINTED",
     "KANAYAMA_PRINTED",
     "PURE_PURSUIT_PRINTED",
     "RAMSETE_PRINTED",
     "ROBUST",
     "FierroLewisParams",
+    "GracefulParams",
     "KanayamaParams",
     "PurePursuitParams",
     "RamseteParams",
+    "RegulatedPurePursuitParams",
     "TrackerParams",
 ]
 
@@ -95,7 +99,60 @@ class PurePursuitParams(TrackerParams):
         return self
 
 
+class _DerivedParams(TrackerParams):
+    """Look-ahead and approach of a law whose lengths follow from the robot where they are left out."""
+
+    look_ahead_time: float | None = Field(
+        None, gt=0.0, le=10.0, description="Look-ahead distance per speed, s; left out: from the robot's lags."
+    )
+    min_look_ahead: float | None = Field(
+        None, gt=0.0, le=10.0, description="Least look-ahead, m; left out: half the inscribed radius."
+    )
+    max_look_ahead: float | None = Field(
+        None, gt=0.0, le=50.0, description="Largest look-ahead, m; left out: that of the robot's largest speed."
+    )
+    approach_distance: float | None = Field(
+        None, gt=0.0, le=10.0, description="Remaining distance below which the robot slows down, m; left out: braking."
+    )
+    min_approach_speed: float = Field(0.05, gt=0.0, le=5.0, description="Least speed near the end, m/s.")
+
+    @model_validator(mode="after")
+    def _bounds_rise(self) -> Self:
+        least, most = self.min_look_ahead, self.max_look_ahead
+        if least is not None and most is not None and least > most:
+            raise ValueError(f"min_look_ahead is {least:g} m, expected at most max_look_ahead, {most:g} m")
+        return self
+
+
+class RegulatedPurePursuitParams(_DerivedParams):
+    """Regulated pure pursuit, Macenski et al. 2023, by the limits of the robot."""
+
+    slow_radius: float | None = Field(
+        None,
+        gt=0.0,
+        le=50.0,
+        description="Arcs tighter than this are driven more slowly, m; left out: largest speed over largest turn rate.",
+    )
+    min_arc_speed: float = Field(0.0, ge=0.0, le=5.0, description="Least speed on such arcs, m/s.")
+
+
+class GracefulParams(_DerivedParams):
+    """Gains of the smooth control law of Park & Kuipers 2011."""
+
+    k1: float = Field(1.0, gt=0.0, le=20.0, description="Ratio of the rate of θ to that of the distance.")
+    k2: float = Field(3.0, gt=0.0, le=20.0, description="Ratio of the rate of the heading to that of the distance.")
+    beta: float | None = Field(
+        None, ge=0.0, le=100.0, description="Weight of the curvature in the speed, m^exponent; left out: turn rate."
+    )
+    exponent: float = Field(2.0, gt=1.0, le=10.0, description="Exponent of the curvature in the speed.")
+    keeps_turn_rate: bool = Field(
+        True, description="In tighter arcs than those of the largest turn rate, keep that turn rate; false: as printed."
+    )
+
+
 ROBUST = Preset("our choice: an angle of approach, and turns in place")
+
+DERIVED = Preset("our choice: as the others, with lengths that follow from the robot")
 
 PLAIN: dict[str, tuple[Any, str]] = {
     "turn_in_place_above_deg": (180.0, "not in the paper: the law alone turns the robot"),
@@ -146,5 +203,18 @@ PURE_PURSUIT_PRINTED = Preset(
         "min_arc_speed": (0.25, "regulated_linear_scaling_min_speed = 0.25 m/s"),
         "approach_distance": (0.6, "approach_velocity_scaling_dist = 0.6 m"),
         "min_approach_speed": (0.05, "min_approach_linear_velocity = 0.05 m/s"),
+    },
+)
+
+GRACEFUL_PRINTED = Preset(
+    "Park & Kuipers 2011, as the literature quotes it",
+    {
+        "k1": (1.0, "k_1 = 1"),
+        "k2": (3.0, "k_2 = 3"),
+        "beta": (0.4, "beta = 0.4"),
+        "exponent": (2.0, "lambda = 2"),
+        "keeps_turn_rate": (False, "not in the paper: the turn rate falls"),
+        "turn_in_place_above_deg": PLAIN["turn_in_place_above_deg"],
+        "approach_deg": PLAIN["approach_deg"],
     },
 )

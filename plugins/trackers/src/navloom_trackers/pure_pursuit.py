@@ -10,9 +10,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from navloom_lyapunov_tracker.law import wrap
 from numpy.typing import NDArray
 
-__all__ = ["curvature_speed", "look_ahead", "proximity_speed", "pursuit_curvature", "pursuit_point", "reaching"]
+__all__ = [
+    "curvature_speed",
+    "look_ahead",
+    "proximity_speed",
+    "pursuit_curvature",
+    "pursuit_point",
+    "pursuit_pose",
+    "reaching",
+]
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +75,12 @@ def proximity_speed(speed: float, distance: float, within: float, least: float) 
 
 
 def pursuit_point(samples: Floats, progress: float, x: float, y: float, distance: float) -> tuple[float, float]:
-    """First point after the robot's foot point that is one look-ahead away from the robot, m.
+    """Point of `pursuit_pose`, m."""
+    return pursuit_pose(samples, progress, x, y, distance)[:2]
+
+
+def pursuit_pose(samples: Floats, progress: float, x: float, y: float, distance: float) -> tuple[float, float, float]:
+    """First point after the robot's foot point that is one look-ahead away from the robot, m, and its heading, rad.
 
     The trajectory is extended straight beyond its end, so that the last arcs do not become tight. If no point is far
     enough, the result is the farthest one within two look-aheads; if the foot point itself is farther, the foot point.
@@ -87,23 +101,27 @@ def pursuit_point(samples: Floats, progress: float, x: float, y: float, distance
         return _crossing(window, gaps, k, distance)
     if first + len(window) <= last:
         k = int(np.argmax(gaps))
-        return float(window[k, 1]), float(window[k, 2])
+        return _pose(window[k])
     return _beyond(samples[last], x, y, distance)
 
 
-def _crossing(window: Floats, gaps: Floats, k: int, distance: float) -> tuple[float, float]:
-    """Point at which the gap reaches the distance, between samples k - 1 and k."""
+def _pose(sample: Floats) -> tuple[float, float, float]:
+    return float(sample[1]), float(sample[2]), float(sample[3])
+
+
+def _crossing(window: Floats, gaps: Floats, k: int, distance: float) -> tuple[float, float, float]:
+    """Pose at which the gap reaches the distance, between samples k - 1 and k."""
     if k == 0:
-        return float(window[0, 1]), float(window[0, 2])
+        return _pose(window[0])
     share = float((distance - gaps[k - 1]) / (gaps[k] - gaps[k - 1]))
-    (x, y), (x_after, y_after) = window[k - 1, 1:3].tolist(), window[k, 1:3].tolist()
-    return x + share * (x_after - x), y + share * (y_after - y)
+    (x, y, heading), (x_after, y_after, heading_after) = _pose(window[k - 1]), _pose(window[k])
+    return x + share * (x_after - x), y + share * (y_after - y), wrap(heading + share * wrap(heading_after - heading))
 
 
-def _beyond(end: Floats, x: float, y: float, distance: float) -> tuple[float, float]:
-    """Point at the distance on the straight line beyond the end; the end itself is nearer."""
+def _beyond(end: Floats, x: float, y: float, distance: float) -> tuple[float, float, float]:
+    """Pose at the distance on the straight line beyond the end; the end itself is nearer."""
     cos, sin = math.cos(end[3]), math.sin(end[3])
     dx, dy = float(end[1]) - x, float(end[2]) - y
     along = dx * cos + dy * sin
     further = math.sqrt(along * along + distance * distance - dx * dx - dy * dy) - along
-    return float(end[1]) + further * cos, float(end[2]) + further * sin
+    return float(end[1]) + further * cos, float(end[2]) + further * sin, float(end[3])

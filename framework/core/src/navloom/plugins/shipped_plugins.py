@@ -84,9 +84,11 @@ SHIPPED = {
     ),
     "navloom-trackers": (
         "controller.fierro_lewis",
+        "controller.graceful",
         "controller.kanayama",
         "controller.pure_pursuit",
         "controller.ramsete",
+        "controller.regulated_pure_pursuit",
     ),
     "navloom-vff": ("avoider.vff",),
     "navloom-vfh": (

@@ -31,6 +31,7 @@ __all__ = [
     "Insecure",
     "Keys",
     "MapOptions",
+    "MethodName",
     "PluginFiles",
     "Record",
     "RobotName",
@@ -75,6 +76,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 ConfigName = Annotated[str, typer.Argument(metavar="CONFIG", help=config_help())]
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+]
+
+MethodName = Annotated[
+    str, typer.Option("--method", metavar="NAME", help="Apply this [[method]] of the config, before --set.")
 ]
 
 
@@ -180,6 +185,7 @@ class ConfigOptions:
     """A config with changes, and the plugins of files."""
 
     config: ConfigName
+    method: MethodName = ""
     set_: Changes = None
     plugin: PluginFiles = None
 
@@ -187,7 +193,7 @@ class ConfigOptions:
         """Read it. Raises ConfigError."""
         from navloom.config import load_config
 
-        return load_config(self.config, self.set_ or ())
+        return load_config(self.config, self.set_ or (), method=self.method)
 
 
 @dataclass(frozen=True)
@@ -201,7 +207,7 @@ class RunOptions(ConfigOptions):
         """Read it, and say which parameters were dropped with a replaced plugin. Raises ConfigError."""
         from navloom.config import load_config
 
-        loaded = load_config(self.config, self.set_ or (), self.seed, self.shadow or ())
+        loaded = load_config(self.config, self.set_ or (), self.seed, self.shadow or (), self.method)
         for notice in loaded.notices() if say is not None else ():
             say(notice)  # type: ignore[misc]
         return loaded

@@ -163,7 +163,7 @@ def test_a_method_is_no_shadow(config: str, shadow: str) -> None:
 
 
 def test_an_unknown_method_is_refused_with_the_nearest(config: str) -> None:
-    with pytest.raises(ConfigError, match="method force: .* did you mean 'forces'"):
+    with pytest.raises(ConfigError, match=r"method force: .* did you mean 'forces'"):
         load_config(config, method="force")
     with pytest.raises(ConfigError, match="it has none: write"):
         load_config("paper", method="forces")

@@ -104,8 +104,8 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
 
     The values of a role are plugins, with a preset as in `vfh@printed` or without, or names of `[[alternative]]` tables
     of that role, which replace the role's table.
-    The same holds for a `[[node]]`, under its name. The values of `method` are names of `[[method]]` tables. Alternatives that no event names are left out: in a study nothing
-    runs beside the method.
+    The same holds for a `[[node]]`, under its name. The values of `method` are names of `[[method]]` tables.
+    Alternatives that no event names are left out: in a study nothing runs beside the method.
 
     Args:
         reference: Path of a config, or a shipped name.

@@ -253,8 +253,8 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
     place, value = parse_override(change)
     if place.partition(".")[0] == "method":
         raise ConfigError(
-            f"--set {brief(change)}: --set applies after a method; choose one with --method NAME, or set the value itself, "
-            "as in --set navigation.handover=always"
+            f"--set {brief(change)}: --set applies after a method; choose one with --method NAME, or set the value "
+            "itself, as in --set navigation.handover=always"
         )
     _assign(tree, place.split("."), value, ("--set", f"--set {brief(change)}"), sources, dropped)
 

@@ -105,7 +105,7 @@ def test_methods_of_the_config_are_rows_that_differ_as_they_set(navloom: Run, co
     assert slow["time"] > 8.0 > 2.0 * fast["time"]
     assert found["methods"]["slow"]["set"] == {"navigation.speed": [0.1, 0.1]}
     assert found["differs"]["controller.plugin"] == {"slow": "kanayama", "fast": "lyapunov_tracker"}
-    assert found["differs"]["controller.k1"] ["fast"] == 0.8
+    assert found["differs"]["controller.k1"]["fast"] == 0.8
     report = (out / "report.md").read_text("utf-8")
     assert "| fast | controller.k1 | 0.8 |" in report and f"navloom run {config} --method fast --set" in report
 

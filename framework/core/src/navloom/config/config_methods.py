@@ -88,7 +88,7 @@ def problems_of_method(place: str, given: Mapping[str, Any], tables: Collection[
             if key in NavigationTable.model_fields or not key:
                 compared += [] if key in SET_NAVIGATION else [f"{head}.{key}" if key else head]
             else:
-                yield f"{place}.{head}.{key}: unknown key{nearest(key, SET_NAVIGATION)}"
+                yield f"{place}.{head}.{key}: unknown key{nearest(key, [*SET_NAVIGATION])}"
         elif head in SET_ROLES:
             compared += [own] if key == "latency" else []
         elif head == "node":
@@ -100,7 +100,7 @@ def problems_of_method(place: str, given: Mapping[str, Any], tables: Collection[
         elif head in (*tables, *ROLES):
             compared.append(head)
         else:
-            yield f"{place}.{head}: unknown table{nearest(head, (*SET_ROLES, 'node', 'navigation'))}"
+            yield f"{place}.{head}: unknown table{nearest(head, [*SET_ROLES, 'node', 'navigation'])}"
     if compared:
         yield (
             f"{place}: sets {', '.join(dict.fromkeys(compared))}, which the comparison keeps equal for all methods; a "

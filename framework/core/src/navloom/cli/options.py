@@ -31,7 +31,6 @@ __all__ = [
     "Insecure",
     "Keys",
     "MapOptions",
-    "MethodName",
     "PluginFiles",
     "Record",
     "RobotName",

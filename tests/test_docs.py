@@ -157,7 +157,7 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
     options: list[str] = []
     for number, source in enumerate(blocks(page, "python")):
         if re.search(r"registry\.(add|node)|^class \w+\((Platform|Avoider)\b", source, re.MULTILINE):
-            plugin = tmp_path / f"{page.stem.replace('-', '_')}_{number}.py"
+            plugin = tmp_path / f"{tmp_path.name}_{number}.py"  # a module's name is taken once per process
             plugin.write_text(source, "utf-8")
             options += ["--plugin", str(plugin)]
     monkeypatch.setenv("NAVLOOM_PLUGIN_FILES", "[]")  # what the command sets is undone

@@ -71,7 +71,7 @@ STAND_INS = {
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",
-    ("choosing.md", "navloom compare"): "navloom compare --help",
+    ("choosing.md", "navloom compare building"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
 """Slow commands: page and beginning of the command -> what is run instead, except with `-m slow`."""

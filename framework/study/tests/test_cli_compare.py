@@ -82,6 +82,40 @@ def test_json_has_every_row_and_the_request(navloom: Run, config: str, tmp_path:
     assert json.loads((out / "study.json").read_text("utf-8")).items() <= found.items()
 
 
+METHODS = """
+[[method]]
+name = "slow"
+set = { navigation.speed = [0.1, 0.1] }
+
+[[method]]
+name = "fast"
+set = { navigation.speed = [0.4, 0.4], controller.plugin = "lyapunov_tracker", controller.k1 = 0.8 }
+"""
+
+
+def test_methods_of_the_config_are_rows_that_differ_as_they_set(navloom: Run, config: str, tmp_path: Path) -> None:
+    path, out = Path(config), tmp_path / "study"
+    path.write_text(CONFIG + METHODS, "utf-8")
+    words = (config, "--vary", "method=slow,fast", "--seeds", "0:1", "--set", "robot.height=1.0", "--out", str(out))
+    code, said, _ = navloom(*words, "--json")
+    found = json.loads(said)
+    slow, fast = found["episodes"]
+    assert code == 0 and (slow["outcome"], fast["outcome"]) == ("succeeded", "succeeded")
+    # 1 m less the goal's tolerance of 0.2 m, at 0.1 m/s; at four times the speed, 2 s.
+    assert slow["time"] > 8.0 > 2.0 * fast["time"]
+    assert found["methods"]["slow"]["set"] == {"navigation.speed": [0.1, 0.1]}
+    assert found["differs"]["controller.plugin"] == {"slow": "kanayama", "fast": "lyapunov_tracker"}
+    assert found["differs"]["controller.k1"]["fast"] == 0.8
+    report = (out / "report.md").read_text("utf-8")
+    assert "| fast | controller.k1 | 0.8 |" in report and f"navloom run {config} --method fast --set" in report
+
+    path.write_text(CONFIG + METHODS + '[[method]]\nname = "later"\n', "utf-8")
+    assert json.loads(navloom(*words, "--json")[1])["went_on_from"] == 2
+    path.write_text(CONFIG + METHODS.replace("0.1, 0.1", "0.1, 0.2"), "utf-8")
+    code, _, error = navloom(*words)
+    assert code == 2 and "holds another study: methods.slow" in error
+
+
 WRONG = """
 import random
 import sys

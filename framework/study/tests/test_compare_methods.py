@@ -129,6 +129,89 @@ def test_a_path_is_varied_once() -> None:
         methods_of("paper", ["avoider=vff", "avoider=improved_vfh"], (), Discovery())
 
 
+METHODS = """
+[[method]]
+name = "as_is"
+
+[[method]]
+name = "integrated"
+set = { avoider.plugin = "vff", avoider.cell = 0.2, navigation.handover = "always" }
+"""
+
+
+@pytest.fixture
+def rows(config: str) -> str:
+    with Path(config).open("a", encoding="utf-8") as file:
+        file.write(METHODS)
+    return config
+
+
+def test_a_method_of_the_config_is_a_row(rows: str) -> None:
+    as_is, integrated = methods_of(rows, ["method=as_is,integrated"], ["controller.k1=0.9"], Discovery())
+    assert as_is.loaded.sha256() == load_config(rows, [*as_is.changes]).sha256()
+    assert (integrated.name, integrated.table) == ("integrated", "integrated")
+    assert (integrated.loaded.config.avoider.plugin, integrated.loaded.config.avoider.params) == ("vff", {"cell": 0.2})
+    assert integrated.loaded.config.navigation.handover == "always"
+    assert {method.loaded.config.controller.params["k1"] for method in (as_is, integrated)} == {0.9}
+
+
+def test_the_changes_and_the_method_of_a_row_reproduce_its_config(rows: str) -> None:
+    vary = ["method=as_is,integrated", "avoider=vff,improved_vfh,forces", "controller.k1=0.5,0.6"]
+    methods = methods_of(rows, vary, (), Discovery())
+    assert len(methods) == 12
+    for method in methods:
+        assert load_config(rows, method.changes, method=method.table).sha256() == method.loaded.sha256()
+
+
+def test_a_varied_role_replaces_that_of_the_method(rows: str) -> None:
+    found = methods_of(rows, ["avoider=vff,improved_vfh", "method=as_is,integrated"], (), Discovery())
+    plugins = {method.name: method.loaded.config.avoider.plugin for method in found}
+    assert plugins == {
+        "vff+as_is": "vff", "vff+integrated": "vff",
+        "improved_vfh+as_is": "improved_vfh", "improved_vfh+integrated": "improved_vfh",
+    }  # fmt: skip
+    # The method's own plugin keeps the method's parameters; another one has its defaults.
+    assert found[1].loaded.config.avoider.params == {"cell": 0.2}
+    assert found[3].loaded.config.avoider.params == {}
+
+
+def test_a_method_may_use_the_plugin_of_an_alternative(rows: str) -> None:
+    with Path(rows).open("a", encoding="utf-8") as file:
+        file.write('[[alternative]]\nrole = "avoider"\nplugin = "vff"\n')
+        file.write('[[event]]\nat = 1.0\ndo = "set"\nrole = "avoider"\nname = "vff"\nvalues = { cell = 0.1 }\n')
+    as_is, integrated = methods_of(rows, ["method=as_is,integrated"], (), Discovery())
+    assert [table.instance for table in as_is.loaded.config.alternative] == ["vff"]
+    assert integrated.loaded.config.alternative == []
+
+
+def test_the_request_tells_what_a_method_sets(rows: str) -> None:
+    request = plan_study(rows, ["method=as_is,integrated"], seeds=(0,)).request()
+    told = request["methods"]["integrated"]
+    assert told["method"] == "integrated"
+    assert told["set"] == {"avoider.cell": 0.2, "avoider.plugin": "vff", "navigation.handover": "always"}
+    assert request["differs"]["navigation.handover"] == {"as_is": "when_blocked", "integrated": "always"}
+    assert "controller.plugin" in request["held_equal"]
+
+
+def test_a_request_without_methods_is_as_before(rows: str) -> None:
+    told = plan_study(rows, ["avoider=vff"], seeds=(0,)).request()["methods"]["vff"]
+    assert told.keys() == {"config_sha256", "changes"}
+
+
+@pytest.mark.parametrize(
+    ("vary", "told"),
+    [
+        ("method=integratd", "did you mean 'integrated'"),
+        ("method=forces", r"is an \[\[alternative\]\]: --vary avoider=forces"),
+        ("avoider=integrated", r"is a \[\[method\]\]: --vary method=integrated"),
+        ("method.integrated.set=1", "choose one with --method"),
+    ],
+)
+def test_a_method_is_no_alternative(rows: str, vary: str, told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
+        methods_of(rows, [vary], (), Discovery())
+
+
 def test_toml_value_is_read_back(tmp_path: Path) -> None:
     import tomllib
 

@@ -139,3 +139,59 @@ def test_a_live_robot_whose_gate_would_stop_it_in_every_tick_is_refused(limit: s
         ConfigError, match=rf"gate\.{limit}: is 0.2 s; expected more than run\.period = 0.2 s.*give 0.4 s"
     ):
         check_live(refused)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_configs()))
+def test_show_toml_prints_a_shipped_config_to_begin_from(in_process: CommandLine, tmp_path: Path, name: str) -> None:
+    code, said, _ = in_process("config", "show", name, "--toml")
+    assert (code, said) == (0, shipped_configs()[name])
+    path = tmp_path / "mine.toml"
+    path.write_text(said, "utf-8")
+    assert load_config(str(path)).sha256() == load_config(name).sha256()
+
+
+@pytest.mark.parametrize("words", [("--json",), ("--set", "run.seed=1"), ("--method", "a")])
+def test_show_toml_refuses_options_that_it_would_ignore(in_process: CommandLine, words: tuple[str, ...]) -> None:
+    code, said, error = in_process("config", "show", "paper", "--toml", *words)
+    assert (code, said) == (2, "")
+    assert f"--toml with {words[0]}: it prints the file as it is" in error
+
+
+METHODS = """
+[mapper]
+plugin = "known_map"
+
+[navigation]
+start = { x = 0.0, y = 0.0 }
+goal = { x = 1.0, y = 0.0 }
+
+[[method]]
+name = "good"
+set = { avoider.plugin = "vff" }
+
+[[method]]
+name = "bad"
+set = { avoider.plugin = "vfff" }
+
+[[method]]
+name = "worse"
+set = { avoider.cel = 1 }
+"""
+
+
+def test_show_tells_which_values_a_method_gives(in_process: CommandLine, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(LASER + METHODS, "utf-8")
+    found = values(in_process, str(path), "--method", "good")
+    assert found["avoider.plugin"] == ("vff", "method good")
+    assert values(in_process, str(path))["avoider.plugin"][1] == "default"
+
+
+def test_check_checks_every_method(in_process: CommandLine, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(LASER + METHODS, "utf-8")
+    code, said, error = in_process("config", "check", str(path))
+    assert (code, said) == (2, "")
+    assert "method bad: avoider.plugin: " in error
+    assert "method worse: avoider.cel: unknown key" in error
+    assert in_process("config", "check", str(path), "--method", "good")[0] == 0

@@ -118,6 +118,15 @@ def test_the_active_planner_plans_and_the_active_mapper_clears() -> None:
     assert asked == [("planner", "b", "plan", (0.0, 0.0, 0.0), (1.0, 0.0, 0.5)), ("mapper", "b", "clear")]
 
 
+def test_a_swap_of_a_method_names_alternatives() -> None:
+    class Without(Robot):
+        def lives(self, role: str, instance: str) -> bool:
+            return False
+
+    with pytest.raises(Refused, match=r"neither shadowed nor swapped; \[\[alternative\]\] is for that"):
+        operator_actions.swap(Without(), "method", "integrated")  # type: ignore[arg-type]
+
+
 def test_teleop_names_the_stop_also_while_the_robot_still_brakes() -> None:
     driver = Driver(client(BusInWords(everyone())))
     driver._heed(GateStatus("none", "", False, True, StopReason("operator"), ()))

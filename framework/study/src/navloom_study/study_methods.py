@@ -9,12 +9,16 @@ from itertools import product
 from typing import Any
 
 from navloom.config import ConfigError, Loaded, load_config
+from navloom.config.config_methods import ALONE, settings_of
 from navloom.config.loader import leaves
 from navloom.config.tables import ROLE_TABLES, AlternativeTable
 from navloom.engine.system import System
 from navloom.plugins import Discovery
 from navloom.plugins.registry import NODE
 from navloom.roles.presets import named_plugin
+
+METHOD = "method"
+"""Place in `--vary` that stands for the tables `[[method]]`."""
 
 __all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
 
@@ -28,18 +32,33 @@ class Method:
 
     Attributes:
         name: Short name, unique in the study.
-        changes: The `--set` changes that produce it from the config file.
+        changes: The `--set` changes that produce it from the config file, after its `[[method]]`.
         loaded: The resulting config.
+        table: Name of the config's `[[method]]` that it applies; empty for none.
     """
 
     name: str
     changes: tuple[str, ...]
     loaded: Loaded
+    table: str = ""
+
+    def request(self) -> dict[str, Any]:
+        """The entry of `study.json`."""
+        return {
+            "config_sha256": self.loaded.sha256(),
+            "changes": list(self.changes),
+            **({"method": self.table, "set": self._settings()} if self.table else {}),
+        }
+
+    def _settings(self) -> dict[str, Any]:
+        """The overrides of its `[[method]]`, by place."""
+        given = next(table.set for table in self.loaded.config.method if table.name == self.table)
+        return dict(sorted(settings_of(given)))
 
 
 @dataclass(frozen=True)
 class Variation:
-    """One `--vary`: a place in the config, or a role or node, and its values as text."""
+    """One `--vary`: a place in the config, a role or node, or `method`, and its values as text."""
 
     place: str
     values: tuple[str, ...]
@@ -85,8 +104,8 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
 
     The values of a role are plugins, with a preset as in `vfh@printed` or without, or names of `[[alternative]]` tables
     of that role, which replace the role's table.
-    The same holds for a `[[node]]`, under its name. Alternatives that no event names are left out: in a study nothing
-    runs beside the method.
+    The same holds for a `[[node]]`, under its name. The values of `method` are names of `[[method]]` tables.
+    Alternatives that no event names are left out: in a study nothing runs beside the method.
 
     Args:
         reference: Path of a config, or a shipped name.
@@ -98,28 +117,31 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
         ConfigError: A place or value is not valid; the text suggests the nearest valid one.
     """
     base = load_config(reference, changes)
-    exchanged = {*ROLE_TABLES, *(table.name for table in base.config.node)}
     variations = [variation_of(text) for text in vary]
     _check_places(variations)
     spare, common = _alternatives(base, changes)
     methods = []
     for values in product(*(variation.values for variation in variations)):
-        chosen = list(zip(variations, values, strict=True))
+        chosen = {v.place: value for v, value in zip(variations, values, strict=True)}
+        table = chosen.get(METHOD, "")
+        own = _with_method(reference, base, table, changes) if table else base
+        exchanged = {METHOD, *ROLE_TABLES, *(node.name for node in own.config.node)}
         roles = [
             change
-            for v, value in chosen
-            if v.place in exchanged
-            for change in _exchange(base, v.place, value, discovery)
+            for place, value in chosen.items()
+            if place in exchanged and place != METHOD
+            for change in _exchange(own, base, place, value, discovery)
         ]
-        taken = {(v.place, value) for v, value in chosen}
+        active = {role: own.config.role_table(role).instance for role in own.config.roles}
+        taken = (active | chosen).items()
         # An alternative that is the method itself cannot run beside itself.
-        kept = [table for table in spare if (table.role, table.instance) not in taken]
-        shelf = [f"alternative={toml_value([_dump(table) for table in kept])}"] if base.config.alternative else []
-        settings = [f"{v.place}={value}" for v, value in chosen if v.place not in exchanged]
-        labels = (value if v.place in exchanged else _label(v.place, value) for v, value in chosen)
+        kept = [spare_table for spare_table in spare if (spare_table.role, spare_table.instance) not in taken]
+        shelf = [f"alternative={toml_value([_dump(entry) for entry in kept])}"] if base.config.alternative else []
+        settings = [f"{place}={value}" for place, value in chosen.items() if place not in exchanged]
+        labels = (value if place in exchanged else _label(place, value) for place, value in chosen.items())
         name = "+".join(labels) or "as_configured"
         every = (*shelf, *roles, *common, *settings)
-        methods.append(Method(name, every, _load(reference, every, name if chosen else "")))
+        methods.append(Method(name, every, _load(reference, every, name if chosen else "", table), table))
     names = [method.name for method in methods]
     for name in names:
         if names.count(name) > 1:
@@ -127,9 +149,21 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
     return methods
 
 
-def _load(reference: str, changes: Sequence[str], name: str) -> Loaded:
+def _with_method(reference: str, base: Loaded, name: str, changes: Sequence[str]) -> Loaded:
+    """The config with a `[[method]]`, alone.
+
+    Raises:
+        ConfigError: There is no such method, or its values do not fit.
+    """
+    others = [table.role for table in base.config.alternative if table.instance == name]
+    if others and name not in [table.name for table in base.config.method]:
+        raise ConfigError(f"--vary method={name}: {name} is an [[alternative]]: --vary {others[0]}={name}")
+    return load_config(reference, (*changes, *ALONE), method=name)
+
+
+def _load(reference: str, changes: Sequence[str], name: str, table: str = "") -> Loaded:
     try:
-        return load_config(reference, changes)
+        return load_config(reference, changes, method=table)
     except ConfigError as error:
         raise ConfigError(f"method {name}: {error}" if name else str(error)) from None
 
@@ -155,9 +189,16 @@ def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[Alternativ
     return spare, [change for change in changes if change.partition("=")[0].partition(".")[0].strip() != "alternative"]
 
 
-def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list[str]:
-    """The changes that make a plugin or alternative the active one of a role or node; none if it is already."""
-    active = [base.config.role_table(role).instance] if role in base.config.roles else []
+def _exchange(own: Loaded, base: Loaded, role: str, value: str, discovery: Discovery) -> list[str]:
+    """The changes that make a plugin or alternative the active one of a role or node; none if it is already.
+
+    Args:
+        own: The config, with the method that applies.
+        base: The config without a method, for its alternatives.
+        role, value: Role or node, and its plugin or alternative.
+        discovery: Plugins.
+    """
+    active = [own.config.role_table(role).instance] if role in own.config.roles else []
     if value in active:
         return []
     is_node = role not in ROLE_TABLES
@@ -170,6 +211,8 @@ def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list
         return [f"node.{role}.{key}={toml_value(entry)}" for key, entry in table.items()]
     kind = NODE if is_node else role
     if named_plugin(value)[0] not in discovery.names(kind):
+        if value in [table.name for table in base.config.method]:
+            raise ConfigError(f"--vary {role}={value}: {value} is a [[method]]: --vary method={value}")
         raise ConfigError(
             f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name is installed"
             f"{discovery.instead_of(kind, value, [*spare, *active])}"

@@ -101,14 +101,12 @@ class Study:
     def request(self) -> dict[str, Any]:
         """The request as `study.json` stores it: equal requests give equal rows.
 
-        To drive one episode again, pass the `changes` of its method and world to `navloom run` as `--set`, its seed as
-        `--seed` and the `plugin_files` as `--plugin`.
+        To drive one episode again, pass the `method` of its method to `navloom run` as `--method`, the `changes` of its
+        method and world as `--set`, its seed as `--seed` and the `plugin_files` as `--plugin`.
         """
         return {
             "config": self.config,
-            "methods": {
-                m.name: {"config_sha256": m.loaded.sha256(), "changes": list(m.changes)} for m in self.methods
-            },
+            "methods": {method.name: method.request() for method in self.methods},
             "worlds": {
                 w.ref: {
                     "sha256": w.sha256,

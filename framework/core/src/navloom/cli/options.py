@@ -77,6 +77,10 @@ Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
 ]
 
+MethodName = Annotated[
+    str, typer.Option("--method", metavar="NAME", help="Apply this [[method]] of the config, before --set.")
+]
+
 
 def _use_files(files: list[Path] | None) -> list[Path] | None:
     if files:
@@ -180,6 +184,7 @@ class ConfigOptions:
     """A config with changes, and the plugins of files."""
 
     config: ConfigName
+    method: MethodName = ""
     set_: Changes = None
     plugin: PluginFiles = None
 
@@ -187,7 +192,7 @@ class ConfigOptions:
         """Read it. Raises ConfigError."""
         from navloom.config import load_config
 
-        return load_config(self.config, self.set_ or ())
+        return load_config(self.config, self.set_ or (), method=self.method)
 
 
 @dataclass(frozen=True)
@@ -201,7 +206,7 @@ class RunOptions(ConfigOptions):
         """Read it, and say which parameters were dropped with a replaced plugin. Raises ConfigError."""
         from navloom.config import load_config
 
-        loaded = load_config(self.config, self.set_ or (), self.seed, self.shadow or ())
+        loaded = load_config(self.config, self.set_ or (), self.seed, self.shadow or (), self.method)
         for notice in loaded.notices() if say is not None else ():
             say(notice)  # type: ignore[misc]
         return loaded

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import ValidationError
 
 from navloom.config.config_errors import ConfigError, check_params, problems_of
+from navloom.config.config_methods import ALTERNATIVE_INSTEAD, named_method, settings_of
 from navloom.config.config_presets import instance_of, params_of, split_preset
 from navloom.config.schema import Config
 from navloom.config.tables import DEFAULT_PLUGINS, REQUIRED_ROLES, ROLE_TABLES
@@ -31,12 +32,13 @@ from navloom.roles.presets import named_plugin
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
 
-ARRAYS = ("sensor", "node", "alternative", "event")
+ARRAYS = ("sensor", "node", "alternative", "event", "method")
 """Places of arrays of tables."""
 SHOWN = 50
 """Most problems that one error lists."""
 
-Source = Literal["default", "file", "--set", "--shadow", "kept pose"]
+Source = str
+"""Where a value came from: default, file, method NAME, --set, --shadow or kept pose."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Loaded:
         name: Its path or shipped name.
         base: Folder for relative paths in it.
         sources: Source of each value, by dotted place; places that are not listed have their default.
-        dropped: Places of the file's parameters that were dropped because `--set` names another plugin.
+        dropped: Places of the file's parameters that were dropped because a method or `--set` names another plugin.
         text: Text of the file; empty for none.
     """
 
@@ -65,7 +67,7 @@ class Loaded:
 
     def notices(self) -> list[str]:
         """Notices for the user before the robot drives: dropped parameters, and a default footprint."""
-        said = [f"{place} belongs to the plugin that --set replaced: dropped" for place in self.dropped]
+        said = [f"{place} belongs to the replaced plugin: dropped" for place in self.dropped]
         if not self.gives("robot.footprint"):
             shape = self.config.robot.footprint
             size = f"{{ length = {shape.length:g}, width = {shape.width:g} }}"
@@ -73,7 +75,7 @@ class Loaded:
         return said
 
     def gives(self, place: str) -> bool:
-        """Whether the file or a `--set` gives this value, or a value in this table."""
+        """Whether the file, its method or a `--set` gives this value, or a value in this table."""
         return any(known == place or known.startswith(f"{place}.") for known in self.sources)
 
     def base_of(self, place: str) -> Path:
@@ -108,15 +110,20 @@ def shipped_configs() -> dict[str, str]:
 
 
 def load_config(
-    reference: str, overrides: Iterable[str] = (), seed: int | None = None, shadows: Iterable[str] = ()
+    reference: str,
+    overrides: Iterable[str] = (),
+    seed: int | None = None,
+    shadows: Iterable[str] = (),
+    method: str = "",
 ) -> Loaded:
-    """Read a config by path or shipped name, apply `a.b=value` overrides, add shadows, and check it.
+    """Read a config by path or shipped name, apply its method, then `a.b=value` overrides, add shadows, and check it.
 
     Args:
         reference: Path, or name of a shipped config.
         overrides: Values of `--set`.
         seed: Value of `--seed`.
         shadows: Values of `--shadow`, as `avoider=vff,vfh@printed`.
+        method: Name of the `[[method]]` that applies; empty for none.
 
     Raises:
         ConfigError: The file is missing or not TOML, or a value does not fit.
@@ -126,8 +133,10 @@ def load_config(
     text, base = _read(reference)
     tree = toml_of(text, reference, ConfigError)
     _split_presets(tree)
-    sources: dict[str, Source] = {place: "file" for place, _ in leaves(tree)}
+    sources: dict[str, Source] = {place: "file" for place, _ in leaves({**tree, "method": {}})}
     dropped: list[str] = []
+    if method:
+        _apply_method(tree, method, reference, sources, dropped)
     changes = list(overrides) + ([f"run.seed={seed}"] if seed is not None else [])
     # A change of plugin drops the old one's parameters, so it must come before the new one's parameters.
     for change in sorted(changes, key=lambda text: not text.partition("=")[0].endswith(".plugin")):
@@ -149,15 +158,26 @@ def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, S
     first = list(islice(problems, SHOWN + 1))
     for problem in first[:SHOWN]:
         place = problem.partition(": ")[0]
-        options = {option for known, option in sources.items()
-                   if option.startswith("--") and (known == place or known.startswith(f"{place}."))}  # fmt: skip
-        if options:
-            lines.append((math.inf, f"{min(options)} {problem}"))
-        else:
-            line = line_of(text, place) if text and " " not in place else None
-            lines.append((line or 0, f"{name}:{line}: {problem}" if line else f"{name}: {problem}"))
+        given_by = {source for known, source in sources.items()
+                    if source != "file" and (known == place or known.startswith(f"{place}."))}  # fmt: skip
+        option = min((source for source in given_by if source.startswith("--")), default="")
+        method = next((source for source in given_by if source.startswith("method ")), "")
+        if option:
+            lines.append((math.inf, f"{option} {problem}"))
+            continue
+        if method:
+            place, problem = _place_of_method(text, method, place), f"{method}: {problem}"
+        line = line_of(text, place) if text and " " not in place else None
+        lines.append((line or 0, f"{name}:{line}: {problem}" if line else f"{name}: {problem}"))
     more = [f"{name}: more problems; fix the first {SHOWN}"] if len(first) > SHOWN else []
     return ConfigError(*(text for _, text in sorted(lines, key=lambda entry: entry[0])), *more)
+
+
+def _place_of_method(text: str, method: str, place: str) -> str:
+    """Where a method of the file, as in `method mppi`, gives the value of a place."""
+    tables = _tables(toml_of(text, "", ConfigError), "method") if text else []
+    number = next((n for n, table in enumerate(tables) if f"method {table.get('name')}" == method), 0)
+    return f"method.{number}.set.{place}"
 
 
 def _problems_of_params(tree: dict[str, Any]) -> list[str]:
@@ -193,6 +213,11 @@ def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return tables if isinstance(tables, list) and all(isinstance(table, dict) for table in tables) else []
 
 
+def text_of(reference: str) -> str:
+    """Text of a config, by path or shipped name, unchecked. Raises ConfigError if it cannot be read."""
+    return _read(reference)[0]
+
+
 def _read(reference: str) -> tuple[str, Path]:
     shipped = shipped_configs()
     if reference in shipped:
@@ -226,11 +251,49 @@ def leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dropped: list[str]) -> None:
     place, value = parse_override(change)
-    table, keys = tree, place.split(".")
+    if place.partition(".")[0] == "method":
+        raise ConfigError(
+            f"--set {brief(change)}: --set applies after a method; choose one with --method NAME, or set the value "
+            "itself, as in --set navigation.handover=always"
+        )
+    _assign(tree, place.split("."), value, ("--set", f"--set {brief(change)}"), sources, dropped)
+
+
+def _apply_method(
+    tree: dict[str, Any], name: str, reference: str, sources: dict[str, Source], dropped: list[str]
+) -> None:
+    """Apply the overrides of a `[[method]]`; the check of the whole config refuses those that no method may set."""
+    given = named_method(_tables(tree, "method"), name, reference)
+    # As with `--set`: a change of plugin drops the old one's parameters, so it comes first.
+    for place, value in sorted(settings_of(given), key=lambda entry: not entry[0].endswith(".plugin")):
+        said = f"{reference}: method {name}: {brief(place)}"
+        _assign(tree, place.split("."), value, (f"method {name}", said), sources, dropped)
+    _split_presets(tree)
+
+
+def _assign(
+    tree: dict[str, Any],
+    keys: list[str],
+    value: Any,
+    given_by: tuple[Source, str],
+    sources: dict[str, Source],
+    dropped: list[str],
+) -> None:
+    """Set a value of the tree.
+
+    Args:
+        tree: The config.
+        keys: Place of the value; tables in arrays by number, name or plugin.
+        value: The value.
+        given_by: Its source, and the beginning of a message about it.
+        sources: Source of each value, to be updated.
+        dropped: Receives the places of parameters that a change of plugin drops.
+    """
+    table, (source, said) = tree, given_by
     for depth, key in enumerate(keys[:-1]):
-        table = _enter(table, key, ".".join(keys[: depth + 1]), change)
+        table = _enter(table, key, ".".join(keys[: depth + 1]), said)
     if not isinstance(table, dict):
-        raise ConfigError(f"--set {brief(change)}: {'.'.join(keys[:-1])} is a list; name one of its tables")
+        raise ConfigError(f"{said}: {'.'.join(keys[:-1])} is a list; name one of its tables")
     where = ".".join(_numbered(tree, keys))
     of_instance = (len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] in ("alternative", "node")
     if keys[-1] == "plugin" and of_instance and isinstance(value, str):
@@ -242,12 +305,12 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
                 sources.pop(dropped[-1], None)
         if preset is not None:
             table["preset"] = preset
-            sources[f"{where.removesuffix('plugin')}preset"] = "--set"
+            sources[f"{where.removesuffix('plugin')}preset"] = source
     table[keys[-1]] = value
     for old in [place for place in sources if place.startswith(where + ".")]:
         del sources[old]
     for leaf, _ in leaves(value, where):
-        sources[leaf] = "--set"
+        sources[leaf] = source
 
 
 def _split_presets(tree: dict[str, Any]) -> None:
@@ -264,6 +327,8 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
     role, wanted = parse_shadows(text)
     nodes = [str(table.get("name")) for table in _tables(tree, "node")]
     known = [known for known in (*ROLE_TABLES, *nodes) if known not in FIXED]
+    if role == "method" and role not in known:
+        raise ConfigError(f"--shadow {brief(text)}: {ALTERNATIVE_INSTEAD}")
     if role not in known:
         raise ConfigError(f"--shadow {brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
     tables = tree.setdefault("alternative", [])
@@ -277,6 +342,9 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
         number = next(own, None)
         if number is None:
             number = len(tables)
+            is_method = name in [table.get("name") for table in _tables(tree, "method")]
+            if is_method and name not in Discovery().names(role):
+                raise ConfigError(f"--shadow {brief(text)}: {name} is a [[method]]: {ALTERNATIVE_INSTEAD}")
             plugin, preset = named_plugin(name)
             tables.append({"role": role, "plugin": plugin, **({} if preset is None else {"preset": preset})})
         tables[number]["shadow"] = True
@@ -285,7 +353,7 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
         sources[f"alternative.{number}.shadow"] = "--shadow"
 
 
-def _enter(table: Any, key: str, place: str, change: str) -> Any:
+def _enter(table: Any, key: str, place: str, said: str) -> Any:
     """The table below a key; in an array of tables, the one with that number, `name` or `plugin`."""
     if isinstance(table, list):
         for number, entry in enumerate(table):
@@ -293,10 +361,10 @@ def _enter(table: Any, key: str, place: str, change: str) -> Any:
                 return entry
         known = [str(entry.get("name", number)) for number, entry in enumerate(table)]
         hint = nearest(key, known) if known else f"; the config has no [[{place.partition('.')[0]}]]"
-        raise ConfigError(f"--set {brief(change)}: there is no {brief(place)}{hint}")
+        raise ConfigError(f"{said}: there is no {brief(place)}{hint}")
     inner = table.setdefault(key, [] if place in ARRAYS else {})
     if not isinstance(inner, (dict, list)):
-        raise ConfigError(f"--set {brief(change)}: {brief(place)} is the value {shortened(inner)}, not a table")
+        raise ConfigError(f"{said}: {brief(place)} is the value {shortened(inner)}, not a table")
     return inner
 
 

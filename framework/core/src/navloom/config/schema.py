@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model, model_validator
 
+from navloom.config.config_methods import ALTERNATIVE_INSTEAD, MethodTable, problems_of_method
 from navloom.config.tables import (
     DEFAULT_PLUGINS,
     OWN_NODES,
@@ -65,6 +66,8 @@ class Config(OptionalTables):
     sensor: list[SensorTable] = Field(default_factory=list)
     node: list[NodeTable] = Field(default_factory=list)
     alternative: list[AlternativeTable] = Field(default_factory=list)
+    # Not among the values in effect: a method that is not chosen must change no hash and no recording.
+    method: list[MethodTable] = Field(default_factory=list, exclude=True)
     navigation: NavigationTable = NavigationTable()
     gate: GateTable = GateTable()
     event: list[EventTable] = Field(default_factory=list)
@@ -118,6 +121,7 @@ class Config(OptionalTables):
             *self._wrong_instances(),
             *self._wrong_places(),
             *self._wrong_events(),
+            *self._wrong_methods(),
         ]
         # All at once, so that a file is put right in one go.
         if problems:
@@ -137,7 +141,7 @@ class Config(OptionalTables):
         tables += [(f"event.{number}", event.role) for number, event in enumerate(self.event) if event.role]
         for place, role in tables:
             if role not in self.roles:
-                hint = nearest(role, self.roles)
+                hint = f"; {ALTERNATIVE_INSTEAD}" if role == "method" else nearest(role, self.roles)
                 yield f'{place}.role: got "{role}", expected a role or the name of a [[node]]{hint}'
 
     def _wrong_sensors(self) -> Iterator[str]:
@@ -185,9 +189,20 @@ class Config(OptionalTables):
         for number, event in enumerate(self.event):
             if event.do in ("swap", "set") and event.name and (event.role, event.name) not in taken:
                 known = _names_of(event.role, taken)
-                yield f'event.{number}.name: names {event.role} "{event.name}"; there are {known}'
+                is_method = event.name in [table.name for table in self.method]
+                hint = f"; {event.name} is a [[method]]: {ALTERNATIVE_INSTEAD}" if is_method else ""
+                yield f'event.{number}.name: names {event.role} "{event.name}"; there are {known}{hint}'
             if event.do == "swap" and event.role in FIXED:
                 yield f"event.{number}.role: the {event.role} is never swapped"
+
+    def _wrong_methods(self) -> Iterator[str]:
+        names = [table.name for table in self.method]
+        for number, table in enumerate(self.method):
+            if table.name in names[:number]:
+                yield f'method.{number}.name: two tables [[method]] are named "{table.name}"'
+            yield from problems_of_method(f"method.{number}.set", table.set, type(self).model_fields)
+        if names and any(table.name == "method" for table in self.node):
+            yield 'node: one is named "method", as are the tables [[method]] in `--vary`; choose another name'
 
     @property
     def roles(self) -> list[str]:

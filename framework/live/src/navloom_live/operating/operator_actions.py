@@ -138,6 +138,10 @@ def swap(
 ) -> int:
     """Make another instance active as soon as it is ready; see `Navigator.swap`."""
     if not client.lives(role, instance):
+        if role == "method":
+            from navloom.config.config_methods import ALTERNATIVE_INSTEAD
+
+            raise Refused(ALTERNATIVE_INSTEAD)
         _start_in_shadow(client, role, instance, say)
     answer = client.call("gate", "main", SWAP, Swap(role, instance))
     limit = time.monotonic() + timeout

@@ -56,7 +56,9 @@ def compare(
     *,
     vary: Annotated[
         list[str] | None,
-        typer.Option(metavar="PATH=A,B", help="A role's plugins or alternatives, or a setting's values; repeats."),
+        typer.Option(
+            metavar="PATH=A,B", help="A role's plugins or alternatives, a setting's values, or method=A,B; repeats."
+        ),
     ] = None,
     worlds: Annotated[
         list[str] | None,

@@ -252,6 +252,16 @@ def differs(study: StudyFiles) -> TextTable:
     return TextTable(["place", "value: methods"], rows, "", (0, 1))
 
 
+def method_settings(study: StudyFiles) -> TextTable:
+    """What each `[[method]]` of the config sets; no rows if the study has none."""
+    rows = [
+        [name, place, brief(value)]
+        for name, told in study.request["methods"].items()
+        for place, value in told.get("set", {}).items()
+    ]
+    return TextTable(["method", "place", "value"], rows, "As in the config's [[method]], before --set.", (0, 1, 2))
+
+
 def brief(value: object) -> str:
     """A config value as text, cut if it is long."""
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)

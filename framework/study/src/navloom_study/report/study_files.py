@@ -133,6 +133,8 @@ class StudyFiles:
         words = ["navloom", "run", self.request["config"]]
         for file in self.request.get("plugin_files", ()):
             words += ["--plugin", file]
+        if table := self.request["methods"][method].get("method"):
+            words += ["--method", table]
         for change in changes:
             words += ["--set", change]
         return shlex.join([*words, "--seed", str(seed)])
@@ -146,8 +148,9 @@ class StudyFiles:
         told = self.request["worlds"][ref]
         try:
             if ref == OWN_WORLD:
-                changes = self.request["methods"][self.methods[0]]["changes"]
-                world = own_world(load_config(self.request["config"], changes), self.discovery)
+                method = self.request["methods"][self.methods[0]]
+                loaded = load_config(self.request["config"], method["changes"], method=method.get("method", ""))
+                world = own_world(loaded, self.discovery)
             else:
                 world = self.discovery.world(ref, self._base() if not told["changes"] else Path.cwd())
         except (PluginError, ValueError, OSError):

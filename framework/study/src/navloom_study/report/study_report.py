@@ -339,6 +339,9 @@ def _conditions(study: StudyFiles) -> ReportPart:
     part.say(f"Seeds: {', '.join(map(str, study.seeds))}.")
     differing = len(study.request["differs"])
     part.fold(f"Differs ({differing} settings)", [report_tables.differs(study)] if differing else [])
+    methods = report_tables.method_settings(study)
+    if methods.rows:
+        part.fold("Settings of the methods", [methods])
     part.fold("Held constant", [report_tables.held_equal(study)])
     part.fold("Configs, worlds and versions", [*report_tables.hashes(study), report_tables.versions(study)])
     return part

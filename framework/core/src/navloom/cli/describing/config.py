@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import redirect_stdout
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -17,11 +17,20 @@ app = App(help="Show, check and describe configs.", no_args_is_help=True)
 
 
 @app.command()
-def show(given: ConfigOptions, as_json: AsJson = False) -> None:
+def show(
+    given: ConfigOptions,
+    as_json: AsJson = False,
+    toml: Annotated[
+        bool, typer.Option("--toml", help="Print the file itself, with its comments, as the beginning of your own.")
+    ] = False,
+) -> None:
     """Print every value in effect and its origin.
 
-    The origin is the default, the file or --set.
+    The origin is the default, the file, a method of the file, or --set.
     """
+    if toml:
+        _print_file(given, as_json)
+        return
     from navloom.cli.output import print_json, print_table
     from navloom.engine.build import assemble
     from navloom.engine.effective_config import holding
@@ -42,6 +51,17 @@ def show(given: ConfigOptions, as_json: AsJson = False) -> None:
         typer.echo(notice)
 
 
+def _print_file(given: ConfigOptions, as_json: bool) -> None:
+    """Print the text of a config. Raises ConfigError for options that change values."""
+    from navloom.config import ConfigError
+    from navloom.config.loader import text_of
+
+    asked = {"--json": as_json, "--method": given.method, "--set": given.set_}
+    if wrong := [option for option, value in asked.items() if value]:
+        raise ConfigError(f"--toml with {' and '.join(wrong)}: it prints the file as it is; leave one of them out")
+    typer.echo(text_of(given.config), nl=False)
+
+
 def as_toml(value: Any) -> str:
     """A value in the notation of a config or `--set`; `-` if it is not set."""
     if value is None:
@@ -59,7 +79,7 @@ def as_toml(value: Any) -> str:
 def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     """Check that a config can drive, without running it.
 
-    It checks plugins, parameters, world and wiring.
+    It checks plugins, parameters, world and wiring, also with each method of the config.
     """
     from navloom.cli.output import print_json
     from navloom.engine.build import assemble
@@ -73,6 +93,8 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     (check_live if waits else check_task)(system)  # a robot that waits for goals needs none yet
     with redirect_stdout(sys.stderr):  # plugins may print
         try_plugins(system)
+        if not given.method:
+            _check_methods(given, [table.name for table in loaded.config.method])
     if has_part("navloom_live"):
         network = part("navloom_live.hosting.network").network_of(
             loaded.config, loaded.config.live.router_host, insecure=True
@@ -91,6 +113,21 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
             typer.echo(notice)
         count = len(system.sensors)
         typer.echo(f"{given.config}: fits; {len(system.parts)} plugins, {count} sensor{'' if count == 1 else 's'}")
+
+
+def _check_methods(given: ConfigOptions, names: list[str]) -> None:
+    """Check each method as a study would run it. Raises ConfigError with the problems of all."""
+    from navloom.config import ConfigError, load_config
+    from navloom.config.config_errors import Gathered
+    from navloom.config.config_methods import ALONE
+    from navloom.engine.build import assemble
+    from navloom.engine.plugin_factory import try_plugins
+
+    problems = Gathered()
+    for name in names:
+        with problems.gather():
+            try_plugins(assemble(load_config(given.config, (*(given.set_ or ()), *ALONE), method=name)))
+    problems.refuse(ConfigError)
 
 
 @app.command()

@@ -102,13 +102,13 @@ def test_a_recording_keeps_the_stamps_of_the_sensor_and_its_replay_corrects_them
     stamps = [one.message.stamp_ns for one in Recording(late).messages(["platform/*/laser"])]
     assert stamps[:3] == [120_000_000, 170_000_000, 220_000_000]
     found = json.loads(RUN.invoke(app, ["replay", str(late), "--check", "--json"]).stdout)
-    assert found["same"] and {node["node"] for node in found["nodes"]} >= {"gate main", "localizer scan_matching"}
+    assert found["same"] and {node["node"] for node in found["nodes"]} >= {"gate main", "localizer global_matching"}
 
 
 def test_a_replay_can_try_another_time_offset(late: Path) -> None:
     other = ["--set", "sensor.laser.time_offset=0.0"]
     found = json.loads(RUN.invoke(app, ["replay", str(late), *other, "--json"]).stdout)
-    assert not found["same"] and "localizer scan_matching" in found["first_difference"]
+    assert not found["same"] and "localizer global_matching" in found["first_difference"]
 
 
 @pytest.mark.parametrize(

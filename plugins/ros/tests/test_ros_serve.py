@@ -67,7 +67,7 @@ class StandIn:
     def get_parameters(self, role, instance):
         return self.platform
 
-    def place(self, x, y, heading):
+    def place(self, x, y, heading, sigma=None):
         if not self.takes_pose:
             raise NavloomError("localizer main takes no pose")
         self.places.append((x, y, heading))

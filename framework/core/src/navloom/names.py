@@ -11,7 +11,7 @@ NAMES = {
         "Track"
     ),
     "navloom.errors": "NavloomError",
-    "navloom.geometry.world": "Box Cylinder Obstacle Place Raster World position_at read_only",
+    "navloom.geometry.world": "Box Cylinder Material Obstacle Place Raster World position_at read_only",
     "navloom.messages": (
         "Array Avoidance AvoiderDiagnostics AvoiderStatus ClearRequest Command Contact Count Drive Envelope "
         "Feedback GateStatus Goal GoalResult GoalState HandOver Heading Hypotheses InputRead MapUpdate Message "

@@ -190,6 +190,15 @@ def test_a_mapped_cupboard_that_was_taken_away_changes_nothing():
     assert robot.error()[0] < 0.03
 
 
+def test_a_mapped_pane_of_glass_through_which_most_of_the_room_is_seen_changes_nothing():
+    known = furnished()
+    known[1:-1, 36] = True
+    robot = Robot(TRUE, distance_field(known, CELL, (0.0, 0.0, 0.0), 1.0))
+    # It is 0.6 m away: 104 of 181 beams pass through it.
+    assert set(robot.see(ROOM, 5.0)) == {"tracking"}
+    assert robot.error()[0] < 0.03
+
+
 def test_beams_without_an_echo_where_the_map_has_walls_contradict_the_pose():
     robot = Robot(TRUE)
     ways = np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))

@@ -1,8 +1,8 @@
 """Compares what beams see with the walls that the map has along them.
 
 An echo before the mapped wall is that of something the map lacks: it says nothing about the pose. A beam that passes
-through a mapped wall contradicts the pose, or the map. If its echo is at the front of a mapped wall further on, the wall
-may be of glass: it says nothing either.
+through a mapped wall contradicts the pose, or the map. If its echo is at the front of a mapped wall further on, the
+first one may be of glass: it says nothing either.
 """
 
 from __future__ import annotations

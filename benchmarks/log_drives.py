@@ -15,7 +15,7 @@ from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import PoseEstimate, PoseTrack
 from navloom.plugins import Discovery
-from navloom.runs.localization import Localization, corrections
+from navloom.runs.localization import STILL_SPEED, STILL_TURN, Localization, corrections
 from navloom_carmen.carmen_import import import_carmen
 from navloom_recording import Recording, RecordingError
 from numpy.typing import NDArray
@@ -193,14 +193,15 @@ def _twist(stamps_ns: NDArray[np.int64], poses: Floats, number: int, span_ns: in
 def _beside(log: LogDrive, said: Sequence[PoseEstimate], odometry: Floats) -> Localization:
     stamps = np.array([one.stamp_ns for one in said], dtype=np.int64)
     poses = np.array([(one.pose.x, one.pose.y, one.pose.heading) for one in said])
-    steps = np.diff(odometry, axis=0, prepend=odometry[:1])
+    steps, passed = np.diff(odometry, axis=0, prepend=odometry[:1]), np.diff(stamps, prepend=stamps[:1]) * 1e-9
+    is_moving = (np.hypot(*steps[:, :2].T) > STILL_SPEED * passed) | (np.abs(wrap(steps[:, 2])) > STILL_TURN * passed)
     return Localization(
         time=(stamps - stamps[0]) * 1e-9,
         truth=log.truth,
         estimate=poses,
         covariance=np.array([one.covariance[[0, 0, 1, 2], [0, 1, 1, 2]] for one in said]),
         is_tracking=np.array([one.state == "tracking" for one in said]),
-        is_moving=(np.abs(steps[:, :2]).max(axis=1) > 1e-3) | (np.abs(wrap(steps[:, 2])) > 1e-3),
+        is_moving=is_moving,
         correction=corrections(poses, odometry),
     )
 

@@ -7,12 +7,18 @@ import math
 import numpy as np
 import pytest
 from navloom import ANYWHERE, Context, LocalizerInput, OccupancyGrid, Odometry, Pose2D, RangeScan, RobotSpec, Twist2D
+from navloom_mcl.finding import Finder
 from navloom_mcl.global_matching.adapter import GlobalMatching
 from navloom_mcl.global_matching.params import GlobalMatchingParams
+from navloom_mcl.global_matching.watch import Watch
 from navloom_scan_localizer.adapter import ScanMatching
+from navloom_scan_localizer.judging import Judge
 from navloom_scan_localizer.params import ScanMatchingParams
+from navloom_scan_localizer.tracking import PoseTracker, Settings
+from navloom_scans.anywhere import MapSearch
+from navloom_scans.field import distance_field
 from navloom_scans.poses import compose
-from scan_localizer_rooms import fan, ranges_in
+from scan_localizer_rooms import beams_of, fan, ranges_in
 
 PERIOD, CELL = 0.1, 0.1
 SEEN, RANGE = fan(181), 12.0
@@ -158,6 +164,23 @@ def test_a_tracked_pose_is_corrected_by_two_centimetres_a_tick():
     assert {said.state for said in drive.said[before:]} == {"tracking"} and drive.error < 0.02
     for a, b in zip(drive.said[before:], drive.said[before + 1 :], strict=False):
         assert math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) < 0.02 + 0.02 + 1e-6
+
+
+def test_odometry_that_turns_wrong_during_a_search_makes_no_other_place_better():
+    hall = np.ones((40, 60), dtype=np.bool_)
+    hall[1:-1, 1:-1] = False  # it looks the same turned by half a turn
+    pose, field = np.array([2.0, 2.5, 0.3]), distance_field(hall, CELL, (0.0, 0.0, 0.0), 1.0)
+    tracker = PoseTracker(Settings(), field, pose)
+    judge, finder = Judge(tracker), Finder(MapSearch(field, ~hall), 10)
+    watch = Watch(finder, 100)
+    judge.trust()
+    watch.suspect()
+    beams = beams_of(ranges_in(hall, CELL, pose, SEEN, RANGE), SEEN)
+    assert not watch.step(judge, tracker, 0.0, beams, len(beams))
+    # The scans have corrected the pose since: it has not turned.
+    tracker.odometry[2] += math.radians(6.0)
+    answers = [watch.step(judge, tracker, 0.1, None, 0) for _ in range(5000)]
+    assert not finder.is_busy and not any(answers)
 
 
 def test_search_forgets_the_pose_and_place_sets_it():

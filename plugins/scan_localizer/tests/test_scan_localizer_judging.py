@@ -8,6 +8,7 @@ import pytest
 from navloom_scan_localizer.judging import Judge
 from navloom_scan_localizer.tracking import PoseTracker, Settings
 from navloom_scans.field import distance_field
+from navloom_scans.poses import compose
 from navloom_scans.search import candidates
 from scan_localizer_rooms import beams_of, fan, ranges_in, room
 
@@ -190,6 +191,15 @@ def test_a_mapped_cupboard_that_was_taken_away_changes_nothing():
     assert robot.error()[0] < 0.03
 
 
+def test_a_mapped_pane_of_glass_through_which_most_of_the_room_is_seen_changes_nothing():
+    known = furnished()
+    known[1:-1, 36] = True
+    robot = Robot(TRUE, distance_field(known, CELL, (0.0, 0.0, 0.0), 1.0))
+    # It is 0.6 m away: 104 of 181 beams pass through it.
+    assert set(robot.see(ROOM, 5.0)) == {"tracking"}
+    assert robot.error()[0] < 0.03
+
+
 def test_beams_without_an_echo_where_the_map_has_walls_contradict_the_pose():
     robot = Robot(TRUE)
     ways = np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
@@ -271,3 +281,18 @@ def test_odometry_that_turns_at_once_is_bridged(degrees):
     robot.odometry = robot.tracker.odometry
     assert set(robot.see(ROOM, 2.0)) == {"tracking"}
     assert robot.error()[0] < 0.03 and robot.error()[1] < math.radians(1.0)
+
+
+@pytest.mark.parametrize("scene", [ROOM, cluttered()], ids=["as mapped", "with unmapped things"])
+def test_scans_that_are_seconds_apart_bridge_an_error_of_odometry(scene):
+    robot, true = Robot(TRUE), TRUE
+    for k in range(1, 16):  # a drive of 1.5 m back and forth proves the pose
+        robot.odometry = np.array([0.1 * min(k, 15 - k), 0.0, 0.0])
+        true = compose(TRUE, robot.odometry)
+        robot.see(scene, PERIOD, true)
+        robot.time += 0.1
+    # Over the next 3 s it drives 1 m; odometry lacks 0.5 m and turns by 18 degrees too much.
+    robot.odometry, robot.time = np.array([0.5, 0.0, math.radians(18.0)]), robot.time + 3.0
+    true = compose(TRUE, np.array([1.0, 0.0, 0.0]))
+    assert set(robot.see(scene, 5.0, true)) == {"tracking"}
+    assert robot.error(true)[0] < 0.05

@@ -123,7 +123,7 @@ def test_a_correction_of_a_drive_is_spread_over_ticks():
     xs = []
     for _ in range(5):
         odometry = odometry + (0.025, 0.0, 0.0)
-        assert shown.follow(odometry + (0.05, 0.0, 0.0), odometry, (0.02, 0.1), at_once=False)
+        assert shown.follow(odometry + (0.05, 0.0, 0.0), odometry, 0.05, (0.02, 0.1), at_once=False)
         xs.append(shown.pose[0] - odometry[0])
     assert xs == pytest.approx([0.02, 0.04, 0.05, 0.05, 0.05])
 
@@ -131,13 +131,28 @@ def test_a_correction_of_a_drive_is_spread_over_ticks():
 @pytest.mark.parametrize("at_once", [True, False])
 def test_a_robot_that_stands_is_corrected_at_once(at_once):
     shown = SmoothPose(np.zeros(3), np.zeros(3))
-    assert shown.follow(np.array([0.3, 0.0, 0.0]), np.zeros(3), (0.02, 0.1), at_once=at_once)
+    assert shown.follow(np.array([0.3, 0.0, 0.0]), np.zeros(3), 0.05, (0.02, 0.1), at_once=at_once)
     assert shown.pose[0] == 0.3 and not shown.behind.any()
+
+
+@pytest.mark.parametrize(("period", "shown_x"), [(0.05, 0.3), (0.01, 0.0208)])
+def test_a_robot_stands_below_2_cm_a_second_whatever_the_rate_of_the_odometry(period, shown_x):
+    # 0.8 mm in 50 ms are 1.6 cm/s, in 10 ms 8 cm/s.
+    shown = SmoothPose(np.zeros(3), np.zeros(3))
+    shown.follow(np.array([0.3, 0.0, 0.0]), np.array([0.0008, 0.0, 0.0]), period, (0.02, 0.1), at_once=False)
+    assert shown.pose[0] == pytest.approx(shown_x)
+
+
+def test_the_same_odometry_again_is_no_stop():
+    shown, driven = SmoothPose(np.zeros(3), np.zeros(3)), np.array([0.05, 0.0, 0.0])
+    shown.follow(driven, driven, 0.1, (0.02, 0.1), at_once=False)
+    shown.follow(driven + (0.3, 0.0, 0.0), driven, 0.0, (0.02, 0.1), at_once=False)
+    assert shown.pose[0] == pytest.approx(0.07)
 
 
 def test_a_correction_by_a_metre_is_not_spread():
     shown = SmoothPose(np.zeros(3), np.zeros(3))
-    assert not shown.follow(np.array([1.0, 0.0, 0.0]), np.array([0.02, 0.0, 0.0]), (0.02, 0.1), at_once=False)
+    assert not shown.follow(np.array([1.0, 0.0, 0.0]), np.array([0.02, 0.0, 0.0]), 0.05, (0.02, 0.1), at_once=False)
     assert shown.pose[0] == 1.0
 
 

@@ -37,6 +37,29 @@ def test_an_echo_ahead_of_a_wall_2_m_away(length, kind):
     assert counts(beam(length)) == expected
 
 
+def pane(behind):
+    """A pane of one cell at x = 3.0 to 3.1 m, and a wall of one cell that begins `behind` cells after it."""
+    occupied = np.zeros((40, 60), dtype=np.bool_)
+    occupied[:, [30, 31 + behind]] = True
+    return distance_field(occupied, 0.1, (0.0, 0.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("length", "kind"),
+    [(3.1, 3), (3.03, 3), (3.16, 3), (3.0, 2), (2.8, 2), (3.4, 2), (2.2, 2)],
+)
+def test_an_echo_through_a_pane_2_m_away_at_the_front_of_a_wall_3_1_m_away(length, kind):
+    # Within 0.08 m of the front: no evidence. Before it by more, behind the wall, or just behind the pane: through it.
+    expected = [0.0] * 6
+    expected[kind] = 1.0
+    assert list(look_along(pane(10), np.array([beam(length)]), 1, np.array([1.0, 2.0, 0.0]), GATE)) == expected
+
+
+def test_beams_without_an_echo_never_end_at_the_wall_behind_a_pane():
+    seen = look_along(pane(10), np.array([beam(3.1)]), 0, np.array([1.0, 2.0, 0.0]), GATE)
+    assert list(seen) == [0, 0, 0, 0, 0, 1]
+
+
 def test_the_depth_behind_a_wall_is_measured_across_it():
     # At 45 deg the wall 2 m away is met after 2.828 m, by a ray 0.1 m beside it after 2.928 m; 0.2 m more are 0.14 m
     # behind its front, 0.25 m are 0.18 m.

@@ -66,6 +66,10 @@ class Finder:
         self._guess = None if near is None else (near.copy(), sigma)
         self._search.begin(beams, echoes, self._count, near, sigma)
 
+    def score_of(self, pose: Floats) -> float:
+        """Score of a pose, (3,) map frame, for the scan that the last search began with."""
+        return self._search.score_of(pose)
+
     def step(self, budget: int, odometry: Floats, here: Floats | None = None) -> Found | None:
         """Continue the search; its answer if it has ended.
 

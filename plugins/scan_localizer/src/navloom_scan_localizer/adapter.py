@@ -143,7 +143,8 @@ class ScanMatching(Localizer[ScanMatchingParams]):
     def _estimate(self, odometry: Odometry) -> PoseEstimate:
         tracker, shown, state, reason = self._tracker, self._shown, self._judge.state, self._judge.reason
         limits = tracker.settings.max_shift, tracker.settings.max_turn
-        self._is_smooth = shown.follow(tracker.pose, tracker.odometry, limits, at_once=state != "tracking")
+        at_once = state != "tracking"
+        self._is_smooth = shown.follow(tracker.pose, tracker.odometry, self._passed, limits, at_once=at_once)
         if not self._is_smooth:
             state, reason = "searching", "scans contradict odometry by more than can be corrected in motion"
         own = tracker.map_share * tracker.covariance

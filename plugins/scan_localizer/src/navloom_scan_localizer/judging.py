@@ -288,7 +288,7 @@ class Judge:
             return False
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
         others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
-        if not others and self._continues(beams, echoes, pose):
+        if not others and self._continues(beams, echoes, pose, score):
             # The scan continues the last one there: odometry was wrong, and the robot is where it was tracked.
             tracker.bridge(pose, inverse(fused))
             self._view_at, self._is_cut, self._continued = tracker.pose, False, 1.0
@@ -308,14 +308,18 @@ class Judge:
         )
         return True
 
-    def _continues(self, beams: Floats, echoes: int, pose: Floats) -> bool:
-        """Whether a scan at a pose, (3,), continues the last view of a pose that was trusted."""
+    def _continues(self, beams: Floats, echoes: int, pose: Floats, score: float) -> bool:
+        """Whether a scan at a pose, (3,), of a given score continues the last view of a pose that was trusted.
+
+        Views of scans that are seconds apart cannot be compared: then the pose must be the best one around.
+        """
         if self._before is None or self.state != "tracking":
             return False
         view, heard, at = self._before
         step = relative(at, pose)
         if math.hypot(step[0], step[1]) > _LONG[0] or abs(step[2]) > _LONG[1]:
-            return False
+            is_sure = self._tracker.is_proven and score >= _SURE
+            return is_sure and not self._is_better_elsewhere(beams, echoes, pose, score)
         same, beyond = compare_views(view, heard, beams, echoes, step, self._gate)
         return same >= _CONTINUED and beyond <= _BEYOND
 

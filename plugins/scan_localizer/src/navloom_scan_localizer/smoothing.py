@@ -12,8 +12,8 @@ __all__ = ["SmoothPose"]
 
 Floats = NDArray[np.float64]
 
-_AT_REST = (1e-3, math.radians(0.1))
-"""Motion of odometry in a tick below which the robot stands, m and rad."""
+_AT_REST = (0.02, 0.02)
+"""Speed of odometry, m/s, and its turn rate, rad/s, below which the robot stands, as for the metrics."""
 _FAR = (0.5, math.radians(15.0))
 """Correction that is too large to be spread, m and rad."""
 
@@ -29,9 +29,17 @@ class SmoothPose:
     def __init__(self, pose: Floats, odometry: Floats) -> None:
         self.pose, self._odometry = pose.copy(), odometry.copy()
         self.behind = np.zeros(3)
+        self._is_at_rest = True
 
-    def follow(self, pose: Floats, odometry: Floats, limits: tuple[float, float], *, at_once: bool) -> bool:
+    def follow(
+        self, pose: Floats, odometry: Floats, time: float, limits: tuple[float, float], *, at_once: bool
+    ) -> bool:
         """Move by odometry, then towards a pose by at most the limits, m and rad; to it if `at_once` or at rest.
+
+        Args:
+            pose: (3,) pose to follow. odometry: (3,) odometry pose. time: Time since the last call, s.
+            limits: Largest correction, m and rad.
+            at_once: Whether there is no limit.
 
         Returns:
             False if the correction was too large to be spread: the pose is then reached at once.
@@ -40,11 +48,13 @@ class SmoothPose:
         moved = compose(self.pose, step)
         x, y, turn = pose[0] - moved[0], pose[1] - moved[1], math.remainder(pose[2] - moved[2], math.tau)
         way = math.hypot(x, y)
-        is_at_rest = math.hypot(step[0], step[1]) < _AT_REST[0] and abs(step[2]) < _AT_REST[1]
+        # The same odometry message again says nothing.
+        if time > 0.0:
+            self._is_at_rest = math.hypot(step[0], step[1]) < _AT_REST[0] * time and abs(step[2]) < _AT_REST[1] * time
         is_far = way > _FAR[0] or abs(turn) > _FAR[1]
-        if at_once or is_at_rest or is_far:
+        if at_once or self._is_at_rest or is_far:
             self.pose, self.behind = pose.copy(), np.zeros(3)
-            return at_once or is_at_rest
+            return at_once or self._is_at_rest
         share = min(1.0, limits[0] / max(way, 1e-12), limits[1] / max(abs(turn), 1e-12))
         shift = np.array([x, y, turn])
         self.pose = pose_of(*(moved + share * shift).tolist()) if share < 1.0 else pose.copy()

@@ -1,7 +1,8 @@
 """Compares what beams see with the walls that the map has along them.
 
 An echo before the mapped wall is that of something the map lacks: it says nothing about the pose. A beam that passes
-through a mapped wall contradicts the pose, or the map.
+through a mapped wall contradicts the pose, or the map. If its echo is at the front of a mapped wall further on, the
+first one may be of glass: it says nothing either.
 """
 
 from __future__ import annotations
@@ -74,6 +75,20 @@ def is_through(values, frame, x, y, dx, dy, back, gate):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _is_at_front(values, frame, x, y, dx, dy, gate):  # type: ignore[no-untyped-def]
+    """Whether an echo is nearer than half a gate to a wall whose front faces the beam; arguments as for `is_through`.
+
+    Behind a wall that a wrong pose lets the beam pass, the nearest face is the back of that wall.
+    """
+    distance, _, _, known = sample(values, frame, x, y)
+    if not known or abs(distance) > 0.5 * gate:
+        return False
+    # Half a gate earlier, since noise takes some echoes beyond the middle of a thin wall.
+    _, gx, gy, _ = sample(values, frame, x - 0.5 * gate * dx, y - 0.5 * gate * dy)
+    return -(gx * dx + gy * dy) > _GRAZING
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # type: ignore[no-untyped-def]
     """Add to the counts of `look_along`."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -85,7 +100,7 @@ def _count(values, frame, beams, echoes, first, stride, pose, gate, counts):  # 
         if i >= echoes:
             counts[5 if has_passed else 4] += 1
         elif has_passed:
-            counts[2] += 1
+            counts[3 if _is_at_front(values, frame, x, y, dx, dy, gate) else 2] += 1
         else:
             distance, _, _, known = sample(values, frame, x, y)
             if known and abs(distance) < gate:
@@ -129,8 +144,8 @@ class Sight(NamedTuple):
 
     Attributes:
         inner, outer: Echoes nearer than half a gate to a mapped wall, and nearer than a gate.
-        behind: Echoes through a wall.
-        elsewhere: Other echoes.
+        behind: Echoes through a wall that are not at the front of another one.
+        elsewhere: Other echoes: before every wall, or at a wall behind what may be glass.
         free, silent: Beams without an echo that pass no wall, and that pass one.
     """
 

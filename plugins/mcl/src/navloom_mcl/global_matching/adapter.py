@@ -158,7 +158,7 @@ class GlobalMatching(ScanMatching):
         if time - self._told_at >= _OFTEN or self._hypotheses is None:
             poses = np.array([place.tracker.pose for place in places]).reshape(-1, 3)
             self._tell(odometry.stamp_ns, poses, np.array([place.weight for place in places]))
-        self._shown.follow(tracker.pose, tracker.odometry, (0.0, 0.0), at_once=True)
+        self._shown.follow(tracker.pose, tracker.odometry, self._passed, (0.0, 0.0), at_once=True)
         is_lost = time - self._searching_at >= self.params.give_up_after
         state: Literal["lost", "searching"] = "lost" if is_lost else "searching"
         pose2d = Pose2D(*tracker.pose.tolist())
@@ -171,7 +171,7 @@ class GlobalMatching(ScanMatching):
         tracker.prior = found.tracker.covariance.copy()
         self._begin()
         self._judge.trust()
-        self._shown.follow(tracker.pose, tracker.odometry, (0.0, 0.0), at_once=True)
+        self._shown.follow(tracker.pose, tracker.odometry, self._passed, (0.0, 0.0), at_once=True)
 
     def _tell(self, stamp_ns: int, poses: Floats, weights: Floats) -> None:
         self._hypotheses = Hypotheses(stamp_ns, poses.copy(), weights)

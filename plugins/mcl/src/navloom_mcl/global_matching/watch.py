@@ -36,7 +36,7 @@ class Watch:
         self._finder, self._work = finder, work
         self._at: Floats | None = None
         self._time = -math.inf
-        self._weight = 1.0
+        self._weight, self._score = 1.0, -math.inf
         self._is_suspected = False
 
     def wants(self, judge: Judge, time: float) -> bool:
@@ -64,16 +64,18 @@ class Watch:
             way = math.inf if self._at is None else math.dist(self._at[:2], tracker.odometry[:2])
             if near is None or way >= _WAY:
                 finder.begin(beams, echoes, tracker.odometry, *(near or ()))
+                # Not of the pose at the end, moved back: odometry may have turned wrong meanwhile.
+                self._score = finder.score_of(tracker.pose)
                 self._at, self._time = tracker.odometry.copy(), time
                 # Few echoes fit somewhere on every map.
                 self._weight = min(1.0, 2.0 * echoes / len(beams))
-        if not finder.is_busy or (found := finder.step(self._work, tracker.odometry, tracker.pose)) is None:
+        if not finder.is_busy or (found := finder.step(self._work, tracker.odometry)) is None:
             return False
         lead = (_BETTER if self._is_suspected or not judge.is_proven else _FAR_BETTER) / self._weight
         self._is_suspected = False
         for pose, score in zip(found.poses, found.scores.tolist(), strict=True):
             off = math.hypot(pose[0] - tracker.pose[0], pose[1] - tracker.pose[1])
             turned = abs(math.remainder(pose[2] - tracker.pose[2], math.tau))
-            if (off > _APART[0] or turned > _APART[1]) and score >= found.score_here + lead:
+            if (off > _APART[0] or turned > _APART[1]) and score >= self._score + lead:
                 return True
         return False

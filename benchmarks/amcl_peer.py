@@ -1,4 +1,4 @@
-"""The peer of the localisation campaign: `amcl` from PyPI on the scans, the odometry and the map of one of our drives.
+"""The peer of the localisation campaign: `amcl` on the scans, the odometry and the map of one of our drives.
 
 GPL: for tests and benchmarks alone, and no dependency of anything; `pip install amcl` where it is wanted.
 """

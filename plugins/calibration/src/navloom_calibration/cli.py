@@ -24,7 +24,7 @@ def calibrate(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure from a recorded drive how late each laser is, and its mount.
+    """Measure how late each laser of a recorded drive is, and its mount.
 
     The drive should last a minute, with turns and straight ways between walls.
     """

@@ -63,7 +63,7 @@ class Recorder:
         given_at: Time at which each of them was given, s, by its number.
         legs: Number of legs of the first goal: one more than its `via` points.
         asked: Goal (x m, y m) of each plan request, by the number of the request.
-        began: Run time of the platform's first tick, s.
+        began, missed: Run time of the first truth, s, and how many ticks the platform had made before it.
         reads: Streams that are kept as they are, `(role or node, port)`.
         streams: Their messages, each after its time, s, by stream.
     """
@@ -112,6 +112,7 @@ class Recorder:
     legs: int = 1
     asked: dict[int, tuple[float, float]] = field(default_factory=dict)
     began: float = math.nan
+    missed: int = 0
     reads: frozenset[tuple[str, str]] = frozenset()
     streams: dict[tuple[str, str], list[tuple[float, Message]]] = field(default_factory=dict)
     _touching: bool = False
@@ -125,6 +126,9 @@ class Recorder:
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """Store the relevant messages of the active instances."""
         if active:
+            if message.__class__ is Truth and math.isnan(self.began):
+                # Live, the first messages of a platform may be gone before anybody listens.
+                self.began, self.missed = at.stamp_ns * 1e-9, at.sequence - 1
             if (role, port) in self.reads:
                 self.streams[role, port].append((at.stamp_ns * 1e-9, message))
             keep = _KEPT.get(message.__class__)
@@ -135,8 +139,6 @@ class Recorder:
         """Never called: `wants_steps` is false."""
 
     def _keep_truth(self, truth: Truth, time: float) -> None:
-        if math.isnan(self.began):
-            self.began = time
         pose = truth.pose
         self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
         self.turn_rates.append(truth.twist.wz)

@@ -207,7 +207,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading_error=heading_error,
         arrived=arrived,
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
-        carried=carried_at(time, recorder.began, config),
+        carried=carried_at(time, recorder.began - recorder.missed * config.run.period, config),
         streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
         localization=_localization(truth, recorder),
     )

@@ -108,7 +108,7 @@ def place(
     *,
     robot: RobotOptions,
 ) -> None:
-    """Tell a live robot where it is, or about where: it then searches near there.
+    """Tell a live robot where it is, or about where. With a guess, it searches near there.
 
     Also while it drives to a goal, which is planned again from there, and while it does not know where it is.
     """
@@ -128,7 +128,7 @@ def place(
 
 
 def relocalise(robot: RobotOptions) -> None:
-    """Have a live robot forget where it is, and search for itself on the whole map.
+    """Have a live robot search for itself on the whole map. It forgets where it is.
 
     A goal waits meanwhile; with the recovery look_around, the robot moves to see more. Without a goal it stays stopped.
     """

@@ -310,7 +310,7 @@ class LiveRun:
         self._newest_goal, self._first_tick = goal_id, tick
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
         old = self.recorder
-        self.recorder = Recorder(map=old.map, known=old.known, began=old.began, reads=self.reads)
+        self.recorder = Recorder(map=old.map, known=old.known, began=old.began, missed=old.missed, reads=self.reads)
         self._began_ns = time.perf_counter_ns()
         if self._shadows is not None:
             self._shadows.begin()

@@ -24,7 +24,7 @@ def calibrate(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure how late each laser of a recorded drive is, and its mount.
+    """Measure how late each laser of a recorded drive is. It also finds the yaw of its mount.
 
     The drive should last a minute, with turns and straight ways between walls.
     """

@@ -5,7 +5,7 @@
 This is the same study with a report:
 
     navloom compare building --vary controller=lyapunov_tracker,pure_pursuit \\
-        --worlds doorway crossing_person --seeds 0:5 --out results
+        --worlds doorway clutter:0 --seeds 0:5 --out results
 
 Write a script for what the command cannot do: methods proposed by a search, or your own evaluation.
 """
@@ -22,7 +22,7 @@ def main() -> int:
     study = plan_study(
         "building",
         vary=["controller=lyapunov_tracker,pure_pursuit"],
-        worlds=["doorway", "crossing_person"],
+        worlds=["doorway", "clutter:0"],
         seeds=seeds,
     )
     result = run_study(study)

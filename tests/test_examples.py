@@ -236,5 +236,5 @@ def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
     assert [row.split()[:3] for row in rows] == [
         [method, world, "100%"]
         for method in ("lyapunov_tracker", "pure_pursuit")
-        for world in ("doorway", "crossing_person")
+        for world in ("doorway", "clutter:0")
     ]

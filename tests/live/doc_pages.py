@@ -14,6 +14,7 @@ NOT_RUN = {
     ("tour.md", "navloom place"): "puts the robot of the page where it is not",
     ("command-line.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
     ("operating.md", "navloom stop --all"): "would hold the robot of the page; test_cli_stop.py has some",
+    ("operating.md", "navloom calibrate"): "needs a drive with turns; plugins/calibration/tests gives it some",
     ("deploying.md", "navloom stop --all"): "needs a robot; test_cli_stop.py has some",
     ("tour.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
     ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",

@@ -51,6 +51,9 @@ class NotDisplaced(SensorsSim):
     def __init__(self, params: SensorsSimParams, context: Context) -> None:
         super().__init__(params, replace(context, disturbances=()))
 
+    def advance(self, given: PlatformInput) -> PlatformOutput:
+        return super().advance(given)
+
 
 @ENTRIES.plant("scans_of_last_tick", caught_by="aligned")
 class ScansOfLastTick(SensorsSim):

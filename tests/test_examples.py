@@ -234,7 +234,5 @@ def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
     head, *rows = script("study.py", "1")
     assert head.split()[0] == "controller"
     assert [row.split()[:3] for row in rows] == [
-        [method, world, "100%"]
-        for method in ("lyapunov_tracker", "pure_pursuit")
-        for world in ("doorway", "clutter:0")
+        [method, world, "100%"] for method in ("lyapunov_tracker", "pure_pursuit") for world in ("doorway", "clutter:0")
     ]

@@ -9,7 +9,8 @@ from hypothesis import given as examples
 from hypothesis import settings
 from hypothesis import strategies as st
 from navloom import Discovery, RangeScan, Twist2D
-from navloom_dwa import avoidance, contact, critics, field, objective, points, rollout, window
+from navloom_avoidance import certainty, points
+from navloom_dwa import contact, critics, field, objective, rollout, window
 from navloom_dwa.adapter import Dwa, split_scans
 from navloom_dwa.params import DwaParams
 from pydantic import ValidationError
@@ -173,7 +174,7 @@ def test_no_tick_compiles_after_warm_up(avoider):
         points.remember, points.obstacles_in_base, window.sample_arcs, window.reachable, contact.first_contacts,
         rollout.highest_speeds, rollout.choose, rollout.stays_free, field.fill_field, field.obstacle_distance,
         field.centre_field, critics.score_critics, objective.score_1997,
-        avoidance.insert_beams, avoidance.occupied_cells,
+        certainty.insert_beams, certainty.occupied_cells,
     )  # fmt: skip
     before = [len(kernel.signatures) for kernel in kernels]
     for method in (avoider, make(Dwa, **Dwa.presets["printed"].values())):

@@ -11,6 +11,7 @@ from navloom_avoidance.certainty import THIN_BEAM
 from navloom_avoidance.clearance import outside_distance
 
 BESIDE = 0.05  # m: a beam that passes a remembered point at a greater distance gives no information on it
+TOUCH = 1.0e-6  # m: a point within its margin is treated as this far outside of it
 BEHIND = 0.1  # m: a beam that ends this far before a remembered point hit something else
 
 
@@ -117,6 +118,60 @@ def remember(
         points[kept] = old[i]
         kept += 1
     return kept
+
+
+@njit(cache=True, nogil=True)
+def obstacles_in_base(
+    points: NDArray[np.float64],
+    cells: NDArray[np.float64],
+    arc_reach: float,
+    pose: tuple[float, float, float],
+    edges: NDArray[np.float64],
+    margins: tuple[float, float],
+    reach: float,
+    obstacles: NDArray[np.float64],
+    gaps: NDArray[np.float64],
+) -> int:
+    """Collect the obstacles near the footprint, nearest first, with the margin to keep to each.
+
+    An obstacle nearer than its margin has its distance as margin: the robot may move away but not come nearer.
+
+    Args:
+        points: (n, 3), m, pose frame, from remember(). cells: (k, 3), m, base frame, and certainty.
+        arc_reach: Cells of sonar arcs, certainty 2, count up to this distance from the base, m.
+        pose, edges: As for remember(). margins: Margins for points and for cells, m.
+        reach: Greatest distance beyond a side of the footprint, m.
+        obstacles: (N, 3), filled in: x, y, margin, m, base frame.
+        gaps: (N,), filled in: distance beyond a side, m, rising.
+
+    Returns:
+        Rows filled.
+    """
+    x, y, heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    total = points.shape[0] + cells.shape[0]
+    found, distance = np.empty((total, 3)), np.empty(total)
+    count = 0
+    for i in range(total):
+        if i < points.shape[0]:
+            dx, dy = points[i, 0] - x, points[i, 1] - y
+            bx, by, margin = dx * c + dy * s, dy * c - dx * s, margins[0]
+        else:
+            k = i - points.shape[0]
+            bx, by, margin = cells[k, 0], cells[k, 1], margins[1]
+            if cells[k, 2] < 3.0 and bx * bx + by * by > arc_reach * arc_reach:
+                continue
+        gap = outside_distance(edges, bx, by)
+        if gap <= reach:
+            found[count, 0], found[count, 1], found[count, 2] = bx, by, min(margin, gap - TOUCH)
+            distance[count] = gap
+            count += 1
+    order = np.argsort(distance[:count])
+    count = min(count, gaps.size)
+    for i in range(count):
+        obstacles[i] = found[order[i]]
+        gaps[i] = distance[order[i]]
+    return count
 
 
 @njit(cache=True, nogil=True)

@@ -8,20 +8,17 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.certainty import insert_beams, new_window, occupied_cells
 from navloom_avoidance.clearance import footprint_edges
+from navloom_avoidance.echoes import Echoes
 from navloom_avoidance.motors import Motors
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.search import Progress, Trap
-from navloom_avoidance.smoothing import smoothed
-from navloom_avoidance.support import new_record
 from numpy.typing import NDArray
 
 from navloom_dwa.contact import enlarged_corners, first_contacts
 from navloom_dwa.critics import score_critics
 from navloom_dwa.field import centre_field, fill_field, obstacle_distance
 from navloom_dwa.objective import score_1997
-from navloom_dwa.points import obstacles_in_base, remember
 from navloom_dwa.rollout import choose, highest_speeds, stays_free
 from navloom_dwa.trail import TurnTrend, trail_ahead
 from navloom_dwa.window import reachable, sample_arcs
@@ -34,7 +31,6 @@ Pose = tuple[float, float, float]
 Point = tuple[float, float]
 STOPPED_BELOW = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
 HELD = 0.5  # the gate holds the robot back if it lets less than this share of a command through
-MOST_OBSTACLES, MOST_POINTS = 4096, 8192
 
 
 class Given(NamedTuple):
@@ -106,18 +102,14 @@ class DynamicWindow:
         self.arcs, self.contacts, self.limits = np.zeros((p.arcs, 4)), np.zeros(p.arcs), np.zeros(p.arcs)
         self.costs = np.zeros((p.arcs, p.speeds))
         self.distance, self.cost_to_go = (np.zeros((p.field, p.field), np.int32) for _ in range(2))
-        self._obstacles, self._gaps = np.zeros((MOST_OBSTACLES, 3)), np.zeros(MOST_OBSTACLES)
-        self._points, self._cells = np.zeros((MOST_POINTS, 3)), np.zeros((p.cone_window**2, 3))
-        self._at_once = new_record(0)
+        self.echoes = Echoes(self.edges, p.echoes())
         self.reset()
 
     def reset(self) -> None:
         """Forget obstacles, targets and traps."""
         p = self.params
-        self.grid, self.grid_origin = new_window(p.cone_window)
+        self.echoes.reset()
         self.origin = np.zeros(2, np.int64)
-        self.count = 0
-        self.has_cones = False
         self.window = (0.0, 0.0, 0.0, 0.0)
         self.progress = Progress(p.progress_step, p.target_shift)
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
@@ -144,7 +136,7 @@ class DynamicWindow:
 
     def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose, target = self.params, given.pose, given.target
-        obstacles, gaps = self.sense(lasers, cones, given)
+        obstacles, gaps = self.echoes.see(lasers, cones, pose, given.time)
         if self.trap.place is not None:
             if self.trap.holds(pose, target, p.target_shift):
                 return Decision(0.0, 0.0, "trapped", -1, "trapped: neither robot nor target moved since")
@@ -157,40 +149,6 @@ class DynamicWindow:
         if self._backing is not None:
             return self._back_up(given, obstacles, gaps)
         return self._steer(given, obstacles, gaps)
-
-    def sense(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> tuple[Floats, Floats]:
-        """Enter the readings of one tick; return the obstacles near the robot.
-
-        Returns:
-            (n, 3) x, y and margin, m, base frame, and (n,) their gaps to the footprint, m, see obstacles_in_base().
-        """
-        p, pose = self.params, given.pose
-        for beams in lasers:
-            farthest = float(beams.limits[0, 1])
-            ranges = smoothed(beams.ranges, farthest, p.agreement) if p.agreement > 0.0 else beams.ranges.view()
-            ranges.flags.writeable = False
-            self.count = remember(
-                self._points, self.count, pose, beams.origins, beams.bearings, ranges, farthest,
-                given.time, p.memory, p.reach, p.spacing, self.edges,
-            )  # fmt: skip
-        if cones is not None:
-            self.has_cones = True
-            insert_beams(
-                self.grid, self.grid_origin, p.cone_cell, pose, cones.origins, cones.bearings, cones.half_angles,
-                cones.ranges, cones.limits, cones.sensors, 0.5 * p.cone_cell, p.blind_depth, True, False,
-                self._at_once, 0,
-            )  # fmt: skip
-        cells = self._cells[:0]
-        if self.has_cones:
-            cells = self._cells[
-                : occupied_cells(self.grid, self.grid_origin, p.cone_cell, pose, self.edges, self._cells)
-            ]
-        margins = (p.laser_margin, p.sonar_margin)
-        n = obstacles_in_base(
-            self._points[: self.count], cells, p.cone_reach, pose, self.edges, margins, p.reach,
-            self._obstacles, self._gaps,
-        )  # fmt: skip
-        return self._obstacles[:n], self._gaps[:n]
 
     def _count_time(self, given: Given) -> None:
         """Count the time without progress, while the robot executes these commands and no other source's."""

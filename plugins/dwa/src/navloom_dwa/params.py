@@ -3,6 +3,7 @@
 from typing import Literal
 
 from navloom import Params, Preset
+from navloom_avoidance.echoes import EchoSettings
 from pydantic import Field
 
 
@@ -91,6 +92,13 @@ class DwaParams(Params):
     release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Movement after which the trap is left, m.")
     release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turn after which the trap is left, degrees.")
     sectors: int = Field(72, ge=8, le=360, description="Directions of the costs in the diagnostics.")
+
+    def echoes(self) -> EchoSettings:
+        """What is remembered of the scans."""
+        return EchoSettings(
+            (self.laser_margin, self.sonar_margin), self.memory, self.reach, self.spacing, self.agreement,
+            self.cone_cell, self.cone_window, self.cone_reach, self.blind_depth,
+        )  # fmt: skip
 
 
 ROBUST = Preset("our choice: the critics of Nav2's DWB, the true footprint, braking with the motors' lag")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from navloom_avoidance.beams import Beams
 from navloom_avoidance.clearance import footprint_edges
+from navloom_avoidance.echoes import Echoes, EchoSettings
 from navloom_avoidance.motors import Motors
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.search import Progress, Trap
@@ -17,7 +18,6 @@ from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
-from navloom_mppi.echoes import Echoes
 from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
 from navloom_mppi.nearest import body_points, fill_nearest
 from navloom_mppi.rollout import knots_of, roll_out, roll_out_plan
@@ -97,7 +97,8 @@ class PathIntegral:
         self.near_reach = disc + self.margin + p.soft
         self.reach = min(max(BEYOND * robot.max_linear * p.step * p.steps, REACH[0]), REACH[1])
         self.cell = 2.0 * self.reach / FIELD
-        self.echoes = Echoes(self.edges, (p.laser_margin, p.sonar_margin), p.memory, self.reach)
+        margins = (p.laser_margin, p.sonar_margin)
+        self.echoes = Echoes(self.edges, EchoSettings(margins, p.memory, self.reach))
         self.by_critic = weights_by_critic(p, robot)
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from navloom_avoidance.clearance import footprint_edges
-from navloom_dwa.points import is_superseded, nearest_beam, obstacles_in_base, remember
+from navloom_avoidance.points import is_superseded, nearest_beam, obstacles_in_base, remember
 
 EDGES = footprint_edges(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]))
 BEARINGS = np.linspace(-1.0, 1.0, 21)

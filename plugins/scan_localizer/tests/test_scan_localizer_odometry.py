@@ -8,9 +8,10 @@ from navloom import Context, LocalizerInput, Odometry, Pose2D, RangeScan, RobotS
 from navloom_scan_localizer.adapter import ScanOdometry
 from navloom_scan_localizer.params import ScanOdometryParams
 from navloom_scan_localizer.surface import LocalSurface
-from navloom_scan_localizer.sweep import Sweep, ordered
+from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.unaided import hold_unseen
 from navloom_scans.poses import compose, relative
+from navloom_scans.readings import ordered
 from scan_localizer_rooms import fan, ranges_in, room
 
 CELL = 0.1

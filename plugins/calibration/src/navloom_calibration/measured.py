@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from navloom_scan_localizer.sweep import ORDERS, ordered
+from navloom_scan_localizer.sweep import ORDERS
+from navloom_scans.readings import ordered
 from numpy.typing import NDArray
 
 from navloom_calibration.laser_track import Beams, Track, Way, laser_track, velocities_of

@@ -21,6 +21,7 @@ from navloom_scans import anywhere, beams
 from navloom_scans.anywhere import MapSearch
 from navloom_scans.maps import field_of_map, free_of_map, is_same_map
 from navloom_scans.readings import beams_of
+from navloom_scans.trail import OdometryTrail
 
 from navloom_mcl import filter
 from navloom_mcl.belief import Belief
@@ -60,6 +61,7 @@ class Mcl(Localizer[MclParams]):
         particles = ParticleFilter(self._search.field, self.params.filter(), self._random)
         self._belief = Belief(particles, self._search, self.params.belief())
         self._stamp_ns: int | None = None
+        self._trail = OdometryTrail(self.params.max_age, self.context.period)
         self._places: Hypotheses | None = None
         start, sigma = self.context.start, self.context.start_sigma
         if sigma is None:
@@ -99,7 +101,8 @@ class Mcl(Localizer[MclParams]):
         passed = self.context.period if self._stamp_ns is None else (odometry.stamp_ns - self._stamp_ns) / 1e9
         belief.predict(_row(odometry.pose), max(0.0, passed))
         self._stamp_ns = odometry.stamp_ns
-        belief.correct(*beams_of(given.scans, odometry, self.params))
+        self._trail.add(odometry.stamp_ns, _row(odometry.pose))
+        belief.correct(*beams_of(given.scans, odometry, self.params, self._trail))
         self._tell(odometry.stamp_ns)
         pose = Pose2D(*belief.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, belief.covariance, belief.state, belief.reason)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from navloom import (
@@ -16,11 +16,11 @@ from navloom import (
     PoseEstimate,
     RangeScan,
     Twist2D,
-    read_only,
 )
 from navloom_scans import beams, matching, search, sight, small
 from navloom_scans.maps import field_of_map, is_same_map
 from navloom_scans.poses import relative
+from navloom_scans.readings import beams_of, echoes_of, range_scans, silent_of
 from navloom_scans.small import inverse
 from navloom_scans.trail import OdometryTrail
 from numpy.typing import NDArray
@@ -31,15 +31,11 @@ from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
 from navloom_scan_localizer.smoothing import SmoothPose
 from navloom_scan_localizer.surface import LocalSurface
-from navloom_scan_localizer.sweep import Sweep, ordered
+from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.tracking import PoseTracker
 from navloom_scan_localizer.unaided import UnaidedMotion, hold_unseen
 
 __all__ = ["ScanMatching", "ScanOdometry"]
-
-_SEEN_TO = 0.9
-"""Share of the range to which a beam without an echo shows that there is no wall: echoes from the end are weak."""
-
 
 _COVERED = 0.5
 """Share of a scan's echoes on known surfaces with which the next scans can do without it."""
@@ -122,21 +118,20 @@ class ScanMatching(Localizer[ScanMatchingParams]):
 
     def _beams(self, given: LocalizerInput) -> tuple[NDArray[np.float64], int]:
         """(n, 4) beams of the scans of this tick, first those with an echo, and the number of these."""
-        points = _echoes(given, given.odometry.twist, self.params, self._trail)
-        rows = [*points, *_silent(given, self.params, self._trail)]
-        return (np.concatenate(rows) if rows else np.empty((0, 4))), sum(len(row) for row in points)
+        return beams_of(given.scans, given.odometry, self.params, self._trail)
 
     def _see(self, given: LocalizerInput) -> None:
         """Correct the pose by the scans of this tick, and judge it."""
-        odometry, tracker = given.odometry, self._tracker
-        points = _echoes(given, odometry.twist, self.params, self._trail)
+        odometry, tracker, scans = given.odometry, self._tracker, range_scans(given.scans)
+        reading = odometry.stamp_ns, odometry.twist, self.params, self._trail
+        points = echoes_of(scans, *reading)
         if not points:
             return
         echoes, time = points[0] if len(points) == 1 else np.concatenate(points), odometry.stamp_ns / 1e9
         if tracker.correct(echoes):
             self._ambiguity.look(echoes)
         if self._judge.is_due(time):
-            silent = _silent(given, self.params, self._trail)
+            silent = silent_of(scans, *reading)
             beams = np.concatenate((echoes, *silent)) if silent else echoes
             self._judge.look(beams, time, len(echoes))
 
@@ -214,7 +209,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         points, can_wait = self._near(given, twist), False
         # The first scan has nothing to be matched with.
         if len(points) and self._scans:
-            if is_due := self._sweep.is_due(twist.wz, [scan.time_offsets for scan in _scans(given)]):
+            if is_due := self._sweep.is_due(twist.wz, [scan.time_offsets for scan in range_scans(given.scans)]):
                 self._sweep.compare(lambda order: tracker.cost_of(self._near(given, twist, order)))
                 points = self._near(given, twist)
             if motion.is_possible:
@@ -243,9 +238,10 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         return PoseEstimate(odometry.stamp_ns, pose, twist, covariance, state, why)
 
     def _near(self, given: LocalizerInput, twist: Twist2D, order: float | None = None) -> NDArray[np.float64]:
-        """The points of all scans within `max_range`, (n, 4), see `_points`, in that order or that of the sweep."""
+        """The points of all scans within `max_range`, (n, 4), see `echoes_of`, in that order or that of the sweep."""
         trail = None if self._motion.is_certain else self._trail
-        points = _echoes(given, twist, self.params, trail, self._sweep.order if order is None else order)
+        order = self._sweep.order if order is None else order
+        points = echoes_of(range_scans(given.scans), given.odometry.stamp_ns, twist, self.params, trail, order)
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         return joined[: beams.keep_near(joined, self.params.max_range)]
 
@@ -299,17 +295,6 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._key, self._scans = pose.copy(), self._scans + 1
 
 
-class _BeamLimits(Protocol):
-    """Parameters that select beams, see `params.ScanMatchingParams`."""
-
-    @property
-    def limit_margin(self) -> float: ...
-    @property
-    def max_half_angle_deg(self) -> float: ...
-    @property
-    def max_age(self) -> float: ...
-
-
 def _predict(tracker: PoseTracker, odometry: Odometry, since_ns: int, period_ns: int) -> None:
     """Move the pose by the odometry since a stamp."""
     # Before the first step, a tick at most has passed, whatever the run clock shows: a robot may have run for days.
@@ -322,51 +307,3 @@ def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
     if isinstance(given, Pose2D):
         return np.array([given.x, given.y, given.heading])
     return np.array([given.vx, given.vy, given.wz])
-
-
-def _echoes(
-    given: LocalizerInput, twist: Twist2D, limits: _BeamLimits, trail: OdometryTrail | None, order: float = 1.0
-) -> list[NDArray[np.float64]]:
-    """The points of each scan, see `_points`."""
-    stamp_ns = given.odometry.stamp_ns
-    return [_points(scan, stamp_ns, twist, limits, trail, scan.ranges, order) for scan in _scans(given)]
-
-
-def _scans(given: LocalizerInput) -> list[RangeScan]:
-    return [scan for scan in given.scans if isinstance(scan, RangeScan)]
-
-
-def _silent(given: LocalizerInput, p: _BeamLimits, trail: OdometryTrail) -> list[NDArray[np.float64]]:
-    """Beams without an echo, as those of `_points`; they end where the sensor would still have seen a wall."""
-    found = []
-    for scan in _scans(given):
-        limit = scan.range_max - p.limit_margin
-        if len(scan.ranges) and scan.ranges.max() >= limit:
-            seen = np.where(scan.ranges < limit, 0.0, _SEEN_TO * limit)
-            found.append(_points(scan, given.odometry.stamp_ns, given.odometry.twist, p, trail, seen))
-    return found
-
-
-def _points(
-    scan: RangeScan,
-    stamp_ns: int,
-    twist: Twist2D,
-    p: _BeamLimits,
-    trail: OdometryTrail | None,
-    ranges: NDArray[np.float64],
-    order: float = 1.0,
-) -> NDArray[np.float64]:
-    """(n, 4) end points, m, and directions of a scan's beams in one of `ORDERS`, in the base frame at a time, ns.
-
-    Without a trail of odometry the velocity is taken as constant since the scan.
-    """
-    late = (scan.stamp_ns - stamp_ns) / 1e9
-    if abs(late) > p.max_age:
-        return np.empty((0, 4))
-    limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
-    velocity = _row(twist) if trail is None else trail.velocity_since(scan.stamp_ns, _row(twist))
-    rows, motion = np.empty((len(scan.ranges), 4)), np.append(velocity, late)
-    offsets = scan.time_offsets if order == 1.0 else ordered(scan.time_offsets, order)
-    # Computed ranges and offsets are writable, for which a kernel would compile while the robot drives.
-    given = (scan.origins, scan.bearings, scan.half_angles, read_only(offsets), read_only(ranges))
-    return rows[: beams.beam_points(*given, limits, motion, rows)]

@@ -11,23 +11,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ORDERS", "Sweep", "ordered"]
+__all__ = ["ORDERS", "Sweep"]
 
 Floats = NDArray[np.float64]
 
 ORDERS = (1.0, 0.0, -1.0)
-"""As the scan says; all beams at once; the other way round."""
+"""As the scan says; all beams at once; the other way round; see `readings.ordered`."""
 _LEAST_TURN = 0.05
 """Turn of the robot within a scan from which the orders can be told apart, rad."""
 _LEAD, _CERTAIN = 5.0, 30.0
 """Difference of log likelihood from which another order is taken, and from which no more scans are compared."""
-
-
-def ordered(time_offsets: Floats, order: float) -> Floats:
-    """Time offsets, (n,) s, for one of `ORDERS`; the middle of the scan keeps its time."""
-    middle = 0.5 * (time_offsets.min() + time_offsets.max())
-    found: Floats = middle + order * (time_offsets - middle)
-    return found
 
 
 class Sweep:

@@ -24,7 +24,7 @@ from navloom import (
 from navloom_maps.rosmap import load_raster
 from navloom_mcl.adapter import Mcl
 from navloom_mcl.params import MclParams
-from scan_localizer_rooms import fan, ranges_in
+from scan_localizer_rooms import fan, flat, ranges_in
 from scipy.ndimage import distance_transform_edt
 
 PERIOD = 0.05
@@ -38,18 +38,6 @@ ROBOT = RobotSpec(CORNERS, 0.6, 0.1, 0.2, 0.6, 1.0, 1.0, 1.0)
 @pytest.fixture(scope="module", autouse=True)
 def _compiled():
     Mcl.warm_up()
-
-
-def flat():
-    """Two rooms of a flat of 8 m x 6 m, cells of 0.1 m."""
-    walls = np.ones((60, 80), dtype=np.bool_)
-    walls[1:-1, 1:-1] = False
-    walls[:, 45] = True
-    walls[20:29, 45] = False
-    walls[1:12, 1:9] = True
-    walls[40:43, 15:20] = True
-    walls[50:54, 60:72] = True
-    return walls
 
 
 def grid_of(walls, cell=0.1, origin=(0.0, 0.0)):

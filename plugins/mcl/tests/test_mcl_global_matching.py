@@ -18,24 +18,12 @@ from navloom_scan_localizer.tracking import PoseTracker, Settings
 from navloom_scans.anywhere import MapSearch
 from navloom_scans.field import distance_field
 from navloom_scans.poses import compose
-from scan_localizer_rooms import beams_of, fan, ranges_in
+from scan_localizer_rooms import beams_of, fan, flat, ranges_in
 
 PERIOD, CELL = 0.1, 0.1
 SEEN, RANGE = fan(181), 12.0
 CORNERS = np.array([[0.25, 0.25], [-0.25, 0.25], [-0.25, -0.25], [0.25, -0.25]])
 ROBOT = RobotSpec(CORNERS, 0.6, 0.1, 0.2, 0.6, 1.0, 1.0, 1.0)
-
-
-def flat():
-    """Two rooms of a flat of 8 m x 6 m with a door and three cupboards."""
-    walls = np.ones((60, 80), dtype=np.bool_)
-    walls[1:-1, 1:-1] = False
-    walls[:, 45] = True
-    walls[20:29, 45] = False
-    walls[1:12, 1:9] = True
-    walls[40:43, 15:20] = True
-    walls[50:54, 60:72] = True
-    return walls
 
 
 def cabins():

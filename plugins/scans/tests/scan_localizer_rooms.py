@@ -42,6 +42,18 @@ def _cast(occupied, x, y, angles, reach):
     return ranges
 
 
+def flat():
+    """Two rooms of a flat of 8 m x 6 m, cells of 0.1 m, with a door and three cupboards; all else free."""
+    walls = np.ones((60, 80), dtype=np.bool_)
+    walls[1:-1, 1:-1] = False
+    walls[:, 45] = True
+    walls[20:29, 45] = False
+    walls[1:12, 1:9] = True
+    walls[40:43, 15:20] = True
+    walls[50:54, 60:72] = True
+    return walls
+
+
 def fan(beams=181, degrees=270.0):
     """(beams,) bearings, rad, base frame."""
     return np.radians(np.linspace(-0.5 * degrees, 0.5 * degrees, beams))

@@ -8,7 +8,7 @@ from navloom_scans import anywhere
 from navloom_scans.anywhere import MapSearch, SearchSettings
 from navloom_scans.field import distance_field
 from navloom_scans.sight import is_through
-from scan_localizer_rooms import beams_of, fan, ranges_in
+from scan_localizer_rooms import beams_of, fan, flat, ranges_in
 
 CELL = 0.1
 SEEN = fan(181, 360.0)
@@ -17,18 +17,6 @@ SEEN = fan(181, 360.0)
 @pytest.fixture(scope="module", autouse=True)
 def _compiled():
     anywhere.warm_up()
-
-
-def flat():
-    """Two rooms of a flat of 8 m x 6 m, with a door, a niche, a pillar and a chimney; all else free."""
-    walls = np.ones((60, 80), dtype=np.bool_)
-    walls[1:-1, 1:-1] = False
-    walls[:, 45] = True
-    walls[20:29, 45] = False
-    walls[1:12, 1:9] = True
-    walls[40:43, 15:20] = True
-    walls[50:54, 60:72] = True
-    return walls
 
 
 def search_of(walls, origin=(0.0, 0.0, 0.0), **settings):

@@ -138,19 +138,23 @@ class Trail:
     @property
     def path_length(self) -> float:
         """Distance driven, m: the sum of the chords between ticks, without displacements."""
-        return float(self._ways.sum())
+        return float(self._steps.sum())
 
     @property
     def path_length_to_goal(self) -> float:
         """Distance driven until `end`, m."""
-        way = np.concatenate([[0.0], np.cumsum(self._ways)])
-        return float(np.interp(self.end, self.time, way)) if self.time.size else 0.0
+        return float(np.interp(self.end, self.time, self.way)) if self.time.size else 0.0
 
     @property
-    def _ways(self) -> Floats:
+    def way(self) -> Floats:
+        """(n,) distance driven up to each tick, m, without displacements."""
+        return np.concatenate([[0.0], np.cumsum(self._steps)])
+
+    @property
+    def _steps(self) -> Floats:
         """(n - 1,) distance driven from each tick to the next, m."""
-        ways: Floats = np.hypot(np.diff(self.x), np.diff(self.y))
-        return np.where(self.carried[1:], 0.0, ways) if self.carried.size else ways
+        steps: Floats = np.hypot(np.diff(self.x), np.diff(self.y))
+        return np.where(self.carried[1:], 0.0, steps) if self.carried.size else steps
 
 
 def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult) -> Trail:

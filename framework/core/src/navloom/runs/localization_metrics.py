@@ -51,8 +51,7 @@ def pose_error_p95(trail: Trail) -> float | None:
 
 def pose_error_max(trail: Trail) -> float | None:
     """Largest distance between the estimated and the true position, m."""
-    known = _tracked(trail, trail.localization.error)
-    return float(known.max()) if known.size else None
+    return _largest(_tracked(trail, trail.localization.error))
 
 
 def pose_heading_rms(trail: Trail) -> float | None:
@@ -67,8 +66,7 @@ def pose_heading_median(trail: Trail) -> float | None:
 
 def pose_heading_max(trail: Trail) -> float | None:
     """Largest such difference, rad."""
-    turned = _tracked(trail, trail.localization.turn_error)
-    return float(turned.max()) if turned.size else None
+    return _largest(_tracked(trail, trail.localization.turn_error))
 
 
 def found_time(trail: Trail) -> float | None:
@@ -86,8 +84,7 @@ def found_distance(trail: Trail) -> float | None:
     if not known.time.size:
         return None
     at = known.found_at
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(trail.x), np.diff(trail.y)))])
-    return float(way[-1] if at is None else np.interp(known.time[at], trail.time, way))
+    return trail.path_length if at is None else float(np.interp(known.time[at], trail.time, trail.way))
 
 
 def not_tracking_time(trail: Trail) -> float | None:
@@ -107,7 +104,7 @@ def false_tracking_time(trail: Trail) -> float | None:
 
 def jump_max(trail: Trail) -> float | None:
     """Largest correction of a tick beyond odometry while the robot drove, m."""
-    return float(trail.localization.jumps.max()) if trail.localization.jumps.size else None
+    return _largest(trail.localization.jumps)
 
 
 def jumps(trail: Trail) -> float | None:
@@ -139,6 +136,10 @@ def _tracked(trail: Trail, values: Floats) -> Floats:
 
 def _rms(values: Floats) -> float | None:
     return math.sqrt(float((values**2).mean())) if values.size else None
+
+
+def _largest(values: Floats) -> float | None:
+    return float(values.max()) if values.size else None
 
 
 def _median(values: Floats) -> float | None:

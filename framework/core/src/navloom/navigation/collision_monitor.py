@@ -34,6 +34,7 @@ from navloom.navigation.monitor_rollout import (
     stopping_way,
     within,
 )
+from navloom.navigation.odometry_frame import OdometryFrame
 from navloom.roles import RobotSpec
 
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
@@ -68,9 +69,6 @@ A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope
 """
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
-CARRIED, FRAME_KEPT = 0.5, 3.0
-"""Distance of a pose from where odometry led within FRAME_KEPT, s, or while the localizer did not track, from which the
-robot was carried, m: odometry that is 10 % wrong leads 0.15 m off in that time at 0.5 m/s."""
 NO_COMMANDS = np.empty((0, 3))
 
 
@@ -147,8 +145,7 @@ class CollisionMonitor:
         self._given: deque[tuple[float, float, float]] = deque()
         self._is_free = True
         self._estimate: PoseEstimate | None = None
-        self._frame: tuple[float, float, float, float] | None = None
-        """Time, s, heading, rad, and place, m, of the odometry frame in the map, some seconds ago."""
+        self._frame = OdometryFrame()
         self._grid: OccupancyGrid | None = None
 
     def move(self, odometry: Odometry) -> None:
@@ -187,20 +184,12 @@ class CollisionMonitor:
         self._estimate, self._grid = estimate, grid
         if is_old or estimate is None or estimate.state != "tracking" or not self._stamps:
             return
-        pose, time = estimate.pose, estimate.stamp_ns * 1e-9
-        ox, oy, turned = self._poses[max(0, bisect_right(self._stamps, time + 1e-6) - 1)]
-        turn = pose.heading - turned
-        cos, sin = math.cos(turn), math.sin(turn)
-        here = time, turn, pose.x - cos * ox + sin * oy, pose.y - sin * ox - cos * oy
-        since, turn, x, y = self._frame or here
-        led = x + math.cos(turn) * ox - math.sin(turn) * oy, y + math.sin(turn) * ox + math.cos(turn) * oy
-        if math.dist(led, (pose.x, pose.y)) > CARRIED:
+        time = estimate.stamp_ns * 1e-9
+        odometry = self._poses[max(0, bisect_right(self._stamps, time + 1e-6) - 1)]
+        if self._frame.jumps(time, estimate.pose, odometry):
             self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
             for sensor in self._sensors.values():
                 sensor.forget_unseen()
-            self._frame = here
-        elif self._frame is None or time > since + FRAME_KEPT:
-            self._frame = here
 
     def _begins_again(self, pose: Pose2D, time: float) -> bool:
         """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""

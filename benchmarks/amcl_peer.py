@@ -32,7 +32,7 @@ def follow(episode: Episode, start: Place | None) -> dict[str, Any]:
 
     Args:
         episode: A run with the streams of odometry and the laser.
-        start: Start that it is told; None for one that is unknown: a normal distribution as wide as the map.
+        start: Start pose that it gets; None for an unknown one, which is a normal distribution as wide as the map.
 
     Returns:
         The same measures as those of our localizers; `absent` if it is not installed.

@@ -135,7 +135,7 @@ def _at_a_twin(known: Localization, task: Task) -> bool:
 
 
 def _after(known: Localization, end: float) -> dict[str, Any]:
-    """What became of a disturbance that is over at a run time, s.
+    """How a localizer recovered from a disturbance that ended at a run time, s.
 
     Returns:
         noticed_s: Time of motion in which the localizer tracked falsely after it, s: until it noticed or was right.

@@ -133,7 +133,7 @@ def _places(log: LogDrive, count: int) -> Iterator[int]:
 
 
 def _fault_row(log: LogDrive, name: str, known: OccupancyGrid, fault: str, number: int, at_ns: int, params: Any) -> Any:
-    """What became of one made fault, or of a start without a pose.
+    """How a localizer recovered from one made fault, or from a start without a pose.
 
     Returns:
         wrong: Whether the localizer tracked falsely after it. noticed_s: How long, s; None if it did not or never

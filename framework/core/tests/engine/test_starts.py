@@ -1,4 +1,4 @@
-"""Where the robot is told that it starts, where it truly starts, and which localizers can search for it."""
+"""The start pose that the robot believes in, the true one, and which localizers can search for it."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ class Track(NamedTuple):
 
     Attributes:
         stamps: (m,) of the scans, s.
-        poses: (m, 3) x, y, m, heading, rad, unwrapped; in a frame that begins anew with each part.
+        poses: (m, 3) x, y, m, heading, rad, unwrapped; in a frame of its own for each part.
         parts: (m,) number of the part: where scans fit nothing that was seen before, another begins.
     """
 

@@ -110,9 +110,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
             if old is None or not is_same_map(old, given.known):
                 self._take_field()
         odometry = given.odometry
-        since_ns = self._stamp_ns or max(0, odometry.stamp_ns - round(1e9 * self.context.period))
-        self._passed = (odometry.stamp_ns - since_ns) / 1e9
-        _predict(self._tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
+        self._passed = _predict(self._tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
         self._stamp_ns = odometry.stamp_ns
         self._trail.add(odometry.stamp_ns, self._tracker.odometry)
 
@@ -295,11 +293,13 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._key, self._scans = pose.copy(), self._scans + 1
 
 
-def _predict(tracker: PoseTracker, odometry: Odometry, since_ns: int, period_ns: int) -> None:
-    """Move the pose by the odometry since a stamp."""
+def _predict(tracker: PoseTracker, odometry: Odometry, since_ns: int, period_ns: int) -> float:
+    """Move the pose by the odometry since a stamp; the time since then, s."""
     # Before the first step, a tick at most has passed, whatever the run clock shows: a robot may have run for days.
     since_ns = since_ns or max(0, odometry.stamp_ns - period_ns)
-    tracker.predict(_row(odometry.pose), (odometry.stamp_ns - since_ns) / 1e9)
+    passed = (odometry.stamp_ns - since_ns) / 1e9
+    tracker.predict(_row(odometry.pose), passed)
+    return passed
 
 
 def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:

@@ -145,7 +145,7 @@ class PoseTracker:
         self._doubt_place()
 
     def _doubt_place(self) -> None:
-        """A place that somebody or a search has set may be wrong by as much as is searched."""
+        """A pose set by an operator or a search may be wrong by as much as is searched."""
         s = self.settings
         place, turn = (0.5 * s.search_reach) ** 2, (0.5 * s.search_turn) ** 2
         self.prior: Floats = self.covariance + np.diag([place, place, turn])

@@ -1,4 +1,4 @@
-"""Where a robot is told that it starts, where a simulated one truly starts, and whether its localizers can search."""
+"""The start pose that a robot believes in, the true one of a simulated robot, and whether its localizers can search."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Sigma = tuple[float, float]
 
 
 def starts_of(config: Config, world: World | None) -> tuple[Pose2D, Sigma | None, Pose2D]:
-    """The start that the robot is told, its standard deviations, see `Context.start_sigma`, and the true start.
+    """The start that the robot believes in, its standard deviations, see `Context.start_sigma`, and the true start.
 
     Raises:
         ConfigError: The start is unknown, and nothing says where the simulated robot truly stands.

@@ -28,7 +28,7 @@ class System:
         loaded: The config.
         robot: Description of the robot that plugins receive.
         world: Ground truth, or None on a real robot.
-        start: Start pose that the robot is told, map frame.
+        start: Start pose that the robot believes in, map frame.
         start_sigma: How sure that is, see `Context.start_sigma`.
         true_start: True start pose of a simulated robot, map frame.
         goal: Goal of the config or world, or None.
@@ -82,7 +82,7 @@ class System:
 
     @property
     def drawn_start(self) -> Pose2D:
-        """The start for pictures: what the robot was told, or where a robot that was told nothing truly stood."""
+        """The start for pictures: the one that the robot believes in, or the true one if its start is unknown."""
         return self.true_start if self.start_sigma == ANYWHERE else self.start
 
     @property

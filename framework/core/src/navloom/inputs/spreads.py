@@ -1,4 +1,4 @@
-"""Standard deviations of a place that somebody guesses."""
+"""Standard deviations of a guessed pose."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ class KeptPose:
 
 
 def resume(system: System, resumes: bool, say: Callable[[str], None]) -> tuple[KeptPose, Loaded]:
-    """The robot's file, and the config to start with: with the kept pose, unless somebody says where the robot is.
+    """The robot's file, and the config to start with: with the kept pose, unless the command line gives a start.
 
     Args:
         system: A robot that keeps its pose.

@@ -183,10 +183,10 @@ class ActiveGoal:
         """Measure the progress of a tick of its drive."""
         self.time_left.look(seen, None if _is_held(seen) else self.own_reference(seen))
 
-    def next_place(self) -> Pose2D:
-        """Where the next path ends. Only the last path has a heading."""
-        leg, heading = self.legs[0], self.goal.heading
-        return Pose2D(leg.x, leg.y, heading if heading is not None and len(self.legs) == 1 else 0.0)
+    def next_place(self) -> tuple[Pose2D, bool]:
+        """Where the next path ends, and whether with any heading. Only the last path has a heading."""
+        leg, heading = self.legs[0], self.goal.heading if len(self.legs) == 1 else None
+        return Pose2D(leg.x, leg.y, heading or 0.0), heading is None
 
     def is_unfollowed(self, path_id: int, seen: GoalView) -> bool:
         """Whether the reference node has not followed the path for too long: the network may have lost the path."""

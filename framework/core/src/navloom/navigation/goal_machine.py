@@ -318,7 +318,7 @@ class GoalMachine:
         assert seen.estimate is not None
         self._requests += 1
         active.plan_id, active.since = self._requests, seen.time
-        self._ask(active, "plan", PlanRequest(self._requests, seen.estimate.pose, active.next_place()), seen)
+        self._ask(active, "plan", PlanRequest(self._requests, seen.estimate.pose, *active.next_place()), seen)
 
     def _ask(self, active: ActiveGoal, port: str, request: Message, seen: GoalView) -> None:
         active.asked, active.asked_at = (port, request), seen.time

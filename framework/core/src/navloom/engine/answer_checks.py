@@ -61,6 +61,8 @@ MOST_PLACES = 64
 """Most places in a localizer's hypotheses."""
 FAR = 10.0
 """Multiple of a limit beyond which a command is reported: the cause is a wrong unit, not a high gain."""
+ACROSS = math.radians(45.0)
+"""Largest angle between a segment of a path and the heading of a robot that does not drive sideways, rad."""
 
 A = TypeVar("A", bound=TrackingCommand | Avoidance | RecoveryStep)
 
@@ -274,6 +276,8 @@ class PlannerDoor(_Door):
     def __init__(self, plugin: Role, tolerance: float) -> None:
         super().__init__(plugin)
         self.tolerance = tolerance
+        context = getattr(plugin, "context", None)  # a plugin's own __init__ may not store it
+        self._is_holonomic = context is not None and context.robot.drive == "holonomic"
 
     def check(self, answer: object, given: PlannerInput) -> Path | PlanFailure:
         """The answer as it is. Raises AnswerError."""
@@ -294,7 +298,24 @@ class PlannerDoor(_Door):
                         f"gave a path that {name} at ({x:.2f}, {y:.2f})",
                         f"({asked.x:.2f}, {asked.y:.2f}), as asked, within {slack:.2f} m",
                     )
+            self._check_headings(answer)
         return answer
+
+
+    def _check_headings(self, path: Path) -> None:
+        """Refuse a segment across the heading, along which only a holonomic robot can drive."""
+        if path.headings is None or self._is_holonomic:
+            return
+        legs, turns = np.diff(path.points, axis=0), np.remainder(np.diff(path.headings) + math.pi, math.tau) - math.pi
+        off = np.arctan2(legs[:, 1], legs[:, 0]) - (path.headings[:-1] + 0.5 * turns)
+        off = np.abs(np.remainder(off + math.pi, math.tau) - math.pi)
+        across = (np.minimum(off, math.pi - off) > ACROSS) & (legs != 0.0).any(axis=1)
+        if across.any():
+            k = int(across.argmax())
+            self.refuse(
+                f"gave a path with headings whose segment {k} lies {math.degrees(off[k]):.0f}° off its heading",
+                f"at most {math.degrees(ACROSS):.0f}° from it, forwards or backwards: this robot does not drive sideways",
+            )
 
 
 class TwistDoor(_Door, Generic[A]):

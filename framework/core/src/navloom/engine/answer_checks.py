@@ -301,7 +301,6 @@ class PlannerDoor(_Door):
             self._check_headings(answer)
         return answer
 
-
     def _check_headings(self, path: Path) -> None:
         """Refuse a segment across the heading, along which only a holonomic robot can drive."""
         if path.headings is None or self._is_holonomic:
@@ -314,7 +313,7 @@ class PlannerDoor(_Door):
             k = int(across.argmax())
             self.refuse(
                 f"gave a path with headings whose segment {k} lies {math.degrees(off[k]):.0f}° off its heading",
-                f"at most {math.degrees(ACROSS):.0f}° from it, forwards or backwards: this robot does not drive sideways",
+                f"at most {math.degrees(ACROSS):.0f}°, forwards or backwards: this robot does not drive sideways",
             )
 
 

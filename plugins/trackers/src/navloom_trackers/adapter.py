@@ -251,7 +251,8 @@ def _from_robot(
     # A limited turn acceleration is not in it: `stopping_turn` bounds the correction to what ends in time.
     late = context.period + robot.dead_time + robot.motor_lag
     time = _or(params.look_ahead_time, derived.margin_look_ahead(late, damping, stiffness))
-    least = _or(params.min_look_ahead, 0.5 * inscribed_radius(robot.footprint))
+    # Steered wheels are at their limit for a point nearer than that, once it is an eighth of their radius aside.
+    least = _or(params.min_look_ahead, 0.5 * max(inscribed_radius(robot.footprint), robot.turn_radius))
     most = _or(params.max_look_ahead, max(least, time * robot.max_linear))
     distance = _or(params.approach_distance, derived.braking_approach(robot.max_linear, robot.max_deceleration))
     return (time, min(least, most), most), (distance, params.min_approach_speed)

@@ -44,6 +44,7 @@ from navloom.roles import (
     Platform,
     PlatformInput,
     PlatformOutput,
+    RobotSpec,
     Role,
     SensorSpec,
     answers_of,
@@ -271,13 +272,13 @@ class PlannerDoor(_Door):
         plugin: The planner.
         tolerance: How near to its goal a robot must come, m. A path's ends may be off by this or by the diagonal of a
             cell, whichever is larger.
+        robot: Only a holonomic one drives across its heading.
     """
 
-    def __init__(self, plugin: Role, tolerance: float) -> None:
+    def __init__(self, plugin: Role, tolerance: float, robot: RobotSpec | None = None) -> None:
         super().__init__(plugin)
         self.tolerance = tolerance
-        context = getattr(plugin, "context", None)  # a plugin's own __init__ may not store it
-        self._is_holonomic = context is not None and context.robot.drive == "holonomic"
+        self._is_holonomic = robot is not None and robot.drive == "holonomic"
 
     def check(self, answer: object, given: PlannerInput) -> Path | PlanFailure:
         """The answer as it is. Raises AnswerError."""

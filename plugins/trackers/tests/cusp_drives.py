@@ -33,7 +33,13 @@ DIFFERENTIAL = ["robot.footprint={ length=0.8, width=0.4 }", "robot.max_angular_
 
 
 def arcs(*legs: Leg, heading: float = 0.0, step: float = 0.05) -> tuple[Floats, Floats]:
-    """Points (n, 2), m, and headings (n,), rad, from the origin along arcs of a length, m, < 0 backwards, and a turn, rad."""
+    """Points (n, 2), m, and headings (n,), rad, from the origin along arcs.
+
+    Args:
+        legs: Length, m, negative backwards, and turn, rad, of each.
+        heading: At the origin, rad.
+        step: Largest distance between points, m.
+    """
     x, y, poses = 0.0, 0.0, [(0.0, 0.0, heading)]
     for length, turn in legs:
         count = math.ceil(abs(length) / step)
@@ -92,8 +98,6 @@ class Drive:
         contacts: Ticks in contact.
         clearance: Least gap to an obstacle, m.
         track: (n, 5) time, s, true x, y, m, heading, rad, and speed, m/s.
-        samples: Of the trajectory.
-        gate_stops: Stops of the gate for an obstacle.
     """
 
     outcome: str
@@ -107,7 +111,6 @@ class Drive:
     contacts: int
     clearance: float
     track: Floats
-    samples: Floats
 
 
 def drive(
@@ -154,11 +157,11 @@ def drive(
     track, samples = truth[:, :5], recorder.trajectories[0].samples
     away = np.array([np.hypot(*(samples[:, 1:3] - place).T).min() for place in track[:, 1:3]])
     found = trail_of(system, recorder, log, result)
+    gaps, turned = truth[:, 5], math.remainder(track[-1, 3] - headings[-1], math.tau)
     return Drive(
         found.outcome, result.reason, float(track[-1, 0]), math.sqrt(float((away**2).mean())), float(away.max()),
-        beyond_cusps(samples, track), math.hypot(*(track[-1, 1:3] - points[-1])),
-        math.remainder(track[-1, 3] - headings[-1], math.tau), int((truth[:, 5] == 0.0).sum()), float(truth[:, 5].min()),
-        track, samples,
+        beyond_cusps(samples, track), math.hypot(*(track[-1, 1:3] - points[-1])), turned, int((gaps == 0.0).sum()),
+        float(gaps.min()), track,
     )  # fmt: skip
 
 

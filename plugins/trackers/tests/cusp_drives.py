@@ -166,11 +166,14 @@ def drive(
 
 
 def beyond_cusps(samples: Floats, track: Floats) -> float:
-    """Largest way, m, that a track (n, 5) leads beyond a cusp of a trajectory (k, 6), within 0.2 m beside it."""
-    most = 0.0
+    """Largest way, m, that a track (n, 5) leads beyond a cusp of a trajectory (k, 6), until it leads back."""
+    most, last = 0.0, 0
     for k in np.flatnonzero(np.diff(np.sign(samples[:, 5]))):
-        cos, sin = math.cos(samples[k, 3]), math.sin(samples[k, 3])
-        dx, dy = (track[:, 1:3] - samples[k, 1:3]).T
-        along, aside = math.copysign(1.0, samples[k, 5]) * (cos * dx + sin * dy), np.abs(cos * dy - sin * dx)
-        most = max(most, float(along[(aside < 0.2) & (along < 0.5)].max(initial=0.0)))
+        sign = math.copysign(1.0, samples[k, 5])
+        while last < len(track) - 1 and (
+            np.hypot(*(track[last, 1:3] - samples[k, 1:3])) > 0.2 or sign * track[last, 4] >= 0.0
+        ):
+            last += 1
+        dx, dy = track[last, 1:3] - samples[k, 1:3]
+        most = max(most, sign * float(math.cos(samples[k, 3]) * dx + math.sin(samples[k, 3]) * dy))
     return most

@@ -90,13 +90,13 @@ def test_a_holonomic_robot_keeps_its_heading_round_a_corner_where_it_stops() -> 
 
 
 def test_steered_wheels_get_time_where_the_curvature_jumps() -> None:
-    """atan(0.5 / 1) = 0.464 rad within 0.1 m at 0.5 rad/s: 0.108 m/s."""
+    """atan(0.5 / 1) = 0.464 rad at 0.5 rad/s, within a tenth of the radius of 0.5 / tan(0.6) = 0.731 m: 0.079 m/s."""
     points, headings = arc(1.0, 0.0, 1.0)
     line = np.linspace([-1.0, 0.0], [0.0, 0.0], 20, endpoint=False)
     steered = {"drive": "ackermann", "wheelbase": 0.5, "max_steering": 0.6, "max_steering_rate": 0.5}
     (only,) = branches(np.vstack([line, points]), np.append(np.zeros(20), headings), **steered)
     jump = int(np.argmin(np.abs(only.samples[:, 0] - 1.0)))
-    assert only.samples[jump, 5] == pytest.approx(0.5 * 0.1 / math.atan(0.5))
+    assert only.samples[jump, 5] == pytest.approx(0.5 * 0.1 * 0.5 / math.tan(0.6) / math.atan(0.5))
 
 
 # --- the reference ----------------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from navloom.engine.plugin_instances import Part, catalogue_of_parts, connect, f
 from navloom.engine.starts import check_search, starts_of
 from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
+from navloom.geometry import moving_world
 from navloom.geometry.footprints import FootprintError, disc, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.inputs.assignments import assignments
@@ -70,10 +71,12 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     config, problems = loaded.config, Gathered()
     discovery = discovery or Discovery(config.plugins.blocked)
     parts, world, robot = find_parts(config, discovery, problems), None, None
-    catalogue = catalogue_of_parts(config, parts, problems)
     platform_part = parts.get(("platform", config.platform.instance))
     with problems.gather():
         world = _world(loaded, discovery, platform_part)
+    # A simulator with a world of its own moves what moves there, and a real robot meets what is really there.
+    moves = config.world is not None and world is not None and moving_world.moves(world)
+    catalogue = catalogue_of_parts(config, parts, problems, moves and is_simulated(platform_part))
     with problems.gather():
         robot = robot_spec(config.robot)
     sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
@@ -111,6 +114,11 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
         check_search(system, discovery)
     problems.refuse(loaded.error)
     return system
+
+
+def is_simulated(platform: Part | None) -> bool:
+    """Whether a config's platform is a simulator."""
+    return platform is not None and issubclass(platform.cls, Platform) and platform.cls.is_simulated
 
 
 def _system(

@@ -14,12 +14,14 @@ from navloom.engine.nodes.goal_node import GoalNode
 from navloom.engine.nodes.node_base import Node
 from navloom.engine.nodes.operator_node import OperatorNode
 from navloom.engine.nodes.reference_node import ReferenceNode
+from navloom.engine.nodes.world_node import WorldNode
 from navloom.engine.plugin_factory import configure, role_nodes
 from navloom.engine.stepper import Stepper
 from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.geometry.footprints import inscribed_radius
+from navloom.geometry.moving_world import MovingWorld, RobotBody
 from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits
 from navloom.navigation.command_gate import CommandGate, GateLimits
 from navloom.navigation.goal_machine import GoalMachine
@@ -92,6 +94,8 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     """The framework's own node of a role; None for the role of a plugin."""
     if role == "operator":
         return OperatorNode()
+    if role == "world":
+        return WorldNode(_moving_world(system), system.true_start, round(is_live * system.config.run.period * 1e9))
     if role == "goal":
         return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)), system.catalogue.optional)
     if role == "reference":
@@ -99,6 +103,13 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "gate":
         return GateNode(CommandGate(gate_limits(system), gate_monitor(system)), _selected(system), is_warm)
     return None
+
+
+def _moving_world(system: System) -> MovingWorld:
+    """What moves in the world of a system."""
+    assert system.world is not None
+    robot, period = system.robot, system.config.run.period
+    return MovingWorld(system.world, [RobotBody(system.config.robot.name, robot.footprint, robot.height)], period)
 
 
 def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:

@@ -87,3 +87,41 @@ def test_a_replay_is_the_same_bit_for_bit(tmp_path: Path) -> None:
     found = list(check(Replayer(recording, assemble(recording.header.loaded(), Discovery()))))
     assert "world main" in {one.node for one in found}
     assert all(one.first is None and not one.unrecorded for one in found)
+
+
+def test_an_event_lets_an_actor_appear() -> None:
+    """It appears at 2 s at (0.3, 3), and walks at 1 m/s: at 4 s it is at (2.3, 3)."""
+    event = "{at=2.0,do='actor',name='late',values={way=[[0.3,3.0],[5.3,3.0]],speed=1.0}}"
+    episode = drive("world.ref=corridor", f"event=[{event}]")
+    seen = {round(one.stamp_ns * 1e-9, 2): one for one in episode.recorder.bodies}
+    assert "late" not in seen[1.95].names and seen[2.0].names == ("late", "r1")
+    assert seen[4.0].poses[0].tolist() == pytest.approx([2.3, 3.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("event", "said"),
+    [
+        ("{at=1,do='actor'}", "also needs values"),
+        ("{at=1,do='actor',values={way=[[0,1]],sped=1.0}}", "event.0.values: key 'sped' does not exist"),
+        ("{at=1,do='actor',values={way=[[0,1]],appears_at=1.0}}", "appears_at has no use in an event"),
+        ("{at=1,do='actor',name='left wall',values={way=[[0,1]]}}", "an actor is named 'left wall', as another"),
+    ],
+)
+def test_an_event_that_makes_no_actor_is_refused(event: str, said: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        assemble(load_config("building", ["world.ref=corridor", f"event=[{event}]"]), Discovery())
+    assert said in str(raised.value)
+
+
+def test_a_level_laser_sees_two_legs_and_a_bumper_meets_the_trunk() -> None:
+    """A robot that stands at (0, 0) heading +y, and a person who rests 2 m ahead, whose legs are 0.22 m apart."""
+    event = "{at=0.0,do='actor',values={body='legs',way=[[0.0,2.0]],heading_deg=90.0}}"
+    episode = run_episode(
+        load_config(
+            "building", ["world.ref=empty", f"event=[{event}]", "event=[]", f"event=[{event}]", "run.stop_after=1"]
+        ),
+        reads=[("platform", "laser")],
+    )
+    (_, scan), *_ = episode.trail.streams["platform", "laser"]
+    near = np.flatnonzero(scan.ranges < 2.5)
+    assert len(np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)) == 2

@@ -272,7 +272,7 @@ class GateTable(Table):
 
 _OPTIONAL_KEYS = {
     "goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg"),
-    "displace": ("over",), "slip": ("by", "over"),
+    "displace": ("over",), "slip": ("by", "over"), "actor": ("name",),
 }  # fmt: skip
 """Keys that an event may have beside those that it needs, by what it does."""
 
@@ -281,15 +281,17 @@ class EventTable(Table):
     """An operator's action at a given time, or what happens to a simulated robot then."""
 
     at: float = Field(ge=0.0, description="s after the first tick")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip", "actor"]
     x: float | None = None
     y: float | None = None
     heading_deg: Heading | None = None
     spread: Positive | None = Field(default=None, description="for place: as that of navigation.start")
     heading_spread_deg: HeadingSpread | None = Field(default=None, description="for place: as for navigation.start")
     role: str | None = None
-    name: str | None = Field(default=None, description="instance, for swap and set")
-    values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
+    name: str | None = Field(default=None, description="instance, for swap and set; of an actor")
+    values: dict[str, Any] = Field(
+        default_factory=dict, description="for set: the parameters to change; for actor: its table"
+    )
     by: OffsetTable | None = Field(default=None, description="for displace and slip: a motion, in the robot's frame")
     over: float = Field(default=0.0, ge=0.0, description="for displace and slip: s that it takes; 0: one tick")
 
@@ -298,9 +300,10 @@ class EventTable(Table):
         needed = {
             "swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",), "place": ("x", "y", "heading_deg"),
             "displace": ("by",) if self.by else ("x", "y", "heading_deg"),
+            "actor": ("values",),
         }.get(self.do, ())  # fmt: skip
         missing = [key for key in needed if getattr(self, key) is None]
-        if self.do == "set" and not self.values:
+        if self.do in ("set", "actor") and not self.values:
             missing.append("values")
         if self.do == "slip" and self.by is None and not self.over:
             missing.append("over or by")

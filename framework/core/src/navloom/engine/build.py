@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.config_errors import Gathered
 from navloom.config.schema import Config
-from navloom.config.tables import GOAL_TOLERANCE, MapTable, PlaceTable, RobotTable, RoleTable
+from navloom.config.tables import GOAL_TOLERANCE, EventTable, MapTable, PlaceTable, RobotTable, RoleTable
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.node_ports import Port
 from navloom.engine.parameter_changes import blamed_on_event, changed_params, set_events
@@ -22,6 +23,7 @@ from navloom.engine.starts import check_search, starts_of
 from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
 from navloom.geometry import moving_world
+from navloom.geometry.actors import Actor
 from navloom.geometry.footprints import FootprintError, disc, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.inputs.assignments import assignments
@@ -30,6 +32,9 @@ from navloom.navigation.approach import SLOWEST, least_tolerance
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles import ROLES, Platform, RobotSpec, Role, SensorSpec
+from navloom.worlds.actor_tables import ACTOR_KEYS, actor_of
+from navloom.worlds.toml_table import FileTable
+from navloom.worlds.world_errors import WorldError
 
 __all__ = ["assemble", "robot_spec"]
 
@@ -163,13 +168,40 @@ def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World
     """The true world: the config's, or the platform's own."""
     own = None if platform is None else world_of_platform(platform)
     if loaded.config.world is None:
+        _refuse_actors(loaded.config, "there is no [world] in which it could appear")
         return own
     if own is not None:
         raise ConfigError(
             f"world.ref: is {loaded.config.world.ref!r}, but the platform {loaded.config.platform.plugin} brings a "
             "world of its own: leave [world] and --worlds out"
         )
-    return _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
+    world = _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
+    added = [_actor_of(number, event) for number, event in enumerate(loaded.config.event) if event.do == "actor"]
+    if added and not is_simulated(platform):
+        _refuse_actors(loaded.config, "the platform is a real robot")
+    taken = [obstacle.name for obstacle in world.obstacles] + [actor.name for actor in world.actors]
+    for name in [actor.name for actor in added]:
+        if name in taken:
+            raise ConfigError(f"event: an actor is named {name!r}, as another in the world: name it otherwise")
+        taken.append(name)
+    return replace(world, actors=(*world.actors, *added)) if added else world
+
+
+def _actor_of(number: int, event: EventTable) -> Actor:
+    """The actor that an event lets appear; its course begins then."""
+    try:
+        table = FileTable(Path(f"event.{number}.values"), "", event.values, ACTOR_KEYS)
+        if "appears_at" in table:
+            raise table.error("appears_at has no use in an event, which has at: leave it out")
+        return actor_of(table, event.name or f"actor {number}", event.at)
+    except WorldError as error:
+        raise ConfigError(str(error)) from None
+
+
+def _refuse_actors(config: Config, why: str) -> None:
+    for number, event in enumerate(config.event):
+        if event.do == "actor":
+            raise ConfigError(f'event.{number}.do: is "actor", but {why}: leave the event out')
 
 
 def _resolve(loaded: Loaded, discovery: Discovery, place: str, reference: str) -> World:

@@ -12,6 +12,7 @@ from navloom.engine.build import assemble
 from navloom.engine.plugin_factory import make_plugins
 from navloom.plugins import Discovery
 from navloom.runs.episode import Episode, run_episode
+from navloom.runs.metric_functions import others_contacts, own_contacts
 from navloom_recording.lockstep_recorder import LockstepRecorder
 from navloom_recording.reader import Recording
 from navloom_recording.recording_header import header_of
@@ -125,3 +126,13 @@ def test_a_level_laser_sees_two_legs_and_a_bumper_meets_the_trunk() -> None:
     (_, scan), *_ = episode.trail.streams["platform", "laser"]
     near = np.flatnonzero(scan.ranges < 2.5)
     assert len(np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)) == 2
+
+
+def test_a_person_who_walks_into_a_standing_robot_is_the_other_s_contact() -> None:
+    """From 4 m ahead at 1 m/s, at the front of a robot of 0.5 m that stops: 4 - 0.25 - 0.22 m later, at 3.5 s."""
+    person = "{at=0.0,do='actor',name='p',values={body='disc',size=[0.44,0.44],way=[[0,4],[0,-4]],speed=1.0}}"
+    trail = drive("world.ref=empty", f"event=[{{at=0.0,do='stop'}},{person}]", seconds=4.0).trail
+    (touch,) = trail.contacts
+    assert (touch.name, touch.is_own) == ("p", False)
+    assert touch.time == pytest.approx(3.55, abs=0.051) and trail.clearance.min() < 0.0
+    assert (own_contacts(trail), others_contacts(trail)) == (0.0, 1.0)

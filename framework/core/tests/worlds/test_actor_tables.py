@@ -74,6 +74,6 @@ def test_the_bounds_hold_the_courses(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_table_is_explained(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(WorldError, match="w.toml") as raised:
+    with pytest.raises(WorldError, match=r"w\.toml") as raised:
         actor(tmp_path, text)
     assert said in str(raised.value)

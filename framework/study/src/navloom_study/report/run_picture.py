@@ -133,6 +133,7 @@ def draw_run(episode: Episode) -> Figure:
     every = max(1, round(OUTLINE_EVERY / system.config.run.period))
     poses = [row[1:4] for row in recorder.truth[::every]]
     _draw_track(axes, episode)
+    _draw_contacts(axes, episode)
     draw_footprints(axes, poses, system.robot.footprint, FOOTPRINT, f"robot every {OUTLINE_EVERY:g} s")
     _mark(axes, start.x, start.y)
     texts = [(start.x, start.y, "start", 0.0)]
@@ -206,6 +207,15 @@ def _draw_bodies(axes: Any, episode: Episode) -> None:
         if part[0] < len(bodies.names) - bodies.robots and overlaps((part[6], part[7]), (0.0, height))
     ]
     draw_outlines(axes, outlines, MOVING, alpha=0.6, zorder=2.5)
+
+
+def _draw_contacts(axes: Any, episode: Episode) -> None:
+    """Mark each contact that began, by whose it is; without anything that moves, all are the robot's."""
+    for is_own, name, face in ((True, "contact of its own", VERMILION), (False, "the other's contact", "white")):
+        places = [(touch.x, touch.y) for touch in episode.trail.contacts if touch.is_own == is_own]
+        if places:
+            axes.plot(*np.array(places).T, "X", color=face, markersize=8, markeredgecolor=BLACK, markeredgewidth=0.8,
+                      label=name, zorder=7)  # fmt: skip
 
 
 def _called(obstacle: Obstacle, height: float) -> str:

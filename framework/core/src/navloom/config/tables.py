@@ -40,6 +40,7 @@ __all__ = [
     "NavigationTable",
     "NodeTable",
     "OWN_NODES",
+    "WORLD_NODE",
     "OWN_PROCESS",
     "OffsetTable",
     "OpenTable",
@@ -65,7 +66,9 @@ ROLE_TABLES = ROLES.keys()
 REQUIRED_ROLES = tuple(role for role, cls in ROLES.items() if not cls.facts.is_optional)
 """Roles that every robot has; the others have a node only if the config has their table."""
 OWN_NODES = ("goal", "reference", "gate")
-TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
+WORLD_NODE = "world"
+"""The node of a simulated robot in a world where something moves; it runs with the platform unless it is placed."""
+TAKEN = (*ROLE_TABLES, *OWN_NODES, WORLD_NODE, "operator", "process")
 """Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""

@@ -114,26 +114,30 @@ def test_a_robot_is_the_last_body_and_its_box_is_about_its_outline() -> None:
     assert bodies.parts[1] == pytest.approx([1.0, 1.0, 1.9, 0.4, 0.2, 0.5 * math.pi, 0.0, 0.4, 0.0])
 
 
-def walk_straight(positions, velocities, radii, preferred, most, heeds):
-    walk_straight.seen = (positions, velocities, radii, heeds)
+def walk_straight(positions, velocities, radii, preferred, max_speeds, sees):
+    walk_straight.seen = (positions, velocities, radii, sees)
     return preferred
 
 
 def test_a_walking_actor_takes_its_goals_in_turn_by_the_law() -> None:
     walk = Walk((0.0, 0.0), ((2.0, 0.0), (2.0, 2.0)), speed=1.0, sees_robots=False)
     people = Actor("p", walk), Actor("q", Course(((0.0, 9.0, 9.0),)), Body("disc", 1.0, 1.0))
-    world = MovingWorld(World("w", actors=people), [ROBOT], 0.05, lambda standing, period: walk_straight)
+    world = MovingWorld(World("w", actors=people), [ROBOT], 0.05, walk_straight)
     for tick in range(100):
         bodies = world.advance(tick * S // 20, [Mover(5.0, 5.0, 0.0, 0.2)])
     # 4.95 s at 1 m/s: 1.7 m until the first goal is within 0.3 m, then towards (2, 2).
     assert np.hypot(*(bodies.poses[1, :2] - (2.0, 2.0))) < 0.35
-    positions, velocities, radii, heeds = walk_straight.seen
+    positions, velocities, radii, sees = walk_straight.seen
     assert positions[1:].tolist() == [[9.0, 9.0], [5.0, 5.0]] and velocities[2].tolist() == [0.2, 0.0]
-    assert radii[1:] == pytest.approx([0.5, math.hypot(0.5, 0.2)]) and heeds.tolist() == [[True, True, False]]
+    assert radii[1:] == pytest.approx([0.5, math.hypot(0.5, 0.2)]) and sees.tolist() == [
+        [True, True, False],
+        [False] * 3,
+        [False] * 3,
+    ]
 
 
 def test_an_actor_of_a_flow_begins_again() -> None:
     walk = Walk((0.0, 0.0), ((1.0, 0.0),), speed=1.0, flows=True)
-    world = MovingWorld(World("w", actors=(Actor("p", walk),)), (), 0.05, lambda standing, period: walk_straight)
+    world = MovingWorld(World("w", actors=(Actor("p", walk),)), (), 0.05, walk_straight)
     xs = [world.advance(tick * S // 20, ()).poses[0, 0] for tick in range(40)]
     assert max(xs) < 1.0 and min(np.diff(xs)) < -0.6 and np.count_nonzero(np.diff(xs) < 0.0) == 2

@@ -29,6 +29,7 @@ from navloom.geometry.world import World
 from navloom.inputs.assignments import assignments
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
 from navloom.navigation.approach import SLOWEST, least_tolerance
+from navloom.parts import has_part
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles import ROLES, Platform, RobotSpec, Role, SensorSpec
@@ -184,7 +185,12 @@ def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World
         if name in taken:
             raise ConfigError(f"event: an actor is named {name!r}, as another in the world: name it otherwise")
         taken.append(name)
-    return replace(world, actors=(*world.actors, *added)) if added else world
+    world = replace(world, actors=(*world.actors, *added)) if added else world
+    if loaded.config.robot.name in taken and moving_world.moves(world):
+        raise ConfigError(f"robot.name: is {loaded.config.robot.name!r}, as something in the world: name it otherwise")
+    if moving_world.walks(world) and not has_part("navloom_orca"):
+        raise ConfigError(f"world.ref: actors of {world.name} have goals, which needs navloom-orca: install it")
+    return world
 
 
 def _actor_of(number: int, event: EventTable) -> Actor:

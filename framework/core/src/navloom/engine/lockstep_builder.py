@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+
+import numpy as np
 
 from navloom.engine.build import stride_of
 from navloom.engine.event_schedule import schedule
@@ -21,12 +24,15 @@ from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.geometry.footprints import inscribed_radius
-from navloom.geometry.moving_world import MovingWorld, RobotBody
+from navloom.geometry.moving_world import Law, MovingWorld, RobotBody, walks
+from navloom.geometry.walls import walls_of
+from navloom.geometry.world import World
 from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits
 from navloom.navigation.command_gate import CommandGate, GateLimits
 from navloom.navigation.goal_machine import GoalMachine
 from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.replanning import ReplanRules
+from navloom.parts import part
 from navloom.roles import FIXED
 
 __all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node"]
@@ -109,7 +115,17 @@ def _moving_world(system: System) -> MovingWorld:
     """What moves in the world of a system."""
     assert system.world is not None
     robot, period = system.robot, system.config.run.period
-    return MovingWorld(system.world, [RobotBody(system.config.robot.name, robot.footprint, robot.height)], period)
+    bodies = [RobotBody(system.config.robot.name, robot.footprint, robot.height)]
+    return MovingWorld(system.world, bodies, period, _law(system.world, period) if walks(system.world) else None)
+
+
+def _law(world: World, period: float) -> Law:
+    """How the actors of a world give way to each other, to robots and to walls: reciprocal velocity obstacles."""
+    crowd, lines = part("navloom_orca.crowd", "an actor with goals"), walls_of(world)
+    law = partial(crowd.react, lines=lines, reaction=crowd.Reaction(period=period))
+    one = np.zeros((1, 2))
+    law(one, one, np.ones(1), one, np.ones(1), np.zeros((1, 1), dtype=np.bool_))  # no control tick compiles
+    return law
 
 
 def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:

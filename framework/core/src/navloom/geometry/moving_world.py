@@ -7,7 +7,7 @@ The node `world` steps it before the platforms, which read what it says. It draw
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -18,7 +18,7 @@ from navloom.geometry.actors import Actor, Body, Course, Motion, Part, Walk, par
 from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import Bodies
 
-__bodies_ = ["Law", "MakeLaw", "Mover", "MovingWorld", "RobotBody", "actors_of", "moves", "standing"]
+__bodies_ = ["Law", "Mover", "MovingWorld", "RobotBody", "actors_of", "moves", "standing", "walks"]
 
 Floats = NDArray[np.float64]
 ARRIVED = 0.3
@@ -26,7 +26,7 @@ ARRIVED = 0.3
 
 
 class Law(Protocol):
-    """Velocities of actors that give way."""
+    """Velocities of bodies that give way to each other."""
 
     def __call__(
         self,
@@ -34,26 +34,22 @@ class Law(Protocol):
         velocities: Floats,
         radii: Floats,
         preferred: Floats,
-        most: Floats,
-        heeds: NDArray[np.bool_],
+        max_speeds: Floats,
+        sees: NDArray[np.bool_],
     ) -> Floats:
-        """The new velocities of the first k of n bodies; the others only are in their way.
+        """The new velocities of n bodies. What it gives to one that sees nobody is not used.
 
         Args:
             positions: (n, 2) m, map frame.
             velocities: (n, 2) m/s, map frame.
             radii: (n,) m.
-            preferred: (k, 2) velocities towards their goals, m/s.
-            most: (k,) highest speeds, m/s.
-            heeds: (k, n) whether each takes account of each body.
+            preferred: (n, 2) velocities towards their goals, m/s.
+            max_speeds: (n,) m/s.
+            sees: (n, n) row i: to which bodies i gives way.
 
         Returns:
-            (k, 2) m/s.
+            (n, 2) m/s.
         """
-
-
-MakeLaw = Callable[[World, float], Law]
-"""Makes the law of a world, whose standing part it may take account of, for steps of a duration, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +99,11 @@ class Mover:
 def moves(world: World) -> bool:
     """Whether anything in a world moves by itself."""
     return bool(world.actors) or any(obstacle.waypoints for obstacle in world.obstacles)
+
+
+def walks(world: World) -> bool:
+    """Whether actors of a world give way, for which a law is needed."""
+    return any(isinstance(actor.course, Walk) for actor in world.actors)
 
 
 def standing(world: World) -> World:
@@ -179,17 +180,15 @@ class MovingWorld:
         world: The world.
         robots: The robots in it.
         period: Longest step of a walking actor, s.
-        make_law: Gives the law by which walking actors give way; None where no actor walks.
+        law: How walking actors give way; None where no actor walks.
     """
 
-    def __init__(
-        self, world: World, robots: Sequence[RobotBody], period: float, make_law: MakeLaw | None = None
-    ) -> None:
+    def __init__(self, world: World, robots: Sequence[RobotBody], period: float, law: Law | None = None) -> None:
         self._actors, self._robots, self._period = actors_of(world), tuple(robots), period
         self._walkers = {
             actor.name: _Walker.at_start(w) for actor in self._actors if isinstance(w := actor.course, Walk)
         }
-        self._law = make_law(standing(world), period) if self._walkers and make_law is not None else None
+        self._law = law
         self._time = 0.0
 
     def advance(self, time_ns: int, robots: Sequence[Mover]) -> Bodies:
@@ -223,15 +222,19 @@ class MovingWorld:
         reach = [float(np.hypot(*robot.footprint.T).max()) for robot in self._robots]
         rows = [(r.x, r.y, *r.velocity[:2], radius) for r, radius in zip(robots, reach, strict=True)]
         seen = np.array(rows).reshape(-1, 5)
-        most = np.array([w.walk.most for w in walkers])
-        heeds = np.ones((len(walkers), len(walkers) + len(others) + len(seen)), dtype=np.bool_)
-        heeds[:, len(walkers) + len(others) :] = np.array([w.walk.sees_robots for w in walkers])[:, None]
+        others = np.concatenate([others, seen])
+        count, total = len(walkers), len(walkers) + len(others)
+        sees = np.zeros((total, total), dtype=np.bool_)
+        sees[:count] = True
+        sees[:count, total - len(seen) :] = np.array([w.walk.sees_robots for w in walkers])[:, None]
+        max_speeds = np.concatenate([[w.walk.most for w in walkers], np.hypot(*others[:, 2:4].T)])
         for _ in range(min(steps, math.ceil(1.0 / self._period))):
             own = np.array([(*w.place, *w.velocity, a.body.radius) for w, a in zip(walkers, walking, strict=True)])
-            bodies = np.concatenate([own, others, seen])
-            preferred = np.array([w.preferred(step) for w in walkers])
-            chosen = self._law(bodies[:, :2].copy(), bodies[:, 2:4].copy(), bodies[:, 4].copy(), preferred, most, heeds)
-            for walker, velocity in zip(walkers, chosen, strict=True):
+            bodies = np.concatenate([own, others])
+            preferred = np.concatenate([[w.preferred(step) for w in walkers], others[:, 2:4]])
+            positions, velocities, radii = bodies[:, :2].copy(), bodies[:, 2:4].copy(), bodies[:, 4].copy()
+            chosen = self._law(positions, velocities, radii, preferred, max_speeds, sees)
+            for walker, velocity in zip(walkers, chosen[:count], strict=True):
                 walker.go(velocity, step)
 
     def _bodies(self, time_ns: int, there: Sequence[tuple[Actor, Motion]], robots: Sequence[Mover]) -> Bodies:

@@ -312,7 +312,7 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
 def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
     """The drive whose contacts are judged."""
     rates = np.array(recorder.turn_rates, dtype=np.float64)
-    motion = np.column_stack([truth[:, :5], rates])
+    motion = np.column_stack([truth[:, :5], rates, recorder.side_speeds])
     return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 
@@ -361,7 +361,9 @@ def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance
 def _localization(truth: Floats, recorder: Recorder) -> Localization:
     poses = [(*pose, *trust) for pose, trust in zip(recorder.estimates, recorder.trust, strict=True)]
     estimates, odometry = np.array(poses).reshape(-1, 9), np.array(recorder.odometry).reshape(-1, 4)
-    return beside_truth(truth, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
+    moving = truth.copy()
+    moving[:, 4] = np.hypot(truth[:, 4], recorder.side_speeds)
+    return beside_truth(moving, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:

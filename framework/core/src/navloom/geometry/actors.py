@@ -207,6 +207,12 @@ class Actor:
     body: Body = Body()
     appears_at: float = 0.0
 
+    @property
+    def places(self) -> list[tuple[float, float]]:
+        """Places that it goes to, m, map frame, its first one first."""
+        course = self.course
+        return [course.start, *course.goals] if isinstance(course, Walk) else [(x, y) for _, x, y in course.points]
+
 
 def parts_of(body: Body, motion: Motion) -> Sequence[Part]:
     """The cylinders and boxes of a body where it is."""

@@ -173,7 +173,7 @@ def draw_world(axes: Any, world: World, robot_height: float) -> None:
     for actor in world.actors:
         places = np.array(actor.places)
         ways[WALL].append(places)
-        start = Motion(*places[0].tolist(), heading=0.0, vx=0.0, vy=0.0, walked=0.0)
+        start = Motion(*actor.places[0], 0.0, 0.0, 0.0, 0.0)
         parts = [part for part in parts_of(actor.body, start) if overlaps((part[5], part[6]), (0.0, robot_height))]
         shapes.setdefault((WALL, "none", None), []).extend(outline_of_part((0.0, *part)) for part in parts)
     for (colour, face, hatch), alike in shapes.items():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from navloom.geometry.actors import Motion, parts_of
+from navloom.geometry.actors import parts_of
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import World
 
@@ -173,8 +173,9 @@ def draw_world(axes: Any, world: World, robot_height: float) -> None:
     for actor in world.actors:
         places = np.array(actor.places)
         ways[WALL].append(places)
-        start = Motion(*actor.places[0], 0.0, 0.0, 0.0, 0.0)
-        parts = [part for part in parts_of(actor.body, start) if overlaps((part[5], part[6]), (0.0, robot_height))]
+        (x, y), still = actor.places[0], (0.0, 0.0, 0.0, 0.0)
+        (found,) = parts_of(actor.body, np.array([(x, y, *still)])).tolist()
+        parts = [part for part in found if overlaps((part[5], part[6]), (0.0, robot_height))]
         shapes.setdefault((WALL, "none", None), []).extend(outline_of_part((0.0, *part)) for part in parts)
     for (colour, face, hatch), alike in shapes.items():
         draw_outlines(axes, alike, colour, facecolors=face, hatch=hatch)

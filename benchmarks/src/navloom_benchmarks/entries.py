@@ -137,8 +137,8 @@ def _planner(free: NDArray[np.bool_]) -> Callable[[Cell, Cell], float]:
     given = map_update(OccupancyGrid(cells, 1.0, Pose2D(0.0, 0.0, 0.0)))
 
     def plan(start: Cell, goal: Cell) -> float:
-        ends = [Pose2D(cell[1] + 0.5, cell[0] + 0.5, 0.0) for cell in (start, goal)]
-        answer = plugin.plan(PlannerInput(PlanRequest(1, *ends), given))
+        begin, end = (Pose2D(cell[1] + 0.5, cell[0] + 0.5, 0.0) for cell in (start, goal))
+        answer = plugin.plan(PlannerInput(PlanRequest(1, begin, end, True), given))
         assert isinstance(answer, Path), answer
         return answer.length
 

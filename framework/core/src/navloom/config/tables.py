@@ -24,6 +24,7 @@ from navloom.config.table_parts import (
 from navloom.inputs.spreads import sigma_of
 from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
+from navloom.roles.base import DriveKind
 from navloom.roles.presets import instance_name
 
 __all__ = [
@@ -124,6 +125,26 @@ class RobotTable(Table):
     max_angular_acceleration_deg: Positive | None = Field(default=None, description="deg/s²; default: no limit")
     motor_lag: float = Field(default=0.0, ge=0.0, le=2.0, description="time constant of the wheels' speed, s")
     dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command until it acts on the wheels, s")
+    drive: DriveKind = Field(default="differential", description="how it moves")
+    wheelbase: Positive | None = Field(default=None, description="ackermann: from the rear to the front axle, m")
+    max_steering_deg: float | None = Field(
+        default=None, ge=1.0, le=80.0, description="ackermann: largest angle of the middle of the front wheels, degrees"
+    )
+    max_steering_rate_deg: Positive | None = Field(default=None, description="ackermann: deg/s; default: no limit")
+
+    @model_validator(mode="after")
+    def _steers_if_ackermann(self) -> RobotTable:
+        given = {name: getattr(self, name) for name in ("wheelbase", "max_steering_deg", "max_steering_rate_deg")}
+        missing = [name for name in ("wheelbase", "max_steering_deg") if given[name] is None]
+        if self.drive == "ackermann" and missing:
+            raise ValueError(f'drive = "ackermann" needs {" and ".join(missing)}')
+        surplus = [name for name, value in given.items() if value is not None]
+        if self.drive != "ackermann" and surplus:
+            raise ValueError(
+                f'drive = "{self.drive}" has no steered wheels: expected no {" and no ".join(surplus)}, or '
+                'drive = "ackermann"'
+            )
+        return self
 
     @property
     def max_angular(self) -> float:

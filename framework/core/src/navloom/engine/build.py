@@ -65,6 +65,10 @@ def robot_spec(table: RobotTable) -> RobotSpec:
         table.max_angular_acceleration,
         table.motor_lag,
         table.dead_time,
+        table.drive,
+        table.wheelbase or 0.0,
+        math.radians(table.max_steering_deg or 0.0),
+        math.inf if table.max_steering_rate_deg is None else math.radians(table.max_steering_rate_deg),
     )
 
 

@@ -50,7 +50,7 @@ class Twist2D(Message):
 
     Attributes:
         vx: Forward, m/s.
-        vy: To the left, m/s; 0 for a robot with two driven wheels.
+        vy: To the left, m/s; 0 for a robot that is not holonomic.
         wz: Turn rate, rad/s, counter-clockwise.
     """
 
@@ -180,16 +180,22 @@ class PoseTrack(Message):
 class Trajectory(Message):
     """The trajectory that the controller follows.
 
+    The arc length increases along the way, forwards and backwards. Curvature times speed is the turn rate. At a cusp
+    the sign of the speed changes between two samples of the same place and arc length: the end of one branch, and the
+    beginning of the next.
+
     Attributes:
         path_id: Number of the plan that it was made from.
-        samples: (n, 6) rows of arc length s, m; x, y, m; heading, rad; curvature, 1/m; speed, m/s; map frame.
+        samples: (n, 6) rows of arc length s, m; x, y, m; heading of base, rad; curvature, 1/m; speed, m/s, negative
+            where the robot drives backwards; map frame. A holonomic robot may head in another direction than its way;
+            its speed is that along the way, > 0.
     """
 
     path_id: int
     samples: Annotated[Floats, Array("float64", ("n", 6))]
 
 
-@message()
+@message(2)
 class Reference(Message):
     """The reference point: the robot's pose projected onto the trajectory in each tick.
 
@@ -198,13 +204,16 @@ class Reference(Message):
         progress: Arc length of the reference point, m.
         remaining: Arc length to the end, m.
         pose: Reference pose, map frame.
-        speed: v_r, m/s, > 0.
-        turn_rate: ω_r = κ v_r, rad/s.
+        speed: v_r, forward speed in the base frame of the reference, m/s: negative where it drives backwards, and 0
+            only where a holonomic robot drives sideways.
+        turn_rate: ω_r, rad/s; κ v_r unless the robot is holonomic.
         cross_track: Distance of the robot from the trajectory, m, positive to the left.
-        target: Point of the trajectory one look-ahead distance farther along, map frame.
+        target: Point of the trajectory one look-ahead distance farther along, at most at the next cusp, map frame.
         way: (k, 2) the trajectory from the reference point to the target, m, map frame, in steps of about 0.2 m.
         corridor: Half width of the strip along `way` that must be free, m.
         turn_to: The end has been reached: turn in place to this heading, rad; None while driving.
+        lateral_speed: Speed of the reference to the left, base frame of the reference, m/s; 0 unless the robot is
+            holonomic.
     """
 
     path_id: int
@@ -218,6 +227,28 @@ class Reference(Message):
     way: Annotated[Floats, Array("float64", ("k", 2))]
     corridor: float
     turn_to: float | None = None
+    lateral_speed: float = 0.0
+
+
+@message(1, now=Reference)
+class Reference1(Message):
+    """`Reference` until robots could drive sideways; for its fields see there."""
+
+    path_id: int
+    progress: float
+    remaining: float
+    pose: Pose2D
+    speed: float
+    turn_rate: float
+    cross_track: float
+    target: Point2D
+    way: Annotated[Floats, Array("float64", ("k", 2))]
+    corridor: float
+    turn_to: float | None = None
+
+    def upgraded(self) -> Reference:
+        """The present version."""
+        return Reference(*self.read_fields())
 
 
 @message()

@@ -25,7 +25,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch, Index
+from navloom_astar.expansion import Index
+from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch
 from numba import njit
 from numpy.typing import NDArray
 

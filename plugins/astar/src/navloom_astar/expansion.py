@@ -19,9 +19,9 @@ Cells = NDArray[np.int64]
 Costs = NDArray[np.int64]
 Index = int | np.int64
 """Index of a cell or a direction: kernels mix both integer types."""
-OpenList = tuple[NDArray[np.int32], NDArray[np.int32], Costs]
-"""Entries of the open list: (n,) cells, (n,) links to the next entry of the bucket, (n,) costs of the cells when they
-were entered. An entry is void if its cell has another cost now."""
+OpenList = tuple[Cells, NDArray[np.int32], Costs]
+"""Entries of the open list: (n,) 256 x cell + the set of its steps that are not pruned, (n,) links to the next entry of
+the bucket, (n,) costs of the cells when they were entered. An entry is void if its cell has another cost now."""
 
 START = 8
 """Direction of arrival of the cell that the search begins from, which has no parent."""
@@ -33,18 +33,18 @@ _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 """Directions: even ones are straight, odd ones diagonal, anticlockwise."""
 _TURNS = np.array((0, 1, -1, 2, -2, 3, -3, 4))
 """Directions relative to that of the last step, in the order in which a way prefers them."""
-_LOWEST = np.array([0, *((n & -n).bit_length() - 1 for n in range(1, 256))])
+_LOWEST = np.array([0, *((n & -n).bit_length() - 1 for n in range(1, 256))], dtype=np.uint8)
 """Lowest direction in a set of directions. Bit k of a set is direction k."""
 
 
-def _successors() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _successors() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Directions that are not pruned.
 
     Returns:
-        (33, 8) and (33,) the directions and how many there are, and (33,) the same as sets. Indexed by 4 x (direction
-        from the parent) + 1 if a wall is left of the parent + 2 if a wall is right of it.
+        (33, 8) and (33,), indexed by 4 x (direction from the parent) + 1 if a wall is left of the parent + 2 if a wall
+        is right of it.
     """
-    table, counts, sets = np.zeros((33, 8), np.int64), np.zeros(33, np.int64), np.zeros(33, np.int64)
+    table, counts = np.zeros((33, 8), np.int64), np.zeros(33, np.int64)
     for case in range(33):
         k, walls = divmod(case, 4)
         if k == START:
@@ -54,11 +54,19 @@ def _successors() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int6
         else:
             chosen = [k + 2, k + 1] * (walls & 1) + [k - 2, k - 1] * (walls >> 1) + [k]
         table[case, : len(chosen)], counts[case] = np.array(chosen) % 8, len(chosen)
-        sets[case] = sum(1 << direction % 8 for direction in chosen)
-    return table, counts, sets
+    return table, counts
 
 
-CHOICES, COUNTS, _SETS = _successors()
+CHOICES, COUNTS = _successors()
+_SETS = np.array([
+    [
+        sum(1 << k for k in CHOICES[case, : COUNTS[case]].tolist())
+        for legal in range(256)
+        for case in [4 * k + (0 if k % 2 else 3 - (legal >> (k + 2) % 8 & 1) - 2 * (legal >> (k - 2) % 8 & 1))]
+    ]
+    for k in range(8)
+], dtype=np.uint8)  # fmt: skip
+"""(8, 256) set of directions that are not pruned after a step in direction k from a cell with a set of legal steps."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -95,7 +103,7 @@ def set_mixed(extra: Bytes, mixed: Bytes, first: int, last: int, left: int, righ
 
 def new_open_list(size: int) -> OpenList:
     """An open list without entries."""
-    return np.zeros(size, np.int32), np.zeros(size, np.int32), np.zeros(size, np.int64)
+    return np.empty(size, np.int64), np.empty(size, np.int32), np.empty(size, np.int64)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -107,11 +115,11 @@ def far_index(cell: Index, target: Index, stride: Index, ahead_long: int, ahead_
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def expand(
-    steps: Bytes, extra: Bytes | None, mixed: Bytes, cost: Costs, arrival: Bytes, opened: OpenList, buckets: int,
+    steps: Bytes, extra: Bytes | None, mixed: Bytes, cost: Costs, opened: OpenList, buckets: int,
     seeds: Cells, source: Index, target: Index, straight: int, diagonal: int, q: int, p: int,
     ahead_long: int, ahead_short: int, shift: int,
 ) -> int:  # fmt: skip
-    """Set `cost` and `arrival` until they are final on all shortest ways from the source to the target.
+    """Set `cost` until it is final on all shortest ways from the source to the target.
 
     A target that is reached at the cost of the heuristic ends the search at once.
 
@@ -144,11 +152,12 @@ def expand(
         head = place & mask
         if place - bucket >= buckets:
             head, far = np.int64(buckets), min(far, place)
-        cells[used], costs[used], links[used], heads[head] = cell, cost[cell], heads[head], used
+        cells[used], costs[used], links[used], heads[head] = cell << 8 | legal[cell], cost[cell], heads[head], used
         used += 1
     while bucket < nothing and bottom + (bucket << shift) <= cost[target] and cost[target] != bottom:
         if held != 0:
-            cell, held = held, np.int64(0)
+            entry, held = held, np.int64(0)
+            cell = entry >> 8
             sofar = cost[cell]
         else:
             slot = np.int64(heads[bucket & mask])
@@ -161,34 +170,33 @@ def expand(
                     far = _bring_near(heads, cells, links, costs, bucket, target, stride, ahead_long, ahead_short,
                                       bottom, shift)  # fmt: skip
                 continue
-            empty, cell, sofar = 0, np.int64(cells[slot]), costs[slot]
+            empty, entry, sofar = 0, cells[slot], costs[slot]
             heads[bucket & mask], links[slot], costs[slot], vacant = links[slot], vacant, _VOID, slot
+            cell = entry >> 8
             if sofar != cost[cell]:
                 continue
         row = np.int64(np.uint32(cell) // np.uint32(stride))
-        column, k = cell - row * stride, np.int64(arrival[cell])
-        case = np.int64(4 * START)
-        if k != START and (extra is None or mixed.reshape(-1)[cell] == 0):
-            case = 4 * k
-            if not k & 1:
-                around = legal[cell - offsets[k]]
-                case += (around >> ((k + 2) & 7) & 1 ^ 1) + 2 * (around >> ((k - 2) & 7) & 1 ^ 1)
-        todo = np.int64(legal[cell]) & _SETS[case]
+        column, todo, around = cell - row * stride, entry & 255, np.uint64(legal[cell])
         while todo:
-            k = _LOWEST[todo]
+            k = np.int64(_LOWEST[np.uint64(todo)])
             todo &= todo - 1
-            other = np.uint64(cell + offsets[k])
+            other = np.uint64(cell + offsets[k])  # unsigned: an index from the end would be tested for
             reached = sofar + (diagonal if k & 1 else straight)
             if extra is not None:
                 flat = extra.reshape(-1)
-                reached += (p if k & 1 else q) * (np.int64(flat[cell]) + flat[other])
+                reached += (p if k & 1 else q) * (np.int64(flat[cell]) + np.int64(flat[other]))
             if reached >= cost[other]:
                 continue
-            cost[other], arrival[other] = reached, k
+            cost[other] = reached
+            steps_on = np.int64(legal[other])
+            if extra is None or mixed.reshape(-1)[other] == 0:
+                steps_on &= np.int64(_SETS[np.uint64(k), around])
+            if steps_on == 0:
+                continue
             down, across = abs(row + _ROW_STEP[k] - target_row), abs(column + _COLUMN_STEP[k] - target_column)
             place = (reached + ahead_long * max(down, across) + ahead_short * min(down, across) - bottom) >> shift
-            if place == bucket and todo == 0:
-                held = np.int64(other)
+            if todo == 0 and place == bucket:
+                held = np.int64(other) << 8 | steps_on
                 continue
             slot = vacant
             if slot >= 0:
@@ -201,9 +209,9 @@ def expand(
             head = place & mask
             if place - bucket >= buckets:
                 head, far = np.int64(buckets), min(far, place)
-            cells[slot], costs[slot], links[slot], heads[head] = other, reached, heads[head], slot
+            cells[slot], costs[slot], links[slot], heads[head] = np.int64(other) << 8 | steps_on, reached, heads[head], slot
     if held != 0:
-        cells[used], costs[used] = held, cost[held]
+        cells[used], costs[used] = held, cost[held >> 8]
         used += 1
     return used
 
@@ -218,7 +226,7 @@ def _bring_near(
     slot, heads[buckets] = np.int64(heads[buckets]), -1
     while slot >= 0:
         following = np.int64(links[slot])
-        place = (costs[slot] + far_index(cells[slot], target, stride, ahead_long, ahead_short) - bottom) >> shift
+        place = (costs[slot] + far_index(cells[slot] >> 8, target, stride, ahead_long, ahead_short) - bottom) >> shift
         head = place & (buckets - 1)
         if place - bucket >= buckets:
             head, far = np.int64(buckets), min(far, place)
@@ -229,7 +237,7 @@ def _bring_near(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def way_down(
-    steps: Bytes, extra: Bytes | None, cost: Costs, top: int, start: Index, goal: Index, straight: int, diagonal: int,
+    steps: Bytes, extra: Bytes | None, cost: Costs, start: Index, goal: Index, straight: int, diagonal: int,
     q: int, p: int,
 ) -> tuple[Cells, int]:  # fmt: skip
     """(n, 2) rows and columns of the way from the start to the goal, not counting the border, and its diagonal steps.
@@ -239,27 +247,29 @@ def way_down(
     stride, legal = np.int64(steps.shape[1]), steps.reshape(-1)
     way, count, diagonals, cell = np.empty((256, 2), np.int64), 1, 0, np.int64(start)
     down, across = goal // stride - start // stride, goal % stride - start % stride
-    came = 0
+    came, offsets = 0, _ROW_STEP * stride + _COLUMN_STEP
     for k in range(8):
         if _ROW_STEP[k] == np.sign(down) and _COLUMN_STEP[k] == np.sign(across):
             came = k
-    way[0, 0], way[0, 1] = cell // stride - 1, cell % stride - 1
+    row, column = cell // stride - 1, cell % stride - 1
+    way[0, 0], way[0, 1] = row, column
     while cell != goal:
         for turn in _TURNS:
             k = (came + turn) & 7
             if not legal[cell] >> k & 1:
                 continue
-            other = cell + _ROW_STEP[k] * stride + _COLUMN_STEP[k]
+            other = cell + offsets[k]
             further = diagonal if k & 1 else straight
             if extra is not None:
                 flat = extra.reshape(-1)
-                further += (p if k & 1 else q) * (np.int64(flat[cell]) + flat[other])
-            if cost[other] < top and cost[other] + further == cost[cell]:
+                further += (p if k & 1 else q) * (np.int64(flat[cell]) + np.int64(flat[other]))
+            if cost[other] + further == cost[cell]:
                 break
         came, cell, diagonals = k, other, diagonals + (k & 1)
         if count == len(way):
             way = np.concatenate((way, np.empty_like(way)))
-        way[count, 0], way[count, 1] = cell // stride - 1, cell % stride - 1
+        row, column = row + _ROW_STEP[k], column + _COLUMN_STEP[k]
+        way[count, 0], way[count, 1] = row, column
         count += 1
     return way[:count].copy(), diagonals
 

@@ -42,6 +42,7 @@ class JumpPointSearch(GridSearch):
     def __init__(self, shape: tuple[int, int]) -> None:
         super().__init__(shape)
         self._parent = np.zeros(self.wall.size, dtype=np.int32)
+        self._arrival = np.empty(self.wall.size, dtype=np.uint8)
 
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None

@@ -40,7 +40,6 @@ from numpy.typing import NDArray
 
 from navloom_astar.expansion import (
     NOWHERE,
-    START,
     direct_way,
     expand,
     far_index,
@@ -138,7 +137,7 @@ def _scale(cells: int, extra: int | None) -> _Scale:
     """The scale for a grid with that many cells and that largest extra cost, if there are any."""
     parts, factor = (1, 1) if extra is None else (2 * EXTRA_UNIT, 2 * EXTRA_UNIT + 2 * extra)
     q, p = step_costs(cells * factor)
-    shift = max(0, (parts * q // 5).bit_length() - 1)
+    shift = max(0, (parts * q // 2).bit_length() - 1)
     buckets = 1 << ((2 * factor * p >> shift) + 2).bit_length()
     return _Scale(q * parts, p * parts, q, p, shift, buckets, 2 * (cells + 2) * factor * p)
 
@@ -162,7 +161,6 @@ class GridSearch:
         self.wall = np.ones(padded, dtype=np.bool_)
         self.extra, self._mixed, self._steps = (np.zeros(padded, dtype=np.uint8) for _ in range(3))
         self._cost = np.zeros(size, dtype=np.int64)
-        self._arrival = np.empty(size, dtype=np.uint8)
         self._open = new_open_list(size)
         self._base = self._top = 0
 
@@ -202,7 +200,7 @@ class GridSearch:
         if self._cost[first] - self._base == far_index(first, last, columns + 2, *octile):
             cells, diagonal = direct_way(self._steps, weights, first, last)
         else:
-            cells, diagonal = way_down(self._steps, weights, self._cost, self._top, first, last, *scale[:4])
+            cells, diagonal = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
         straight = len(cells) - 1 - diagonal
         cost = straight + diagonal * math.sqrt(2.0) if extra is None else _cost_of(cells, extra)
         return Way(cells, straight, diagonal, cost)
@@ -213,8 +211,8 @@ class GridSearch:
         used = -1
         while used < 0:
             self._renew(scale.span)
-            self._cost[source], self._arrival[source] = self._base, START
-            used = expand(self._steps, extra, self._mixed, self._cost, self._arrival, self._open, scale.buckets,
+            self._cost[source] = self._base
+            used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets,
                           np.array([source]), source, target, *scale[:4], *ahead, scale.shift)  # fmt: skip
             if used < 0:
                 self._open = new_open_list(2 * len(self._open[0]))

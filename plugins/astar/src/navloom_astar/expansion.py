@@ -109,7 +109,8 @@ def new_open_list(size: int) -> OpenList:
 @njit(cache=True, nogil=True, error_model="numpy")
 def far_index(cell: Index, target: Index, stride: Index, ahead_long: int, ahead_short: int) -> int:
     """The heuristic: cost of the way from a cell to the target on an empty grid."""
-    down, across = abs(cell // stride - target // stride), abs(cell % stride - target % stride)
+    row, target_row = np.int64(np.uint32(cell) // np.uint32(stride)), np.int64(np.uint32(target) // np.uint32(stride))
+    down, across = abs(row - target_row), abs(cell - row * stride - (target - target_row * stride))
     return ahead_long * max(down, across) + ahead_short * min(down, across)
 
 
@@ -144,11 +145,12 @@ def expand(
     heads = np.full(buckets + 1, -1, np.int32)  # the last one holds what is too far for the ring
     used, vacant, empty, held, nothing = np.int64(0), np.int64(-1), 0, np.int64(0), np.int64(_VOID)
     bucket, far = nothing, nothing  # the first place in the ring, and beyond it
-    for cell in seeds:
+    places = np.empty(len(seeds), np.int64)
+    for n, cell in enumerate(seeds):
         ahead = far_index(cell, target, stride, ahead_long, ahead_short)
-        bucket = min(bucket, (cost[cell] + ahead - bottom) >> shift)
-    for cell in seeds:
-        place = (cost[cell] + far_index(cell, target, stride, ahead_long, ahead_short) - bottom) >> shift
+        places[n] = (cost[cell] + ahead - bottom) >> shift
+        bucket = min(bucket, places[n])
+    for cell, place in zip(seeds, places):
         head = place & mask
         if place - bucket >= buckets:
             head, far = np.int64(buckets), min(far, place)

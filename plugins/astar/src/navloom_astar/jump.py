@@ -54,6 +54,7 @@ class JumpPointSearch(GridSearch):
         np.logical_not(free, out=self.wall[1:-1, 1:-1])
         q, p = step_costs(free.size)
         self._renew(2 * (free.size + 2) * p)
+        self._kept = None  # the costs are those of jump points
         stride = self.shape[1] + 2
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
         if not _search(self.wall, self._cost, self._arrival, self._parent, first, last, self._base, self._top, q, p):

@@ -49,6 +49,7 @@ from navloom_astar.expansion import (
     set_steps,
     way_down,
 )
+from navloom_astar.repair import changed_cells, reopened
 
 __all__ = ["EXTRA_UNIT", "Cell", "Closed", "DijkstraSearch", "Ends", "GridSearch", "Way", "step_costs", "warm_up"]
 
@@ -65,6 +66,8 @@ EXTRA_UNIT = 8
 """Parts per unit of extra cost: extra costs are whole eighths."""
 
 _LARGEST = 1 << 62
+_MOST_CHANGED, _MOST_FORGOTTEN = 0.05, 0.05
+"""Shares of a grid's cells that may change, and whose costs may be lost by that, for a repair instead of a new search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +135,11 @@ class _Scale(NamedTuple):
     buckets: int
     span: int
 
+    @property
+    def octile(self) -> tuple[int, int]:
+        """Costs of a straight step, and of a diagonal one in its place: the octile distance."""
+        return self.straight, self.diagonal - self.straight
+
 
 def _scale(cells: int, extra: int | None) -> _Scale:
     """The scale for a grid with that many cells and that largest extra cost, if there are any."""
@@ -145,7 +153,9 @@ def _scale(cells: int, extra: int | None) -> _Scale:
 class GridSearch:
     """A* on grids of one size. It reuses its work arrays without clearing them between queries.
 
-    The costs of a query are below all costs of earlier queries, so old values read as "not yet reached".
+    The costs of a query are below all costs of earlier queries, so old values read as "not yet reached". If the goal
+    is that of the last query and few cells have changed, the costs of that query are repaired instead; see `repair`. The
+    way is the same as that of a new search, cell by cell.
 
     Attributes:
         wall: (rows + 2, columns + 2) blocked cells of the last query, with a border of walls.
@@ -162,7 +172,8 @@ class GridSearch:
         self.extra, self._mixed, self._steps = (np.zeros(padded, dtype=np.uint8) for _ in range(3))
         self._cost = np.zeros(size, dtype=np.int64)
         self._open = new_open_list(size)
-        self._base = self._top = 0
+        self._base = self._top = self._used = 0
+        self._kept: tuple[int, _Scale] | None = None
 
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
@@ -183,21 +194,22 @@ class GridSearch:
             ValueError: The grid has another shape, or the start or goal is outside or not free.
         """
         self._check(free, start, goal, extra)
-        rows, columns = self.shape
-        np.logical_not(free, out=self.wall[1:-1, 1:-1])
-        set_steps(self.wall, self._steps, 1, rows + 1, 1, columns + 1)
+        stride = self.shape[1] + 2
+        first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
         scale, weights = _scale(free.size, None if extra is None else int(extra.max())), None
         if extra is not None:
-            self.extra[1:-1, 1:-1], weights = extra, self.extra
-            set_mixed(self.extra, self._mixed, 1, rows + 1, 1, columns + 1)
-        first, last = ((row + 1) * (columns + 2) + column + 1 for row, column in (start, goal))
-        self._search(scale, weights, last, first, self._looks_ahead)
+            weights = self.extra
+        changed = self._changed(free, extra) if self._kept == (last, scale) else None
+        self._take(free, extra, changed)
+        self._kept = last, scale
+        if changed is None or not self._repair(scale, weights, last, first, changed):
+            self._search(scale, weights, last, first, self._looks_ahead)
         if self._cost[first] >= self._top:
+            self._kept = None
             self._search(scale, weights, first, NOWHERE, False)
-            row, column = divmod(int(nearest(self._cost, columns + 2, self._top, last)), columns + 2)
+            row, column = divmod(int(nearest(self._cost, stride, self._top, last)), stride)
             return Closed((row - 1, column - 1))
-        octile = scale.straight, scale.diagonal - scale.straight
-        if self._cost[first] - self._base == far_index(first, last, columns + 2, *octile):
+        if self._cost[first] - self._base == far_index(first, last, stride, *scale.octile):
             cells, diagonal = direct_way(self._steps, weights, first, last)
         else:
             cells, diagonal = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
@@ -207,15 +219,51 @@ class GridSearch:
 
     def _search(self, scale: _Scale, extra: Bytes | None, source: int, target: int, looks_ahead: bool) -> None:
         """Find the costs from all cells on shortest ways to the source; of all connected cells if it goes nowhere."""
-        ahead = (scale.straight, scale.diagonal - scale.straight) if looks_ahead else (0, 0)
-        used = -1
-        while used < 0:
+        seeds, self._used = np.array([source]), -1
+        while True:
             self._renew(scale.span)
             self._cost[source] = self._base
-            used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets,
-                          np.array([source]), source, target, *scale[:4], *ahead, scale.shift)  # fmt: skip
-            if used < 0:
-                self._open = new_open_list(2 * len(self._open[0]))
+            if self._expand(scale, extra, seeds, source, target, looks_ahead):
+                return
+            self._open = new_open_list(2 * len(self._open[0]))
+
+    def _expand(
+        self, scale: _Scale, extra: Bytes | None, seeds: NDArray[np.int64], source: int, target: int, looks_ahead: bool
+    ) -> bool:
+        """Go on from open cells. Returns whether the open list was long enough."""
+        ahead = scale.octile if looks_ahead else (0, 0)
+        self._used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets, seeds, source,
+                            target, *scale[:4], *ahead, scale.shift)  # fmt: skip
+        return self._used >= 0
+
+    def _changed(self, free: Bools, extra: Bytes | None) -> NDArray[np.int64] | None:
+        return changed_cells(free, self.wall, extra, self.extra, int(_MOST_CHANGED * free.size))
+
+    def _take(self, free: Bools, extra: Bytes | None, changed: NDArray[np.int64] | None) -> None:
+        """Store a grid: all of it, or the box around the cells that have changed."""
+        if changed is None:
+            low, left, (high, right) = 1, 1, self.shape
+        elif len(changed):
+            (low, left), (high, right) = changed.min(axis=0), changed.max(axis=0)
+        else:
+            return
+        here, there = np.s_[low : high + 1, left : right + 1], np.s_[low - 1 : high, left - 1 : right]
+        np.logical_not(free[there], out=self.wall[here])
+        # The steps of a cell depend on its neighbours.
+        box = max(low - 1, 1), min(high + 1, self.shape[0]) + 1, max(left - 1, 1), min(right + 1, self.shape[1]) + 1
+        set_steps(self.wall, self._steps, *box)
+        if extra is not None:
+            self.extra[here] = extra[there]
+            set_mixed(self.extra, self._mixed, *box)
+
+    def _repair(
+        self, scale: _Scale, extra: Bytes | None, source: int, target: int, changed: NDArray[np.int64]
+    ) -> bool:
+        """Make the costs of the last search to the same goal those of this one. Returns whether that was possible."""
+        most = int(_MOST_FORGOTTEN * self._cost.size)
+        seeds = reopened(self._steps, extra, self._cost, self._open, self._used, changed, source, self._top, *scale[:4],
+                         most)  # fmt: skip
+        return seeds is not None and self._expand(scale, extra, seeds, source, target, self._looks_ahead)
 
     def _check(self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None) -> None:
         for name, array in (("free", free), ("extra", extra)):

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["CHOICES", "COUNTS", "NOWHERE", "START", "direct_way", "expand", "far_index", "nearest", "new_open_list",
+__all__ = ["CHOICES", "COUNTS", "START", "direct_way", "expand", "far_index", "nearest", "new_open_list",
            "set_mixed", "set_steps", "way_down"]  # fmt: skip
 
 Bools = NDArray[np.bool_]
@@ -25,8 +25,6 @@ the bucket, (n,) costs of the cells when they were entered. An entry is void if 
 
 START = 8
 """Direction of arrival of the cell that the search begins from, which has no parent."""
-NOWHERE = 0
-"""Target of a search that goes everywhere: cell 0 is a corner of the border."""
 _VOID = 1 << 62
 _ROW_STEP = np.array((0, 1, 1, 1, 0, -1, -1, -1))
 _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
@@ -324,15 +322,30 @@ def direct_way(steps: Bytes, extra: Bytes | None, start: Index, goal: Index) -> 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def nearest(cost: Costs, stride: Index, top: int, goal: Index) -> int:
-    """The reached cell that is nearest to the goal in a straight line. Ties go to the lowest cost, row, column."""
-    best, closest, lowest = 0, np.int64(_VOID), np.int64(_VOID)
+def nearest(steps: Bytes, cost: Costs, base: int, start: Index, goal: Index) -> Cells:
+    """(n,) the cells connected with the start that are nearest to the goal in a straight line, in ascending order.
+
+    Sets `cost` to `base` on all connected cells; it must be above that before.
+    """
+    stride, legal = np.int64(steps.shape[1]), steps.reshape(-1)
     goal_row, goal_column = goal // stride, goal % stride
-    for row in range(1, len(cost) // stride - 1):
-        line = cost[row * stride : (row + 1) * stride]
-        for column in range(1, stride - 1):
-            if line[column] < top:
-                away = (row - goal_row) ** 2 + (column - goal_column) ** 2
-                if away < closest or (away == closest and line[column] < lowest):
-                    best, closest, lowest = row * stride + column, away, line[column]
-    return best
+    waiting, count, closest = np.empty(cost.size, np.int32), 1, np.int64(_VOID)
+    best = [np.int64(0) for _ in range(0)]
+    waiting[0], cost[start] = start, base
+    while count:
+        count -= 1
+        cell = np.int64(waiting[count])
+        row = np.int64(np.uint32(cell) // np.uint32(stride))
+        away = (row - goal_row) ** 2 + (cell - row * stride - goal_column) ** 2
+        if away < closest:
+            closest = away
+            best.clear()
+        if away == closest:
+            best.append(cell)
+        # A diagonal step needs both cells beside it, so straight steps alone connect the same cells.
+        for k in range(0, 8, 2):
+            other = np.uint64(cell + _ROW_STEP[k] * stride + _COLUMN_STEP[k])
+            if legal[np.uint64(cell)] >> k & 1 and cost[other] != base:
+                waiting[count], cost[other] = other, base
+                count += 1
+    return np.sort(np.array(best))

@@ -15,7 +15,7 @@ import heapq
 import numpy as np
 from numba import njit
 
-from navloom_astar.expansion import Bools, Bytes, Cells, Costs, Index, OpenList
+from navloom_astar.expansion import Bytes, Cells, Costs, Index, OpenList
 
 __all__ = ["changed_cells", "reopened"]
 
@@ -24,19 +24,19 @@ _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def changed_cells(free: Bools, wall: Bools, extra: Bytes | None, known: Bytes, most: int) -> Cells | None:
+def changed_cells(free: Bytes, wall: Bytes, extra: Bytes | None, known: Bytes, most: int) -> Cells | None:
     """(n, 2) rows and columns, with the border, of the cells whose state or extra cost differs; None if above `most`.
 
     Args:
-        free, extra: (rows, columns) as they are now.
-        wall, known: (rows + 2, columns + 2) as they were.
+        free, extra: (rows, columns) as they are now; free is 0 or 1.
+        wall, known: (rows + 2, columns + 2) as they were; wall is 0 or 1.
     """
     found, count = np.empty((most + 1, 2), np.int64), 0
     for row in range(free.shape[0]):
         new, old = free[row], wall[row + 1, 1:-1]
         differs = np.uint8(0)
         for n in range(len(new)):
-            differs |= np.uint8(new[n] == old[n])
+            differs |= new[n] ^ old[n] ^ np.uint8(1)
         if extra is not None:
             weights, weighed = extra[row], known[row + 1, 1:-1]
             for n in range(len(new)):

@@ -39,7 +39,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_astar.expansion import (
-    NOWHERE,
     direct_way,
     expand,
     far_index,
@@ -205,10 +204,7 @@ class GridSearch:
         if changed is None or not self._repair(scale, weights, last, first, changed):
             self._search(scale, weights, last, first, self._looks_ahead)
         if self._cost[first] >= self._top:
-            self._kept = None
-            self._search(scale, weights, first, NOWHERE, False)
-            row, column = divmod(int(nearest(self._cost, stride, self._top, last)), stride)
-            return Closed((row - 1, column - 1))
+            return Closed(self._nearest(scale, weights, first, last))
         if self._cost[first] - self._base == far_index(first, last, stride, *scale.octile):
             cells, diagonal = direct_way(self._steps, weights, first, last)
         else:
@@ -218,7 +214,7 @@ class GridSearch:
         return Way(cells, straight, diagonal, cost)
 
     def _search(self, scale: _Scale, extra: Bytes | None, source: int, target: int, looks_ahead: bool) -> None:
-        """Find the costs from all cells on shortest ways to the source; of all connected cells if it goes nowhere."""
+        """Find the costs to the source from all cells on shortest ways to it."""
         seeds, self._used = np.array([source]), -1
         while True:
             self._renew(scale.span)
@@ -236,15 +232,27 @@ class GridSearch:
                             target, *scale[:4], *ahead, scale.shift)  # fmt: skip
         return self._used >= 0
 
+    def _nearest(self, scale: _Scale, extra: Bytes | None, first: int, last: int) -> Cell:
+        self._kept = None
+        self._renew(scale.span)
+        cells = nearest(self._steps, self._cost, self._base, first, last).tolist()
+        costs = []
+        for cell in cells if len(cells) > 1 else ():
+            self._search(scale, extra, cell, first, self._looks_ahead)
+            costs.append(int(self._cost[first]) - self._base)
+        row, column = divmod(min(zip(costs, cells, strict=True))[1] if costs else cells[0], self.shape[1] + 2)
+        return row - 1, column - 1
+
     def _changed(self, free: Bools, extra: Bytes | None) -> NDArray[np.int64] | None:
-        return changed_cells(free, self.wall, extra, self.extra, int(_MOST_CHANGED * free.size))
+        cells = free.view(np.uint8), self.wall.view(np.uint8)
+        return changed_cells(*cells, extra, self.extra, int(_MOST_CHANGED * free.size))
 
     def _take(self, free: Bools, extra: Bytes | None, changed: NDArray[np.int64] | None) -> None:
         """Store a grid: all of it, or the box around the cells that have changed."""
         if changed is None:
             low, left, (high, right) = 1, 1, self.shape
         elif len(changed):
-            (low, left), (high, right) = changed.min(axis=0), changed.max(axis=0)
+            low, high, left, right = changed[0, 0], changed[-1, 0], changed[:, 1].min(), changed[:, 1].max()
         else:
             return
         here, there = np.s_[low : high + 1, left : right + 1], np.s_[low - 1 : high, left - 1 : right]

@@ -251,7 +251,14 @@ def test_a_point_robot_is_not_inflated() -> None:
 
 def test_nothing_compiles_after_warm_up() -> None:
     AStar.warm_up()
-    kernels = [expansion.expand, expansion.way_down, expansion.direct_way, expansion.set_steps, inflation._grow, raster._draw]
+    kernels = [
+        expansion.expand,
+        expansion.way_down,
+        expansion.direct_way,
+        expansion.set_steps,
+        inflation._grow,
+        raster._draw,
+    ]
     before = [len(kernel.signatures) for kernel in kernels]
     cells = np.zeros((20, 20))
     cells[5:15, 10] = 100

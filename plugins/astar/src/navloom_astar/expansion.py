@@ -148,7 +148,8 @@ def expand(
         ahead = far_index(cell, target, stride, ahead_long, ahead_short)
         places[n] = (cost[cell] + ahead - bottom) >> shift
         bucket = min(bucket, places[n])
-    for cell, place in zip(seeds, places):
+    for n, cell in enumerate(seeds):
+        place = places[n]
         head = place & mask
         if place - bucket >= buckets:
             head, far = np.int64(buckets), min(far, place)
@@ -209,7 +210,8 @@ def expand(
             head = place & mask
             if place - bucket >= buckets:
                 head, far = np.int64(buckets), min(far, place)
-            cells[slot], costs[slot], links[slot], heads[head] = np.int64(other) << 8 | steps_on, reached, heads[head], slot
+            cells[slot], costs[slot] = np.int64(other) << 8 | steps_on, reached
+            links[slot], heads[head] = heads[head], slot
     if held != 0:
         cells[used], costs[used] = held, cost[held >> 8]
         used += 1
@@ -283,9 +285,9 @@ def direct_way(steps: Bytes, extra: Bytes | None, start: Index, goal: Index) -> 
     straights = max(abs(down), abs(across)) - diagonals
     pair = np.zeros(2, np.int64)  # the straight direction and the diagonal one
     for k in range(8):
-        if _ROW_STEP[k] == np.sign(down) * (k & 1 or abs(down) > abs(across)) and _COLUMN_STEP[k] == np.sign(
-            across
-        ) * (k & 1 or abs(across) >= abs(down)):
+        if _ROW_STEP[k] == np.sign(down) * (k & 1 or abs(down) > abs(across)) and _COLUMN_STEP[k] == np.sign(across) * (
+            k & 1 or abs(across) >= abs(down)
+        ):
             pair[k & 1] = k
     most = np.array((straights, diagonals))
     is_dead = np.zeros((straights + 1, diagonals + 1), np.bool_)

@@ -1,16 +1,15 @@
 """Kernels that repair the costs of a search after local changes, so that it can continue instead of starting again.
 
 As in dynamic shortest paths (Ramalingam & Reps 1996), a cell keeps its cost if a neighbour still supports it: one whose
-cost and the step sum to at most that. Cells are tested in order of their costs, which are lower at a support, from the
-changed ones on. Those without a support are forgotten. Then all costs are those of real ways again, and only cells
-beside forgotten or changed ones can improve others: these are opened. The search goes on from them and from the cells
+cost and the step sum to at most that. A support has a lower cost, so no cells support each other in a circle. Cells
+beside changed ones are tested, those without a support are forgotten, and then those are tested that they supported.
+Then all costs are those of real ways again, and only cells beside forgotten or changed ones can improve others: these
+are opened. The search goes on from them and from the cells
 that were still open, until the bound of `search` holds again. (D* Lite, Koenig & Likhachev 2002, does both in one
 queue, whose order must then survive moves of the start; here the open list is sorted again, which is cheaper.)
 """
 
 from __future__ import annotations
-
-import heapq
 
 import numpy as np
 from numba import njit
@@ -52,6 +51,27 @@ def changed_cells(free: Bytes, wall: Bytes, extra: Bytes | None, known: Bytes, m
     return found[:count].copy()
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _step(cell: Index, other: Index, k: int, extra: Bytes | None, step: Costs, weight: Costs) -> int:
+    """Cost of a step in direction k. `step` and `weight`: (2,) for straight and diagonal ones; see `expansion`."""
+    if extra is None:
+        return step[k & 1]
+    flat = extra.reshape(-1)
+    return step[k & 1] + weight[k & 1] * (np.int64(flat[cell]) + np.int64(flat[other]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_supported(
+    cell: Index, known: int, extra: Bytes | None, legal: Bytes, cost: Costs, offsets: Cells, step: Costs, weight: Costs
+) -> bool:
+    for k in range(8):
+        if legal[cell] >> k & 1:
+            other = cell + offsets[k]
+            if cost[other] < known and cost[other] + _step(cell, other, k, extra, step, weight) <= known:
+                return True
+    return False
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def reopened(
     steps: Bytes, extra: Bytes | None, cost: Costs, opened: OpenList, used: int, changed: Cells, source: Index,
@@ -69,9 +89,10 @@ def reopened(
         (n,) open cells; None if more would have to be forgotten, or if the source has changed.
     """
     stride, legal = np.int64(steps.shape[1]), steps.reshape(-1)
+    step, weight = np.array((straight, diagonal)), np.array((q, p))
     offsets, centre = _ROW_STEP * stride + _COLUMN_STEP, np.zeros(1, np.int64)
     around = np.concatenate((centre, offsets))
-    doubtful = [(np.int64(0), np.int64(0)) for _ in range(0)]
+    doubtful = [np.int64(0) for _ in range(0)]
     beside = [np.int64(0) for _ in range(0)]
     for row, column in changed:
         cell = row * stride + column
@@ -80,34 +101,26 @@ def reopened(
         beside.append(cell)
         for offset in around:
             if cost[cell + offset] < top:
-                doubtful.append((cost[cell + offset], cell + offset))
-    heapq.heapify(doubtful)
+                doubtful.append(cell + offset)
     forgotten = 0
     while doubtful:
-        known, cell = heapq.heappop(doubtful)
-        if cost[cell] != known or cell == source:
-            continue
-        is_supported = False
-        for k in range(8):
-            if legal[cell] >> k & 1:
-                other = cell + offsets[k]
-                step = diagonal if k & 1 else straight
-                if extra is not None:
-                    flat = extra.reshape(-1)
-                    step += (p if k & 1 else q) * (np.int64(flat[cell]) + np.int64(flat[other]))
-                if cost[other] + step <= known:
-                    is_supported = True
-                    break
-        if is_supported:
+        cell = doubtful.pop()
+        known = cost[cell]
+        if known >= top or cell == source or _is_supported(cell, known, extra, legal, cost, offsets, step, weight):
             continue
         if forgotten == most:
             return None
         forgotten += 1
         cost[cell] = top
         beside.append(cell)
-        for offset in offsets:
-            if known < cost[cell + offset] < top:
-                heapq.heappush(doubtful, (cost[cell + offset], cell + offset))
+        for k in range(8):
+            other = cell + offsets[k]
+            if (
+                legal[cell] >> k & 1
+                and cost[other] < top
+                and known + _step(cell, other, k, extra, step, weight) <= cost[other]
+            ):
+                doubtful.append(other)
     again = [np.int64(0) for _ in range(0)]
     for cell in beside:
         for offset in around:

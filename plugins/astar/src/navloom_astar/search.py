@@ -66,7 +66,7 @@ EXTRA_UNIT = 8
 
 _LARGEST = 1 << 62
 _MOST_CHANGED, _MOST_FORGOTTEN = 0.05, 0.05
-"""Shares of a grid's cells that may change, and whose costs may be lost by that, for a repair instead of a new search."""
+"""Shares of a grid's cells that may change, and that may lose their costs by that, for a repair, not a new search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +153,8 @@ class GridSearch:
     """A* on grids of one size. It reuses its work arrays without clearing them between queries.
 
     The costs of a query are below all costs of earlier queries, so old values read as "not yet reached". If the goal
-    is that of the last query and few cells have changed, the costs of that query are repaired instead; see `repair`. The
-    way is the same as that of a new search, cell by cell.
+    is that of the last query and few cells have changed, the costs of that query are repaired instead; see `repair`.
+    The way is the same as that of a new search, cell by cell.
 
     Attributes:
         wall: (rows + 2, columns + 2) blocked cells of the last query, with a border of walls.
@@ -264,9 +264,7 @@ class GridSearch:
             self.extra[here] = extra[there]
             set_mixed(self.extra, self._mixed, *box)
 
-    def _repair(
-        self, scale: _Scale, extra: Bytes | None, source: int, target: int, changed: NDArray[np.int64]
-    ) -> bool:
+    def _repair(self, scale: _Scale, extra: Bytes | None, source: int, target: int, changed: NDArray[np.int64]) -> bool:
         """Make the costs of the last search to the same goal those of this one. Returns whether that was possible."""
         most = int(_MOST_FORGOTTEN * self._cost.size)
         seeds = reopened(self._steps, extra, self._cost, self._open, self._used, changed, source, self._top, *scale[:4],

@@ -118,7 +118,9 @@ class ThetaSearch:
 def _touches(extra: NDArray[np.uint8], cells: NDArray[np.int64]) -> bool:
     """Whether a cell of a way, or one beside a diagonal step, has an extra cost."""
     rows, columns = cells.T
-    return bool(extra[rows, columns].any() or extra[rows[:-1], columns[1:]].any() or extra[rows[1:], columns[:-1]].any())
+    return bool(
+        extra[rows, columns].any() or extra[rows[:-1], columns[1:]].any() or extra[rows[1:], columns[:-1]].any()
+    )
 
 
 class LazyThetaSearch(ThetaSearch):

@@ -106,7 +106,7 @@ def tracked(
     tracker = Tracker(PeopleTrackerParams(**settings))
     for time, beams in scene.scans(until):
         said = np.full(len(beams), -1) if mapped is None else mapped(beams[:, 2:4])
-        tracker.see(time, "laser", beams, math.tau / scene.beams, said)
+        tracker.see(time, "laser", np.array(scene.robot(time)), beams, math.tau / scene.beams, said)
         yield time, tracker.published(time)
 
 

@@ -130,4 +130,4 @@ class PeopleTracker(NodePlugin[PeopleTrackerParams]):
             explain(self._field.values, self._field.frame, self._map.cells, beams, motion, margin, mapped)
         mapped[np.hypot(beams[:, 2] - beams[:, 0], beams[:, 3] - beams[:, 1]) > self.params.reach] = 1
         step = float(np.median(np.abs(np.diff(scan.bearings))))
-        self._tracker.see(scan.stamp_ns * 1e-9, name, beams, max(step, 1e-3), mapped)
+        self._tracker.see(scan.stamp_ns * 1e-9, name, poses[-1], beams, max(step, 1e-3), mapped)

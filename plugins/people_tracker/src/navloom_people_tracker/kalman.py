@@ -15,6 +15,8 @@ __all__ = ["assign", "measure", "predict", "rest"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+SLACK = 0.15
+"""Standard deviation that is added to a track's place for the gate, m: a body at rest may begin to move."""
 GATE = 11.8
 """Largest squared Mahalanobis distance of a body from its track: 0.3 % of the true ones are beyond (chi², 2)."""
 FARTHEST = 1.0
@@ -59,7 +61,7 @@ def assign(means: Floats, covariances: Floats, places: Floats, sigmas: Floats) -
     if not len(means) or not len(places):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     away = places[None] - means[:, None, :2]
-    innovation = covariances[:, None, :2, :2] + (sigmas[:, None, None] ** 2 * np.eye(2))[None]
+    innovation = covariances[:, None, :2, :2] + ((sigmas**2 + SLACK**2)[:, None, None] * np.eye(2))[None]
     a, b, c = innovation[..., 0, 0], innovation[..., 0, 1], innovation[..., 1, 1]
     determinant = a * c - b * b
     x, y = away[..., 0], away[..., 1]

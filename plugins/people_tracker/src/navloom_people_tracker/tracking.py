@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from navloom_people_tracker.bodies import SIGMA_LEGS, Bodies, Widths, bodies_in
 from navloom_people_tracker.kalman import assign, measure, predict, rest
-from navloom_people_tracker.tracks import MARKS, Tracks, begun
+from navloom_people_tracker.tracks import Tracks, begun
 from navloom_people_tracker.views import View, cover, looked_through, view_of
 
 __all__ = ["Settings", "Tracker"]
@@ -20,16 +20,24 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-VIEW_EVERY = 0.2
-"""Time between the scans that are kept as views, and between the marks of a track, s."""
+VIEW_EVERY, VIEWS = 0.3, 14
+"""Time between the scans that are kept as views, s, and how many are: the oldest is 4 s old."""
+MARK_EVERY = 0.1
+"""Time between the marks of a track, s."""
 LEAST_AGE = 0.3
 """Least age of a view or mark that tells what moved, s: at 0.5 m/s a body has moved by more than the noise then."""
 STOOD = 0.8
 """Age of a view, s, from which an echo at a place says that a body stands there: a slow one has left it by then."""
+DRIFT = 0.04
+"""Error of the odometry, m/m and rad/rad: wheels slip."""
 EVIDENCE_LASTS, EVIDENCE_NEEDED, EVIDENCE_KEPT = 0.5, 0.2, 0.05
 """How long evidence of motion lasts, how much begins a motion, and how much less ends it, s."""
-TRAVEL = 0.2
-"""Least way of a track that moves within the time of its marks, m: shapes flicker by less."""
+LEAST_MARKS = 4
+"""Fewest places from which a velocity is told."""
+TRAVEL, LEAST_SPEED = 0.2, 0.15
+"""Least way of a track that moves within the time of its marks, m, and its least speed, m/s: shapes flicker by less."""
+STEADY = 0.82
+"""Share of the variance of the places that a straight motion explains: of a single jump it explains at most 0.75."""
 REST_AFTER = 0.4
 """Age from which a track without evidence of motion rests, s: longer than evidence takes to come."""
 REST_SIGMA = 0.05
@@ -70,8 +78,8 @@ class Tracker:
         self._count = 0
         self._views: dict[str, deque[View]] = {}
         self._marked = -math.inf
-        # Readings differ by their noise, and the odometry drifts within two seconds.
-        self._margin = np.array([0.06 + 3.0 * settings.range_sigma, 0.01])
+        self._pose: Floats | None = None
+        self._way = np.zeros(2)
 
     def published(self, time: float) -> Tracks:
         """The tracks with a number, predicted to a time, s."""
@@ -82,30 +90,45 @@ class Tracker:
         )  # fmt: skip
         return found
 
-    def see(self, time: float, sensor: str, beams: Floats, step: float, mapped: Ints) -> None:
+    def see(self, time: float, sensor: str, pose: Floats, beams: Floats, step: float, mapped: Ints) -> None:
         """Take a scan.
 
         Args:
             time: Its stamp, s. A scan that is older than the previous one counts as one of that time.
             sensor: Its name.
+            pose: (3,) of the robot, m, rad, odometry frame.
             beams: (n, 5) as those of `views.place_beams`, odometry frame; at least one.
             step: Angle between neighbouring beams, rad.
             mapped: (n,) 1 for an echo that is not looked at, as a map explains it; 0 where a map is free, else -1.
         """
         since = 0.0 if math.isnan(self.time) else max(0.0, time - self.time)
         self.time = time if math.isnan(self.time) else max(self.time, time)
-        tracks, view = self.tracks, view_of(self.time, beams, max(90, round(math.tau / step)))
+        self._drive(pose)
+        driven, turned = self._way.tolist()
+        tracks, view = self.tracks, view_of(self.time, (driven, turned), beams, max(90, round(math.tau / step)))
         tracks.means, tracks.covariances = predict(
             tracks.means, tracks.covariances, since, self.settings.acceleration
         )  # fmt: skip
         bodies = self._bodies(sensor, view, beams, step, mapped)
         rows, columns = self._matched(bodies)
         self._correct(rows, bodies.rows(columns))
-        self._start(self._judge_motion(rows, bodies.fresh[columns], view, since))
+        self._judge_motion(rows, bodies.fresh[columns], view, since)
         self._name()
         is_kept = self._kept(rows, view, since)
         self._begin(bodies, rows, columns, is_kept)
         self._remember(sensor, view)
+
+    def _drive(self, pose: Floats) -> None:
+        if self._pose is not None:
+            moved = pose - self._pose
+            self._way += (math.hypot(moved[0], moved[1]), abs(math.remainder(moved[2], math.tau)))
+        self._pose = np.array(pose)
+
+    def _margins(self, ways: Floats) -> Floats:
+        """(n, 2) margins of `looked_through` since the robot had gone some ways, (n, 2) m and rad."""
+        gone = np.abs(self._way - ways)
+        # Readings differ by their noise, and the places by the drift of the odometry.
+        return np.column_stack([0.06 + 3.0 * self.settings.range_sigma + DRIFT * gone[:, 0], 0.01 + DRIFT * gone[:, 1]])
 
     def _bodies(self, sensor: str, view: View, beams: Floats, step: float, mapped: Ints) -> Bodies:
         looked_at = np.flatnonzero((beams[:, 4] > 0.0) & (mapped < 1))
@@ -123,7 +146,8 @@ class Tracker:
         for view in self._views.get(sensor, ()):
             age = self.time - view.time
             if age >= LEAST_AGE:
-                looked_through(view.near, view.x, view.y, points, self._margin, said)
+                margins = np.repeat(self._margins(np.array([[view.driven, view.turned]])), len(points), axis=0)
+                looked_through(view.near, view.x, view.y, points, margins, said)
                 passed |= said > 0
                 if age >= STOOD:
                     stood |= said < 0
@@ -151,57 +175,48 @@ class Tracker:
         tracks.places[rows], tracks.seen[rows] = given[0], self.time
         tracks.is_in_free[rows] = bodies.is_in_free
         tracks.through[rows] = tracks.beside[rows] = 0.0
-        if self.time - self._marked >= VIEW_EVERY:
+        if self.time - self._marked >= MARK_EVERY - 1e-9:
             self._marked = self.time
             tracks.marks[:, 1:] = tracks.marks[:, :-1].copy()
             tracks.marks[:, 0] = np.nan
             tracks.marks[rows, 0, :2] = bodies.surfaces
             tracks.marks[rows, 0, 2:4] = given[0]
-            tracks.marks[rows, 0, 4] = self.time
+            tracks.marks[rows, 0, 4:] = (self.time, *self._way)
 
-    def _judge_motion(self, rows: Ints, fresh: Floats, view: View, since: float) -> Ints:
-        """Begin and end motions: by what came into free space, what left its place, and how far the track went.
-
-        Returns:
-            The tracks that begin to move.
-        """
+    def _judge_motion(self, rows: Ints, fresh: Floats, view: View, since: float) -> None:
+        """Begin and end motions: by what came into free space, what left its place, and how steadily the track went."""
         tracks = self.tracks
         ages = self.time - tracks.marks[:, :, 4]
-        is_old = ages >= LEAST_AGE
-        said = np.empty(ages.size, np.int64)
-        looked_through(view.near, view.x, view.y, tracks.marks[:, :, :2].reshape(-1, 2), self._margin, said)
-        moves = ((said.reshape(ages.shape) > 0) & is_old).any(axis=1)
+        said, marks = np.empty(ages.size, np.int64), tracks.marks.reshape(-1, 7)
+        looked_through(view.near, view.x, view.y, marks[:, :2], self._margins(marks[:, 5:]), said)
+        moves = ((said.reshape(ages.shape) > 0) & (ages >= LEAST_AGE)).any(axis=1)
         moves[rows[fresh >= 0.5]] = True
         is_seen = np.zeros(len(moves), np.bool_)
         is_seen[rows] = True
         tracks.evidence[is_seen] *= math.exp(-since / EVIDENCE_LASTS)
         tracks.evidence[is_seen & moves] += since
-        away = tracks.marks[:, :, 2:4] - tracks.means[:, None, :2]
-        travel = np.where(is_old, np.hypot(away[:, :, 0], away[:, :, 1]), 0.0).max(axis=1)
-        is_far = travel > TRAVEL
-        starts = ~tracks.is_moving & is_far & (tracks.evidence > EVIDENCE_NEEDED)
+        velocities, spans, is_steady = straight_motion(tracks.marks[:, :, 2:5])
+        speeds = np.hypot(velocities[:, 0], velocities[:, 1])
+        is_far = (speeds * spans > TRAVEL) & (speeds > LEAST_SPEED)
+        starts = is_seen & ~tracks.is_moving & is_far & is_steady & (tracks.evidence > EVIDENCE_NEEDED)
         stops = tracks.is_moving & is_seen & ~(is_far & (tracks.evidence > EVIDENCE_KEPT))
         tracks.is_moving = (tracks.is_moving | starts) & ~stops
+        self._start(np.flatnonzero(starts), velocities, spans)
         rests = np.flatnonzero(is_seen & ~tracks.is_moving & (self.time - tracks.born > REST_AFTER))
-        rests = rests[tracks.evidence[rests] < EVIDENCE_NEEDED]
+        rests = rests[tracks.evidence[rests] < EVIDENCE_KEPT]
         tracks.means[rests], tracks.covariances[rests] = rest(
             tracks.means[rests], tracks.covariances[rests], REST_SIGMA
         )  # fmt: skip
-        return np.flatnonzero(starts)
 
-    def _start(self, rows: Ints) -> None:
-        """Give tracks that begin to move the velocity since their youngest mark: at rest, the filter held them back."""
-        tracks = self.tracks
-        ages = self.time - tracks.marks[rows, :, 4]
-        youngest = np.where(ages >= LEAST_AGE, ages, np.inf).argmin(axis=1)
-        mark, age = tracks.marks[rows, youngest], ages[np.arange(len(rows)), youngest]
-        tracks.means[rows, :2] = tracks.places[rows]
-        tracks.means[rows, 2:] = (tracks.places[rows] - mark[:, 2:4]) / age[:, None]
+    def _start(self, rows: Ints, velocities: Floats, spans: Floats) -> None:
+        """Give tracks that begin to move the velocity of their marks: at rest, the filter held them back."""
+        tracks, variance = self.tracks, SIGMA_LEGS**2
+        tracks.means[rows, :2], tracks.means[rows, 2:] = tracks.places[rows], velocities[rows]
         tracks.covariances[rows] = 0.0
         for place, speed in ((0, 2), (1, 3)):
-            tracks.covariances[rows, place, place] = SIGMA_LEGS**2
-            tracks.covariances[rows, place, speed] = tracks.covariances[rows, speed, place] = SIGMA_LEGS**2 / age
-            tracks.covariances[rows, speed, speed] = 2.0 * SIGMA_LEGS**2 / age**2
+            tracks.covariances[rows, place, place] = variance
+            tracks.covariances[rows, place, speed] = tracks.covariances[rows, speed, place] = variance / spans[rows]
+            tracks.covariances[rows, speed, speed] = 2.0 * variance / spans[rows] ** 2
 
     def _name(self) -> None:
         """Number the tentative tracks that move, and those that have stood for a while where a map has nothing."""
@@ -238,6 +253,27 @@ class Tracker:
         self.tracks = tracks.rows(is_kept).joined(begun(new, self.time))
 
     def _remember(self, sensor: str, view: View) -> None:
-        views = self._views.setdefault(sensor, deque(maxlen=MARKS + 2))
-        if not views or view.time - views[-1].time >= VIEW_EVERY:
+        views = self._views.setdefault(sensor, deque(maxlen=VIEWS))
+        if not views or view.time - views[-1].time >= VIEW_EVERY - 1e-9:
             views.append(view)
+
+
+def straight_motion(marks: Floats) -> tuple[Floats, Floats, Bools]:
+    """Velocities (n, 2), m/s, of least squares through places; the times, (n,) s, they span; and whether they are steady.
+
+    Args:
+        marks: (n, k, 3) x, y, m, and time, s, the newest first; NaN for none. Of fewer than `LEAST_MARKS`, none is
+            steady.
+    """
+    known = np.isfinite(marks[:, :, 2])
+    count = known.sum(axis=1)
+    given = np.where(known[:, :, None], marks, 0.0)
+    middle = given.sum(axis=1) / np.maximum(count, 1)[:, None]
+    apart = np.where(known[:, :, None], given - middle[:, None], 0.0)
+    spread = np.maximum((apart[:, :, 2] ** 2).sum(axis=1), 1e-12)
+    velocities = (apart[:, :, :2] * apart[:, :, 2:]).sum(axis=1) / spread[:, None]
+    explained = (velocities**2).sum(axis=1) * spread
+    variance = (apart[:, :, :2] ** 2).sum(axis=(1, 2))
+    is_steady = (count >= LEAST_MARKS) & (explained > STEADY * variance)
+    spans = np.where(known, apart[:, :, 2], -np.inf).max(axis=1) - np.where(known, apart[:, :, 2], np.inf).min(axis=1)
+    return velocities, np.where(count > 1, spans, 0.0), is_steady

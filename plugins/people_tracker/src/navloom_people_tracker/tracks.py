@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-MARKS = 8
-"""Earlier places of a track that are kept, one for each view."""
+MARKS = 12
+"""Earlier places of a track that are kept."""
 START_SPEED = 1.0
 """Standard deviation of the speed of a new track, m/s: that of a walking person."""
 
@@ -35,7 +35,8 @@ class Tracks:
         is_moving: (n,) whether it moves.
         is_in_free: (n,) whether a map has nothing at the place where it was seen last.
         through, beside: (n,) for how long beams passed through its place, or ended there at something else, s.
-        marks: (n, MARKS, 5) x, y of earlier echoes, x, y of its centre then, m, and the time, s; NaN for none.
+        marks: (n, MARKS, 7) x, y of earlier echoes, x, y of the centre then, m, the time, s, and the way, m, and the
+            angles, rad, of the robot up to then; NaN for none.
     """
 
     ids: Ints
@@ -81,5 +82,5 @@ def begun(bodies: Bodies, time: float) -> Tracks:
         is_in_free=bodies.is_in_free.copy(),
         through=np.zeros(count),
         beside=np.zeros(count),
-        marks=np.full((count, MARKS, 5), np.nan),
+        marks=np.full((count, MARKS, 7), np.nan),
     )

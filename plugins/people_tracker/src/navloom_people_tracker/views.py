@@ -27,11 +27,14 @@ class View(NamedTuple):
 
     Attributes:
         time: Run time, s.
+        driven, turned: Way, m, and angles, rad, of the robot since its start, all counted positive.
         x, y: Place of the sensor, m, odometry frame.
         near: (bins,) shortest beam in each direction of a full turn from the x axis, m; NaN where no beam looked.
     """
 
     time: float
+    driven: float
+    turned: float
     x: float
     y: float
     near: Floats
@@ -74,23 +77,33 @@ def _near(beams, x, y, near):  # type: ignore[no-untyped-def]
             near[k] = far
 
 
-def view_of(time: float, beams: Floats, bins: int) -> View:
-    """The view of a scan whose beams, as those of `place_beams`, are some; `bins`: directions in a full turn."""
+def view_of(time: float, way: tuple[float, float], beams: Floats, bins: int) -> View:
+    """The view of a scan.
+
+    Args:
+        time: s. way: `driven` and `turned` of the view, m and rad.
+        beams: (n, 5) as those of `place_beams`.
+        bins: Number of directions in a full turn.
+    """
     x, y = beams[:, 0].mean(), beams[:, 1].mean()
     near = np.empty(bins)
     _near(beams, x, y, near)
-    return View(time, float(x), float(y), near)
+    return View(time, *way, float(x), float(y), near)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _passes(near, x, y, px, py, margin):  # type: ignore[no-untyped-def]
-    """1 if the beams in the direction of a point and beside it end beyond it, -1 if one ends at it, else 0."""
+    """1 if all beams through a disc round a point end beyond it, -1 if one ends in it, else 0."""
     bins = near.shape[0]
     dx, dy = px - x, py - y
     far = math.hypot(dx, dy)
+    if far <= margin:
+        return 0
     k = int((math.atan2(dy, dx) / (2.0 * math.pi) + 1.0) * bins) % bins
+    # Beside the point too: with the drift of the odometry, what stands there may appear here.
+    half = min(1 + int(margin / far * bins / (2.0 * math.pi)), bins // 4)
     seen, passed, at = 0, 0, 0
-    for side in range(-1, 2):
+    for side in range(-half, half + 1):
         reach = near[(k + side) % bins]
         if math.isnan(reach):
             continue
@@ -103,20 +116,20 @@ def _passes(near, x, y, px, py, margin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def looked_through(near, x, y, points, margin, found):  # type: ignore[no-untyped-def]
+def looked_through(near, x, y, points, margins, found):  # type: ignore[no-untyped-def]
     """What a view says of points: 1 if it looks through the place, -1 if an echo was there, 0 if it does not tell.
 
     Args:
         near, x, y: Attributes of a `View`.
         points: (n, 2) m; NaN for none, of which it tells nothing.
-        margin: (2,) how much farther than a point a beam must reach, m, and what is added to that for each m away.
+        margins: (n, 2) radius of the disc round each point, m, and what is added to that for each m away.
         found: (n,) output.
     """
     for i in range(points.shape[0]):
         found[i] = 0
         if not math.isnan(points[i, 0]):
             far = math.hypot(points[i, 0] - x, points[i, 1] - y)
-            found[i] = _passes(near, x, y, points[i, 0], points[i, 1], margin[0] + margin[1] * far)
+            found[i] = _passes(near, x, y, points[i, 0], points[i, 1], margins[i, 0] + margins[i, 1] * far)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -18,6 +18,8 @@ Ints = NDArray[np.int64]
 
 LEG = 0.35
 """Widest group of echoes that may be a leg, m: trousers and coats included."""
+THINNEST = 0.08
+"""Width below which a group is no leg, m: poles and table legs come and go between the beams."""
 STRIDE = 0.6
 """Largest distance between the legs of one person, m: at a brisk walk the ankles are up to 0.6 m apart."""
 GAP = 0.15
@@ -48,6 +50,7 @@ class Bodies:
         radii: (n,) m.
         sigmas: (n,) standard deviation of the centres, m.
         surfaces: (n, 2) an echo of each, m.
+        echoes: (n,) number of them.
         fresh: (n,) share of its echoes where nothing was before.
         is_in_free: (n,) whether most of its echoes are where a map is free.
         legs: (n,) number of legs, 1 or 2; 0 for another body.
@@ -58,6 +61,7 @@ class Bodies:
     radii: Floats
     sigmas: Floats
     surfaces: Floats
+    echoes: Floats
     fresh: Floats
     is_in_free: Bools
     legs: Ints
@@ -70,7 +74,7 @@ class Bodies:
         away = rows[:, :2] - np.array(sensor)
         sight = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)[:, None]
         sigmas = np.where(legs > 0, SIGMA_LEG, SIGMA_DISC)
-        return cls(rows[:, :2], rows[:, 2], sigmas, rows[:, 5:7], rows[:, 7], rows[:, 8] > 0.5, legs, sight)
+        return cls(rows[:, :2], rows[:, 2], sigmas, rows[:, 5:7], rows[:, 3], rows[:, 7], rows[:, 8] > 0.5, legs, sight)
 
     def rows(self, kept: Bools | Ints) -> Bodies:
         """Some of the bodies."""
@@ -111,6 +115,8 @@ def bodies_in(
     if count > len(dropped):
         shapes(points, marks, labels, *sensor, step, rows)
         dropped = np.append(dropped, np.zeros(count - len(dropped), np.bool_))
+    far = np.hypot(rows[:, 0] - sensor[0], rows[:, 1] - sensor[1])
+    dropped |= (rows[:, 3] + 1.0) * step * far < THINNEST  # the beams beside the echoes pass it
     found = Bodies.of(rows[~dropped & (rows[:, 3] > 0.0)], sensor)
     return _paired(found, expected)
 
@@ -167,6 +173,7 @@ def _paired(found: Bodies, expected: Floats) -> Bodies:
         gone.append(other)
         found.radii[one] = 0.5 * away[i, j] + max(found.radii[one], found.radii[other])
         found.places[one] = 0.5 * (found.places[one] + found.places[other])
+        found.echoes[one] += found.echoes[other]
         found.fresh[one] = max(found.fresh[one], found.fresh[other])
         found.sigmas[one], found.legs[one] = SIGMA_LEGS, 2
     return found.rows(np.delete(np.arange(len(found.legs)), gone))

@@ -32,6 +32,8 @@ DRIFT = 0.04
 """Error of the odometry, m/m and rad/rad: wheels slip."""
 EVIDENCE_LASTS, EVIDENCE_NEEDED, EVIDENCE_KEPT = 0.5, 0.2, 0.05
 """How long evidence of motion lasts, how much begins a motion, and how much less ends it, s."""
+LEAST_ECHOES = 2
+"""Fewest echoes of a body whose motion is seen."""
 LEAST_MARKS = 4
 """Fewest places from which a velocity is told."""
 TRAVEL, LEAST_SPEED = 0.2, 0.15
@@ -112,7 +114,7 @@ class Tracker:
         bodies = self._bodies(sensor, view, beams, step, mapped)
         rows, columns = self._matched(bodies)
         self._correct(rows, bodies.rows(columns))
-        self._judge_motion(rows, bodies.fresh[columns], view, since)
+        self._judge_motion(rows, bodies.rows(columns), view, since)
         self._name()
         is_kept = self._kept(rows, view, since)
         self._begin(bodies, rows, columns, is_kept)
@@ -142,8 +144,11 @@ class Tracker:
     def _fresh(self, sensor: str, points: Floats) -> Bools:
         """(n,) whether an earlier view looked through the place of each echo, and none shows that something stood."""
         passed, stood = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
+        views = self._views.get(sensor, ())
+        if not views or self.time - views[0].time < STOOD:
+            return passed  # what stands is not known yet
         said = np.empty(len(points), np.int64)
-        for view in self._views.get(sensor, ()):
+        for view in views:
             age = self.time - view.time
             if age >= LEAST_AGE:
                 margins = np.repeat(self._margins(np.array([[view.driven, view.turned]])), len(points), axis=0)
@@ -183,14 +188,16 @@ class Tracker:
             tracks.marks[rows, 0, 2:4] = given[0]
             tracks.marks[rows, 0, 4:] = (self.time, *self._way)
 
-    def _judge_motion(self, rows: Ints, fresh: Floats, view: View, since: float) -> None:
+    def _judge_motion(self, rows: Ints, bodies: Bodies, view: View, since: float) -> None:
         """Begin and end motions: by what came into free space, what left its place, and how steadily the track went."""
         tracks = self.tracks
         ages = self.time - tracks.marks[:, :, 4]
         said, marks = np.empty(ages.size, np.int64), tracks.marks.reshape(-1, 7)
         looked_through(view.near, view.x, view.y, marks[:, :2], self._margins(marks[:, 5:]), said)
         moves = ((said.reshape(ages.shape) > 0) & (ages >= LEAST_AGE)).any(axis=1)
-        moves[rows[fresh >= 0.5]] = True
+        moves[rows[bodies.fresh >= 0.5]] = True
+        # A pole that is thinner than the beams are apart comes and goes.
+        moves[rows[bodies.echoes < LEAST_ECHOES]] = False
         is_seen = np.zeros(len(moves), np.bool_)
         is_seen[rows] = True
         tracks.evidence[is_seen] *= math.exp(-since / EVIDENCE_LASTS)
@@ -259,7 +266,7 @@ class Tracker:
 
 
 def straight_motion(marks: Floats) -> tuple[Floats, Floats, Bools]:
-    """Velocities (n, 2), m/s, of least squares through places; the times, (n,) s, they span; and whether they are steady.
+    """Velocities (n, 2), m/s, of least squares through places; the times (n,), s, they span; whether they are steady.
 
     Args:
         marks: (n, k, 3) x, y, m, and time, s, the newest first; NaN for none. Of fewer than `LEAST_MARKS`, none is

@@ -30,6 +30,7 @@ class Scene:
         robot: Function of the time, s, that gives x, y, m, heading, rad.
         beams: Number of beams. sigma: Standard deviation of a range, m. reach: Largest range, m.
         scan_time: Time from the first beam to the last, s.
+        drift: Error of the odometry, m/m and rad/rad.
         seed: Of the noise.
     """
 
@@ -42,6 +43,7 @@ class Scene:
     sigma: float = 0.02
     reach: float = 15.0
     scan_time: float = 0.0
+    drift: float = 0.0
     seed: int = 0
 
     def bodies(self, time: float) -> Floats:
@@ -81,6 +83,11 @@ class Scene:
             best = np.where((along > 0.0) & (share >= 0.0) & (share <= 1.0), np.minimum(best, along), best)
         return np.where(best < self.reach, best, np.inf)
 
+    def odometry(self, time: float) -> tuple[float, float, float]:
+        """Where the robot believes that it is: x, y, m, heading, rad."""
+        x, y, heading = (value * (1.0 + self.drift) for value in self.robot(time))
+        return x, y, heading
+
     def scans(self, until: float) -> Iterator[tuple[float, Floats]]:
         """Time, s, and beams, as those of `place_beams`, of each scan."""
         rng, bearings = np.random.default_rng(self.seed), np.linspace(-math.pi, math.pi, self.beams, endpoint=False)
@@ -95,7 +102,8 @@ class Scene:
                 ranges = self.ranges(time, tuple(poses[0]), bearings)
             ranges = ranges + self.sigma * rng.standard_normal(self.beams)
             out = np.empty((self.beams, 5))
-            place_beams(poses, np.zeros((self.beams, 2)), bearings, ranges, np.array([0.05, self.reach]), out)
+            believed = np.array([self.odometry(time + offset) for offset in offsets])
+            place_beams(believed, np.zeros((self.beams, 2)), bearings, ranges, np.array([0.05, self.reach]), out)
             yield time, out
 
 
@@ -106,7 +114,7 @@ def tracked(
     tracker = Tracker(PeopleTrackerParams(**settings))
     for time, beams in scene.scans(until):
         said = np.full(len(beams), -1) if mapped is None else mapped(beams[:, 2:4])
-        tracker.see(time, "laser", np.array(scene.robot(time)), beams, math.tau / scene.beams, said)
+        tracker.see(time, "laser", np.array(scene.odometry(time)), beams, math.tau / scene.beams, said)
         yield time, tracker.published(time)
 
 
@@ -119,3 +127,13 @@ def room(half: float) -> Floats:
 def walker(x: float, y: float, vx: float, vy: float) -> Callable[[float], tuple[float, float]]:
     """A person who walks straight on."""
     return lambda time: (x + vx * time, y + vy * time)
+
+
+def wanderer(rng: np.random.Generator, half: float) -> Callable[[float], tuple[float, float]]:
+    """A person who walks from place to place in a square around the origin, of this half width, m, for 40 s."""
+    times, places = [0.0], [rng.uniform(-half, half, 2)]
+    while times[-1] < 40.0:
+        places.append(rng.uniform(-half, half, 2))
+        times.append(times[-1] + float(np.hypot(*(places[-1] - places[-2]))) / rng.uniform(0.5, 1.4))
+    x, y = np.array(places).T
+    return lambda time: (float(np.interp(time, times, x)), float(np.interp(time, times, y)))

@@ -52,7 +52,9 @@ def moving_bodies(world: World | None, time: Floats) -> MovingBodies:
     moving = [] if world is None else [one for one in world.obstacles if one.waypoints]
     absent = (math.nan, math.nan)
     places = [[centre_at(one, t) if is_present(one, t, False) else absent for one in moving] for t in time.tolist()]
-    return MovingBodies(time, np.array(places).reshape(len(time), -1, 2), np.array([_radius(one) for one in moving]))
+    return MovingBodies(
+        time, np.array(places).reshape(len(time), len(moving), 2), np.array([_radius(one) for one in moving])
+    )
 
 
 def _radius(obstacle: Obstacle) -> float:

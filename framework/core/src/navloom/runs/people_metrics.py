@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 INTIMATE, PERSONAL = 0.45, 1.2
 """Ends of the intimate and of the personal space round a person, m: Hall, "The hidden dimension" (1966)."""
 
+FINE, FAR = 0.01, 100.0
+"""Step in which distances are interpolated, s; and a distance that stands for no person, m."""
+
 
 def person_distance_min(trail: Trail) -> float | None:
     """Least distance between the robot's footprint and the centre of a body that moves, m."""
@@ -68,10 +71,10 @@ def time_to_collision_min(trail: Trail) -> float | None:
 
 def speed_near_people(trail: Trail) -> float | None:
     """Mean speed of the robot while it is in the personal or intimate space of a person, m/s."""
-    near = _nearest(trail)
+    near = _finely(trail)
     if near is None or not (near < PERSONAL).any():
         return None
-    return float(np.abs(trail.vx)[near < PERSONAL].mean())
+    return float(np.interp(_fine_times(trail), trail.time, np.abs(trail.vx))[near < PERSONAL].mean())
 
 
 def track_ospa(trail: Trail) -> float | None:
@@ -119,13 +122,23 @@ def _nearest(trail: Trail) -> Floats | None:
     return np.asarray(np.where(np.isfinite(gaps), gaps, np.inf).min(axis=1))
 
 
-def _time_within(trail: Trail, low: float, high: float) -> float | None:
+def _fine_times(trail: Trail) -> Floats:
+    return np.arange(trail.time[0], trail.time[-1], FINE)
+
+
+def _finely(trail: Trail) -> Floats | None:
+    """The distances of `_nearest` at each `FINE`, so that the period of the trail matters little."""
     near = _nearest(trail)
-    return None if near is None else float(((near >= low) & (near < high)).sum() * trail.period)
+    return None if near is None else np.interp(_fine_times(trail), trail.time, np.minimum(near, FAR))
+
+
+def _time_within(trail: Trail, low: float, high: float) -> float | None:
+    near = _finely(trail)
+    return None if near is None else float(((near >= low) & (near < high)).sum() * FINE)
 
 
 def _depth(trail: Trail, low: float, high: float) -> float | None:
-    near = _nearest(trail)
+    near = _finely(trail)
     if near is None:
         return None
     within = near[(near >= low) & (near < high)]

@@ -106,8 +106,8 @@ def bodies_in(
         of_wide = is_wide[labels[kept]]
         points, marks = points[kept], marks[kept]
         labels, rows = _grouped(points, marks, sensor, step)
-        count = np.bincount(labels[of_wide], minlength=len(rows))
-        dropped = ((count > 0) & (rows[:, 3] < LEAST_FRESH)) | (rows[:, 4] > widths.widest)
+        from_wide = np.bincount(labels[of_wide], minlength=len(rows)) > 0
+        dropped = (from_wide & (rows[:, 3] < LEAST_FRESH)) | (rows[:, 4] > widths.widest)
     else:
         dropped = rows[:, 4] > widths.widest
     labels, count = _split(points, labels, rows, expected)

@@ -194,7 +194,7 @@ class Tracker:
         ages = self.time - tracks.marks[:, :, 4]
         said, marks = np.empty(ages.size, np.int64), tracks.marks.reshape(-1, 7)
         looked_through(view.near, view.x, view.y, marks[:, :2], self._margins(marks[:, 5:]), said)
-        moves = ((said.reshape(ages.shape) > 0) & (ages >= LEAST_AGE)).any(axis=1)
+        moves: Bools = np.asarray(((said.reshape(ages.shape) > 0) & (ages >= LEAST_AGE)).any(axis=1))
         moves[rows[bodies.fresh >= 0.5]] = True
         # A pole that is thinner than the beams are apart comes and goes.
         moves[rows[bodies.echoes < LEAST_ECHOES]] = False

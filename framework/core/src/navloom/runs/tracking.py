@@ -62,8 +62,8 @@ class Moment:
     def pairs(self) -> list[tuple[int, int]]:
         """Rows of a body and of its track, which is within the cut-off."""
         away = distances(self.truth, self.found)
-        rows = assignment(np.minimum(away, CUTOFF)) if away.size else []
-        return [(row, int(column)) for row, column in enumerate(rows) if column >= 0 and away[row, column] < CUTOFF]
+        columns = assignment(np.minimum(away, CUTOFF)).tolist() if away.size else []
+        return [(row, column) for row, column in enumerate(columns) if column >= 0 and away[row, column] < CUTOFF]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,8 @@ class Tracking:
         """(n,) differences between the velocity of a track and of its body, m/s."""
         away = [one.speeds[column] - one.true_speeds[row] for one in self.moments for row, column in one.pairs]
         given = np.array(away).reshape(-1, 2)
-        return np.asarray(np.hypot(given[:, 0], given[:, 1]))[np.isfinite(given).all(axis=1)]
+        errors: Floats = np.hypot(given[:, 0], given[:, 1])
+        return errors[np.isfinite(errors)]
 
     @cached_property
     def latencies(self) -> list[float]:
@@ -156,9 +157,9 @@ def _moment(message: Tracks, robot: Floats, bodies: MovingBodies, row: int, seen
         # A track may foresee a body that is hidden: it is neither asked for nor false.
         away = distances(bodies.places[row, there], found)
         columns = assignment(np.minimum(away, CUTOFF))
-        own = np.isin(there, hidden) & (columns >= 0)
-        own[own] = away[own, columns[own]] < CUTOFF
-        kept = np.delete(np.arange(len(ids)), columns[own])
+        foreseen = np.flatnonzero(np.isin(there, hidden) & (columns >= 0))
+        foreseen = foreseen[away[foreseen, columns[foreseen]] < CUTOFF]
+        kept = np.delete(np.arange(len(ids)), columns[foreseen])
         ids, found, speeds = ids[kept], found[kept], speeds[kept]
     own = there[seen[there]]
     true = bodies.places[row, own], bodies.velocities[row, own]

@@ -162,18 +162,21 @@ def _paired(found: Bodies, expected: Floats) -> Bodies:
         owner = np.where(to.min(axis=1) < REACH, to.argmin(axis=1), -1)
     apart = (owner[first] >= 0) & (owner[second] >= 0) & (owner[first] != owner[second])
     same = (owner[first] >= 0) & (owner[first] == owner[second])
+    allowed = ~apart
+    first, second, same = first[allowed], second[allowed], same[allowed]
     order = np.lexsort([away[first, second], ~same])
-    taken, gone = np.zeros(len(legs), np.bool_), []
-    for k in order:
-        i, j = int(first[k]), int(second[k])
-        if apart[k] or taken[i] or taken[j]:
-            continue
-        taken[i] = taken[j] = True
-        one, other = legs[i], legs[j]
-        gone.append(other)
-        found.radii[one] = 0.5 * away[i, j] + max(found.radii[one], found.radii[other])
-        found.places[one] = 0.5 * (found.places[one] + found.places[other])
-        found.echoes[one] += found.echoes[other]
-        found.fresh[one] = max(found.fresh[one], found.fresh[other])
-        found.sigmas[one], found.legs[one] = SIGMA_LEGS, 2
-    return found.rows(np.delete(np.arange(len(found.legs)), gone))
+    taken, pairs = set[int](), []
+    for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True):
+        if i not in taken and j not in taken:
+            taken.update((i, j))
+            pairs.append((i, j))
+    if not pairs:
+        return found
+    rows = np.array(pairs)
+    ones, others = legs[rows[:, 0]], legs[rows[:, 1]]
+    found.radii[ones] = 0.5 * away[rows[:, 0], rows[:, 1]] + np.maximum(found.radii[ones], found.radii[others])
+    found.places[ones] = 0.5 * (found.places[ones] + found.places[others])
+    found.echoes[ones] += found.echoes[others]
+    found.fresh[ones] = np.maximum(found.fresh[ones], found.fresh[others])
+    found.sigmas[ones], found.legs[ones] = SIGMA_LEGS, 2
+    return found.rows(np.delete(np.arange(len(found.legs)), others))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from navloom_people_tracker.bodies import SIGMA_LEGS, Bodies, Widths, bodies_in
 from navloom_people_tracker.kalman import assign, measure, predict, rest
 from navloom_people_tracker.tracks import Tracks, begun
-from navloom_people_tracker.views import View, cover, looked_through, view_of
+from navloom_people_tracker.views import View, are_fresh, cover, looked_through, view_of
 
 __all__ = ["Settings", "Tracker"]
 
@@ -143,20 +143,15 @@ class Tracker:
 
     def _fresh(self, sensor: str, points: Floats) -> Bools:
         """(n,) whether an earlier view looked through the place of each echo, and none shows that something stood."""
-        passed, stood = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
-        views = self._views.get(sensor, ())
+        fresh = np.zeros(len(points), np.bool_)
+        views = [view for view in self._views.get(sensor, ()) if self.time - view.time >= LEAST_AGE]
         if not views or self.time - views[0].time < STOOD:
-            return passed  # what stands is not known yet
-        said = np.empty(len(points), np.int64)
-        for view in views:
-            age = self.time - view.time
-            if age >= LEAST_AGE:
-                margins = np.repeat(self._margins(np.array([[view.driven, view.turned]])), len(points), axis=0)
-                looked_through(view.near, view.x, view.y, points, margins, said)
-                passed |= said > 0
-                if age >= STOOD:
-                    stood |= said < 0
-        return passed & ~stood
+            return fresh  # what stands is not known yet
+        eyes = np.array([(view.x, view.y, view.driven, view.turned, view.time) for view in views])
+        are_old = self.time - eyes[:, 4] >= STOOD
+        nears = np.stack([view.near for view in views])
+        are_fresh(nears, eyes[:, :2], self._margins(eyes[:, 2:4]), are_old, points, fresh)
+        return fresh
 
     def _matched(self, bodies: Bodies) -> tuple[Ints, Ints]:
         """Rows of tracks and of their bodies; the published tracks choose first."""
@@ -261,6 +256,8 @@ class Tracker:
 
     def _remember(self, sensor: str, view: View) -> None:
         views = self._views.setdefault(sensor, deque(maxlen=VIEWS))
+        if views and len(views[0].near) != len(view.near):
+            views.clear()  # a scanner that was set to other beams
         if not views or view.time - views[-1].time >= VIEW_EVERY - 1e-9:
             views.append(view)
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["View", "cover", "looked_through", "place_beams", "view_of"]
+__all__ = ["View", "are_fresh", "cover", "looked_through", "place_beams", "view_of"]
 
 Floats = NDArray[np.float64]
 
@@ -130,6 +130,30 @@ def looked_through(near, x, y, points, margins, found):  # type: ignore[no-untyp
         if not math.isnan(points[i, 0]):
             far = math.hypot(points[i, 0] - x, points[i, 1] - y)
             found[i] = _passes(near, x, y, points[i, 0], points[i, 1], margins[i, 0] + margins[i, 1] * far)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def are_fresh(nears, eyes, margins, are_old, points, found):  # type: ignore[no-untyped-def]
+    """Whether a view looked through the place of each echo, and no old one shows that something stood there.
+
+    Args:
+        nears, eyes: (k, bins) and (k, 2) `near`, and x, y, m, of the views, the oldest first.
+        margins: (k, 2) as those of `looked_through`, of each view.
+        are_old: (k,) which views tell that something stood.
+        points: (n, 2) m.
+        found: (n,) output.
+    """
+    for i in range(points.shape[0]):
+        found[i] = False
+        for k in range(nears.shape[0]):
+            x, y = eyes[k, 0], eyes[k, 1]
+            far = math.hypot(points[i, 0] - x, points[i, 1] - y)
+            said = _passes(nears[k], x, y, points[i, 0], points[i, 1], margins[k, 0] + margins[k, 1] * far)
+            if said < 0 and are_old[k]:
+                found[i] = False
+                break
+            if said > 0:
+                found[i] = True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -7,7 +7,7 @@ from navloom_scans.field import distance_field
 
 from navloom_people_tracker.background import explain
 from navloom_people_tracker.clusters import segments, shapes
-from navloom_people_tracker.views import cover, looked_through, place_beams, view_of
+from navloom_people_tracker.views import are_fresh, cover, looked_through, place_beams, view_of
 
 __all__ = ["warm_up"]
 
@@ -23,6 +23,9 @@ def warm_up() -> None:
     view = view_of(0.0, (0.0, 0.0), beams, 360)
     points, said = np.ascontiguousarray(beams[:, 2:4]), np.empty(2, np.int64)
     looked_through(view.near, view.x, view.y, points, np.ones((2, 2)), said)
+    are_fresh(
+        view.near[None], np.zeros((1, 5))[:, :2], np.ones((1, 2)), np.ones(1, np.bool_), points, np.ones(2, np.bool_)
+    )
     cover(view.near, view.x, view.y, points, np.ones(2), said)
     segments(points, np.ones(2), 0.1, 0.1, said)
     shapes(points, np.zeros((2, 2), np.bool_), said, view.x, view.y, 0.1, np.empty((1, 9)))

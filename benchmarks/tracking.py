@@ -42,8 +42,8 @@ STRIDE, HIPS, STEPS = 0.25, 0.1, 0.9
 """Half a stride at 1 m/s and half the distance between the legs, m; strides a second."""
 
 
-def recorded(path: str, scene: str, begin: float, until: float) -> MovingBodies:
-    """The people of a scene, from the middle of all their places, linear between the records."""
+def recorded(path: str, scene: str, begin: float, until: float) -> tuple[Floats, Floats]:
+    """Times, s, and (n, k, 2) places, m, of the people of a scene round the middle of all their places; NaN for none."""
     with np.load(path) as file:
         stamps, numbers, places = (file[f"{scene}_{name}"] for name in ("t", "id", "xy"))
     at = np.arange(begin, until, PERIOD)
@@ -57,11 +57,11 @@ def recorded(path: str, scene: str, begin: float, until: float) -> MovingBodies:
         times = stamps[rows][order]
         for axis in range(2):
             found[:, column, axis] = np.interp(at, times, given[order, axis], left=np.nan, right=np.nan)
-    return MovingBodies(at - begin, found, np.full(len(own), 0.3))
+    return at - begin, found
 
 
-def made(count: int, until: float, rng: np.random.Generator, half: float = 5.5) -> MovingBodies:
-    """People who walk from place to place at 0.5 to 1.4 m/s."""
+def made(count: int, until: float, rng: np.random.Generator, half: float = 5.5) -> tuple[Floats, Floats]:
+    """Times, s, and (n, k, 2) places, m, of people who walk from place to place at 0.5 to 1.4 m/s."""
     at = np.arange(0.0, until, PERIOD)
     found = np.empty((len(at), count, 2))
     for column in range(count):
@@ -71,7 +71,7 @@ def made(count: int, until: float, rng: np.random.Generator, half: float = 5.5) 
             times.append(times[-1] + float(np.hypot(*(places[-1] - places[-2]))) / rng.uniform(0.5, 1.4))
         for axis in range(2):
             found[:, column, axis] = np.interp(at, times, np.array(places)[:, axis])
-    return MovingBodies(at, found, np.full(count, 0.3))
+    return at, found
 
 
 def room(half: float) -> list[Box]:
@@ -91,15 +91,16 @@ def cylinders(bodies: MovingBodies, row: int, has_legs: bool) -> Floats:
             continue
         speed = math.hypot(vx, vy)
         ux, uy = (vx / speed, vy / speed) if speed > 0.05 else (1.0, 0.0)
-        swing = STRIDE * min(1.0, speed) * math.sin(math.tau * STEPS * bodies.time[row] + x + y)
+        swing = STRIDE * min(1.0, speed) * math.sin(math.tau * STEPS * PERIOD * row + x + y)
         for side in (-1.0, 1.0):
             ahead, left = side * swing, side * HIPS
             rows.append((x + ahead * ux - left * uy, y + ahead * uy + left * ux, LEG, 0.0, 1.8, 1.0))
     return np.array(rows).reshape(-1, 6)
 
 
-def followed(bodies: MovingBodies, walls: list[Box], given: argparse.Namespace) -> dict[str, Any]:
+def followed(times: Floats, places: Floats, walls: list[Box], given: argparse.Namespace) -> dict[str, Any]:
     """Figures of the tracker."""
+    bodies = MovingBodies(places, np.gradient(places, times, axis=0), np.full(places.shape[1], 0.3))
     rng, tracker = np.random.default_rng(given.seed), Tracker(PeopleTrackerParams())
     bearings, step = fan(given.beams, math.tau, 0.0), fan_step(given.beams, math.tau)
     halves = [(0.5 * (wall.x[1] - wall.x[0]), 0.5 * (wall.y[1] - wall.y[0])) for wall in walls]
@@ -109,7 +110,7 @@ def followed(bodies: MovingBodies, walls: list[Box], given: argparse.Namespace) 
     directions = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(given.beams)])
     options = np.array([0.05, REACH, SIGMA, bearings[0], step])
     messages, spent = [], []
-    for row, now in enumerate(bodies.time.tolist()):
+    for row, now in enumerate(times.tolist()):
         obstacles = Obstacles(made_of[0], cylinders(bodies, row, given.body == "legs"), *made_of[1:])
         pose, ranges, beams = np.array([0.0, 0.0, given.turn * now]), np.empty(given.beams), np.empty((given.beams, 5))
         read_laser(pose, origins, directions, obstacles, options, rng.standard_normal(given.beams), ranges)
@@ -123,7 +124,7 @@ def followed(bodies: MovingBodies, walls: list[Box], given: argparse.Namespace) 
         messages.append(
             (now, Tracks(round(1e9 * now), found.ids, *means, found.covariances, found.radii, now - found.seen))
         )
-    robot = np.column_stack([bodies.time, np.zeros((len(bodies.time), 2))])
+    robot = np.column_stack([times, np.zeros((len(times), 2))])
     seen = tracking_of({("people", "tracks"): messages}, bodies, robot, World("made"), 0.5)
     parts = seen.distances.mean(axis=0)
     numbers = [len(one.bodies) for one in seen.moments]
@@ -156,10 +157,10 @@ def main() -> None:
     given = parser.parse_args()
     if given.people:
         path, _, scene = given.people.partition("#")
-        bodies, walls = recorded(path, scene, given.begin, given.begin + given.lasts), []
+        people, walls = recorded(path, scene, given.begin, given.begin + given.lasts), []
     else:
-        bodies, walls = made(given.crowd, given.lasts, np.random.default_rng(given.seed)), room(ROOM)
-    found = followed(bodies, walls, given)
+        people, walls = made(given.crowd, given.lasts, np.random.default_rng(given.seed)), room(ROOM)
+    found = followed(*people, walls, given)
     print(json.dumps(found) if given.json else "\n".join(f"{name:22}{value:.3f}" for name, value in found.items()))
 
 

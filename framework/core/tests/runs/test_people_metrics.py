@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from navloom import Cylinder, Trail, World
 from navloom.config import load_config
 from navloom.geometry.footprints import disc, rectangle
-from navloom.messages import Tracks
+from navloom.messages import Bodies, Tracks
 from navloom.runs.episode_recorder import streams_of
 from navloom.runs.episode_trail import lost_trail
 from navloom.runs.metrics import measure
@@ -22,14 +23,35 @@ DISC = disc(0.25)
 TIME = np.arange(0.0, 10.01, 0.05)
 
 
-def person(*waypoints: tuple[float, float, float], name: str = "person") -> Cylinder:
-    return Cylinder(name, 0.0, 0.0, 0.3, waypoints=waypoints)
+Person = tuple[tuple[float, float, float], ...]
 
 
-def standing(*others: Cylinder, footprint: Floats = DISC, messages: Any = (), speed: float = 0.0) -> Trail:
-    """The trail of a robot that drives along x from the origin for 10 s, in a world of others."""
-    world, zeros = World("made", others), 0.0 * TIME
-    bodies = moving_bodies(world, TIME)
+def person(*waypoints: tuple[float, float, float]) -> Person:
+    """Time, s, x, y, m, of somebody who walks straight from one to the next."""
+    return waypoints
+
+
+def told(people: Sequence[Person]) -> list[Bodies]:
+    """What the world tells in each tick: discs of 0.3 m, and the robot, which is none of them."""
+    names, robot = (*(f"person {k}" for k in range(len(people))), "robot"), (0.0, 0.0, 0.0)
+    rows = []
+    for time in TIME.tolist():
+        at = [[np.interp(moment, *np.array(one).T[[0, axis]]) for one in people for axis in (1, 2)]
+              for moment in (time, time + 1e-6)]  # fmt: skip
+        now, then = (np.array(row).reshape(-1, 2) for row in at)
+        poses = np.vstack([np.column_stack([now, np.zeros(len(now))]), robot])
+        speeds = np.vstack([np.column_stack([(then - now) / 1e-6, np.zeros(len(now))]), robot])
+        parts = np.array([(k, x, y, 0.3, 0.0, 0.0, 0.0, 1.8, 0.0) for k, (x, y) in enumerate(now)]).reshape(-1, 9)
+        rows.append(Bodies(round(1e9 * time), names, poses, speeds, parts, 1))
+    return rows
+
+
+def standing(
+    *people: Person, pillars: Sequence[Cylinder] = (), footprint: Floats = DISC, messages: Any = (), speed: float = 0.0
+) -> Trail:
+    """The trail of a robot that drives along x from the origin for 10 s, among people and pillars."""
+    world, zeros = World("made", tuple(pillars)), 0.0 * TIME
+    bodies = moving_bodies(told(people), TIME)
     x = speed * TIME
     streams = {("people", "tracks"): tuple((one.stamp_ns * 1e-9, one) for one in messages)} if messages else {}
     arrays: dict[str, Any] = {"time": TIME, "x": x, "y": zeros, "heading": zeros, "vx": zeros + speed, "wz": zeros}
@@ -79,7 +101,7 @@ def test_the_time_to_collision_is_that_of_discs_at_constant_velocities() -> None
 
 
 def test_without_people_the_metrics_are_undefined_and_not_0() -> None:
-    found = measure(standing(Cylinder("pillar", 1.0, 0.0, 0.2)))
+    found = measure(standing(pillars=[Cylinder("pillar", 1.0, 0.0, 0.2)]))
     names = [name for name in found if name.startswith(("person", "intimate", "track_"))] + ["speed_near_people"]
     assert len(names) == 11 and all(found[name] is None for name in names)
 
@@ -98,7 +120,7 @@ def test_a_track_of_nothing_is_false_and_one_of_who_is_hidden_is_not() -> None:
     wall = Cylinder("pillar", 2.0, 0.0, 0.5)
     hidden = person((0.0, 4.0, 0.0), (20.0, 4.0, 0.0))
     messages = [tracks(0.1 * k, (1, 4.0, 0.1, 0.0, 0.0), (2, -3.0, 0.0, 0.0, 0.0)) for k in range(100)]
-    trail = standing(wall, hidden, messages=messages)
+    trail = standing(hidden, pillars=[wall], messages=messages)
     assert [one.ids.tolist() for one in trail.tracking.moments] == [[2]] * 100
     assert measure(trail)["false_tracks"] == pytest.approx(60.0 / 9.9)
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from navloom.engine.event_schedule import carried_at, goal_at
 from navloom.geometry.angles import wrap
-from navloom.geometry.collision import overlap_depth
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place, World
 from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
+from navloom.runs.contacts import Evidence, Touch, signed_clearance, touches_of
 from navloom.runs.localization import Localization, beside_truth
 from navloom.runs.moving_bodies import MovingBodies, moving_bodies
 from navloom.runs.tracking import Tracking, tracking_of
@@ -84,6 +84,7 @@ class Trail:
         footprint: (k, 2) outline of the robot, m, base frame; empty if it is not known.
         bodies: The bodies that move in the ground truth.
         tracking: The tracks of people beside them; empty without a tracker or ground truth.
+        contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
     """
 
     time: Floats
@@ -122,6 +123,7 @@ class Trail:
     footprint: Floats = field(default_factory=lambda: np.empty((0, 2)))
     bodies: MovingBodies = field(default_factory=MovingBodies)
     tracking: Tracking = field(default_factory=Tracking)
+    contacts: tuple[Touch, ...] = ()
 
     @property
     def succeeded(self) -> bool:
@@ -187,8 +189,9 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     arrived = None
     if outcome == "succeeded" and goal is not None:
         arrived = _arrival(goal, recorder, *tolerances)
-    ways, bodies = ways_of(system), moving_bodies(system.world, time)
+    ways, evidence = ways_of(system), _evidence(truth, recorder, system)
     streams = {stream: tuple(kept) for stream, kept in recorder.streams.items() if kept}
+    bodies = moving_bodies(recorder.bodies, time)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -196,7 +199,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading=truth[:, 3],
         vx=truth[:, 4],
         wz=np.array(recorder.turn_rates, dtype=np.float64),
-        clearance=_signed(truth, recorder, system),
+        clearance=signed_clearance(evidence, truth[:, 5], recorder.contacts),
         cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
         command_vx=_held(time, commands[:, 0], commands[:, 1]),
         command_wz=_held(time, commands[:, 0], commands[:, 2]),
@@ -226,6 +229,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         footprint=system.robot.footprint,
         bodies=bodies,
         tracking=tracking_of(streams, bodies, truth[:, :3], system.world, system.robot.height),
+        contacts=touches_of(evidence, recorder.contacts),
     )
 
 
@@ -315,15 +319,11 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
     return world.reference_length if is_own else to_goal
 
 
-def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
-    """(n,) clearances, m; the negative depth of the overlap where the simulator reports contact."""
-    clearance = truth[:, 5].copy()
-    if system.world is not None:
-        for row, name in recorder.contacts:
-            time, x, y, heading = truth[row, :4].tolist()
-            depth = overlap_depth(system.robot.footprint, Place(x, y, heading), system.world, name, time)
-            clearance[row] = -depth if depth > 0.0 else 0.0
-    return clearance
+def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
+    """The drive whose contacts are judged."""
+    rates = np.array(recorder.turn_rates, dtype=np.float64)
+    motion = np.column_stack([truth[:, :5], rates])
+    return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 
 def _turned(goal: Goal, heading: float) -> float | None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.solids import centre_at, is_present
-from navloom.geometry.world import Box, Obstacle, World
+from navloom.messages import Bodies
 
 __all__ = ["MovingBodies", "moving_bodies"]
 
@@ -22,13 +20,13 @@ class MovingBodies:
     """Bodies that move, at the times of a trail.
 
     Attributes:
-        time: (n,) s, increasing.
-        places: (n, k, 2) centre of each of k bodies, m, map frame; NaN while it is absent.
+        places, velocities: (n, k, 2) centre, m, and velocity, m/s, of each of k bodies at each of n times, map frame;
+            NaN while it is absent.
         radii: (k,) of the disc that holds it, m.
     """
 
-    time: Floats = field(default_factory=lambda: np.empty(0))
     places: Floats = field(default_factory=lambda: np.empty((0, 0, 2)))
+    velocities: Floats = field(default_factory=lambda: np.empty((0, 0, 2)))
     radii: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -36,28 +34,32 @@ class MovingBodies:
         """Whether there is any body at any time."""
         return bool(np.isfinite(self.places).any())
 
-    @cached_property
-    def velocities(self) -> Floats:
-        """(n, k, 2) m/s, map frame: central differences; NaN next to where a body is absent."""
-        if len(self.time) < 2:
-            return np.zeros_like(self.places)
-        return np.asarray(np.gradient(self.places, self.time, axis=0))
 
+def moving_bodies(messages: Sequence[Bodies], time: Floats) -> MovingBodies:
+    """The bodies that the simulated world tells of, without the robots, at some times, (n,) s.
 
-def moving_bodies(world: World | None, time: Floats) -> MovingBodies:
-    """The bodies of a world that move, at some times, (n,) s.
-
-    A box that appears after the first sweep counts as absent: when that ends is not known here.
+    Args:
+        messages: By increasing stamp; none where nothing moves.
+        time: At each, the newest message counts.
     """
-    moving = [] if world is None else [one for one in world.obstacles if one.waypoints]
-    absent = (math.nan, math.nan)
-    places = [[centre_at(one, t) if is_present(one, t, False) else absent for one in moving] for t in time.tolist()]
-    return MovingBodies(
-        time, np.array(places).reshape(len(time), len(moving), 2), np.array([_radius(one) for one in moving])
-    )
-
-
-def _radius(obstacle: Obstacle) -> float:
-    if isinstance(obstacle, Box):
-        return 0.5 * math.hypot(obstacle.x[1] - obstacle.x[0], obstacle.y[1] - obstacle.y[0])
-    return obstacle.radius
+    columns: dict[str, int] = {}
+    for message in messages:
+        for name in message.names[: len(message.names) - message.robots]:
+            columns.setdefault(name, len(columns))
+    places = np.full((len(time), len(columns), 2), np.nan)
+    velocities, radii = places.copy(), np.zeros(len(columns))
+    stamps = np.array([message.stamp_ns for message in messages], dtype=np.int64)
+    rows = np.searchsorted(stamps, np.round(1e9 * time).astype(np.int64), side="right") - 1
+    for row, index in enumerate(rows.tolist()):
+        if index < 0 or not columns:
+            continue
+        message = messages[index]
+        count = len(message.names) - message.robots
+        own = [columns[name] for name in message.names[:count]]
+        places[row, own], velocities[row, own] = message.poses[:count, :2], message.velocities[:count, :2]
+        owners = message.parts[:, 0].astype(np.int64)
+        away = message.parts[:, 1:3] - message.poses[owners, :2]
+        reach = np.hypot(away[:, 0], away[:, 1]) + np.hypot(message.parts[:, 3], message.parts[:, 4])
+        of_actor = owners < count
+        np.maximum.at(radii, np.array(own, dtype=np.int64)[owners[of_actor]], reach[of_actor])
+    return MovingBodies(places, velocities, radii)

@@ -43,7 +43,7 @@ STRIDE, HIPS, STEPS = 0.25, 0.1, 0.9
 
 
 def recorded(path: str, scene: str, begin: float, until: float) -> tuple[Floats, Floats]:
-    """Times, s, and (n, k, 2) places, m, of the people of a scene round the middle of all their places; NaN for none."""
+    """Times, s, and (n, k, 2) places, m, of the people of a scene round the middle of all; NaN for none."""
     with np.load(path) as file:
         stamps, numbers, places = (file[f"{scene}_{name}"] for name in ("t", "id", "xy"))
     at = np.arange(begin, until, PERIOD)

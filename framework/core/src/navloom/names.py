@@ -23,9 +23,9 @@ NAMES = {
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (
-        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Disturbance Extra Extras InputError "
-        "Localizer LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
-        "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
+        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Derivable Derived Disturbance Extra "
+        "Extras InputError LEFT_OUT Localizer LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform "
+        "PlatformInput PlatformOutput Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
     ),
     "navloom.runs.metrics": "METRICS Metric",
     "navloom.runs.episode_trail": "Trail",

@@ -73,6 +73,10 @@ GOAL_TOLERANCE = 0.2
 """How near to a goal the robot must come if neither the config nor the world says so, m."""
 STANDING_TIMEOUT, LOOKING_TIMEOUT = 5.0, 120.0
 """Default of `navigation.localizer_timeout`, s, for a robot that stands, and for one that looks around meanwhile."""
+SPEED_SHARES = (0.4, 0.8)
+"""Default of `navigation.speed`, as shares of the robot's highest: the rest is for the controller to catch up."""
+LATERAL_SHARE = 0.6
+"""Default of `navigation.lateral_acceleration`, as a share of the robot's acceleration."""
 LONGEST_NAME = 48
 """Longest name, in characters: a key has five names, and at most 255 bytes."""
 
@@ -229,8 +233,15 @@ class NavigationTable(Table):
         default=None, description=f"m; default: the world's, else {GOAL_TOLERANCE:g}"
     )
     heading_tolerance_deg: Positive = Field(default=5.0, description="if the goal has a heading")
-    speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="limits of the reference, m/s")
-    lateral_acceleration: Positive = Field(default=0.3, description="limits the speed in curves, m/s²")
+    speed: tuple[Positive, Positive] | None = Field(
+        default=None,
+        description=f"limits of the reference, m/s; default: {SPEED_SHARES[0]:g} and {SPEED_SHARES[1]:g} of the "
+        "robot's max_linear",
+    )
+    lateral_acceleration: Positive | None = Field(
+        default=None,
+        description=f"limits the speed in curves, m/s²; default: {LATERAL_SHARE:g} of the robot's max_acceleration",
+    )
     path_shape: Literal["rounded", "as_planned"] = Field(
         default="rounded", description="prune and round the planner's path, or drive along its own points"
     )
@@ -254,9 +265,17 @@ class NavigationTable(Table):
         default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
     )
 
+    def speeds(self, max_linear: float) -> tuple[float, float]:
+        """Limits of the reference, m/s: as given, or shares of the robot's highest speed, m/s."""
+        return self.speed or (SPEED_SHARES[0] * max_linear, SPEED_SHARES[1] * max_linear)
+
+    def sideways(self, max_acceleration: float) -> float:
+        """Lateral acceleration of the reference, m/s²: as given, or a share of the robot's acceleration, m/s²."""
+        return self.lateral_acceleration or LATERAL_SHARE * max_acceleration
+
     @model_validator(mode="after")
     def _speeds_rise(self) -> NavigationTable:
-        if self.speed[0] > self.speed[1]:
+        if self.speed is not None and self.speed[0] > self.speed[1]:
             raise ValueError(f"speed is [{self.speed[0]:g}, {self.speed[1]:g}], expected the lower one first")
         return self
 

@@ -144,7 +144,8 @@ def _age(system: System, role: str) -> tuple[float, float]:
 def _robot(system: System) -> Iterator[str]:
     """Problems of the robot: a reference that is always faster than it, and a real robot of unknown size."""
     config = system.config
-    slowest, fastest = config.navigation.speed[0], config.robot.max_linear
+    fastest = config.robot.max_linear
+    slowest = config.navigation.speeds(fastest)[0]
     if slowest > fastest:
         yield (
             f"navigation.speed: begins with {slowest:g} m/s, more than robot.max_linear = {fastest:g} m/s: the robot "

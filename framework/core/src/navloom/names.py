@@ -17,7 +17,7 @@ NAMES = {
         "Feedback GateStatus Goal GoalResult GoalState HandOver Heading Hypotheses InputRead MapUpdate Message "
         "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
         "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "
-        "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference SCHEMAS Selection Stamp StepRecord "
+        "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference Rollouts SCHEMAS Selection Stamp StepRecord "
         "StepReport StopReason Sweep SweepRequest TrackingCommand Trajectory Truth Twist2D Unbounded Words "
         "message"
     ),

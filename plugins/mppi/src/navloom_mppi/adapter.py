@@ -14,6 +14,7 @@ from navloom import (
     Context,
     Extra,
     Reference,
+    Rollouts,
     Trajectory,
     Twist2D,
 )
@@ -23,9 +24,9 @@ from navloom_dwa.view import cost_by_direction
 
 from navloom_mppi import warming
 from navloom_mppi.control import Decision, Given, PathIntegral
-from navloom_mppi.critics import COLLISION
+from navloom_mppi.critics import COLLISION, CRITICS
 from navloom_mppi.params import ROBUST, MppiParams
-from navloom_mppi.view import picture
+from navloom_mppi.view import in_map, picture
 
 __all__ = ["Mppi"]
 
@@ -60,9 +61,15 @@ class Mppi(Avoider[MppiParams]):
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,
             given.share,
         )  # fmt: skip
+        self._pose = now.pose
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
+
+    def rollouts(self) -> Rollouts:
+        shown, pose = self._method.drawn(), self._pose
+        points = in_map(shown.points, pose).astype(np.float32)
+        return Rollouts(points, shown.costs, in_map(shown.plan, pose).astype(np.float32), CRITICS, shown.critics)
 
     def _diagnostics(self, decision: Decision, now: Given) -> AvoiderDiagnostics:
         """Diagnostics: the histogram is the least cost by direction of the roll-outs; 1 is a direction without one."""

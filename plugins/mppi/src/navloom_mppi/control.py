@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
 from navloom_mppi.nearest import body_points, fill_nearest
-from navloom_mppi.rollout import knots_of, roll_out, roll_out_plan
+from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 COMMANDS = (4, 8)  # parts of the reachable speeds and turn rates in which one roll-out each is tried
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
+DRAWN, DRAWN_EVERY = 64, 4  # roll-outs of a picture, and steps between their points
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
 
@@ -69,6 +70,22 @@ class Decision(NamedTuple):
     turn: float
     status: Literal["clear", "steering", "trapped"]
     why: str = ""
+
+
+class Drawn(NamedTuple):
+    """Roll-outs of one tick for a picture, base frame.
+
+    Attributes:
+        points: (n, points, 2) m; a roll-out that collides stays at the last point before.
+        costs: (n,) from 0, the cheapest, to 1, the dearest without a collision; infinite with one.
+        plan: (points, 2) the plan, m.
+        critics: (critics,) weighted cost of the plan by each critic, in the order of CRITICS.
+    """
+
+    points: Floats
+    costs: Floats
+    plan: Floats
+    critics: Floats
 
 
 class PathIntegral:
@@ -282,6 +299,25 @@ class PathIntegral:
             obstacles, gaps, self.edges, given.twist, command, self.period, m.up, m.down, min(m.turn_change, INSTANT),
             self.margin, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
+
+    def drawn(self) -> Drawn:
+        """A sample of the roll-outs of the last tick for a picture, from the cheapest to the dearest."""
+        before, noise, paces = self._proposal
+        order = np.argsort(self.costs, kind="stable")
+        which = order[np.linspace(0, self.samples - 1, min(DRAWN, self.samples)).astype(np.int64)]
+        hits, steps = self.parts[which, COLLISION], self.params.steps
+        # The critic's 2 - step / steps, solved for the last step before the collision.
+        ends = np.where(hits > 0.0, np.rint((2.0 - hits) * steps) - 1.0, steps - 1.0).astype(np.int64).clip(0)
+        points = np.zeros((len(which), len(range(0, steps, DRAWN_EVERY)), 2))
+        draw(
+            before, noise, paces, self.sigma, self.params.hold, self._start, self._motion, which, DRAWN_EVERY, ends,
+            points,
+        )  # fmt: skip
+        costs = np.where(hits > 0.0, np.inf, self.costs[which])
+        free = costs[np.isfinite(costs)]
+        span = float(np.ptp(free)) if len(free) else 0.0
+        shares = (costs - free.min()) / span if span > 0.0 else np.where(np.isfinite(costs), 0.0, np.inf)
+        return Drawn(points, shares, self.track[::DRAWN_EVERY, :2], self.by_critic * self.part)
 
     def why(self) -> str:
         """Reason of a command, one phrase: how many roll-outs collide and count, and the costs of the plan."""

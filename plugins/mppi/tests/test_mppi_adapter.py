@@ -21,9 +21,9 @@ def avoider(**params):
     return make(Mppi, context(spec, role="avoider"), **{"samples": 200} | params)
 
 
-def given(*scans, x=0.0, time=0.0, turn_to=None):
+def given(*scans, x=0.0, v=0.0, time=0.0, turn_to=None):
     """On a straight trajectory of 5 m along the x axis."""
-    estimate = PoseEstimate(0, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+    estimate = PoseEstimate(0, Pose2D(x, 0.0, 0.0), Twist2D(v, 0.0, 0.0), np.zeros((3, 3)))
     way, place = np.array([[x, 0.0], [x + 1.0, 0.0]]), Pose2D(x, 0.0, 0.0)
     reference = Reference(1, x, 5.0 - x, place, 0.3, 0.0, 0.0, Point2D(x + 1.0, 0.0), way, 0.5, turn_to)
     held = extras(trajectory=(Mppi.trajectory, trajectory()), reference=(Mppi.reference, reference))
@@ -79,13 +79,14 @@ def test_drawn_roll_outs_are_those_of_the_step():
 
 
 def test_drawn_roll_outs_end_before_a_collision():
-    """A wall at 1 m, 0.6 m before the front of the robot: no drawn position is more than 0.6 m ahead."""
+    """A plan of 0.5 m/s towards a wall 0.6 m before the front: some collide, none is drawn more than 0.6 m ahead."""
     plugin = avoider()
-    for k in range(5):
-        plugin.avoid(given(laser(1.0 / np.cos(np.radians(np.linspace(-50.0, 50.0, 101)))), time=0.05 * k))
+    plugin._method.plan[:, 0] = 0.5
+    front = float(plugin.context.robot.footprint[:, 0].max())
+    plugin.avoid(given(laser((front + 0.6) / np.cos(np.radians(np.linspace(-50.0, 50.0, 101)))), v=0.5))
     shown = plugin.rollouts()
     assert np.isinf(shown.costs).any()
-    assert shown.points[..., 0].max() < 0.6
+    assert 0.4 < shown.points[np.isinf(shown.costs), :, 0].max() < 0.6
 
 
 def test_the_critics_of_the_drawn_plan_are_its_weighted_costs():

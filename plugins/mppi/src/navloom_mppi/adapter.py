@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from navloom import (
@@ -12,8 +13,10 @@ from navloom import (
     AvoiderInput,
     Claim,
     Context,
+    Derived,
     Extra,
     Reference,
+    RobotSpec,
     Rollouts,
     Trajectory,
     Twist2D,
@@ -23,7 +26,7 @@ from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import cost_by_direction
 
 from navloom_mppi import warming
-from navloom_mppi.control import Decision, Given, PathIntegral
+from navloom_mppi.control import Decision, Given, PathIntegral, near_goal
 from navloom_mppi.critics import COLLISION, CRITICS
 from navloom_mppi.params import ROBUST, MppiParams
 from navloom_mppi.view import in_map, picture
@@ -46,6 +49,11 @@ class Mppi(Avoider[MppiParams]):
 
     def reset(self) -> None:
         self._method.reset()
+
+    @classmethod
+    def derived(cls, params: MppiParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        source = "footprint, max_linear, max_deceleration, motor_lag, dead_time and period"
+        return {"goal_within": Derived(near_goal(Robot.of(robot), period), source)}
 
     @classmethod
     def warm_up(cls) -> None:

@@ -117,6 +117,8 @@ class PathIntegral:
         margins = (p.laser_margin, p.sonar_margin)
         self.echoes = Echoes(self.edges, EchoSettings(margins, p.memory, self.reach))
         self.by_critic = weights_by_critic(p, robot)
+        given: float | None = p.goal_within
+        self.goal_within = near_goal(robot, period) if given is None else given
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
         self.ends = np.zeros(self.samples)
@@ -201,7 +203,8 @@ class PathIntegral:
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
-            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < p.goal_within), (float(lead[0]), float(lead[1])),
+            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < self.goal_within),
+            (float(lead[0]), float(lead[1])),
             abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
         )  # fmt: skip
@@ -345,6 +348,17 @@ def weights_by_critic(params: MppiParams, robot: Robot) -> Floats:
     }  # fmt: skip
     named = {name: p.gamma if name == "control" else getattr(p, name) for name in CRITICS}
     return np.array([weight * per_unit.get(name, 1.0) for name, weight in named.items()])
+
+
+def near_goal(robot: Robot, period: float) -> float:
+    """Distance from the goal, m, within which the robot heads straight for it.
+
+    From there the highest speed just stops in time: a tick, the dead time and the lag later, it brakes. Nearer than a
+    corner of the footprint, the way that is left of the nose no longer leads there, for a robot however slow.
+    """
+    late = period + robot.dead_time + robot.motor_lag
+    stop = robot.max_linear * late + robot.max_linear**2 / (2.0 * robot.max_deceleration)
+    return max(stop, 2.0 * float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max()))
 
 
 def is_stopped(v: float, w: float) -> bool:

@@ -1,6 +1,6 @@
 """Parameters of MPPI. What follows from the robot (speeds, accelerations, lag, footprint) is not one of them."""
 
-from navloom import Params, Preset
+from navloom import LEFT_OUT, Derivable, Params, Preset
 from pydantic import Field
 
 
@@ -41,8 +41,12 @@ class MppiParams(Params):
         40.0, ge=0.0, le=1000.0, description="Weight of the speed backwards, per highest speed, no unit."
     )
     twirling: float = Field(0.6, ge=0.0, le=1000.0, description="Weight of the turn rate, per highest, no unit.")
-    goal_within: float = Field(
-        1.4, ge=0.0, le=20.0, description="Distance from the goal at which its critic replaces those of the path, m."
+    goal_within: Derivable[float] = Field(
+        LEFT_OUT,
+        ge=0.0,
+        le=20.0,
+        description="Distance from the goal at which its critic replaces those of the path, m; left out: the stopping "
+        "distance, or twice the distance of the farthest corner.",
     )
     turn_beyond_deg: float = Field(
         60.0,

@@ -73,10 +73,6 @@ GOAL_TOLERANCE = 0.2
 """How near to a goal the robot must come if neither the config nor the world says so, m."""
 STANDING_TIMEOUT, LOOKING_TIMEOUT = 5.0, 120.0
 """Default of `navigation.localizer_timeout`, s, for a robot that stands, and for one that looks around meanwhile."""
-SPEED_SHARES = (0.4, 0.8)
-"""Default of `navigation.speed`, as shares of the robot's highest: the rest is for the controller to catch up."""
-LATERAL_SHARE = 0.6
-"""Default of `navigation.lateral_acceleration`, as a share of the robot's acceleration."""
 LONGEST_NAME = 48
 """Longest name, in characters: a key has five names, and at most 255 bytes."""
 
@@ -234,13 +230,10 @@ class NavigationTable(Table):
     )
     heading_tolerance_deg: Positive = Field(default=5.0, description="if the goal has a heading")
     speed: tuple[Positive, Positive] | None = Field(
-        default=None,
-        description=f"limits of the reference, m/s; default: {SPEED_SHARES[0]:g} and {SPEED_SHARES[1]:g} of the "
-        "robot's max_linear",
+        default=None, description="limits of the reference, m/s; default: 0.4 and 0.8 of the robot's max_linear"
     )
     lateral_acceleration: Positive | None = Field(
-        default=None,
-        description=f"limits the speed in curves, m/s²; default: {LATERAL_SHARE:g} of the robot's max_acceleration",
+        default=None, description="limits the speed in curves, m/s²; default: 0.6 of the robot's max_acceleration"
     )
     path_shape: Literal["rounded", "as_planned"] = Field(
         default="rounded", description="prune and round the planner's path, or drive along its own points"
@@ -266,12 +259,12 @@ class NavigationTable(Table):
     )
 
     def speeds(self, max_linear: float) -> tuple[float, float]:
-        """Limits of the reference, m/s: as given, or shares of the robot's highest speed, m/s."""
-        return self.speed or (SPEED_SHARES[0] * max_linear, SPEED_SHARES[1] * max_linear)
+        """Limits of the reference, m/s: as given, or shares that leave the controller some speed to catch up."""
+        return self.speed or (0.4 * max_linear, 0.8 * max_linear)
 
     def sideways(self, max_acceleration: float) -> float:
-        """Lateral acceleration of the reference, m/s²: as given, or a share of the robot's acceleration, m/s²."""
-        return self.lateral_acceleration or LATERAL_SHARE * max_acceleration
+        """Lateral acceleration of the reference, m/s²: as given, or a share of the robot's acceleration."""
+        return self.lateral_acceleration or 0.6 * max_acceleration
 
     @model_validator(mode="after")
     def _speeds_rise(self) -> NavigationTable:

@@ -26,39 +26,11 @@ from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
 from navloom.roles.presets import instance_name
 
-__all__ = [
-    "DEFAULT_PLUGINS",
-    "AlternativeTable",
-    "EventTable",
-    "GOAL_TOLERANCE",
-    "FootprintTable",
-    "GateTable",
-    "LONGEST_NAME",
-    "LOOKING_TIMEOUT",
-    "LiveTable",
-    "MapTable",
-    "NavigationTable",
-    "NodeTable",
-    "OWN_NODES",
-    "OWN_PROCESS",
-    "OffsetTable",
-    "OpenTable",
-    "PlaceTable",
-    "PlacedTable",
-    "PluginsTable",
-    "PointTable",
-    "REQUIRED_ROLES",
-    "ROLE_TABLES",
-    "RobotTable",
-    "RoleTable",
-    "RunTable",
-    "STANDING_TIMEOUT",
-    "SensorTable",
-    "StartTable",
-    "TAKEN",
-    "Table",
-    "WorldTable",
-]
+__all__ = ["DEFAULT_PLUGINS", "AlternativeTable", "EventTable", "GOAL_TOLERANCE", "FootprintTable", "GateTable",
+           "LONGEST_NAME", "LOOKING_TIMEOUT", "LiveTable", "MapTable", "NavigationTable", "NodeTable", "OWN_NODES",
+           "OWN_PROCESS", "OffsetTable", "OpenTable", "PlaceTable", "PlacedTable", "PluginsTable", "PointTable",
+           "REQUIRED_ROLES", "ROLE_TABLES", "RobotTable", "RoleTable", "RunTable", "STANDING_TIMEOUT", "SensorTable",
+           "StartTable", "TAKEN", "Table", "WorldTable"]  # fmt: skip
 
 ROLE_TABLES = ROLES.keys()
 """Roles; each has a table of its name in every config."""

@@ -5,7 +5,8 @@
 
 Half of a body's drives are in storeys (`floor:SEED`, the shipped config `building`, a known map), half in worlds of
 `barn/barn_dev.npz` in the folder `NAVLOOM_DATA` (the config `explore`, no map). Of the config, only the robot, its
-simulated motors and its sensors are replaced, and `mppi` takes the role of the avoider. A world that the body does not
+simulated motors and its sensors are replaced, `mppi` takes the role of the avoider, and the speeds that `explore` gives
+for its own robot are left out, so that they follow from the new one. A world that the body does not
 fit through is passed over: see `fits`. With `--out`, an interrupted campaign continues.
 """
 
@@ -286,7 +287,8 @@ def _grown(occupied: Bools, corners: Floats, heading: float, room: float) -> Boo
 def drive(task: Task, changes: Sequence[str] = ()) -> dict[str, Any]:
     """Drive once: the task, outcome, reason, contacts, way, m, time, s, and CPU time, s."""
     config = "building" if task.kind == "floor" else "explore"
-    method = ("avoider.plugin=mppi", "navigation.handover=always")
+    method = ("avoider.plugin=mppi", "navigation.handover=always", "navigation.speed=default",
+              "navigation.lateral_acceleration=default")  # fmt: skip
     given = (*BODIES[task.body].settings(), f"world.ref={_toml(task.world)}", *method, *changes)
     began = time.process_time()
     episode = run_episode(load_config(config, given, task.seed))

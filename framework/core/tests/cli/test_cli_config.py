@@ -164,6 +164,14 @@ def test_the_speeds_of_the_reference_follow_from_the_robot(in_process: CommandLi
     assert shown["navigation.lateral_acceleration"] == (pytest.approx(0.9), "derived from max_acceleration")
 
 
+def test_set_can_take_back_what_the_file_gives(in_process: CommandLine) -> None:
+    """`explore` gives speeds for its own robot of 2 m/s."""
+    slow = ("--set", "robot.max_linear=0.15")
+    assert in_process("config", "check", "explore", *slow)[0] == 2
+    shown = values(in_process, "explore", *slow, "--set", "navigation.speed=default")
+    assert shown["navigation.speed"] == (pytest.approx([0.06, 0.12]), "derived from max_linear")
+
+
 def test_a_slow_robot_needs_no_speed_of_its_own(in_process: CommandLine) -> None:
     code, _, error = in_process("config", "check", "building", "--set", "robot.max_linear=0.15")
     assert code == 0, error

@@ -149,7 +149,8 @@ def _robot(system: System) -> Iterator[str]:
     if slowest > fastest:
         yield (
             f"navigation.speed: begins with {slowest:g} m/s, more than robot.max_linear = {fastest:g} m/s: the robot "
-            f"cannot follow; expected at most that, as in speed = [{fastest:g}, {fastest:g}]"
+            f"cannot follow; expected at most that: leave it out, then it follows from the robot (--set "
+            "navigation.speed=default)"
         )
     if is_real(system) and not system.loaded.gives("robot.footprint"):
         yield (

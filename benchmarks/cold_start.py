@@ -357,6 +357,10 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object per drive, no table")
     given = parser.parse_args()
     kinds = given.kinds.split(",")
+    if "barn" in kinds and not os.environ.get("NAVLOOM_DATA"):
+        parser.error(
+            "worlds of BARN: set NAVLOOM_DATA to the folder that holds barn/barn_dev.npz, or give --kinds floor"
+        )
     rows = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out and given.out.exists() else []
     done = {(row["body"], row["world"], row["seed"]) for row in rows}
     chosen = tasks(

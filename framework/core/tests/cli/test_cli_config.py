@@ -144,7 +144,7 @@ def test_a_live_robot_whose_gate_would_stop_it_in_every_tick_is_refused(limit: s
 def test_show_names_what_a_parameter_is_derived_from(in_process: CommandLine) -> None:
     """0.5 m wide: half the inscribed radius is 0.125 m. 0.5 m/s and 1 m/s²: v²/b is 0.25 m."""
     shown = values(in_process, "building", "--set", "controller.plugin=graceful")
-    assert shown["controller.min_look_ahead"] == (0.125, "derived from footprint")
+    assert shown["controller.min_look_ahead"] == (0.125, "derived from footprint and drive")
     assert shown["controller.approach_distance"] == (0.25, "derived from max_linear and max_deceleration")
 
 

@@ -53,7 +53,10 @@ class Mppi(Avoider[MppiParams]):
     @classmethod
     def derived(cls, params: MppiParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
         source = "footprint, max_linear, max_deceleration, motor_lag, dead_time and period"
-        return {"goal_within": Derived(near_goal(Robot.of(robot), period), source)}
+        return {
+            "goal_within": Derived(near_goal(Robot.of(robot), period), source),
+            "turning_radius": Derived(robot.turn_radius, "drive"),
+        }
 
     @classmethod
     def warm_up(cls) -> None:
@@ -63,7 +66,10 @@ class Mppi(Avoider[MppiParams]):
         pose, twist = given.estimate.pose, given.estimate.twist
         reference, samples = given.extra[self.reference], given.extra[self.trajectory].samples
         # A trajectory is published before the reference on it; their numbers differ in no tick.
-        left = samples[min(int(np.searchsorted(samples[:, 0], reference.progress)), len(samples) - 1) :, 1:3]
+        left = samples[min(int(np.searchsorted(samples[:, 0], reference.progress)), len(samples) - 1) :]
+        # Up to the next cusp: what comes after it leads back.
+        turned = np.flatnonzero(left[:, 5] * left[0, 5] < 0.0)
+        left = left[: int(turned[0]) if len(turned) else None, 1:3]
         lasers, cones = split_scans(given.scans)
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,

@@ -107,7 +107,8 @@ class PathIntegral:
         self.inner = float(self.edges[:, 2].min())
         self.body, disc = body_points(robot.footprint)
         self.nose = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
-        self.motion = motion_of(robot, p.step, p.reverse, p.turning_radius)
+        radius: float | None = p.turning_radius
+        self.motion = motion_of(robot, p.step, p.reverse, robot.turn_radius if radius is None else radius)
         self.sigma = (p.noise_speed * robot.max_linear, p.noise_turn * robot.max_angular)
         self.motors = Motors.of(robot, period)
         self.margin = max(p.laser_margin, p.sonar_margin)

@@ -36,6 +36,7 @@ from navloom.messages.mapping import (
     PlanRequest,
 )
 from navloom.messages.motion import (
+    Bodies,
     Command,
     Contact,
     GateStatus,
@@ -78,6 +79,7 @@ __all__ = [
     "Avoidance",
     "AvoiderDiagnostics",
     "AvoiderStatus",
+    "Bodies",
     "ClearRequest",
     "Command",
     "Contact",

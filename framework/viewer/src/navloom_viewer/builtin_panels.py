@@ -24,6 +24,7 @@ from navloom.messages import (
     Selection,
     Sweep,
     TrackingCommand,
+    Tracks,
     Trajectory,
     Truth,
 )
@@ -54,6 +55,7 @@ BUILT_IN: tuple[Panel, ...] = (
     Panel("rollouts", Rollouts, draw_behaviour.rollouts, 5.0),
     Panel("selection", Selection, draw_behaviour.selection, ALL),
     Panel("sweep", Sweep, draw_sensing.sweep, ALL),
+    Panel("tracks", Tracks, draw_sensing.tracks, 10.0),
     Panel("trajectory", Trajectory, draw_motion.trajectory, ALL),
     Panel("truth", Truth, draw_motion.truth, 20.0),
 )

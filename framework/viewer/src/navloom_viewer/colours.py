@@ -15,6 +15,7 @@ __all__ = [
     "GREEN",
     "GREY",
     "PLAN",
+    "PURPLE",
     "STATES",
     "TRAJECTORY",
     "WHITE",

@@ -110,7 +110,7 @@ def pyastar2d_over_ours(free: NDArray[np.bool_], queries: Queries) -> float:
 @pytest.mark.parametrize("size", [256, 512, 1024])
 @pytest.mark.parametrize("share", [0.2, 0.3, 0.4])
 def test_on_dense_random_grids_it_is_as_fast_as_pyastar2d(size: int, share: float, benchmark) -> None:
-    """pyastar2d cuts corners: at 40 % its ways are almost straight, and ours are those of a maze. Ours may be slower."""
+    """pyastar2d cuts corners: at 40 % its ways are almost straight, ours those of a maze. Ours may be slower."""
     free = dense_grid(size, share, seed=0)
     ratio = benchmark.pedantic(pyastar2d_over_ours, (free, queries_on(free, 20)), rounds=1)
     benchmark.extra_info["pyastar2d_over_ours"] = ratio

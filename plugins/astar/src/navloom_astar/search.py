@@ -206,9 +206,10 @@ class GridSearch:
         if self._cost[first] >= self._top:
             return Closed(self._nearest(scale, weights, first, last))
         if self._cost[first] - self._base == far_index(first, last, stride, *scale.octile):
-            cells, diagonal = direct_way(self._steps, weights, first, last)
+            cells, diagonals = direct_way(self._steps, weights, first, last)
         else:
-            cells, diagonal = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
+            cells, diagonals = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
+        diagonal = int(diagonals)
         straight = len(cells) - 1 - diagonal
         cost = straight + diagonal * math.sqrt(2.0) if extra is None else _cost_of(cells, extra)
         return Way(cells, straight, diagonal, cost)
@@ -228,8 +229,9 @@ class GridSearch:
     ) -> bool:
         """Go on from open cells. Returns whether the open list was long enough."""
         ahead = scale.octile if looks_ahead else (0, 0)
-        self._used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets, seeds, source,
-                            target, *scale[:4], *ahead, scale.shift)  # fmt: skip
+        used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets, seeds, source, target,
+                      *scale[:4], *ahead, scale.shift)  # fmt: skip
+        self._used = int(used)
         return self._used >= 0
 
     def _nearest(self, scale: _Scale, extra: Bytes | None, first: int, last: int) -> Cell:

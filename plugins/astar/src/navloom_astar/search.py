@@ -303,6 +303,9 @@ def _cost_of(cells: NDArray[np.int64], extra: NDArray[np.uint8]) -> float:
 
 def warm_up() -> None:
     """Compile all kernels, with and without extra costs."""
-    free = np.ones((2, 2), dtype=np.bool_)
-    GridSearch((2, 2)).shortest(free, (0, 0), (1, 1))
-    GridSearch((2, 2)).shortest(free, (0, 0), (1, 1), np.zeros((2, 2), dtype=np.uint8))
+    for extra in (None, np.zeros((8, 8), dtype=np.uint8)):
+        free, search = np.ones((8, 8), dtype=np.bool_), GridSearch((8, 8))
+        # A way as on an empty grid; a detour, by repair; and none, with two places that are as near to the goal.
+        for wall in ((0, 0, 0), (3, 0, 3), (3, 3, 6), (3, 6, 8)):
+            free[wall[0], wall[1] : wall[2]] = False
+            search.shortest(free, (0, 4), (7, 4), extra)

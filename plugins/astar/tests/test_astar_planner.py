@@ -18,7 +18,7 @@ from navloom import (
     Registry,
     RobotSpec,
 )
-from navloom_astar import expansion, inflation, navloom_register, raster
+from navloom_astar import expansion, inflation, navloom_register, raster, repair
 from navloom_astar.adapter import AStar, Dijkstra, JumpPoint
 from navloom_astar.params import AstarParams
 from pydantic import ValidationError
@@ -249,13 +249,28 @@ def test_a_point_robot_is_not_inflated() -> None:
     assert path.length == pytest.approx(8.0)
 
 
+def test_an_instance_that_has_planned_before_gives_the_path_of_a_new_one() -> None:
+    """The robot drives on and sees boxes, and its costs are repaired: recordings replay, and shadows agree."""
+    rng, cells, kept = np.random.default_rng(4), room_with_a_door(11, 30), make()
+    for step in range(12):
+        row, column = rng.integers(25, 70), rng.integers(25, 50)
+        cells[row : row + 2, column : column + 2] = 100
+        given = asked(cells, (2.05 + 0.1 * step, 1.05 + 0.05 * step), (10.05, 2.05))
+        path, new = kept.plan(given), make().plan(given)
+        assert isinstance(path, Path) and path.points.tolist() == new.points.tolist()
+        assert (path.traversable.cells == new.traversable.cells).all()
+
+
 def test_nothing_compiles_after_warm_up() -> None:
     AStar.warm_up()
     kernels = [
         expansion.expand,
         expansion.way_down,
         expansion.direct_way,
+        repair.reopened,
+        repair.changed_cells,
         expansion.set_steps,
+        expansion.nearest,
         inflation._grow,
         raster._draw,
     ]
@@ -267,7 +282,7 @@ def test_nothing_compiles_after_warm_up() -> None:
     for params in ({}, {"unknown": "cost"}, {"source": "segments", "raster": "supercover"}, {"inflation_radius": 0.3}):
         make(**params).plan(asked(cells, (0.25, 0.25), (1.75, 1.75), segments=wall))
         make(**params).plan(asked(cells, (0.25, 0.25), (1.75, 1.75)))
-    assert [len(kernel.signatures) for kernel in kernels] == before == [2, 2, 2, 1, 1, 1]
+    assert [len(kernel.signatures) for kernel in kernels] == before == [2, 2, 2, 2, 2, 1, 1, 1, 1]
 
 
 @pytest.mark.parametrize(

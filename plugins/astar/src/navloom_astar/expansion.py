@@ -105,7 +105,7 @@ def new_open_list(size: int) -> OpenList:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def far_index(cell: Index, target: Index, stride: Index, ahead_long: int, ahead_short: int) -> int:
+def far_index(cell: Index, target: Index, stride: Index, ahead_long: int, ahead_short: int) -> Index:
     """The heuristic: cost of the way from a cell to the target on an empty grid."""
     row, target_row = np.int64(np.uint32(cell) // np.uint32(stride)), np.int64(np.uint32(target) // np.uint32(stride))
     down, across = abs(row - target_row), abs(cell - row * stride - (target - target_row * stride))
@@ -117,7 +117,7 @@ def expand(
     steps: Bytes, extra: Bytes | None, mixed: Bytes, cost: Costs, opened: OpenList, buckets: int,
     seeds: Cells, source: Index, target: Index, straight: int, diagonal: int, q: int, p: int,
     ahead_long: int, ahead_short: int, shift: int,
-) -> int:  # fmt: skip
+) -> Index:  # fmt: skip
     """Set `cost` until it is final on all shortest ways from the source to the target.
 
     A target that is reached at the cost of the heuristic ends the search at once.
@@ -140,9 +140,10 @@ def expand(
     if len(seeds) >= len(cells):
         return -1
     most = len(cells) - 1  # one is left for `held`
-    heads = np.full(buckets + 1, -1, np.int32)  # the last one holds what is too far for the ring
+    heads = np.full(buckets + 1, -1, np.int64)  # the last one holds what is too far for the ring
     used, vacant, empty, held, nothing = np.int64(0), np.int64(-1), 0, np.int64(0), np.int64(_VOID)
-    bucket, far = nothing, nothing  # the first place in the ring, and beyond it
+    bucket: Index = nothing  # the first place in the ring
+    far: Index = nothing  # and that beyond it
     places = np.empty(len(seeds), np.int64)
     for n, cell in enumerate(seeds):
         ahead = far_index(cell, target, stride, ahead_long, ahead_short)
@@ -220,7 +221,7 @@ def expand(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bring_near(
-    heads: NDArray[np.int32], cells: NDArray[np.int32], links: NDArray[np.int32], costs: Costs, bucket: Index,
+    heads: Cells, cells: Cells, links: NDArray[np.int32], costs: Costs, bucket: Index,
     target: Index, stride: Index, ahead_long: int, ahead_short: int, bottom: Index, shift: int,
 ) -> Index:  # fmt: skip
     """Move entries that were too far for the ring into it. Returns the first place of those that still are."""
@@ -241,7 +242,7 @@ def _bring_near(
 def way_down(
     steps: Bytes, extra: Bytes | None, cost: Costs, start: Index, goal: Index, straight: int, diagonal: int,
     q: int, p: int,
-) -> tuple[Cells, int]:  # fmt: skip
+) -> tuple[Cells, Index]:  # fmt: skip
     """(n, 2) rows and columns of the way from the start to the goal, not counting the border, and its diagonal steps.
 
     `cost` has the costs to the goal.
@@ -261,7 +262,7 @@ def way_down(
             if not legal[cell] >> k & 1:
                 continue
             other = cell + offsets[k]
-            further = diagonal if k & 1 else straight
+            further: Index = diagonal if k & 1 else straight
             if extra is not None:
                 flat = extra.reshape(-1)
                 further += (p if k & 1 else q) * (np.int64(flat[cell]) + np.int64(flat[other]))
@@ -277,7 +278,7 @@ def way_down(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def direct_way(steps: Bytes, extra: Bytes | None, start: Index, goal: Index) -> tuple[Cells, int]:
+def direct_way(steps: Bytes, extra: Bytes | None, start: Index, goal: Index) -> tuple[Cells, Index]:
     """As `way_down`, if there is a way as short as on an empty grid and without extra costs: a depth-first search."""
     stride, legal = np.int64(steps.shape[1]), steps.reshape(-1)
     down, across = goal // stride - start // stride, goal % stride - start % stride

@@ -52,12 +52,13 @@ def changed_cells(free: Bytes, wall: Bytes, extra: Bytes | None, known: Bytes, m
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _step(cell: Index, other: Index, k: int, extra: Bytes | None, step: Costs, weight: Costs) -> int:
+def _step(cell: Index, other: Index, k: int, extra: Bytes | None, step: Costs, weight: Costs) -> Index:
     """Cost of a step in direction k. `step` and `weight`: (2,) for straight and diagonal ones; see `expansion`."""
-    if extra is None:
-        return step[k & 1]
-    flat = extra.reshape(-1)
-    return step[k & 1] + weight[k & 1] * (np.int64(flat[cell]) + np.int64(flat[other]))
+    total: Index = step[k & 1]
+    if extra is not None:
+        flat = extra.reshape(-1)
+        total += weight[k & 1] * (np.int64(flat[cell]) + np.int64(flat[other]))
+    return total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -206,9 +206,10 @@ class GridSearch:
         if self._cost[first] >= self._top:
             return Closed(self._nearest(scale, weights, first, last))
         if self._cost[first] - self._base == far_index(first, last, stride, *scale.octile):
-            cells, diagonal = direct_way(self._steps, weights, first, last)
+            cells, diagonals = direct_way(self._steps, weights, first, last)
         else:
-            cells, diagonal = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
+            cells, diagonals = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
+        diagonal = int(diagonals)
         straight = len(cells) - 1 - diagonal
         cost = straight + diagonal * math.sqrt(2.0) if extra is None else _cost_of(cells, extra)
         return Way(cells, straight, diagonal, cost)
@@ -228,8 +229,9 @@ class GridSearch:
     ) -> bool:
         """Go on from open cells. Returns whether the open list was long enough."""
         ahead = scale.octile if looks_ahead else (0, 0)
-        self._used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets, seeds, source,
-                            target, *scale[:4], *ahead, scale.shift)  # fmt: skip
+        used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets, seeds, source, target,
+                      *scale[:4], *ahead, scale.shift)  # fmt: skip
+        self._used = int(used)
         return self._used >= 0
 
     def _nearest(self, scale: _Scale, extra: Bytes | None, first: int, last: int) -> Cell:
@@ -301,6 +303,9 @@ def _cost_of(cells: NDArray[np.int64], extra: NDArray[np.uint8]) -> float:
 
 def warm_up() -> None:
     """Compile all kernels, with and without extra costs."""
-    free = np.ones((2, 2), dtype=np.bool_)
-    GridSearch((2, 2)).shortest(free, (0, 0), (1, 1))
-    GridSearch((2, 2)).shortest(free, (0, 0), (1, 1), np.zeros((2, 2), dtype=np.uint8))
+    for extra in (None, np.zeros((8, 8), dtype=np.uint8)):
+        free, search = np.ones((8, 8), dtype=np.bool_), GridSearch((8, 8))
+        # A way as on an empty grid; a detour, by repair; and none, with two places that are as near to the goal.
+        for wall in ((0, 0, 0), (3, 0, 3), (3, 3, 6), (3, 6, 8)):
+            free[wall[0], wall[1] : wall[2]] = False
+            search.shortest(free, (0, 4), (7, 4), extra)

@@ -308,8 +308,8 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
 
 def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
     """The drive whose contacts are judged."""
-    rates = np.array(recorder.turn_rates, dtype=np.float64)
-    motion = np.column_stack([truth[:, :5], rates]) if len(truth) else np.empty((0, 6))
+    more = np.array([recorder.sideways, recorder.turn_rates], dtype=np.float64).T
+    motion = np.column_stack([truth[:, :5], more]) if len(truth) else np.empty((0, 7))
     return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 

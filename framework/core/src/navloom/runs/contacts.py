@@ -52,7 +52,7 @@ class Evidence:
     """What is judged.
 
     Attributes:
-        truth: (n, 7) in each tick: time, s; x, y, m, heading, rad, map frame; speed ahead and to the left, m/s, and turn
+        truth: (n, 7) in each tick: time, s; x, y, m, heading, rad, map frame; speed ahead and to the left, m/s, turn
             rate, rad/s.
         footprint: (k, 2) corners of the robot's convex outline, counter-clockwise, m, base frame.
         height: Of the robot, m.

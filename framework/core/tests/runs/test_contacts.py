@@ -40,6 +40,7 @@ class Case:
     appears_at: float = 0.0
     height: float = 0.6
     boxes: tuple[Box, ...] = ()
+    sideways: float = 0.0
 
 
 def driven(v: float, w: float = 0.0) -> tuple[Leg, ...]:
@@ -55,10 +56,11 @@ def stands(x: float, y: float) -> tuple[tuple[float, float, float], ...]:
     return ((0.0, x, y),)
 
 
-def turned(pose: np.ndarray, v: float, w: float) -> np.ndarray:
+def turned(pose: np.ndarray, v: float, left: float, w: float) -> np.ndarray:
     x, y, heading = pose
     mean = heading + 0.5 * w * PERIOD
-    return np.array([x + v * PERIOD * math.cos(mean), y + v * PERIOD * math.sin(mean), heading + w * PERIOD])
+    c, s = math.cos(mean), math.sin(mean)
+    return np.array([x + PERIOD * (v * c - left * s), y + PERIOD * (v * s + left * c), heading + w * PERIOD])
 
 
 def run(case: Case, others: Sequence[tuple[Mover, float]] = (), ticks: int = 120) -> tuple[Touch, ...]:
@@ -79,7 +81,7 @@ def run(case: Case, others: Sequence[tuple[Mover, float]] = (), ticks: int = 120
         ]
         bodies = moving.advance(round(time * 1e9), at)
         _, v, w = [leg for leg in case.legs if leg[0] <= time + 1e-9][-1]
-        wanted = turned(pose, v, w) if tick else pose
+        wanted = turned(pose, v, case.sideways, w) if tick else pose
         outline = transform(wanted, SQUARE)
         gaps = [
             (nearest_points(outline, part)[0], bodies.names[int(part[0])])
@@ -95,7 +97,7 @@ def run(case: Case, others: Sequence[tuple[Mover, float]] = (), ticks: int = 120
             contacts.append((tick, touched[0]))
             break
         pose = wanted
-        rows.append((time, *pose, v, w, 0.0))
+        rows.append((time, *pose, v, w, case.sideways))
     assert contacts, "the case has no contact"
     return touches_of(Evidence(np.array(rows), SQUARE, case.height, seen, world), contacts)
 
@@ -145,6 +147,8 @@ CASES = [
     # would not have been touched.
     Case("it turns its side slowly into a person", True, stands(0.505, 0.0), driven(0.0, 0.05)),
     Case("it turns slowly while a person walks at it", False, straight(2.0, 0.0, -1.0, 0.0), driven(0.0, 0.05)),
+    Case("it strafes into a person", True, stands(0.0, 2.0), sideways=0.4),
+    Case("it strafes away from a person who comes faster", False, straight(0.0, -2.0, 0.0, 1.0), sideways=0.4),
     # Both move along the line between them.
     Case("both drive head-on", True, straight(4.0, 0.0, -1.0, 0.0), driven(0.5)),
     Case("head-on at 0.04 m/s: a person would have come 0.04 m further", False, straight(3.0, 0.0, -1.0, 0.0),

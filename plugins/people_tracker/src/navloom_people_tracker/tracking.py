@@ -249,7 +249,8 @@ class Tracker:
         is_empty = tracks.through >= np.where(is_named, THROUGH, THROUGH_TENTATIVE)
         is_old = self.time - tracks.seen > np.where(is_named, self.settings.longest_unseen, THROUGH)
         is_lost = np.hypot(*tracks.covariances[:, [0, 1], [0, 1]].T ** 0.5) > MOST_SIGMA
-        return ~(is_empty | is_old | is_lost | (tracks.beside > BESIDE) | self._doubles())
+        ends: Bools = is_empty | is_old | is_lost | (tracks.beside > BESIDE) | self._doubles()
+        return ~ends
 
     def _doubles(self) -> Bools:
         """(n,) tracks that overlap an older one by more than bodies can: parts of one, or its track from before."""

@@ -23,6 +23,7 @@ from navloom.messages import SCHEMAS, Envelope, GateStatus, Message, StepRecord
 from navloom.plugins import Registry
 from navloom.roles import ROLES
 from navloom.runs.episode import run_episode
+from navloom.testing import robot
 
 STEPS = [step for page in PAGES for step in steps(page)]
 TYPED = [step for step in STEPS if step.kind in ("command", "inline")]
@@ -167,9 +168,12 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    _in_one_file, controller, echoes, _test, _checks = blocks(WRITING, "python")
+    _in_one_file, controller, derived, echoes, _test, _checks = blocks(WRITING, "python")
     node, avoider, observer, command = blocks(BEYOND, "python")
     executed(echoes, "my_echoes")  # with its own asserts
+    stopping = executed(derived, "my_stopping")["Stopping"]
+    # 0.5 m/s and 1 m/s² by default: v² / 2b.
+    assert stopping.derived(stopping.Params(), robot(), 0.05)["slow_within"].value == 0.125
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
     for source in (node, avoider):
@@ -196,7 +200,7 @@ def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
 
 
 def test_the_unit_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
-    avoider, _controller, _echoes, test, checks = blocks(WRITING, "python")
+    avoider, _controller, _derived, _echoes, test, checks = blocks(WRITING, "python")
     module = ModuleType("my_avoider")
     vars(module).update(executed(avoider, "my_avoider"))
     monkeypatch.setitem(sys.modules, "my_avoider", module)

@@ -25,8 +25,8 @@ GROUPS = {
     "Pose and map": ("PoseEstimate", "Hypotheses", "PoseTrack", "OccupancyGrid", "Count", "MapUpdate", "ClearRequest",
                      "SweepRequest"),
     "Plans": ("PlanRequest", "Path", "PlanFailure", "Drive", "Trajectory", "Reference"),
-    "Commands": ("Command", "TrackingCommand", "Avoidance", "AvoiderStatus", "AvoiderDiagnostics", "HandOver",
-                 "RecoveryRequest", "RecoveryStep", "GateStatus", "StopReason", "Selection"),
+    "Commands": ("Command", "TrackingCommand", "Avoidance", "AvoiderStatus", "AvoiderDiagnostics", "Rollouts",
+                 "HandOver", "RecoveryRequest", "RecoveryStep", "GateStatus", "StopReason", "Selection"),
     "Goals and operators": ("Goal", "OperatorRequest", "Feedback", "GoalResult"),
     "Steps": ("StepReport", "InputRead", "PortMark", "Parameters"),
 }  # fmt: skip

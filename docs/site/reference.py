@@ -37,7 +37,7 @@ def public(*names: str) -> str:
 
 def messages_of(role: str) -> list[str]:
     """Messages that a role's verb answers with, and parts of them that are found in no other answer."""
-    parts = {"Avoidance": ["AvoiderDiagnostics"], "MapUpdate": ["OccupancyGrid"]}
+    parts = {"Avoidance": ["AvoiderDiagnostics", "Rollouts"], "MapUpdate": ["OccupancyGrid"]}
     names = [one.__name__ for one in answers_of(role) if issubclass(one, Message)]
     return [name for answer in names for name in (answer, *parts.get(answer, ()))]
 
@@ -108,6 +108,9 @@ def plugins_page() -> str:
             "SensorSpec",
             "Disturbance",
             "Params",
+            "Derivable",
+            "Derived",
+            "LEFT_OUT",
             "Preset",
             "Role",
             "Extra",

@@ -26,6 +26,7 @@ from navloom.messages import (
     Path,
     Pose2D,
     RangeScan,
+    Rollouts,
     StopReason,
     Sweep,
     Tracks,
@@ -219,6 +220,37 @@ def test_an_obstacle_at_the_left_of_the_robot_is_at_the_left_of_the_chart() -> N
     bearings = np.array(component(chart, "abscissa")[0]["buffer"])
     # The sector along the map's y axis is at the left of a robot that looks along x; the axis grows to the right.
     assert bearings[np.argmax(component(chart, "values")[0]["buffer"])] == pytest.approx(-90.0)
+
+
+def rollouts() -> Rollouts:
+    """Three motions of two points, the last of which collides, and the costs of the chosen one by two critics."""
+    points = np.zeros((3, 2, 2), np.float32)
+    points[:, 1, 0] = 1.0
+    costs = np.array([0.0, 1.0, math.inf])
+    return Rollouts(points, costs, points[0], ("goal", "path_follow"), np.array([0.5, 2.0]))
+
+
+def test_roll_outs_are_coloured_by_cost() -> None:
+    made, memory = drawing()
+    made.take(shown(rollouts(), "avoider", "rollouts"))
+    (lines,) = memory.at("/run/r1/rollouts")
+    # Packed as RGBA: the cheapest is green, the dearest vermilion, one that collides a grey through which one sees.
+    assert [f"{colour:08x}" for colour in component(lines, "colors")] == ["009e73ff", "d55e00ff", "96969680"]
+
+
+def test_critics_are_listed_by_cost() -> None:
+    made, memory = drawing()
+    made.take(shown(rollouts(), "avoider", "rollouts"))
+    (text,) = component(memory.at("/critics")[0], "text")
+    assert text.splitlines()[2:] == ["| path follow | 2.000 |", "| goal | 0.500 |"]
+
+
+def test_roll_outs_of_a_shadow_and_of_robots_side_by_side_are_not_drawn() -> None:
+    made, memory = drawing(shadows=SHADOW)
+    made.take(shown(rollouts(), "avoider", "rollouts", instance="other", active=False))
+    several, both = drawing("a", "b")
+    several.take(shown(rollouts(), "avoider", "rollouts", name="a"))
+    assert not [path for kept in (memory, both) for path, *_ in kept.logged if "rollout" in path or "critics" in path]
 
 
 def test_a_status_without_diagnostics_leaves_the_last_bars_in_the_picture() -> None:

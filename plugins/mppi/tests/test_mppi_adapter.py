@@ -11,6 +11,7 @@ from navloom_dwa.field import fill_field
 from navloom_dwa.rollout import stays_free
 from navloom_mppi import nearest, rollout, weighting
 from navloom_mppi.adapter import Mppi
+from navloom_mppi.critics import CRITICS
 from navloom_mppi.params import MppiParams
 from pydantic import ValidationError
 
@@ -20,9 +21,9 @@ def avoider(**params):
     return make(Mppi, context(spec, role="avoider"), **{"samples": 200} | params)
 
 
-def given(*scans, x=0.0, time=0.0, turn_to=None):
+def given(*scans, x=0.0, v=0.0, time=0.0, turn_to=None):
     """On a straight trajectory of 5 m along the x axis."""
-    estimate = PoseEstimate(0, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+    estimate = PoseEstimate(0, Pose2D(x, 0.0, 0.0), Twist2D(v, 0.0, 0.0), np.zeros((3, 3)))
     way, place = np.array([[x, 0.0], [x + 1.0, 0.0]]), Pose2D(x, 0.0, 0.0)
     reference = Reference(1, x, 5.0 - x, place, 0.3, 0.0, 0.0, Point2D(x + 1.0, 0.0), way, 0.5, turn_to)
     held = extras(trajectory=(Mppi.trajectory, trajectory()), reference=(Mppi.reference, reference))
@@ -63,6 +64,41 @@ def test_the_diagnostics_show_directions_of_roll_outs():
     assert "200 roll-outs" in shown.why
 
 
+def test_drawn_roll_outs_are_those_of_the_step():
+    """64 of 200, in the map frame: they begin at the robot, the first is the cheapest, and its end is where it led."""
+    plugin = avoider()
+    plugin.avoid(given(sonars(FREE), x=1.0))
+    shown, method = plugin.rollouts(), plugin._method
+    assert shown.points.shape == (64, 14, 2)
+    assert np.abs(shown.points[:, 0] - (1.0, 0.0)).max() < 0.05
+    best = int(method.costs.argmin())
+    assert shown.costs[0] == 0.0 and shown.costs[np.isfinite(shown.costs)].max() == 1.0
+    x, y = shown.points[0, -1] - (1.0, 0.0)
+    # The last point drawn is 4 steps, 0.2 s, before the end, so its bearing is nearly that of the end.
+    assert math.atan2(y, x) == pytest.approx(method.ends[best], abs=0.15)
+
+
+def test_drawn_roll_outs_end_before_a_collision():
+    """A plan of 0.5 m/s towards a wall 0.6 m before the front: some collide, none is drawn more than 0.6 m ahead."""
+    plugin = avoider()
+    plugin._method.plan[:, 0] = 0.5
+    front = float(plugin.context.robot.footprint[:, 0].max())
+    plugin.avoid(given(laser((front + 0.6) / np.cos(np.radians(np.linspace(-50.0, 50.0, 101)))), v=0.5))
+    shown = plugin.rollouts()
+    assert np.isinf(shown.costs).any()
+    assert 0.4 < shown.points[np.isinf(shown.costs), :, 0].max() < 0.6
+
+
+def test_the_critics_of_the_drawn_plan_are_its_weighted_costs():
+    plugin = avoider()
+    plugin.avoid(given(sonars(FREE)))
+    method, shown = plugin._method, plugin.rollouts()
+    assert dict(zip(shown.critics, shown.critic_costs, strict=True))["path_follow"] == pytest.approx(
+        method.by_critic[CRITICS.index("path_follow")] * method.part[CRITICS.index("path_follow")]
+    )
+    assert shown.chosen == pytest.approx(method.track[::4, :2], abs=1e-6)
+
+
 def test_the_extra_inputs_are_those_of_the_reference_node():
     assert (Mppi.trajectory.carries, Mppi.reference.carries) == (Trajectory, Reference)
 
@@ -70,8 +106,8 @@ def test_the_extra_inputs_are_those_of_the_reference_node():
 def test_no_tick_compiles_after_warm_up():
     Mppi.warm_up()
     kernels = (
-        nearest.fill_nearest, rollout.roll_out, rollout.roll_out_plan, weighting.weights_of, weighting.mean_of,
-        weighting.effective, stays_free, fill_field,
+        nearest.fill_nearest, rollout.roll_out, rollout.roll_out_plan, rollout.draw, weighting.weights_of,
+        weighting.mean_of, weighting.effective, stays_free, fill_field,
     )  # fmt: skip
     before = [len(kernel.signatures) for kernel in kernels]
     for plugin in (avoider(), avoider(turning_radius=1.0)):

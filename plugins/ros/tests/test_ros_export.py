@@ -153,6 +153,13 @@ def test_a_plan_faces_where_it_goes(count):
     assert turns == pytest.approx([HALF, 0.0, 0.0] if count == 3 else [0.0])
 
 
+def test_a_plan_with_headings_faces_as_the_base_does():
+    plan = PlannedPath(1, np.array([[0.0, 0.0], [-1.0, 0.0]]), 1.0, None, np.array([0.0, HALF]))
+    poses = one("planner", "path", plan)["/plan"].poses
+    turns = [2.0 * math.atan2(pose.pose.orientation.z, pose.pose.orientation.w) for pose in poses]
+    assert turns == pytest.approx([0.0, HALF])
+
+
 def test_the_gate_says_why_it_stopped():
     status = GateStatus("none", "", True, False, StopReason.parse("stale: controller"), ())
     (told,) = one("gate", "status", status)["/diagnostics"].status

@@ -18,15 +18,15 @@ NAMES = {
         "Feedback GateStatus Goal GoalResult GoalState HandOver Heading Hypotheses InputRead MapUpdate Message "
         "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
         "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "
-        "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference SCHEMAS Selection Stamp StepRecord "
+        "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference Rollouts SCHEMAS Selection Stamp StepRecord "
         "StepReport StopReason Sweep SweepRequest TrackingCommand Tracks Trajectory Truth Twist2D Unbounded "
         "Words message"
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (
-        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Disturbance Extra Extras InputError "
-        "Localizer LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform PlatformInput PlatformOutput "
-        "Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
+        "ANYWHERE Avoider AvoiderInput Claim Context Controller ControllerInput Derivable Derived Disturbance Extra "
+        "Extras InputError LEFT_OUT Localizer LocalizerInput Mapper MapperInput Params Planner PlannerInput Platform "
+        "PlatformInput PlatformOutput Preset ROLES ROLE_API Recovery RecoveryInput RobotSpec Role SensorSpec verb_of"
     ),
     "navloom.runs.metrics": "METRICS Metric",
     "navloom.runs.episode_trail": "Trail",

@@ -72,7 +72,7 @@ def test_show_tells_how_sure_a_start_is_and_where_a_simulated_robot_truly_stands
     assert guess["navigation.start.heading_spread_deg"] == (pytest.approx(15.0), "default")
     unknown = values(in_process, "building", *search, "--set", "navigation.start=unknown")
     assert unknown["navigation.start"] == ("unknown", "--set") and unknown["world.start.heading_deg"] == (90.0, "world")
-    assert unknown["navigation.localizer_timeout"] == (120.0, "default")
+    assert unknown["navigation.localizer_timeout"] == (120.0, "derived from localizer and recovery")
 
 
 def test_each_line_of_show_can_be_given_to_set(in_process: CommandLine) -> None:
@@ -141,10 +141,48 @@ def test_a_live_robot_whose_gate_would_stop_it_in_every_tick_is_refused(limit: s
         check_live(refused)
 
 
+def test_show_names_what_a_parameter_is_derived_from(in_process: CommandLine) -> None:
+    """0.5 m wide: half the inscribed radius is 0.125 m. 0.5 m/s and 1 m/s²: v²/b is 0.25 m."""
+    shown = values(in_process, "building", "--set", "controller.plugin=graceful")
+    assert shown["controller.min_look_ahead"] == (0.125, "derived from footprint and drive")
+    assert shown["controller.approach_distance"] == (0.25, "derived from max_linear and max_deceleration")
+
+
+def test_a_given_value_is_not_derived(in_process: CommandLine) -> None:
+    given = ("--set", "controller.plugin=graceful", "--set", "controller.approach_distance=0.4")
+    assert values(in_process, "building", *given)["controller.approach_distance"] == (0.4, "--set")
+
+
+def test_show_resolves_a_word_of_the_config(in_process: CommandLine) -> None:
+    shown = values(in_process, "building", "--set", "planner.inflation_radius=inscribed")
+    assert shown["planner.inflation_radius"] == (0.25, "--set, derived from footprint")
+
+
+def test_the_speeds_of_the_reference_follow_from_the_robot(in_process: CommandLine) -> None:
+    shown = values(in_process, "building", "--set", "robot.max_linear=2.0", "--set", "robot.max_acceleration=1.5")
+    assert shown["navigation.speed"] == ([0.8, 1.6], "derived from max_linear")
+    assert shown["navigation.lateral_acceleration"] == (pytest.approx(0.9), "derived from max_acceleration")
+
+
+def test_set_can_take_back_what_the_file_gives(in_process: CommandLine) -> None:
+    """`explore` gives speeds for its own robot of 2 m/s."""
+    slow = ("--set", "robot.max_linear=0.15")
+    assert in_process("config", "check", "explore", *slow)[0] == 2
+    shown = values(in_process, "explore", *slow, "--set", "navigation.speed=default")
+    assert shown["navigation.speed"] == (pytest.approx([0.06, 0.12]), "derived from max_linear")
+
+
+def test_a_slow_robot_needs_no_speed_of_its_own(in_process: CommandLine) -> None:
+    code, _, error = in_process("config", "check", "building", "--set", "robot.max_linear=0.15")
+    assert code == 0, error
+
+
 @pytest.mark.parametrize("name", sorted(shipped_configs()))
 def test_show_toml_prints_a_shipped_config_to_begin_from(in_process: CommandLine, tmp_path: Path, name: str) -> None:
     code, said, _ = in_process("config", "show", name, "--toml")
-    assert (code, said) == (0, shipped_configs()[name])
+    assert code == 0 and said.startswith(shipped_configs()[name])
+    added = said.removeprefix(shipped_configs()[name]).splitlines()
+    assert added and all(line.startswith("# ") and "derived from " in line for line in added)
     path = tmp_path / "mine.toml"
     path.write_text(said, "utf-8")
     assert load_config(str(path)).sha256() == load_config(name).sha256()

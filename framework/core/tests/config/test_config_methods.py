@@ -102,7 +102,7 @@ def test_the_source_of_a_value_names_the_method(config: str) -> None:
     rows = holding(assemble(load_config(config, ["avoider.cell=0.3"], method="forces")))
     sources = {place: source for place, _, source in rows}
     assert (sources["controller.k1"], sources["avoider.cell"]) == ("method forces", "--set")
-    assert (sources["mapper.plugin"], sources["navigation.speed"]) == ("file", "default")
+    assert (sources["mapper.plugin"], sources["navigation.speed"]) == ("file", "derived from max_linear")
 
 
 @pytest.mark.parametrize(

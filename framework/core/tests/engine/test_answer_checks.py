@@ -13,8 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 from navloom.engine import answer_checks as doors
-from navloom.engine.answer_checks import AnswerError, LocalizerDoor, MapperDoor, PlannerDoor, PlatformDoor, TwistDoor
+from navloom.engine.answer_checks import (
+    AnswerError,
+    AvoiderDoor,
+    LocalizerDoor,
+    MapperDoor,
+    PlannerDoor,
+    PlatformDoor,
+    TwistDoor,
+)
 from navloom.messages import (
+    Avoidance,
     Contact,
     MapUpdate,
     OccupancyGrid,
@@ -27,6 +36,7 @@ from navloom.messages import (
     PoseEstimate,
     RangeScan,
     RecoveryStep,
+    Rollouts,
     Sweep,
     SweepRequest,
     TrackingCommand,
@@ -49,7 +59,7 @@ class Plugin:
 
     def advance(self) -> None: ...
 
-    localize = update = plan = control = step = advance
+    localize = update = plan = control = step = avoid = advance
 
 
 LINE = inspect.getsourcelines(Plugin)[1] + inspect.getsourcelines(Plugin)[0].index(
@@ -421,3 +431,11 @@ def test_the_place_of_a_verb_is_its_line_and_empty_where_it_has_no_source() -> N
     door = PlannerDoor(Compiled("planner"), 0.25)  # type: ignore[arg-type]
     with pytest.raises(AnswerError, match=r"expected Path or PlanFailure$"):
         door.check(None, PlannerInput(ASKED, map_of(0)))
+
+
+def test_too_many_points_of_roll_outs_are_refused() -> None:
+    door = AvoiderDoor(Plugin("avoider"), Avoidance)  # type: ignore[arg-type]
+    points = np.zeros((65, 64, 2), np.float32)
+    shown = Rollouts(points, np.zeros(65), points[0], (), np.zeros(0))
+    with pytest.raises(AnswerError, match="gave roll-outs of 4160 points, expected at most 4096"):
+        door.check_rollouts(shown)

@@ -8,11 +8,12 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import toys
 from navloom.config import ConfigError
 from navloom.engine.trace import TraceEntry, TraceError, read_trace
-from navloom.messages import Command, GateStatus, GoalResult, Selection, StepRecord
+from navloom.messages import Command, GateStatus, GoalResult, Rollouts, Selection, StepRecord
 from navloom.plugins import PluginError
 from navloom.roles import Role
 from navloom.runs.episode import Episode, run_episode
@@ -384,6 +385,22 @@ def test_a_run_resets_no_plugin_and_the_next_one_makes_new_objects(
         log = drive(tmp_path, more=ALTERNATIVE.format(shadow="false") + events).log
         assert log.swaps == 2 and not log.faults and len(log.results) == 2
         assert len({id(one) for one in made}) == 2 * run  # the active one and the alternative
+
+
+def test_roll_outs_are_published_with_diagnostics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    line = np.zeros((1, 2, 2), np.float32)
+    shown = Rollouts(line, np.zeros(1), line[0], ("goal",), np.ones(1))
+    monkeypatch.setattr(toys.Bystander, "rollouts", lambda self: shown)
+    _, entries = traced(tmp_path)
+    ticks = {
+        port: {e.tick for e in entries if (e.role, e.port) == ("avoider", port)} for port in ("status", "rollouts")
+    }
+    assert ticks["rollouts"] == ticks["status"] != set()
+
+
+def test_an_avoider_without_roll_outs_publishes_none(tmp_path: Path) -> None:
+    _, entries = traced(tmp_path)
+    assert "rollouts" not in {e.port for e in entries}
 
 
 def test_an_instance_that_was_active_steps_on_after_a_swap(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ def blueprint(facts: Facts, panels: Sequence[Panel] = ()) -> Any:
         rrb.Tabs(
             rrb.TextLogView(origin="/log", name="Log: stops, take-overs, results"),
             rrb.TextDocumentView(origin="/legend", name="Legend"),
+            rrb.TextDocumentView(origin="/critics", name="Critics"),
             *(panel.view() for panel in panels if panel.view is not None),
         ),
         row_shares=[3, 3, 3, 3, 4],

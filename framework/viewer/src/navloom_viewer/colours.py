@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 from navloom.palette import OKABE_ITO
+from numpy.typing import NDArray
 
 __all__ = [
     "ACTOR",
@@ -17,6 +19,7 @@ __all__ = [
     "STATES",
     "TRAJECTORY",
     "WHITE",
+    "cost_colours",
     "faded",
 ]
 
@@ -72,3 +75,12 @@ STATES: dict[str, Colour] = {
 def faded(colour: Colour, share: float) -> Colour:
     """The colour with an opacity of `share`."""
     return colour[0], colour[1], colour[2], round(255 * share)
+
+
+def cost_colours(costs: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """(n, 4) colours of costs (n,) from 0, green, over yellow to 1, vermilion; grey where they are infinite."""
+    share = np.where(np.isfinite(costs), costs, 0.0)
+    mixed = [np.interp(share, (0.0, 0.5, 1.0), ends) for ends in zip(GREEN, YELLOW, VERMILION, strict=True)]
+    colours = np.column_stack(mixed).round().astype(np.uint8)
+    colours[~np.isfinite(costs)] = faded(GREY, 0.5)
+    return colours

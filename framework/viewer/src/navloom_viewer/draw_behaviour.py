@@ -15,17 +15,18 @@ from navloom.messages import (
     GoalResult,
     HandOver,
     RecoveryRequest,
+    Rollouts,
     Selection,
 )
 from navloom.navigation.status_words import what_limits, who_drives, why_stopped
 
-from navloom_viewer.colours import BLOCKED, FREE, VERMILION, faded
+from navloom_viewer.colours import BLOCKED, FREE, VERMILION, WHITE, cost_colours, faded
 from navloom_viewer.draw_sensing import BLENDED
 from navloom_viewer.panels import Change, Drawn, Seen
 from navloom_viewer.shapes import at_height, rgba_cells, ring_bars, slot_arcs
 
 __all__ = ["avoider_status", "feedback", "gate_status", "goal_result", "handover", "recovery_request",
-           "selection"]  # fmt: skip
+           "rollouts", "selection"]  # fmt: skip
 
 RING_UNIT, RING_MOST = 0.30, 2.0
 """Length of a ring bar at the threshold, m, and the density, in units of the threshold, at which bars are cut."""
@@ -127,6 +128,27 @@ def _choice(what: AvoiderDiagnostics, seen: Seen) -> Any:
     origin = np.array([[seen.pose.x, seen.pose.y, seen.robot.height + 0.02]] * len(way)).reshape(-1, 3)
     colour = (255, 255, 255, 255) if seen.is_alone else seen.actor.colour
     return rr.Arrows3D(vectors=arrow, origins=origin, radii=0.025, colors=[colour])
+
+
+def rollouts(message: Rollouts, seen: Seen) -> Drawn:
+    """Draw motions that the avoider rolled out, and what the chosen one costs by each critic.
+
+    Roll-outs are green, cheap, to red, dear; those that collide are grey up to the collision, the chosen one is white.
+    Not those of shadows and of robots side by side, which would hide each other.
+    """
+    import rerun as rr
+
+    if seen.actor.is_shadow or not seen.is_alone:
+        return
+    height = seen.robot.height + 0.02
+    lines = [at_height(points, height) for points in message.points.astype(np.float64)]
+    yield seen.in_map("rollouts"), rr.LineStrips3D(lines, radii=0.006, colors=cost_colours(message.costs))
+    chosen = at_height(message.chosen.astype(np.float64), height + 0.01)
+    yield seen.in_map("rollout_chosen"), rr.LineStrips3D([chosen], radii=0.015, colors=[WHITE])
+    order = np.argsort(-message.critic_costs, kind="stable")
+    rows = "".join(f"| {message.critics[k].replace('_', ' ')} | {message.critic_costs[k]:.3f} |\n" for k in order)
+    table = f"| critic | cost of the chosen motion |\n|---|---:|\n{rows}"
+    yield "/critics", rr.TextDocument(table, media_type="text/markdown")
 
 
 def handover(message: HandOver, seen: Seen) -> Drawn:

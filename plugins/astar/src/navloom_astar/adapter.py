@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from navloom import Claim, Context, OccupancyGrid, Path, PlanFailure, Planner, PlannerInput, Point2D, Pose2D
+from navloom import (
+    Claim,
+    Context,
+    Derived,
+    OccupancyGrid,
+    Path,
+    PlanFailure,
+    Planner,
+    PlannerInput,
+    Point2D,
+    Pose2D,
+    RobotSpec,
+)
 
 from navloom_astar import planning
 from navloom_astar.grids import RasterMap
@@ -29,6 +42,10 @@ class PlannerOnGrid(Planner[AstarParams]):
         super().__init__(params, context)
         anchor = params.anchor_at((context.start.x, context.start.y))
         self._planner = GridPlanner(params.settings(context.robot.footprint), anchor, type(self).search)
+
+    @classmethod
+    def derived(cls, params: AstarParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        return params.derived(robot.footprint)
 
     @classmethod
     def warm_up(cls) -> None:

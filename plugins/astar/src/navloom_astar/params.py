@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from navloom import Params, Preset
+from navloom import Derived, Params, Preset
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -68,25 +68,31 @@ class AstarParams(Params):
             return None
         return start if self.anchor == "start" else self.anchor
 
+    def derived(self, footprint: NDArray[np.float64]) -> dict[str, Derived]:
+        """What follows from the footprint, for parameters that are left out or words; see `settings`."""
+        size = float(np.ptp(footprint, axis=0).max())
+        cell = size / 3.0 if isinstance(self.cell, str) else self.cell
+        radius_of = inscribed_radius if self.inflation_radius == "inscribed" else circumscribed_radius
+        return {
+            "cell": Derived(size / 3.0, "footprint"),
+            "paper_raster_t": Derived(size / cell, "footprint and cell"),
+            "inflation_radius": Derived(radius_of(footprint), "footprint"),
+        }
+
     def settings(self, footprint: NDArray[np.float64]) -> Settings:
         """Settings of the pure modules, with words such as "inscribed" resolved to lengths.
 
         Args:
             footprint: (n, 2) corners of the robot, m, base frame, convex, counter-clockwise.
         """
-        size = float(np.ptp(footprint, axis=0).max())
-        cell = size / 3.0 if self.cell == "third_of_chassis" else self.cell
-        if self.inflation_radius == "inscribed":
-            radius = inscribed_radius(footprint)
-        elif self.inflation_radius == "circumscribed":
-            radius = circumscribed_radius(footprint)
-        else:
-            radius = self.inflation_radius
+        values = {name: one.value for name, one in self.derived(footprint).items()}
+        cell = values["cell"] if isinstance(self.cell, str) else self.cell
+        radius = values["inflation_radius"] if isinstance(self.inflation_radius, str) else self.inflation_radius
         return Settings(
             source=self.source,
             cell=cell,
             raster=self.raster,
-            paper_t=size / cell if self.paper_raster_t is None else self.paper_raster_t,
+            paper_t=values["paper_raster_t"] if self.paper_raster_t is None else self.paper_raster_t,
             margin=self.margin,
             outside=self.outside,
             occupied_from=self.occupied_from,

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, RangeScan, Twist2D
+from navloom import (
+    Avoidance,
+    Avoider,
+    AvoiderDiagnostics,
+    AvoiderInput,
+    Claim,
+    Context,
+    Derived,
+    RangeScan,
+    RobotSpec,
+    Twist2D,
+)
 from navloom_avoidance.beams import Beams
 from navloom_avoidance.certainty import THIN_BEAM
 from navloom_avoidance.robot import Robot
@@ -34,6 +45,13 @@ class Dwa(Avoider[DwaParams]):
 
     def reset(self) -> None:
         self._method.reset()
+
+    @classmethod
+    def derived(cls, params: DwaParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        return {
+            "max_speed": Derived(robot.max_linear, "max_linear"),
+            "max_turn_deg": Derived(math.degrees(robot.max_angular), "max_angular"),
+        }
 
     @classmethod
     def warm_up(cls) -> None:

@@ -87,8 +87,8 @@ class DynamicWindow:
         self.edges = footprint_edges(robot.footprint)
         self.inner = float(self.edges[:, 2].min())
         self.radius = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
-        self.max_speed = min(p.max_speed, robot.max_linear)
-        self.max_turn = min(math.radians(p.max_turn_deg), robot.max_angular)
+        self.max_speed = min(p.max_speed or math.inf, robot.max_linear)
+        self.max_turn = min(math.radians(p.max_turn_deg or math.inf), robot.max_angular)
         self.turn_acceleration = min(math.radians(p.turn_acceleration_deg), robot.max_angular_acceleration)
         self.motors = Motors.of(robot, period)
         self.rim_speed = p.wheel_speed if p.wheel_speed > 0.0 else math.inf

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from navloom import Params, Preset
+from navloom import LEFT_OUT, Derivable, Params, Preset
 from navloom_avoidance.echoes import EchoSettings
 from pydantic import Field
 
@@ -16,11 +16,14 @@ class DwaParams(Params):
     arcs: int = Field(41, ge=3, le=201, description="Arcs on which the window is sampled.")
     speeds: int = Field(20, ge=2, le=100, description="Speeds on each arc.")
     window_time: float = Field(0.25, gt=0.0, le=5.0, description="Time in which the window can be reached, s.")
-    max_speed: float = Field(
-        5.0, gt=0.0, le=20.0, description="Forward speed, m/s; the robot's own limit also applies."
+    max_speed: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=20.0, description="Forward speed, m/s; at most the robot's own limit; left out: that."
     )
-    max_turn_deg: float = Field(
-        180.0, gt=0.0, le=720.0, description="Turn rate, degrees per second; the robot's own limit also applies."
+    max_turn_deg: Derivable[float] = Field(
+        LEFT_OUT,
+        gt=0.0,
+        le=720.0,
+        description="Turn rate, degrees per second; at most the robot's own limit; left out: that.",
     )
     turn_acceleration_deg: float = Field(
         180.0, gt=0.0, le=3600.0, description="Change of the turn rate, degrees per s^2: window, ramp and braking."

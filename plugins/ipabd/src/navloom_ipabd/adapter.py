@@ -4,9 +4,23 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter
+from collections.abc import Mapping
 from typing import TypeVar
 
-from navloom import Claim, Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, Sweep
+from navloom import (
+    Claim,
+    Context,
+    Count,
+    Derived,
+    InputError,
+    Mapper,
+    MapperInput,
+    MapUpdate,
+    OccupancyGrid,
+    Pose2D,
+    RobotSpec,
+    Sweep,
+)
 
 from navloom_ipabd import mapping
 from navloom_ipabd.errors import DataError
@@ -85,6 +99,10 @@ class Ipabd(_OfSweeps[IpabdParams]):
 
     name = "ipabd"
     presets = {"robust": ROBUST, "printed": PRINTED}
+
+    @classmethod
+    def derived(cls, params: IpabdParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        return {"z_limit": Derived(robot.height, "height")}
 
     def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
         return mapping.outline(image, motion, self._settings)

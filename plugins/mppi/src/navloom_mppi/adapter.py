@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from navloom import (
@@ -12,8 +13,11 @@ from navloom import (
     AvoiderInput,
     Claim,
     Context,
+    Derived,
     Extra,
     Reference,
+    RobotSpec,
+    Rollouts,
     Trajectory,
     Twist2D,
 )
@@ -22,10 +26,10 @@ from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import cost_by_direction
 
 from navloom_mppi import warming
-from navloom_mppi.control import Decision, Given, PathIntegral
-from navloom_mppi.critics import COLLISION
+from navloom_mppi.control import Decision, Given, PathIntegral, near_goal
+from navloom_mppi.critics import COLLISION, CRITICS
 from navloom_mppi.params import ROBUST, MppiParams
-from navloom_mppi.view import picture
+from navloom_mppi.view import in_map, picture
 
 __all__ = ["Mppi"]
 
@@ -47,6 +51,14 @@ class Mppi(Avoider[MppiParams]):
         self._method.reset()
 
     @classmethod
+    def derived(cls, params: MppiParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        source = "footprint, max_linear, max_deceleration, motor_lag, dead_time and period"
+        return {
+            "goal_within": Derived(near_goal(Robot.of(robot), period), source),
+            "turning_radius": Derived(robot.turn_radius, "drive"),
+        }
+
+    @classmethod
     def warm_up(cls) -> None:
         warming.warm_up()
 
@@ -63,9 +75,15 @@ class Mppi(Avoider[MppiParams]):
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,
             given.share,
         )  # fmt: skip
+        self._pose = now.pose
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
+
+    def rollouts(self) -> Rollouts:
+        shown, pose = self._method.drawn(), self._pose
+        points = in_map(shown.points, pose).astype(np.float32)
+        return Rollouts(points, shown.costs, in_map(shown.plan, pose).astype(np.float32), CRITICS, shown.critics)
 
     def _diagnostics(self, decision: Decision, now: Given) -> AvoiderDiagnostics:
         """Diagnostics: the histogram is the least cost by direction of the roll-outs; 1 is a direction without one."""

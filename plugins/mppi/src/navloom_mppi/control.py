@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
 from navloom_mppi.nearest import body_points, fill_nearest
-from navloom_mppi.rollout import knots_of, roll_out, roll_out_plan
+from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 COMMANDS = (4, 8)  # parts of the reachable speeds and turn rates in which one roll-out each is tried
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
+DRAWN, DRAWN_EVERY = 64, 4  # roll-outs of a picture, and steps between their points
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
 
@@ -71,6 +72,22 @@ class Decision(NamedTuple):
     why: str = ""
 
 
+class Drawn(NamedTuple):
+    """Roll-outs of one tick for a picture, base frame.
+
+    Attributes:
+        points: (n, points, 2) m; a roll-out that collides stays at the last point before.
+        costs: (n,) from 0, the cheapest, to 1, the dearest without a collision; infinite with one.
+        plan: (points, 2) the plan, m.
+        critics: (critics,) weighted cost of the plan by each critic, in the order of CRITICS.
+    """
+
+    points: Floats
+    costs: Floats
+    plan: Floats
+    critics: Floats
+
+
 class PathIntegral:
     """Model predictive path integral control of one robot.
 
@@ -90,8 +107,8 @@ class PathIntegral:
         self.inner = float(self.edges[:, 2].min())
         self.body, disc = body_points(robot.footprint)
         self.nose = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
-        radius = robot.turn_radius if p.turning_radius is None else p.turning_radius
-        self.motion = motion_of(robot, p.step, p.reverse, radius)
+        radius: float | None = p.turning_radius
+        self.motion = motion_of(robot, p.step, p.reverse, robot.turn_radius if radius is None else radius)
         self.sigma = (p.noise_speed * robot.max_linear, p.noise_turn * robot.max_angular)
         self.motors = Motors.of(robot, period)
         self.margin = max(p.laser_margin, p.sonar_margin)
@@ -101,6 +118,8 @@ class PathIntegral:
         margins = (p.laser_margin, p.sonar_margin)
         self.echoes = Echoes(self.edges, EchoSettings(margins, p.memory, self.reach))
         self.by_critic = weights_by_critic(p, robot)
+        given: float | None = p.goal_within
+        self.goal_within = near_goal(robot, period) if given is None else given
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
         self.ends = np.zeros(self.samples)
@@ -185,7 +204,8 @@ class PathIntegral:
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
-            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < p.goal_within), (float(lead[0]), float(lead[1])),
+            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < self.goal_within),
+            (float(lead[0]), float(lead[1])),
             abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
         )  # fmt: skip
@@ -284,6 +304,25 @@ class PathIntegral:
             self.margin, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
 
+    def drawn(self) -> Drawn:
+        """A sample of the roll-outs of the last tick for a picture, from the cheapest to the dearest."""
+        before, noise, paces = self._proposal
+        order = np.argsort(self.costs, kind="stable")
+        which = order[np.linspace(0, self.samples - 1, min(DRAWN, self.samples)).astype(np.int64)]
+        hits, steps = self.parts[which, COLLISION], self.params.steps
+        # The critic's 2 - step / steps, solved for the last step before the collision.
+        ends = np.where(hits > 0.0, np.rint((2.0 - hits) * steps) - 1.0, steps - 1.0).astype(np.int64).clip(0)
+        points = np.zeros((len(which), len(range(0, steps, DRAWN_EVERY)), 2))
+        draw(
+            before, noise, paces, self.sigma, self.params.hold, self._start, self._motion, which, DRAWN_EVERY, ends,
+            points,
+        )  # fmt: skip
+        costs = np.where(hits > 0.0, np.inf, self.costs[which])
+        free = costs[np.isfinite(costs)]
+        span = float(np.ptp(free)) if len(free) else 0.0
+        shares = (costs - free.min()) / span if span > 0.0 else np.where(np.isfinite(costs), 0.0, np.inf)
+        return Drawn(points, shares, self.track[::DRAWN_EVERY, :2], self.by_critic * self.part)
+
     def why(self) -> str:
         """Reason of a command, one phrase: how many roll-outs collide and count, and the costs of the plan."""
         parts = self.by_critic * self.part
@@ -310,6 +349,17 @@ def weights_by_critic(params: MppiParams, robot: Robot) -> Floats:
     }  # fmt: skip
     named = {name: p.gamma if name == "control" else getattr(p, name) for name in CRITICS}
     return np.array([weight * per_unit.get(name, 1.0) for name, weight in named.items()])
+
+
+def near_goal(robot: Robot, period: float) -> float:
+    """Distance from the goal, m, within which the robot heads straight for it.
+
+    From there the highest speed just stops in time: a tick, the dead time and the lag later, it brakes. Nearer than a
+    corner of the footprint, the way that is left of the nose no longer leads there, for a robot however slow.
+    """
+    late = period + robot.dead_time + robot.motor_lag
+    stop = robot.max_linear * late + robot.max_linear**2 / (2.0 * robot.max_deceleration)
+    return max(stop, 2.0 * float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max()))
 
 
 def is_stopped(v: float, w: float) -> bool:

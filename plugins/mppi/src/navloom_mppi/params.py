@@ -1,6 +1,6 @@
 """Parameters of MPPI. What follows from the robot (speeds, accelerations, lag, footprint) is not one of them."""
 
-from navloom import Params, Preset
+from navloom import LEFT_OUT, Derivable, Params, Preset
 from pydantic import Field
 
 
@@ -20,8 +20,8 @@ class MppiParams(Params):
         0.25, gt=0.0, le=2.0, description="Standard deviation of the turn rate, as a share of the highest, no unit."
     )
     reverse: float = Field(0.35, ge=0.0, le=5.0, description="Highest speed backwards, m/s.")
-    turning_radius: float | None = Field(
-        None, ge=0.0, le=100.0, description="Smallest radius, m; 0: it turns in place; left out: the robot's."
+    turning_radius: Derivable[float] = Field(
+        LEFT_OUT, ge=0.0, le=100.0, description="Smallest radius, m; 0: it turns in place; left out: the robot's."
     )
     constraint: float = Field(4.0, ge=0.0, le=1000.0, description="Weight of commands beyond the limits.")
     collision: float = Field(1000.0, ge=0.0, le=1e6, description="Weight of a collision.")
@@ -41,8 +41,12 @@ class MppiParams(Params):
         40.0, ge=0.0, le=1000.0, description="Weight of the speed backwards, per highest speed, no unit."
     )
     twirling: float = Field(0.6, ge=0.0, le=1000.0, description="Weight of the turn rate, per highest, no unit.")
-    goal_within: float = Field(
-        1.4, ge=0.0, le=20.0, description="Distance from the goal at which its critic replaces those of the path, m."
+    goal_within: Derivable[float] = Field(
+        LEFT_OUT,
+        ge=0.0,
+        le=20.0,
+        description="Distance from the goal at which its critic replaces those of the path, m; left out: the stopping "
+        "distance, or twice the distance of the farthest corner.",
     )
     turn_beyond_deg: float = Field(
         60.0,

@@ -120,6 +120,28 @@ def roll_out(
 
 
 @njit(cache=True, nogil=True)
+def draw(
+    plan: Floats, noise: NDArray[np.float32], paces: Floats, sigma: tuple[float, float], hold: int, start: State,
+    m: Motion, which: NDArray[np.int64], every: int, ends: NDArray[np.int64], points: Floats,
+) -> None:  # fmt: skip
+    """Repeat some roll-outs of roll_out(), for a picture.
+
+    Args:
+        plan, noise, paces, sigma, hold, start, m: As for roll_out().
+        which: (n,) numbers of the roll-outs. every: Steps between two points.
+        ends: (n,) last step of each: later points stay there.
+        points: (n, points, 2), filled in: x, y, m, base frame.
+    """
+    part, track = np.zeros(len(of.CRITICS)), np.empty((plan.shape[0], 5))
+    for k in range(which.shape[0]):
+        i, side = which[k] // 2, 1.0 - 2.0 * (which[k] % 2)
+        drive(plan, noise[i], paces[i], (sigma[0], side * sigma[1]), hold, start, m, part, track)
+        for j in range(points.shape[1]):
+            t = min(j * every, ends[k])
+            points[k, j, 0], points[k, j, 1] = track[t, 0], track[t, 1]
+
+
+@njit(cache=True, nogil=True)
 def roll_out_plan(plan: Floats, start: State, m: Motion, scene: Scene, track: Floats) -> Floats:
     """Roll out the plan itself; track (steps, 5) is filled in. Return its cost by each critic (critics,)."""
     part = np.zeros(len(of.CRITICS))

@@ -11,7 +11,7 @@ from navloom_mppi.params import MppiParams
 
 
 def warm_up() -> None:
-    """Run ticks with a laser and sonars."""
+    """Run ticks with a laser and sonars, and draw the last."""
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0, half_track=0.3)
     bearings = np.linspace(-1.0, 1.0, 3)
@@ -22,3 +22,4 @@ def warm_up() -> None:
     path = np.array([[0.0, 0.0], [3.0, 0.0]])
     for time in (0.0, 0.05, 0.1):
         method.step([laser], cones, Given(time, (0.0, 0.0, 0.0), (0.0, 0.0), path))
+    method.drawn()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
@@ -12,8 +13,10 @@ from navloom import (
     Context,
     Controller,
     ControllerInput,
+    Derived,
     InputError,
     Pose2D,
+    RobotSpec,
     TrackingCommand,
     Trajectory,
     Twist2D,
@@ -54,6 +57,9 @@ __all__ = ["FierroLewis", "Graceful", "Kanayama", "PurePursuit", "Ramsete", "Reg
 
 
 P = TypeVar("P", bound=TrackerParams)
+Q = TypeVar("Q", bound=PurePursuitParams | RegulatedPurePursuitParams | GracefulParams)
+R = TypeVar("R", bound=PurePursuitParams | RegulatedPurePursuitParams)
+SPEEDS = "max_linear and max_angular"
 Wanted = tuple[float, tuple[float, float], float]
 """Direction to face, rad from the heading in [-π, π); a law's velocity, m/s and rad/s; its gain of the heading, 1/s."""
 
@@ -144,11 +150,16 @@ class Kanayama(_Tracker[KanayamaParams]):
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference = self.params, given.reference
         k_y = min(own.k_y, self._stiffest)
-        k_theta = kanayama.critical_gain(k_y) if own.k_theta is None else own.k_theta
         if own.approach_deg < 90.0:
-            error = within_reach(error, kanayama.reach(k_y, k_theta, math.radians(own.approach_deg)))
-        wanted = kanayama.control_rule(error, reference.speed, reference.turn_rate, own.k_x, k_y, k_theta)
-        return error.e3, wanted, k_theta * reference.speed
+            error = within_reach(error, kanayama.reach(k_y, own.k_theta, math.radians(own.approach_deg)))
+        wanted = kanayama.control_rule(error, reference.speed, reference.turn_rate, own.k_x, k_y, own.k_theta)
+        return error.e3, wanted, own.k_theta * reference.speed
+
+    @classmethod
+    def derived(cls, params: KanayamaParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        return {
+            "k_theta": Derived(kanayama.critical_gain(min(params.k_y, stiffest(robot.turn_radius))), "k_y and drive")
+        }
 
 
 class FierroLewis(_Tracker[FierroLewisParams]):
@@ -192,13 +203,21 @@ class Ramsete(_Tracker[RamseteParams]):
         return error.e3, ramsete.tracking_command(error, *law), ramsete.feedback_gain(*law)
 
 
-class _Pursuit(_Tracker[P]):
-    """Law that heads for a pose of the trajectory one look-ahead away."""
+class _Pursuit(_Tracker[Q]):
+    """Law that heads for a pose of the trajectory one look-ahead away.
 
-    _look_ahead: tuple[float, float, float]
-    """Time, s, and least and largest distance, m."""
-    _approach: tuple[float, float]
-    """Remaining distance, m, below which the robot slows down, and the least speed there, m/s."""
+    Attributes:
+        _look_ahead: Time, s, and least and largest distance, m.
+        _approach: Remaining distance, m, below which the robot slows down, and the least speed there, m/s.
+    """
+
+    def __init__(self, params: Q, context: Context) -> None:
+        super().__init__(params, context)
+        own = self.params
+        self._look_ahead = (
+            own.look_ahead_time, min(own.min_look_ahead, own.max_look_ahead), own.max_look_ahead
+        )  # fmt: skip
+        self._approach = (own.approach_distance, own.min_approach_speed)
 
     def _target(self, given: ControllerInput, angle: float) -> tuple[float, float, float]:
         """Pose to head for, m, rad, map frame: at most `angle`, rad, off the path's direction."""
@@ -208,13 +227,19 @@ class _Pursuit(_Tracker[P]):
         return pure_pursuit.pursuit_pose(given.trajectory.samples, reference.progress, pose.x, pose.y, away)
 
 
-class _Regulated(_Pursuit[P]):
-    """Regulated pure pursuit, Macenski et al. 2023."""
+class _Regulated(_Pursuit[R]):
+    """Regulated pure pursuit, Macenski et al. 2023.
 
-    _arc: tuple[float, float]
-    """Radius of the arcs below which the robot slows down, m, and the least speed there, m/s."""
+    Attributes:
+        _arc: Radius of the arcs below which the robot slows down, m, and the least speed there, m/s.
+        _fastest: Speed to regulate, m/s; None: the reference's.
+    """
+
     _fastest: float | None = None
-    """Speed to regulate, m/s; None: the reference's."""
+
+    def __init__(self, params: R, context: Context) -> None:
+        super().__init__(params, context)
+        self._arc = (self.params.slow_radius, self.params.min_arc_speed)
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         reference, pose = given.reference, given.estimate.pose
@@ -233,12 +258,6 @@ class PurePursuit(_Regulated[PurePursuitParams]):
     name = "pure_pursuit"
     presets = {"robust": ROBUST, "printed": PURE_PURSUIT_PRINTED}
 
-    def __init__(self, params: PurePursuitParams, context: Context) -> None:
-        super().__init__(params, context)
-        self._look_ahead = (params.look_ahead_time, params.min_look_ahead, params.max_look_ahead)
-        self._approach = (params.approach_distance, params.min_approach_speed)
-        self._arc = (params.slow_radius, params.min_arc_speed)
-
 
 class RegulatedPurePursuit(_Regulated[RegulatedPurePursuitParams]):
     """Regulated pure pursuit with lengths that follow from the robot."""
@@ -248,12 +267,14 @@ class RegulatedPurePursuit(_Regulated[RegulatedPurePursuitParams]):
 
     def __init__(self, params: RegulatedPurePursuitParams, context: Context) -> None:
         super().__init__(params, context)
-        robot = context.robot
-        # Small errors of an arc to a point of a line: curvature -2 / L² e - 2 / L ψ.
-        self._look_ahead, self._approach = _from_robot(params, context, 2.0, 2.0)
-        self._arc = (_or(params.slow_radius, robot.max_linear / robot.max_angular), params.min_arc_speed)
         # The reference's speed falls with the curvature of the trajectory: to regulate it would slow down twice.
-        self._fastest = robot.max_linear
+        self._fastest = context.robot.max_linear
+
+    @classmethod
+    def derived(cls, params: RegulatedPurePursuitParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        # Small errors of an arc to a point of a line: curvature -2 / L² e - 2 / L ψ.
+        lengths = _from_robot(params, robot, period, 2.0, 2.0)
+        return {**lengths, "slow_radius": Derived(robot.max_linear / robot.max_angular, SPEEDS)}
 
 
 class Graceful(_Pursuit[GracefulParams]):
@@ -264,14 +285,19 @@ class Graceful(_Pursuit[GracefulParams]):
 
     def __init__(self, params: GracefulParams, context: Context) -> None:
         super().__init__(params, context)
-        robot, k1, k2 = context.robot, params.k1, params.k2
-        # Small errors of the law on a line: curvature -(1 + k1) (1 + k2) / L² e - (1 + k1 + k2) / L ψ.
+        k1, k2 = params.k1, params.k2
         self._damping = 1.0 + k1 + k2
-        self._look_ahead, self._approach = _from_robot(params, context, self._damping, (1.0 + k1) * (1.0 + k2))
-        self._beta = _or(params.beta, graceful.speed_weight(robot.max_linear, robot.max_angular, params.exponent))
         self._speed = graceful.turning_speed if params.keeps_turn_rate else graceful.speed
         approach = math.radians(params.approach_deg)
         self._sight = graceful.line_of_sight(approach, k1, k2) if params.approach_deg < 90.0 else approach
+
+    @classmethod
+    def derived(cls, params: GracefulParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        # Small errors of the law on a line: curvature -(1 + k1) (1 + k2) / L² e - (1 + k1 + k2) / L ψ.
+        k1, k2 = params.k1, params.k2
+        lengths = _from_robot(params, robot, period, 1.0 + k1 + k2, (1.0 + k1) * (1.0 + k2))
+        beta = graceful.speed_weight(robot.max_linear, robot.max_angular, params.exponent)
+        return {**lengths, "beta": Derived(beta, SPEEDS)}
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference, pose = self.params, given.reference, given.estimate.pose
@@ -280,7 +306,7 @@ class Graceful(_Pursuit[GracefulParams]):
         # In a loop smaller than the look-ahead the pose may be at the robot itself, where the law is not defined.
         seen = seen._replace(r=max(seen.r, 0.5 * self._look_ahead[1]))
         curvature = graceful.curvature(seen, own.k1, own.k2)
-        v = self._speed(self.context.robot.max_linear, curvature, self._beta, own.exponent)
+        v = self._speed(self.context.robot.max_linear, curvature, own.beta, own.exponent)
         v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
         return -seen.delta, (v, v * curvature), self._damping * v / seen.r
 
@@ -290,19 +316,24 @@ def _turned(pose: Pose2D) -> Pose2D:
 
 
 def _from_robot(
-    params: RegulatedPurePursuitParams | GracefulParams, context: Context, damping: float, stiffness: float
-) -> tuple[tuple[float, float, float], tuple[float, float]]:
-    """Look-ahead and approach of `_Pursuit`: as given, else from the robot; see `derived.margin_look_ahead`."""
-    robot = context.robot
+    params: RegulatedPurePursuitParams | GracefulParams, robot: RobotSpec, period: float, damping: float,
+    stiffness: float,
+) -> dict[str, Derived]:  # fmt: skip
+    """Look-ahead and approach of `_Pursuit` from the robot; see `derived.margin_look_ahead`."""
     # A limited turn acceleration is not in it: `stopping_turn` bounds the correction to what ends in time.
-    late = context.period + robot.dead_time + robot.motor_lag
-    time = _or(params.look_ahead_time, derived.margin_look_ahead(late, damping, stiffness))
-    # Steered wheels are at their limit for a point nearer than that, once it is an eighth of their radius aside.
-    least = _or(params.min_look_ahead, 0.5 * max(inscribed_radius(robot.footprint), robot.turn_radius))
-    most = _or(params.max_look_ahead, max(least, time * robot.max_linear))
-    distance = _or(params.approach_distance, derived.braking_approach(robot.max_linear, robot.max_deceleration))
-    return (time, min(least, most), most), (distance, params.min_approach_speed)
-
-
-def _or(given: float | None, derived_value: float) -> float:
-    return derived_value if given is None else given
+    late = period + robot.dead_time + robot.motor_lag
+    values = {
+        "look_ahead_time": Derived(
+            derived.margin_look_ahead(late, damping, stiffness), "period, dead_time and motor_lag"
+        ),
+        # Steered wheels are at their limit for a point nearer than that, once it is an eighth of their radius aside.
+        "min_look_ahead": Derived(
+            0.5 * max(inscribed_radius(robot.footprint), robot.turn_radius), "footprint and drive"
+        ),
+        "approach_distance": Derived(
+            derived.braking_approach(robot.max_linear, robot.max_deceleration), "max_linear and max_deceleration"
+        ),
+    }
+    time, least = (getattr(params, key) or values[key].value for key in ("look_ahead_time", "min_look_ahead"))
+    most = Derived(max(least, time * robot.max_linear), "look_ahead_time, min_look_ahead and max_linear")
+    return {**values, "max_look_ahead": most}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Self
 
-from navloom import Params, Preset
+from navloom import LEFT_OUT, Derivable, Params, Preset
 from pydantic import Field, model_validator
 
 __all__ = [
@@ -55,8 +55,8 @@ class KanayamaParams(TrackerParams):
 
     k_x: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s.")
     k_y: float = Field(64.0, gt=0.0, le=1000.0, description="Gain of the lateral error, 1/m².")
-    k_theta: float | None = Field(
-        None, gt=0.0, le=100.0, description="Gain of the heading error, 1/m; left out: critical, 2 sqrt(k_y)."
+    k_theta: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=100.0, description="Gain of the heading error, 1/m; left out: critical, 2 sqrt(k_y)."
     )
 
 
@@ -102,33 +102,38 @@ class PurePursuitParams(TrackerParams):
 class _DerivedParams(TrackerParams):
     """Look-ahead and approach of a law whose lengths follow from the robot where they are left out."""
 
-    look_ahead_time: float | None = Field(
-        None, gt=0.0, le=10.0, description="Look-ahead distance per speed, s; left out: from the robot's lags."
+    look_ahead_time: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=10.0, description="Look-ahead distance per speed, s; left out: from the robot's lags."
     )
-    min_look_ahead: float | None = Field(
-        None, gt=0.0, le=10.0, description="Least look-ahead, m; left out: half the inscribed radius."
+    min_look_ahead: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=10.0, description="Least look-ahead, m; left out: half the inscribed radius."
     )
-    max_look_ahead: float | None = Field(
-        None, gt=0.0, le=50.0, description="Largest look-ahead, m; left out: that of the robot's largest speed."
+    max_look_ahead: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=50.0, description="Largest look-ahead, m; left out: that of the robot's largest speed."
     )
-    approach_distance: float | None = Field(
-        None, gt=0.0, le=10.0, description="Remaining distance below which the robot slows down, m; left out: braking."
+    approach_distance: Derivable[float] = Field(
+        LEFT_OUT,
+        gt=0.0,
+        le=10.0,
+        description="Remaining distance below which the robot slows down, m; left out: braking.",
     )
     min_approach_speed: float = Field(0.05, gt=0.0, le=5.0, description="Least speed near the end, m/s.")
 
     @model_validator(mode="after")
     def _bounds_rise(self) -> Self:
-        least, most = self.min_look_ahead, self.max_look_ahead
-        if least is not None and most is not None and least > most:
-            raise ValueError(f"min_look_ahead is {least:g} m, expected at most max_look_ahead, {most:g} m")
+        given = {key: getattr(self, key) for key in ("min_look_ahead", "max_look_ahead")}
+        if None not in given.values() and self.min_look_ahead > self.max_look_ahead:
+            raise ValueError(
+                "min_look_ahead is {:g} m, expected at most max_look_ahead, {:g} m".format(*given.values())
+            )
         return self
 
 
 class RegulatedPurePursuitParams(_DerivedParams):
     """Regulated pure pursuit, Macenski et al. 2023, by the limits of the robot."""
 
-    slow_radius: float | None = Field(
-        None,
+    slow_radius: Derivable[float] = Field(
+        LEFT_OUT,
         gt=0.0,
         le=50.0,
         description="Arcs tighter than this are driven more slowly, m; left out: largest speed over largest turn rate.",
@@ -141,8 +146,8 @@ class GracefulParams(_DerivedParams):
 
     k1: float = Field(1.0, gt=0.0, le=20.0, description="Ratio of the rate of θ to that of the distance.")
     k2: float = Field(3.0, gt=0.0, le=20.0, description="Ratio of the rate of the heading to that of the distance.")
-    beta: float | None = Field(
-        None, ge=0.0, le=100.0, description="Weight of the curvature in the speed, m^exponent; left out: turn rate."
+    beta: Derivable[float] = Field(
+        LEFT_OUT, ge=0.0, le=100.0, description="Weight of the curvature in the speed, m^exponent; left out: turn rate."
     )
     exponent: float = Field(2.0, gt=1.0, le=10.0, description="Exponent of the curvature in the speed.")
     keeps_turn_rate: bool = Field(

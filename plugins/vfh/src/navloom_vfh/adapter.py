@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
+from navloom import (
+    Avoidance,
+    Avoider,
+    AvoiderDiagnostics,
+    AvoiderInput,
+    Claim,
+    Context,
+    Derived,
+    RobotSpec,
+    Twist2D,
+)
 from navloom_avoidance.beams import Beams, Joiner
 from navloom_avoidance.decision import Decision
 from navloom_avoidance.robot import Robot
@@ -111,6 +122,13 @@ class VfhSwept(_HistogramAvoider[VfhSweptParams]):
     presets = {"robust": ROBUST}
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhSweptAvoidance
+
+    @classmethod
+    def derived(cls, params: VfhSweptParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        return {
+            "max_speed": Derived(robot.max_linear, "max_linear"),
+            "max_turn_deg": Derived(math.degrees(robot.max_angular), "max_angular"),
+        }
 
     @classmethod
     def warm_up(cls) -> None:

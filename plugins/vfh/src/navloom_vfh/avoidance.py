@@ -89,8 +89,8 @@ class HistogramAvoidance(Method):
         self.radius = disc + params.safety_distance if disc > 0.0 else 0.0
         self.reach = params.d_max
         self.slack = max(self.radius, disc_radius(robot.footprint, "inscribed"))
-        self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
-        self.max_speed = min(params.max_speed, robot.max_linear)
+        self.max_turn = min(math.radians(params.max_turn_deg or math.inf), robot.max_angular)
+        self.max_speed = min(params.max_speed or math.inf, robot.max_linear)
         n, size = params.sectors, params.window
         self.density = np.zeros(n)
         # At most every second sector begins a slot, and a slot gives at most three directions.

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from navloom import Params, Preset
+from navloom import LEFT_OUT, Derivable, Params, Preset
 from navloom_avoidance.histogram import window_reach
 from pydantic import Field, model_validator
 
@@ -131,8 +131,12 @@ class VfhSweptParams(VfhStarParams):
         0.1, ge=0.0, le=2.0, description="d_s: added to the disc's radius where there are cells, m."
     )
     point_distance: float = Field(0.02, ge=0.0, le=2.0, description="The same where there are echo points alone, m.")
-    max_turn_deg: float = Field(180.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
-    max_speed: float = Field(5.0, gt=0.0, le=5.0, description="V_max, m/s; the robot's own limit also applies.")
+    max_turn_deg: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=360.0, description="Omega_max, degrees per second; left out: the robot's own limit."
+    )
+    max_speed: Derivable[float] = Field(
+        LEFT_OUT, gt=0.0, le=5.0, description="V_max, m/s; the robot's own limit also applies; left out: that."
+    )
     echoes: Literal["points", "cells"] = Field(
         "points", description="A laser's echoes count as points at its resolution, or in the certainty cells."
     )

@@ -306,9 +306,12 @@ def _assign(
         if preset is not None:
             table["preset"] = preset
             sources[f"{where.removesuffix('plugin')}preset"] = source
-    table[keys[-1]] = value
-    for old in [place for place in sources if place.startswith(where + ".")]:
+    for old in [place for place in sources if place == where or place.startswith(where + ".")]:
         del sources[old]
+    if value == "default":  # as if the file did not give it, so that it may follow from the robot
+        table.pop(keys[-1], None)
+        return
+    table[keys[-1]] = value
     for leaf, _ in leaves(value, where):
         sources[leaf] = source
 

@@ -27,40 +27,11 @@ from navloom.roles import ROLES
 from navloom.roles.base import DriveKind
 from navloom.roles.presets import instance_name
 
-__all__ = [
-    "DEFAULT_PLUGINS",
-    "AlternativeTable",
-    "EventTable",
-    "GOAL_TOLERANCE",
-    "FootprintTable",
-    "GateTable",
-    "LONGEST_NAME",
-    "LOOKING_TIMEOUT",
-    "LiveTable",
-    "MapTable",
-    "NavigationTable",
-    "NodeTable",
-    "OWN_NODES",
-    "WORLD_NODE",
-    "OWN_PROCESS",
-    "OffsetTable",
-    "OpenTable",
-    "PlaceTable",
-    "PlacedTable",
-    "PluginsTable",
-    "PointTable",
-    "REQUIRED_ROLES",
-    "ROLE_TABLES",
-    "RobotTable",
-    "RoleTable",
-    "RunTable",
-    "STANDING_TIMEOUT",
-    "SensorTable",
-    "StartTable",
-    "TAKEN",
-    "Table",
-    "WorldTable",
-]
+__all__ = ["DEFAULT_PLUGINS", "AlternativeTable", "EventTable", "GOAL_TOLERANCE", "FootprintTable", "GateTable",
+           "LONGEST_NAME", "LOOKING_TIMEOUT", "LiveTable", "MapTable", "NavigationTable", "NodeTable", "OWN_NODES",
+           "OWN_PROCESS", "OffsetTable", "OpenTable", "PlaceTable", "PlacedTable", "PluginsTable", "PointTable",
+           "REQUIRED_ROLES", "ROLE_TABLES", "RobotTable", "RoleTable", "RunTable", "STANDING_TIMEOUT", "SensorTable",
+           "StartTable", "TAKEN", "Table", "WorldTable", "WORLD_NODE"]  # fmt: skip
 
 ROLE_TABLES = ROLES.keys()
 """Roles; each has a table of its name in every config."""
@@ -253,8 +224,8 @@ class NavigationTable(Table):
         default=None, description=f"m; default: the world's, else {GOAL_TOLERANCE:g}"
     )
     heading_tolerance_deg: Positive = Field(default=5.0, description="if the goal has a heading")
-    speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="limits of the reference, m/s")
-    lateral_acceleration: Positive = Field(default=0.3, description="limits the speed in curves, m/s²")
+    speed: tuple[Positive, Positive] | None = Field(None, description="limits, m/s; default: 0.4, 0.8 max_linear")
+    lateral_acceleration: Positive | None = Field(None, description="in curves, m/s²; default: 0.6 max_acceleration")
     path_shape: Literal["rounded", "as_planned"] = Field(
         default="rounded", description="prune and round the planner's path, or drive along its own points"
     )
@@ -278,9 +249,17 @@ class NavigationTable(Table):
         default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
     )
 
+    def speeds(self, max_linear: float) -> tuple[float, float]:
+        """Limits of the reference, m/s: as given, or shares that leave the controller some speed to catch up."""
+        return self.speed or (0.4 * max_linear, 0.8 * max_linear)
+
+    def sideways(self, max_acceleration: float) -> float:
+        """Lateral acceleration of the reference, m/s²: as given, or a share of the robot's acceleration."""
+        return self.lateral_acceleration or 0.6 * max_acceleration
+
     @model_validator(mode="after")
     def _speeds_rise(self) -> NavigationTable:
-        if self.speed[0] > self.speed[1]:
+        if self.speed is not None and self.speed[0] > self.speed[1]:
             raise ValueError(f"speed is [{self.speed[0]:g}, {self.speed[1]:g}], expected the lower one first")
         return self
 

@@ -31,6 +31,7 @@ from navloom.messages import (
     PoseEstimate,
     RangeScan,
     RecoveryStep,
+    Rollouts,
     Sweep,
     TrackingCommand,
     Truth,
@@ -51,8 +52,8 @@ from navloom.roles import (
     verb_of,
 )
 
-__all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor", "TypeDoor",
-           "notes_of", "verb_place"]  # fmt: skip
+__all__ = ["AnswerError", "AvoiderDoor", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor",
+           "TypeDoor", "notes_of", "verb_place"]  # fmt: skip
 
 STAMP_LEAD_NS = 1_000_000_000
 """Largest lead of a stamp over the run clock, ns: a driver's clock may differ a little."""
@@ -60,6 +61,8 @@ MAP_STEP_BACK_NS = 1_000_000_000
 """Largest step back of a map's stamp, ns: a map that was cleared restarts from older data."""
 MOST_PLACES = 64
 """Most places in a localizer's hypotheses."""
+MOST_POINTS = 4096
+"""Most points of an avoider's roll-outs, which is 32 kB."""
 FAR = 10.0
 """Multiple of a limit beyond which a command is reported: the cause is a wrong unit, not a high gain."""
 ACROSS = math.radians(45.0)
@@ -375,3 +378,15 @@ def _seconds(stamp_ns: int, other_ns: int) -> str:
     # In whole numbers: a float has too few digits for the nanoseconds of a wall clock.
     sign = "-" if stamp_ns < 0 else ""
     return f"{sign}{abs(stamp_ns) // 10**9}.{abs(stamp_ns) % 10**9:09} s"
+
+
+class AvoiderDoor(TwistDoor[Avoidance]):
+    """Checks the answers of an avoider, and the roll-outs that explain them."""
+
+    def check_rollouts(self, rollouts: object) -> Rollouts:
+        """Roll-outs of one step, as they are. Raises AnswerError."""
+        if not isinstance(rollouts, Rollouts):
+            self.refuse_type(rollouts, "Rollouts or None")
+        if (count := rollouts.points.shape[0] * rollouts.points.shape[1]) > MOST_POINTS:
+            self.refuse(f"gave roll-outs of {count} points", f"at most {MOST_POINTS} together")
+        return rollouts

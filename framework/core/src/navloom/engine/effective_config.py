@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from navloom.config.loader import leaves
 from navloom.config.tables import MapTable, NodeTable
+from navloom.engine.plugin_factory import blamed_on_part
 from navloom.engine.system import System
 from navloom.roles import Platform
+from navloom.roles.derived import Derived, left_out
 from navloom.roles.presets import own_preset
 
 __all__ = ["holding"]
@@ -17,12 +20,17 @@ __all__ = ["holding"]
 def holding(system: System) -> list[tuple[str, Any, str]]:
     """Place, value and source of every value, plugins' own defaults included.
 
-    Sources are default, file, --set, --shadow, world, and `preset NAME` for a value that comes from a preset.
+    Sources are default, file, --set, --shadow, world, `preset NAME` for a value that comes from a preset, and
+    `derived from FACTS`, after the source of a word that stands for such a value if there is one.
+
+    Raises:
+        ConfigError, PluginError: A plugin refuses its parameters, or fails.
     """
     loaded = system.loaded
     # As JSON, since `--json` and recordings hold these values.
     tree: dict[str, Any] = loaded.config.model_dump(mode="json")
     presets: dict[str, str] = {}
+    derived: dict[str, str] = {}
     for part in system.parts.values():
         table = _table(tree, part.place)
         table.update(part.params.model_dump(mode="json"))
@@ -33,6 +41,9 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
             table["preset"] = preset
             listed = part.cls.presets[preset].settings
             presets |= {f"{part.place}.{key}": f"preset {preset}" for key in listed}
+        with blamed_on_part(part, "derived"):
+            followed = left_out(part.params, part.cls.derived(part.params, system.robot, loaded.config.run.period))
+        derived |= _fill_in(table, part.place, followed)
         if part.streams:
             table["inputs"] = {name: str(port) for name, port in part.streams.items()}
         if part.role != "platform":
@@ -46,16 +57,29 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
     if isinstance(tree["navigation"]["start"], dict) and system.start_sigma is not None:
         spread, turn = system.start_sigma
         tree["navigation"]["start"] |= {"spread": spread, "heading_spread_deg": math.degrees(turn)}
-    if tree["navigation"]["localizer_timeout"] is None:
-        tree["navigation"]["localizer_timeout"] = system.localizer_timeout
+    navigation, robot = loaded.config.navigation, system.robot
+    followed = {
+        "localizer_timeout": Derived(system.localizer_timeout, "localizer and recovery"),
+        "speed": Derived(list(navigation.speeds(robot.max_linear)), "max_linear"),
+        "lateral_acceleration": Derived(navigation.sideways(robot.max_acceleration), "max_acceleration"),
+    }
+    derived |= _fill_in(tree["navigation"], "navigation", left_out(navigation, followed))
     if system.map is not None and tree["map"] is None:
         tree["map"] = MapTable().model_dump(mode="json")
     worlds = _of_world(system, tree)
-    return [
+
+    def source(place: str) -> str:
         # What a world fills in is in no file, but it would count as a default.
-        (place, value, worlds.get(place) or loaded.sources.get(place) or presets.get(place, "default"))
-        for place, value in leaves(tree)
-    ]
+        given = worlds.get(place) or loaded.sources.get(place) or presets.get(place)
+        return ", ".join(filter(None, (given, derived.get(place)))) or "default"
+
+    return [(place, value, source(place)) for place, value in leaves(tree)]
+
+
+def _fill_in(table: dict[str, Any], place: str, values: Mapping[str, Derived]) -> dict[str, str]:
+    """Fill derived values into a table, and return the source of each by its place."""
+    table.update({name: one.value for name, one in values.items()})
+    return {f"{place}.{name}": f"derived from {one.source}" for name, one in values.items()}
 
 
 def _of_world(system: System, tree: dict[str, Any]) -> dict[str, str]:

@@ -167,7 +167,7 @@ def _steppers(
 
 def goal_rules(system: System) -> GoalRules:
     rules, run = system.config.navigation, system.config.run
-    fastest = min(rules.speed[1], system.robot.max_linear)
+    fastest = min(rules.speeds(system.robot.max_linear)[1], system.robot.max_linear)
     return GoalRules(
         tolerance=system.goal_tolerance,
         heading_tolerance=math.radians(rules.heading_tolerance_deg),

@@ -31,6 +31,7 @@ from navloom.messages import (
     RecoveryRequest,
     RecoveryStep,
     Reference,
+    Rollouts,
     Selection,
     Sweep,
     SweepRequest,
@@ -142,6 +143,7 @@ class AvoiderPorts(Ports, role="avoider"):
     command = Port(Command, URGENT, required=True, answers=True)
     status = Port(AvoiderStatus, PLAIN)
     handover = Port(HandOver, PLAIN)
+    rollouts = Port(Rollouts, PLAIN)
 
 
 class RecoveryPorts(Ports, role="recovery"):

@@ -144,11 +144,13 @@ def _age(system: System, role: str) -> tuple[float, float]:
 def _robot(system: System) -> Iterator[str]:
     """Problems of the robot: a reference that is always faster than it, and a real robot of unknown size."""
     config = system.config
-    slowest, fastest = config.navigation.speed[0], config.robot.max_linear
+    fastest = config.robot.max_linear
+    slowest = config.navigation.speeds(fastest)[0]
     if slowest > fastest:
         yield (
             f"navigation.speed: begins with {slowest:g} m/s, more than robot.max_linear = {fastest:g} m/s: the robot "
-            f"cannot follow; expected at most that, as in speed = [{fastest:g}, {fastest:g}]"
+            f"cannot follow; expected at most that: leave it out, then it follows from the robot (--set "
+            "navigation.speed=default)"
         )
     if is_real(system) and not system.loaded.gives("robot.footprint"):
         yield (

@@ -12,6 +12,7 @@ from navloom.messages.behaviour import (
     HandOver,
     RecoveryRequest,
     RecoveryStep,
+    Rollouts,
 )
 from navloom.messages.envelope import Envelope, StepRecord
 from navloom.messages.goals import (
@@ -119,6 +120,7 @@ __all__ = [
     "RecoveryRequest",
     "RecoveryStep",
     "Reference",
+    "Rollouts",
     "Selection",
     "Stamp",
     "StepRecord",

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from navloom.messages.motion import Twist2D
 from navloom.messages.schema import Array, Message, Unbounded, Words, message
 
-__all__ = ["Avoidance", "AvoiderDiagnostics", "AvoiderStatus", "HandOver", "RecoveryRequest", "RecoveryStep"]
+__all__ = ["Avoidance", "AvoiderDiagnostics", "AvoiderStatus", "HandOver", "RecoveryRequest", "RecoveryStep",
+           "Rollouts"]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -69,6 +70,25 @@ class AvoiderStatus(Message):
 
     status: Literal["clear", "steering", "trapped"]
     diagnostics: AvoiderDiagnostics | None = None
+
+
+@message()
+class Rollouts(Message):
+    """Some of the motions that an avoider rolled out in one tick, and what its critics make of the chosen one.
+
+    Attributes:
+        points: (n, points, 2) positions of the base along each, m, map frame; one that collides ends before that.
+        costs: (n,) from 0, the cheapest, to 1, the dearest without a collision; infinite for one that collides.
+        chosen: (points, 2) the chosen motion, m, map frame.
+        critics: Names of the critics.
+        critic_costs: (critics,) what the chosen motion costs by each, weighted.
+    """
+
+    points: Annotated[NDArray[np.float32], Array("float32", ("n", "points", 2))]
+    costs: Annotated[Floats, Array("float64", ("n",), infinite=True, at_least=0.0)]
+    chosen: Annotated[NDArray[np.float32], Array("float32", ("points", 2))]
+    critics: tuple[Words, ...]
+    critic_costs: Annotated[Floats, Array("float64", ("critics",))]
 
 
 @message()

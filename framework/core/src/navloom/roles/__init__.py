@@ -14,6 +14,7 @@ from navloom.roles.avoider import Avoider, AvoiderInput
 from navloom.roles.base import ANYWHERE, Context, InputError, Params, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
 from navloom.roles.controller import Controller, ControllerInput
+from navloom.roles.derived import LEFT_OUT, Derivable, Derived
 from navloom.roles.disturbances import Disturbance
 from navloom.roles.extra import Extra, Extras
 from navloom.roles.localizer import Localizer, LocalizerInput
@@ -56,6 +57,7 @@ def answers_of(role: str) -> tuple[type, ...]:
 
 __all__ = [
     "ANYWHERE",
+    "LEFT_OUT",
     "ROLES",
     "ROLE_API",
     "Avoider",
@@ -64,6 +66,8 @@ __all__ = [
     "Context",
     "Controller",
     "ControllerInput",
+    "Derivable",
+    "Derived",
     "Disturbance",
     "Extra",
     "Extras",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 
-from navloom.messages import Avoidance, Point2D, PoseEstimate, RangeScan, Twist2D
+from navloom.messages import Avoidance, Point2D, PoseEstimate, RangeScan, Rollouts, Twist2D
 from navloom.roles.base import P, Role
 from navloom.roles.claims import Claim
 from navloom.roles.extra import NO_EXTRAS, Extras
@@ -66,6 +66,13 @@ class Avoider(Role[P]):
     @abstractmethod
     def avoid(self, given: AvoiderInput) -> Avoidance:
         """Velocity for this tick, status, and diagnostics, which may be left out: see `is_to_explain`."""
+
+    def rollouts(self) -> Rollouts | None:
+        """Some of the motions that were rolled out in this step; None for a method without them.
+
+        Called after each `avoid` whose answer has diagnostics.
+        """
+        return None
 
     def is_to_explain(self, stamp_ns: int, status: str) -> bool:
         """Whether the answer of this step should hold diagnostics. Call it once per step.

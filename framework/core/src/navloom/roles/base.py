@@ -17,6 +17,7 @@ from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles.claims import Claim
+from navloom.roles.derived import Derived, filled
 from navloom.roles.disturbances import Disturbance
 from navloom.roles.facts import RoleFacts
 from navloom.roles.presets import Preset
@@ -238,8 +239,22 @@ class Role(ABC, Generic[P]):
             cls.Params = models[0]
 
     def __init__(self, params: P, context: Context) -> None:
-        self.params = params
+        self.params = filled(params, self.derived(params, context.robot, context.period))
         self.context = context
+
+    @classmethod
+    def derived(cls, params: P, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
+        """Parameters whose value follows from the robot where a config leaves them out. The default has none.
+
+        There, `self.params` holds these values, and `navloom config show` names them with what they follow from.
+        Override it for fields of the type `Derivable`, and for words that stand for a value, as "inscribed".
+
+        Args:
+            params: As the config gives them.
+            robot: The robot.
+            period: Control tick, s.
+        """
+        return {}
 
     def reset(self) -> None:
         """Forget everything learned since construction. Override it if the plugin has memory.

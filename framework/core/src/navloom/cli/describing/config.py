@@ -21,12 +21,12 @@ def show(
     given: ConfigOptions,
     as_json: AsJson = False,
     toml: Annotated[
-        bool, typer.Option("--toml", help="Print the file itself, with its comments, as the beginning of your own.")
+        bool, typer.Option("--toml", help="Print the file itself, to begin from; comments tell what is derived.")
     ] = False,
 ) -> None:
     """Print every value in effect and its origin.
 
-    The origin is the default, the file, a method of the file, or --set.
+    The origin is the default, the file, a method of the file, --set, or what a value is derived from.
     """
     if toml:
         _print_file(given, as_json)
@@ -52,14 +52,19 @@ def show(
 
 
 def _print_file(given: ConfigOptions, as_json: bool) -> None:
-    """Print the text of a config. Raises ConfigError for options that change values."""
+    """Print the text of a config, and what is derived. Raises ConfigError for options that change values."""
     from navloom.config import ConfigError
     from navloom.config.loader import text_of
+    from navloom.engine.build import assemble
+    from navloom.engine.effective_config import holding
 
     asked = {"--json": as_json, "--method": given.method, "--set": given.set_}
     if wrong := [option for option, value in asked.items() if value]:
         raise ConfigError(f"--toml with {' and '.join(wrong)}: it prints the file as it is; leave one of them out")
     typer.echo(text_of(given.config), nl=False)
+    for place, value, source in holding(assemble(given.load())):
+        if "derived from" in source:
+            typer.echo(f"# {place} = {as_toml(value)}: {source}")
 
 
 def as_toml(value: Any) -> str:

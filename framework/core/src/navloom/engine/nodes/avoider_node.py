@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Self
 
-from navloom.engine.answer_checks import TwistDoor
+from navloom.engine.answer_checks import AvoiderDoor
 from navloom.engine.node_ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.nodes.node_base import NodeSettings, Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
@@ -38,11 +38,12 @@ class AvoiderNode(RoleNode[Avoider]):
     command = Output(AvoiderPorts.command)
     status = Output(AvoiderPorts.status)
     handover = Output(AvoiderPorts.handover)
+    rollouts = Output(AvoiderPorts.rollouts)
     cause = pose
 
     def __init__(self, plugin: Avoider, rule: HandOverRule, look_ahead: float) -> None:
         self.plugin = plugin
-        self.door = TwistDoor(plugin, Avoidance)
+        self.door = AvoiderDoor(plugin, Avoidance)
         self.rule = rule
         self.look_ahead = look_ahead
 
@@ -93,6 +94,8 @@ class AvoiderNode(RoleNode[Avoider]):
         self.command.put(Command(answer.twist))
         self.status.put(AvoiderStatus(answer.status, answer.diagnostics))
         self.handover.put(handover)
+        if answer.diagnostics is not None and (rollouts := self.plugin.rollouts()) is not None:
+            self.rollouts.put(self.door.check_rollouts(rollouts))
 
 
 def _distance(pose: Any, point: Any) -> float:

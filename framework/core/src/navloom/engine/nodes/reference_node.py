@@ -101,8 +101,8 @@ class ReferenceNode(Node):
         """The node that a config asks for, with the goal's tolerance, m."""
         rules = config.navigation
         # A reference that is faster than the robot runs away from it.
-        slowest, fastest = (min(speed, robot.max_linear) for speed in rules.speed)
-        limits = SpeedLimits(robot, slowest, fastest, rules.lateral_acceleration)
+        slowest, fastest = (min(speed, robot.max_linear) for speed in rules.speeds(robot.max_linear))
+        limits = SpeedLimits(robot, slowest, fastest, rules.sideways(robot.max_acceleration))
         half_width = float(np.abs(robot.footprint[:, 1]).max())
         slows, stops = (
             partial(slow_down, braking=braking, tolerance=within)

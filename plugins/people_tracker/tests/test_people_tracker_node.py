@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from navloom import Tracks
 from navloom.config import load_config
 from navloom.runs.episode import Episode, run_episode
 from navloom.runs.metrics import measure
@@ -73,3 +74,14 @@ def test_a_turned_odometry_frame_turns_places_and_velocities() -> None:
     )
     assert found[0] == pytest.approx([1.0, 3.0, 0.0, 1.0])
     assert np.diag(covariances[0]) == pytest.approx([2.0, 1.0, 4.0, 3.0])
+
+
+def test_true_tracks_are_the_bodies_of_the_simulator_and_named_by_who_reads_them(tmp_path: Path) -> None:
+    truth = '[[sensor]]\nname = "told"\nkind = "true_tracks"\n'
+    path = tmp_path / "robot.toml"
+    path.write_text(ROBOT + MAPPED + truth, "utf-8")
+    episode = run_episode(load_config(str(path), ("run.stop_after=8",)), reads=[("platform", "told")])
+    messages = [message for _, message in episode.recorder.streams["platform", "told"] if isinstance(message, Tracks)]
+    bodies = episode.trail.bodies
+    assert len(messages) > 100 and {tuple(message.ids.tolist()) for message in messages} == {(1,)}
+    assert [message.positions[0].tolist() for message in messages] == bodies.places[: len(messages), 0].tolist()

@@ -26,6 +26,8 @@ GAP = 0.15
 """Largest gap between neighbouring echoes of one group, m: less than there is between two people who pass."""
 REACH = 0.35
 """Largest distance between a group and the track that it may belong to, m: half a stride."""
+SOME_FRESH = 0.3
+"""Share of fresh echoes from which all of a wide group is one body that moves."""
 LEAST_FRESH = 3
 """Fewest echoes of something that moves before something wide: two may be the noise of an edge."""
 SIGMA_DISC, SIGMA_LEGS, SIGMA_LEG = 0.06, 0.1, 0.15
@@ -100,7 +102,8 @@ def bodies_in(
     """
     labels, rows = _grouped(points, marks, sensor, step)
     # A person before a wall, without a map: of something wide, only what moves may be a body.
-    is_wide = rows[:, 4] > widths.widest_still
+    moves = (rows[:, 7] >= SOME_FRESH) & (rows[:, 7] * rows[:, 3] >= LEAST_FRESH)
+    is_wide = rows[:, 4] > np.where(moves, widths.widest, widths.widest_still)
     if is_wide.any():
         kept = ~is_wide[labels] | marks[:, 0]
         of_wide = is_wide[labels[kept]]

@@ -14,7 +14,7 @@ class PeopleTrackerParams(Params):
     reach: float = Field(12.0, gt=0.0, le=100.0, description="Echoes up to this distance are looked at, m.")
     range_sigma: float = Field(0.02, ge=0.0, le=0.2, description="Standard deviation of a laser's range, m.")
     acceleration: float = Field(1.2, gt=0.0, le=20.0, description="Standard deviation of a body's acceleration, m/s².")
-    widest: float = Field(1.4, gt=0.0, le=5.0, description="Largest width of a body that moves, m.")
+    widest: float = Field(1.6, gt=0.0, le=5.0, description="Largest width of a body that moves, m.")
     widest_still: float = Field(0.9, gt=0.0, le=5.0, description="Largest width of a body that may stand, m.")
     least_radius: float = Field(0.3, ge=0.0, le=2.0, description="Least radius that is published, m: of a person.")
     longest_unseen: float = Field(3.0, gt=0.0, le=60.0, description="Time for which a hidden body is predicted, s.")

@@ -46,6 +46,12 @@ REST_SIGMA = 0.05
 """Standard deviation of the speed of a body that rests, m/s."""
 THROUGH, THROUGH_TENTATIVE = 0.4, 0.2
 """How long beams pass through the place of a track before it ends, s; and of a tentative one."""
+MOST_SIGMA = 2.0
+"""Standard deviation of a place from which a track ends, m: another body would be taken for it."""
+OVERLAP = 0.6
+"""Distance of two bodies from which they are one, as a share of the sum of their radii."""
+ALIKE = 0.5
+"""Largest difference of the velocities of two tracks that may be of one body, m/s."""
 BESIDE = 1.0
 """How long echoes at the place of a track may belong to something else before it ends, s."""
 ABSORBS = 0.7
@@ -242,7 +248,22 @@ class Tracker:
         is_named = tracks.ids > 0
         is_empty = tracks.through >= np.where(is_named, THROUGH, THROUGH_TENTATIVE)
         is_old = self.time - tracks.seen > np.where(is_named, self.settings.longest_unseen, THROUGH)
-        return ~(is_empty | is_old | (tracks.beside > BESIDE))
+        is_lost = np.hypot(*tracks.covariances[:, [0, 1], [0, 1]].T ** 0.5) > MOST_SIGMA
+        ends: Bools = is_empty | is_old | is_lost | (tracks.beside > BESIDE) | self._doubles()
+        return ~ends
+
+    def _doubles(self) -> Bools:
+        """(n,) tracks that overlap an older one by more than bodies can: parts of one, or its track from before."""
+        tracks = self.tracks
+        away = np.hypot(*(tracks.means[:, None, :2] - tracks.means[None, :, :2]).transpose(2, 0, 1))
+        near = away < OVERLAP * (tracks.radii[:, None] + tracks.radii[None])
+        # People who pass close by are not alike in their velocities.
+        apart = np.hypot(*(tracks.means[:, None, 2:] - tracks.means[None, :, 2:]).transpose(2, 0, 1))
+        near &= (apart < ALIKE) | ~tracks.is_moving[:, None]
+        # The older one by its number; of tentative ones, both may be legs.
+        is_older = (tracks.ids[None] > 0) & ((tracks.ids[:, None] == 0) | (tracks.ids[None] < tracks.ids[:, None]))
+        is_seen = tracks.seen == self.time
+        return np.asarray((near & is_older & is_seen[None]).any(axis=1))
 
     def _begin(self, bodies: Bodies, rows: Ints, columns: Ints, is_kept: Bools) -> None:
         """Begin tentative tracks of the bodies without one, and drop those that end."""

@@ -21,6 +21,7 @@ from navloom import (
     RangeScan,
     SensorSpec,
     Sweep,
+    Tracks,
     Truth,
     Twist2D,
 )
@@ -28,11 +29,18 @@ from navloom import (
 from navloom_sensors_sim.disturbing import Disturbances, Effect
 from navloom_sensors_sim.motion import STATE
 from navloom_sensors_sim.orders import Orders
-from navloom_sensors_sim.params import LaserSettings, PitchedLaserSettings, SensorsSimParams, SonarSettings
+from navloom_sensors_sim.params import (
+    LaserSettings,
+    PitchedLaserSettings,
+    SensorsSimParams,
+    SonarSettings,
+    TrueTracksSettings,
+)
 from navloom_sensors_sim.robot import Robot
 from navloom_sensors_sim.scanners import LaserScanner, LateSensor, Moment, Sensor, SonarRing
 from navloom_sensors_sim.scene import Scene
 from navloom_sensors_sim.sweeper import PitchedLaser
+from navloom_sensors_sim.true_tracks import TrueTracks
 from navloom_sensors_sim.warming import warm_up
 
 __all__ = ["SensorsSim"]
@@ -41,6 +49,7 @@ _SENSORS: dict[str, tuple[type[Params], Callable[..., Sensor]]] = {
     "pitched_laser": (PitchedLaserSettings, PitchedLaser),
     "laser_2d": (LaserSettings, LaserScanner),
     "sonar_ring": (SonarSettings, SonarRing),
+    "true_tracks": (TrueTracksSettings, TrueTracks),
 }
 
 
@@ -54,7 +63,7 @@ class SensorsSim(Platform[SensorsSimParams]):
     """
 
     name = "sensors_sim"
-    sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan}
+    sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan, "true_tracks": Tracks}
     sensor_settings = {kind: settings for kind, (settings, _) in _SENSORS.items()}
     is_simulated = True
     takes_disturbances = True
@@ -127,8 +136,9 @@ class SensorsSim(Platform[SensorsSimParams]):
         track, asked = robot.track if time > 0.0 else None, given.sweep_request
         request_id = asked.request_id if asked is not None else 0
         moment = Moment(
-            self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, scene.opaque, request_id
-        )
+            self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, scene.opaque, request_id,
+            given.bodies, given.own_body,
+        )  # fmt: skip
         scans: dict[str, Any] = {}
         for name, (message, sensor) in self._sensors.items():
             fields = sensor.read(moment)

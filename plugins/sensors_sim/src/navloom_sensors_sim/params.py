@@ -10,7 +10,7 @@ from navloom import Params
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-__all__ = ["LaserSettings", "PitchedLaserSettings", "SensorsSimParams", "SonarSettings"]
+__all__ = ["LaserSettings", "PitchedLaserSettings", "SensorsSimParams", "SonarSettings", "TrueTracksSettings"]
 
 Settings = TypeVar("Settings", bound=Params)
 _STAMP_DELAY = Field(
@@ -171,3 +171,9 @@ def _check_ranges(settings: Settings, low: float, high: float) -> Settings:
     if not low < high:
         raise ValueError(f"range_min = {low:g} m, expected less than range_max = {high:g} m")
     return settings
+
+
+class TrueTracksSettings(Params):
+    """The truth of what moves, as `Tracks`: `kind = "true_tracks"`."""
+
+    reach: float = Field(10.0, gt=0.0, le=1000.0, description="Bodies up to this distance from the robot are told, m.")

@@ -33,6 +33,8 @@ class Moment(NamedTuple):
         obstacles: What can be hit at its end.
         opaque: The same without glass: what lasers see.
         request_id: Of a sweep that was requested at its beginning, else 0.
+        bodies: What moves, navloom's `Bodies`; None where nothing but the robot does.
+        own_body: Number of this robot among them; -1 if it is none of them.
     """
 
     tick: int
@@ -43,6 +45,8 @@ class Moment(NamedTuple):
     obstacles: Obstacles
     opaque: Obstacles
     request_id: int
+    bodies: Any = None
+    own_body: int = -1
 
 
 class Sensor(Protocol):

@@ -13,6 +13,7 @@ from itertools import zip_longest
 
 import numpy as np
 from navloom.runs.metrics import Metric
+from navloom.runs.people_metrics import PEOPLE_METRICS
 
 from navloom_study.episode_rows import Row
 from navloom_study.report import html_page
@@ -105,6 +106,8 @@ def results(study: StudyFiles) -> list[TextTable]:
         for metric in study.table_metrics:
             estimates = [found.summary(method, metric.name) for method in block]
             every = [found.summary(method, metric.name).mean for method in study.methods]
+            if metric in PEOPLE_METRICS and all(mean is None for mean in every):
+                continue  # most studies have no people
             digits = decimals(every)
             rows.append([head(metric), *(_estimated(estimate, digits, total) for estimate in estimates)])
         tables.append(TextTable(["metric", *block], rows))

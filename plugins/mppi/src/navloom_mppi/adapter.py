@@ -19,13 +19,12 @@ from navloom import (
 )
 from navloom_avoidance.robot import Robot
 from navloom_dwa.adapter import split_scans
-from navloom_dwa.view import cost_by_direction
+from navloom_dwa.view import cost_by_direction, points_picture
 
 from navloom_mppi import warming
 from navloom_mppi.control import Decision, Given, PathIntegral
 from navloom_mppi.critics import COLLISION
 from navloom_mppi.params import ROBUST, MppiParams
-from navloom_mppi.view import picture
 
 __all__ = ["Mppi"]
 
@@ -71,5 +70,5 @@ class Mppi(Avoider[MppiParams]):
         free = np.where(method.parts[:, COLLISION] > 0.0, np.inf, method.costs)
         histogram = cost_by_direction(directions, free[:, None], self.params.sectors)
         chosen = None if decision.status == "trapped" else math.remainder(heading + method.direction(), math.tau)
-        window, cell, x, y = picture(method.scene.obstacles, now.pose, method.reach)
+        window, cell, x, y = points_picture(method.scene.obstacles, now.pose, method.reach)
         return AvoiderDiagnostics(window, cell, x, y, histogram, 1.0, np.empty((0, 2)), chosen, decision.why)

@@ -25,7 +25,8 @@ class Extra(Generic[V]):
 
     Args:
         carries: The message class.
-        optional: The verb is called before the first message too, and reads None; otherwise the node waits for it.
+        optional: The verb is called before the first message too, and reads None, also if nothing publishes the class;
+            otherwise the node waits for it.
         delayed: It is read as published up to the end of the previous tick, which breaks a cycle.
     """
 

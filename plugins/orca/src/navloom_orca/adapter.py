@@ -22,7 +22,7 @@ class Orca(Avoider[OrcaParams]):
 
     name = "orca"
     presets = {"robust": ROBUST, "reciprocal": RECIPROCAL}
-    claims = {Claim.FOOTPRINT}
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.TRANSLATION, Claim.ROTATION, Claim.STOPS_WHEN_CLOSED}
     tracks = Extra(Tracks, optional=True)
 
     def __init__(self, params: OrcaParams, context: Context) -> None:

@@ -90,6 +90,7 @@ class Reciprocal:
     Attributes:
         ahead: Distance of the effective centre from the axle, m.
         radius: Of the disc about it that holds the footprint, m: tracks are kept clear of this.
+        slowest: Highest speed backwards, m/s, negative.
         half_width: Of the footprint, m: lines are kept clear of this. stays_free() guards the corners.
         planes: (n, 4) half planes of the last tick: the limits, lines, tracks. wanted: Velocity of the centre, m/s.
         taken: Velocity of the centre that was chosen, m/s. obstacles: (n, 3) as from Echoes.see().
@@ -98,6 +99,7 @@ class Reciprocal:
     def __init__(self, params: OrcaParams, robot: Robot, period: float) -> None:
         p, self.params, self.robot, self.period = params, params, robot, period
         self.edges = footprint_edges(robot.footprint)
+        self.slowest = -min(p.reverse, robot.max_linear)
         self.ahead = p.centre * float(self.edges[:, 2].min())
         self.radius = float(np.hypot(robot.footprint[:, 0] - self.ahead, robot.footprint[:, 1]).max())
         self.half_width = float(np.abs(robot.footprint[:, 1]).max())
@@ -183,7 +185,7 @@ class Reciprocal:
             )  # fmt: skip
         self.planes = planes[:rows]
         self.wanted = self._wanted(given, moved)
-        fastest = 1.0 + math.hypot(max(r.max_linear, p.reverse), self.ahead * r.max_angular)
+        fastest = 1.0 + math.hypot(r.max_linear, self.ahead * r.max_angular)
         self.taken = best_velocity(planes, rows, LIMITS, hard, fastest, *self.wanted, np.zeros_like(planes))
 
     def _when_it_acts(self, twist: tuple[float, float]) -> Pose:
@@ -223,8 +225,8 @@ class Reciprocal:
         """Write the half planes of what the robot can reach; return its velocity so far, of the centre, m/s."""
         p, r, (v, w) = self.params, self.robot, self.in_flight[-1].tolist()
         up, down = (r.max_acceleration, r.max_deceleration) if v >= 0.0 else (r.max_deceleration, r.max_acceleration)
-        high = max(min(v + up * p.window, r.max_linear), -p.reverse)
-        low = min(max(v - down * p.window, -p.reverse), high)
+        high = max(min(v + up * p.window, r.max_linear), self.slowest)
+        low = min(max(v - down * p.window, self.slowest), high)
         turn, change = r.max_angular, self.turn_change * p.window
         left, right = max(min(w + change, turn), -turn), min(max(w - change, -turn), turn)
         put(planes, 0, high, 0.0, 0.0, 1.0)

@@ -38,6 +38,8 @@ RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 TOLERANCE = 0.06  # m: twice the noise of a laser
 BODY = 0.15  # m: echoes up to this far outside a track's disc are of its body
 UNSURE = 0.4  # m: most that a track's covariance adds to its radius
+SHORTER = (1.0, 0.5, 0.25, 0.125)  # shares of the horizon that are tried until some velocity is permitted
+FEASIBLE = 1.0e-6  # m/s: violation that is rounding
 LIMITS = 4  # half planes of the robot's limits
 
 
@@ -120,7 +122,7 @@ class Reciprocal:
         self.in_flight = np.zeros((1, 2))
         self.progress = Progress(PROGRESS_STEP, TARGET_SHIFT)
         self.trap = Trap(*RELEASE)
-        self.planes, self.obstacles = np.zeros((0, 4)), np.zeros((0, 3))
+        self.planes, self.obstacles, self._gaps = np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
         self.wanted, self.taken, self._sent = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
 
     def step(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
@@ -138,12 +140,13 @@ class Reciprocal:
 
     def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose, target = self.params, given.pose, given.target
-        self.obstacles, gaps = self.echoes.see(lasers, cones, pose, given.time)
+        static = [without_bodies(beams, pose, given.bodies) for beams in lasers]
+        self.obstacles, self._gaps = self.echoes.see(static, cones, pose, given.time)
         if self.trap.holds(pose, target, TARGET_SHIFT):
             return Decision(0.0, 0.0, "trapped", "trapped: neither robot nor target moved since")
         self._count_time(given)
         self._choose(given)
-        command, is_free = self._validated(gaps, given)
+        command, is_free = self._validated(given)
         is_blocked = self.progress.blocked > p.blocked_patience and is_stopped(*command)
         if is_blocked or (self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]):
             self.trap.place, self.trap.target = pose, target
@@ -166,8 +169,10 @@ class Reciprocal:
         p, r = self.params, self.robot
         moved = self._when_it_acts(given.twist)
         bodies = self._bodies(given, moved)
-        free = self.obstacles if not len(bodies.radii) else self._without(bodies, moved)
-        points = self._relative(free[:, :2], moved)
+        points = self._relative(self.obstacles[:, :2], moved)
+        if len(bodies.radii):
+            is_static = self._are_static(points, bodies)
+            self.obstacles, self._gaps, points = self.obstacles[is_static], self._gaps[is_static], points[is_static]
         radius = self.half_width + self.margin
         lines = lines_of(points, 0.0, 0.0, self.sight, 2.0 * radius, TOLERANCE)
         planes = np.zeros((LIMITS + len(lines) + len(bodies.radii), 4))
@@ -176,17 +181,23 @@ class Reciprocal:
         rows = put_lines(
             lines, 0.0, 0.0, now, radius, self.sight, self.line_horizon, walls, gaps, planes[LIMITS:]
         )  # fmt: skip
-        hard = rows = LIMITS + rows
-        for k in range(len(bodies.radii)):
-            (px, py), (vx, vy) = bodies.positions[k].tolist(), bodies.velocities[k].tolist()
-            rows = put_agent(
-                planes, rows, (px, py), now, (now[0] - vx, now[1] - vy), self.radius + float(bodies.radii[k]),
-                p.horizon, self.period, p.share,
-            )  # fmt: skip
-        self.planes = planes[:rows]
+        hard = LIMITS + rows
         self.wanted = self._wanted(given, moved)
         fastest = 1.0 + math.hypot(r.max_linear, self.ahead * r.max_angular)
-        self.taken = best_velocity(planes, rows, LIMITS, hard, fastest, *self.wanted, np.zeros_like(planes))
+        walls_alone, scratch = planes.copy(), np.zeros_like(planes)
+        for shorter in SHORTER:
+            planes[:] = walls_alone
+            rows = hard
+            for k in range(len(bodies.radii)):
+                (px, py), (vx, vy) = bodies.positions[k].tolist(), bodies.velocities[k].tolist()
+                rows = put_agent(
+                    planes, rows, (px, py), now, (now[0] - vx, now[1] - vy), self.radius + float(bodies.radii[k]),
+                    shorter * p.horizon, self.period, p.share,
+                )  # fmt: skip
+            self.planes = planes[:rows]
+            self.taken = best_velocity(planes, rows, LIMITS, hard, fastest, *self.wanted, scratch)
+            if self._violations(hard, np.array([self.taken]))[0] < FEASIBLE:
+                break
 
     def _when_it_acts(self, twist: tuple[float, float]) -> Pose:
         """Pose of the base when a command acts, in the present base frame: m and rad."""
@@ -213,13 +224,12 @@ class Reciprocal:
         near = np.hypot(places[:, 0], places[:, 1]) < p.reach
         return Bodies(places[near], speeds[near], radii[near], bodies.sigmas[near])
 
-    def _without(self, bodies: Bodies, moved: Pose) -> Floats:
-        """(n, 3) obstacles that are not of a track."""
+    def _are_static(self, points: Floats, bodies: Bodies) -> NDArray[np.bool_]:
+        """(n,) whether obstacles, (n, 2) seen from the effective centre, are of no track."""
         now = bodies.positions - self.motors.delay * bodies.velocities
-        points = self._relative(self.obstacles[:, :2], moved)
         gaps = np.hypot(*(points[:, None] - now[None]).transpose(2, 0, 1)) - bodies.radii
-        others: Floats = self.obstacles[(gaps > BODY).all(axis=1)]
-        return others
+        are_static: NDArray[np.bool_] = (gaps > BODY).all(axis=1)
+        return are_static
 
     def _limit(self, planes: Floats) -> tuple[float, float]:
         """Write the half planes of what the robot can reach; return its velocity so far, of the centre, m/s."""
@@ -252,14 +262,14 @@ class Reciprocal:
         side = math.sin(bearing) if abs(bearing) < 0.5 * math.pi else math.copysign(1.0, bearing)
         return speed * max(0.0, math.cos(bearing)), speed * side
 
-    def _validated(self, gaps: Floats, given: Given) -> tuple[tuple[float, float], bool]:
+    def _validated(self, given: Given) -> tuple[tuple[float, float], bool]:
         """The chosen velocity, or less of it, from which it can stop in free space; whether it is the first."""
         v, w = self.taken[0], self.taken[1] / self.ahead
         to_target = math.copysign(min(abs(self.wanted[1]) / self.ahead, self.robot.max_angular), self.wanted[1])
         trials = [(v, w), (0.5 * v, w), (0.5 * v, 0.5 * w), (0.5 * v, 0.0), (0.0, w), (0.0, to_target)]
         for k, trial in enumerate(trials):
             command = self._reachable(*trial)
-            if self._is_free(command, gaps, given):
+            if self._is_free(command, given):
                 return command, k == 0
         turn = self._reachable(0.0, float(self.in_flight[-1, 1]))[1]
         return (0.0, turn if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0), False
@@ -269,17 +279,21 @@ class Reciprocal:
         change, before = self.turn_change * self.period, float(self.in_flight[-1, 1])
         return v, min(max(w, before - change), before + change)
 
-    def _is_free(self, command: tuple[float, float], gaps: Floats, given: Given) -> bool:
-        """Whether one period of a command, and braking after it, keeps every obstacle's margin."""
+    def _is_free(self, command: tuple[float, float], given: Given) -> bool:
+        """Whether one period of a command, and braking after it, keeps the margin of every echo not of a track."""
         r = self.robot
         return stays_free(
-            self.obstacles, gaps, self.edges, given.twist, command, self.period, r.max_acceleration,
+            self.obstacles, self._gaps, self.edges, given.twist, command, self.period, r.max_acceleration,
             r.max_deceleration, self.turn_change, self.margin, self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
 
     def violations(self, velocities: Floats) -> Floats:
         """(n,) greatest violation of the half planes of lines and tracks by velocities (n, 2) of the centre, m/s."""
-        planes = self.planes[LIMITS:]
+        return self._violations(LIMITS, velocities)
+
+    def _violations(self, first: int, velocities: Floats) -> Floats:
+        """The same for the half planes from a row on."""
+        planes = self.planes[first:]
         if not len(planes):
             return np.zeros(len(velocities))
         beyond = planes[:, 2] * (planes[:, 1] - velocities[:, 1:]) - planes[:, 3] * (planes[:, 0] - velocities[:, :1])
@@ -292,6 +306,24 @@ class Reciprocal:
         count = len(self.planes) - LIMITS
         reason = f"{count} half planes, violated by {beyond:.2f} m/s at most"
         return reason if is_free else f"the velocity is not free of echoes; {reason}"
+
+
+def without_bodies(beams: Beams, pose: Pose, bodies: Bodies) -> Beams:
+    """A laser's readings without those of tracks: range 0, which is neither an echo nor free space up to one.
+
+    Otherwise the places where a body was would count until the laser sees past them.
+    """
+    if not len(bodies.radii):
+        return beams
+    angles = pose[2] + beams.bearings
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x = pose[0] + c * beams.origins[:, 0] - s * beams.origins[:, 1] + beams.ranges * np.cos(angles)
+    y = pose[1] + s * beams.origins[:, 0] + c * beams.origins[:, 1] + beams.ranges * np.sin(angles)
+    places, reach = bodies.positions, bodies.radii + BODY
+    hits = (x[:, None] - places[:, 0]) ** 2 + (y[:, None] - places[:, 1]) ** 2 < reach**2
+    ranges = np.where(hits.any(axis=1), 0.0, beams.ranges)
+    ranges.flags.writeable = False
+    return beams._replace(ranges=ranges)
 
 
 def is_stopped(v: float, w: float) -> bool:

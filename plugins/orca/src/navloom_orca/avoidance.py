@@ -40,6 +40,7 @@ BODY = 0.15  # m: echoes up to this far outside a track's disc are of its body
 UNSURE = 0.4  # m: most that a track's covariance adds to its radius
 SHORTER = (1.0, 0.5, 0.25, 0.125)  # shares of the horizon that are tried until some velocity is permitted
 FEASIBLE = 1.0e-6  # m/s: violation that is rounding
+FAR = 1.0e6  # m: of no echo
 LIMITS = 4  # half planes of the robot's limits
 
 
@@ -315,10 +316,10 @@ def without_bodies(beams: Beams, pose: Pose, bodies: Bodies) -> Beams:
     """
     if not len(bodies.radii):
         return beams
-    angles = pose[2] + beams.bearings
+    angles, reached = pose[2] + beams.bearings, np.minimum(beams.ranges, FAR)
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    x = pose[0] + c * beams.origins[:, 0] - s * beams.origins[:, 1] + beams.ranges * np.cos(angles)
-    y = pose[1] + s * beams.origins[:, 0] + c * beams.origins[:, 1] + beams.ranges * np.sin(angles)
+    x = pose[0] + c * beams.origins[:, 0] - s * beams.origins[:, 1] + reached * np.cos(angles)
+    y = pose[1] + s * beams.origins[:, 0] + c * beams.origins[:, 1] + reached * np.sin(angles)
     places, reach = bodies.positions, bodies.radii + BODY
     hits = (x[:, None] - places[:, 0]) ** 2 + (y[:, None] - places[:, 1]) ** 2 < reach**2
     ranges = np.where(hits.any(axis=1), 0.0, beams.ranges)

@@ -10,7 +10,7 @@ from navloom.config import load_config
 from navloom.runs import run_episode
 from navloom.testing import extras
 from navloom_orca import crowd, half_planes, outline, programme
-from navloom_orca.adapter import Orca, bodies_of
+from navloom_orca.adapter import Orca
 from navloom_orca.params import OrcaParams
 from pydantic import ValidationError
 
@@ -47,13 +47,6 @@ def test_a_person_in_the_way_is_steered_around():
     answer = make(Orca).avoid(with_tracks(tracks((2.0, -0.1, -1.0, 0.0))))
     assert answer.status == "steering"
     assert answer.twist.vx < alone.twist.vx - 0.05 or answer.twist.wz > 0.1
-
-
-def test_tracks_move_on_to_the_time_of_the_tick():
-    """1 m/s for 0.2 s; the larger axis of the covariance counts."""
-    bodies = bodies_of(tracks((2.0, 0.0, -1.0, 0.5), stamp=1.0, sigma=0.2), 1_200_000_000)
-    assert bodies.positions.tolist() == [pytest.approx([1.8, 0.1])]
-    assert bodies.sigmas.tolist() == [pytest.approx(0.2)]
 
 
 @pytest.mark.parametrize("scan", [sonars([math.inf, math.inf, 0.6] + [math.inf] * 5), laser(np.full(101, 1.5))])

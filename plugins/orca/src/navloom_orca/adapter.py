@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Extra, Tracks, Twist2D
+from navloom_avoidance.bodies import Bodies
 from navloom_avoidance.robot import Robot
 from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import points_picture
 
 from navloom_orca import warming
-from navloom_orca.avoidance import NO_BODIES, Bodies, Decision, Given, Reciprocal
+from navloom_orca.avoidance import Decision, Given, Reciprocal
 from navloom_orca.params import RECIPROCAL, ROBUST, OrcaParams
 
 __all__ = ["Orca"]
@@ -42,7 +43,7 @@ class Orca(Avoider[OrcaParams]):
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
             (given.target.x, given.target.y), given.remaining, given.share,
-            bodies_of(given.extra[self.tracks], given.stamp_ns),
+            Bodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
@@ -61,13 +62,3 @@ class Orca(Avoider[OrcaParams]):
             window, cell, x, y, histogram, 1.0, np.empty((0, 2)), None if decision.status == "trapped" else chosen,
             decision.why,
         )  # fmt: skip
-
-
-def bodies_of(tracks: Tracks | None, stamp_ns: int) -> Bodies:
-    """Tracks moved at constant velocity to a time of the run clock."""
-    if tracks is None:
-        return NO_BODIES
-    age = (stamp_ns - tracks.stamp_ns) * 1e-9
-    places = tracks.positions + age * tracks.velocities
-    sigmas = np.sqrt(np.linalg.eigvalsh(tracks.covariances[:, :2, :2])[:, -1].clip(min=0.0))
-    return Bodies(places, tracks.velocities, tracks.radii, sigmas)

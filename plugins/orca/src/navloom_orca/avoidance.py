@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
+from navloom_avoidance.bodies import BODY, NO_BODIES, Bodies, without_bodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.echoes import Echoes, EchoSettings
 from navloom_avoidance.motors import Motors
@@ -36,28 +37,10 @@ INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration sto
 PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement beyond which a target counts as new
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 TOLERANCE = 0.06  # m: twice the noise of a laser
-BODY = 0.15  # m: echoes up to this far outside a track's disc are of its body
 UNSURE = 0.4  # m: most that a track's covariance adds to its radius
 SHORTER = (1.0, 0.5, 0.25, 0.125)  # shares of the horizon that are tried until some velocity is permitted
 FEASIBLE = 1.0e-6  # m/s: violation that is rounding
-FAR = 1.0e6  # m: of no echo
 LIMITS = 4  # half planes of the robot's limits
-
-
-class Bodies(NamedTuple):
-    """Tracks at the time of a tick, in the pose frame.
-
-    Attributes:
-        positions: (n, 2) m. velocities: (n, 2) m/s. radii: (n,) m. sigmas: (n,) standard deviation of the place, m.
-    """
-
-    positions: Floats
-    velocities: Floats
-    radii: Floats
-    sigmas: Floats
-
-
-NO_BODIES = Bodies(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
 
 
 class Given(NamedTuple):
@@ -170,6 +153,7 @@ class Reciprocal:
         p, r = self.params, self.robot
         moved = self._when_it_acts(given.twist)
         bodies = self._bodies(given, moved)
+        radii = self.radius + bodies.radii + p.track_margin + np.minimum(p.sigmas * bodies.sigmas(), UNSURE)
         points = self._relative(self.obstacles[:, :2], moved)
         if len(bodies.radii):
             is_static = self._are_static(points, bodies)
@@ -192,7 +176,7 @@ class Reciprocal:
             for k in range(len(bodies.radii)):
                 (px, py), (vx, vy) = bodies.positions[k].tolist(), bodies.velocities[k].tolist()
                 rows = put_agent(
-                    planes, rows, (px, py), now, (now[0] - vx, now[1] - vy), self.radius + float(bodies.radii[k]),
+                    planes, rows, (px, py), now, (now[0] - vx, now[1] - vy), float(radii[k]),
                     shorter * p.horizon, self.period, p.share,
                 )  # fmt: skip
             self.planes = planes[:rows]
@@ -213,17 +197,15 @@ class Reciprocal:
         return np.column_stack([c * x + s * y - self.ahead, c * y - s * x])
 
     def _bodies(self, given: Given, moved: Pose) -> Bodies:
-        """Tracks within reach, relative to the effective centre when the command acts; their radii with all margins."""
-        p, bodies, pose = self.params, given.bodies, given.pose
+        """Bodies within reach when the command acts, as seen from the effective centre; covariances are not turned."""
+        p, pose = self.params, given.pose
+        bodies = given.bodies.within(pose[:2], p.reach).after(self.motors.delay)
         c, s = math.cos(pose[2]), math.sin(pose[2])
         turned = np.array([[c, -s], [s, c]])
-        places = (bodies.positions + self.motors.delay * bodies.velocities - pose[:2]) @ turned
-        places = self._relative(places, moved)
+        places = self._relative((bodies.positions - pose[:2]) @ turned, moved)
         c, s = math.cos(moved[2]), math.sin(moved[2])
         speeds = bodies.velocities @ turned @ np.array([[c, -s], [s, c]])
-        radii = bodies.radii + p.track_margin + np.minimum(p.sigmas * bodies.sigmas, UNSURE)
-        near = np.hypot(places[:, 0], places[:, 1]) < p.reach
-        return Bodies(places[near], speeds[near], radii[near], bodies.sigmas[near])
+        return bodies._replace(positions=places, velocities=speeds)
 
     def _are_static(self, points: Floats, bodies: Bodies) -> NDArray[np.bool_]:
         """(n,) whether obstacles, (n, 2) seen from the effective centre, are of no track."""
@@ -307,24 +289,6 @@ class Reciprocal:
         count = len(self.planes) - LIMITS
         reason = f"{count} half planes, violated by {beyond:.2f} m/s at most"
         return reason if is_free else f"the velocity is not free of echoes; {reason}"
-
-
-def without_bodies(beams: Beams, pose: Pose, bodies: Bodies) -> Beams:
-    """A laser's readings without those of tracks: range 0, which is neither an echo nor free space up to one.
-
-    Otherwise the places where a body was would count until the laser sees past them.
-    """
-    if not len(bodies.radii):
-        return beams
-    angles, reached = pose[2] + beams.bearings, np.minimum(beams.ranges, FAR)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    x = pose[0] + c * beams.origins[:, 0] - s * beams.origins[:, 1] + reached * np.cos(angles)
-    y = pose[1] + s * beams.origins[:, 0] + c * beams.origins[:, 1] + reached * np.sin(angles)
-    places, reach = bodies.positions, bodies.radii + BODY
-    hits = (x[:, None] - places[:, 0]) ** 2 + (y[:, None] - places[:, 1]) ** 2 < reach**2
-    ranges = np.where(hits.any(axis=1), 0.0, beams.ranges)
-    ranges.flags.writeable = False
-    return beams._replace(ranges=ranges)
 
 
 def is_stopped(v: float, w: float) -> bool:

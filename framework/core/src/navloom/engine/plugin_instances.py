@@ -116,7 +116,8 @@ def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]
         ports: Every port of the robot.
 
     Raises:
-        ConfigError: No port of the class, of an input that is not optional, or several, or the table's `inputs` do not fit.
+        ConfigError: There are several ports of the class, or none for an input that is not optional, or the table's
+            `inputs` do not fit.
     """
     wanted = dict(_wanted(part.cls))
     chosen = part.table.inputs or {}

@@ -14,9 +14,11 @@ from navloom import (
     Context,
     Extra,
     Reference,
+    Tracks,
     Trajectory,
     Twist2D,
 )
+from navloom_avoidance.bodies import Bodies
 from navloom_avoidance.robot import Robot
 from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import cost_by_direction, points_picture
@@ -37,6 +39,7 @@ class Mppi(Avoider[MppiParams]):
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.TRANSLATION, Claim.ROTATION}
     trajectory = Extra(Trajectory)
     reference = Extra(Reference)
+    tracks = Extra(Tracks, optional=True)
 
     def __init__(self, params: MppiParams, context: Context) -> None:
         super().__init__(params, context)
@@ -57,7 +60,7 @@ class Mppi(Avoider[MppiParams]):
         lasers, cones = split_scans(given.scans)
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,
-            given.share,
+            given.share, Bodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None

@@ -7,44 +7,16 @@ import pytest
 from mppi_scenes import HERE, JACKAL, laser, line, method_of, scene_of, still
 from navloom_avoidance.bodies import Bodies
 from navloom_avoidance.clearance import footprint_edges
+from navloom_dwa.moving import bodies_ahead
 from navloom_mppi import critics as of
 from navloom_mppi.control import Given
-from navloom_mppi.moving import bodies_ahead
 
 EDGES = footprint_edges(JACKAL)
-TIMES = np.array([0.0, 1.0])
 
 
-def body(x, y, vx=0.0, vy=0.0, spread=0.0):
-    """A body of radius 0.3 m, whose velocity has a standard deviation, m/s."""
-    covariance = np.diag([0.0, 0.0, spread**2, spread**2])[None]
-    return Bodies(np.array([[x, y]]), np.array([[vx, vy]]), np.full(1, 0.3), covariance)
-
-
-def ahead(bodies, pose=HERE, sigmas=1.0):
-    return bodies_ahead(bodies, pose, TIMES, EDGES, 0.1, 0.3, sigmas)
-
-
-def test_bodies_move_at_constant_velocity_in_the_base_frame():
-    """From (1, 2), heading along y, a body at (1, 5) is 3 m ahead; moving along x, it is 1 m to the right after 1 s."""
-    found = ahead(body(1.0, 5.0, 1.0), (1.0, 2.0, 0.5 * math.pi))
-    assert found[:, 0, :2].tolist() == [pytest.approx([3.0, 0.0]), pytest.approx([3.0, -1.0])]
-
-
-def test_margin_and_radius_are_kept_and_uncertainty_widens_the_nearness():
-    """0.3 m and 0.1 m; after 1 s, a velocity that is 0.2 m/s unsure adds 0.2 m to the width of 0.3 m."""
-    found = ahead(body(3.0, 0.0, spread=0.2))
-    assert found[:, 0, 2].tolist() == pytest.approx([0.4, 0.4])
-    assert found[:, 0, 3].tolist() == pytest.approx([0.3, 0.5])
-
-
-def test_a_body_within_its_margin_may_stay_as_near():
-    """0.5 m ahead of the axle is 0.271 m ahead of the front."""
-    assert ahead(body(0.5, 0.0))[0, 0, 2] == pytest.approx(0.271, abs=1e-5)
-
-
-def test_without_bodies_there_is_none():
-    assert ahead(body(3.0, 0.0).within((0.0, 0.0), 1.0)).shape == (0, 0, 5)
+def body(x, y, vx=0.0, vy=0.0):
+    """A body of radius 0.3 m."""
+    return Bodies(np.array([[x, y]]), np.array([[vx, vy]]), np.full(1, 0.3), np.zeros((1, 4, 4)))
 
 
 def test_the_critic_meets_a_body_in_the_step_in_which_it_comes():

@@ -7,8 +7,20 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, RangeScan, Twist2D
+from navloom import (
+    Avoidance,
+    Avoider,
+    AvoiderDiagnostics,
+    AvoiderInput,
+    Claim,
+    Context,
+    Extra,
+    RangeScan,
+    Tracks,
+    Twist2D,
+)
 from navloom_avoidance.beams import Beams
+from navloom_avoidance.bodies import Bodies
 from navloom_avoidance.certainty import THIN_BEAM
 from navloom_avoidance.robot import Robot
 from numpy.typing import NDArray
@@ -27,6 +39,7 @@ class Dwa(Avoider[DwaParams]):
     name = "dwa"
     presets = {"robust": ROBUST, "printed": PRINTED}
     claims = {Claim.FOOTPRINT, Claim.MIRROR}
+    tracks = Extra(Tracks, optional=True)
 
     def __init__(self, params: DwaParams, context: Context) -> None:
         super().__init__(params, context)
@@ -45,6 +58,7 @@ class Dwa(Avoider[DwaParams]):
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
             (given.target.x, given.target.y), given.remaining, given.share,
+            Bodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None

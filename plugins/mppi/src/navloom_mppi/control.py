@@ -15,12 +15,12 @@ from navloom_avoidance.motors import Motors
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.search import Progress, Trap
 from navloom_dwa.field import CHAMFER, fill_field, obstacle_distance
+from navloom_dwa.moving import BODY_SPEED, bodies_ahead
 from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
-from navloom_mppi.moving import bodies_ahead
 from navloom_mppi.nearest import body_points, fill_nearest
 from navloom_mppi.rollout import knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
@@ -43,7 +43,6 @@ PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 COMMANDS = (4, 8)  # parts of the reachable speeds and turn rates in which one roll-out each is tried
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
-BODY_SPEED = 2.0  # m/s: bodies that are so far away that none this fast meets the robot within a roll-out do not count
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
 

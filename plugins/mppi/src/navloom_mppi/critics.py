@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 from navloom_dwa.field import CHAMFER, UNIT, field_value
+from navloom_dwa.moving import NO_BODIES_AHEAD
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_mppi.moving import NO_BODIES_AHEAD
 from navloom_mppi.nearest import Numbers
 
 Floats = NDArray[np.float64]

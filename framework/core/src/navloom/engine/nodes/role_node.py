@@ -31,12 +31,10 @@ class RoleNode(Node, Generic[P]):
 
     def extra(self) -> Extras:
         """Current messages of the plugin's extra inputs."""
-        declared = extras_of(type(self.plugin))
-        if not declared:
+        if not self.extras:
             return NO_EXTRAS
-        # Nothing publishes an optional input that is not wired.
-        return Extras({extra: self.extras[name].value if name in self.extras else None
-                       for name, extra in declared.items()})  # fmt: skip
+        declared = extras_of(type(self.plugin))
+        return Extras({declared[name]: held.value for name, held in self.extras.items()})
 
 
 def in_order(sensors: Mapping[str, News[Any]]) -> tuple[tuple[Any, ...], tuple[str, ...]]:

@@ -13,7 +13,7 @@ from navloom_avoidance.beams import Beams
 if TYPE_CHECKING:
     from navloom.messages import Tracks
 
-__all__ = ["NO_BODIES", "Bodies", "without_bodies"]
+__all__ = ["BODY", "NO_BODIES", "Bodies", "without_bodies"]
 
 Floats = NDArray[np.float64]
 BODY = 0.15

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.config import Config
 from navloom.messages import (
     Bodies,
     Command,
@@ -32,7 +33,7 @@ from navloom.messages import (
     Truth,
 )
 
-__all__ = ["Recorder"]
+__all__ = ["Recorder", "streams_of"]
 
 
 @dataclass
@@ -234,6 +235,12 @@ class Recorder:
     def min_clearance(self) -> float | None:
         """Smallest gap between footprint and obstacles, m; None if nothing was near or there is no ground truth."""
         return self._least if math.isfinite(self._least) else None
+
+
+def streams_of(reads: Iterable[tuple[str, str]], config: Config) -> frozenset[tuple[str, str]]:
+    """Streams that metrics read, `(role or node, port)`, in a robot of a config: "node" is every [[node]] of it."""
+    nodes = [table.name for table in config.node]
+    return frozenset((name, port) for role, port in reads for name in (nodes if role == "node" else [role]))
 
 
 _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {

@@ -20,6 +20,8 @@ from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
 from navloom.runs.contacts import Evidence, Touch, signed_clearance, touches_of
 from navloom.runs.localization import Localization, beside_truth
+from navloom.runs.moving_bodies import MovingBodies, moving_bodies
+from navloom.runs.tracking import Tracking, tracking_of
 
 if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
@@ -79,6 +81,9 @@ class Trail:
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
         localization: The localizer's estimates beside the true poses; empty without ground truth.
+        footprint: (k, 2) outline of the robot, m, base frame; empty if it is not known.
+        bodies: The bodies that move in the ground truth.
+        tracking: The tracks of people beside them; empty without a tracker or ground truth.
         contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
     """
 
@@ -115,6 +120,9 @@ class Trail:
     carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
     localization: Localization = field(default_factory=Localization)
+    footprint: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    bodies: MovingBodies = field(default_factory=MovingBodies)
+    tracking: Tracking = field(default_factory=Tracking)
     contacts: tuple[Touch, ...] = ()
 
     @property
@@ -182,6 +190,8 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     if outcome == "succeeded" and goal is not None:
         arrived = _arrival(goal, recorder, *tolerances)
     ways, evidence = ways_of(system), _evidence(truth, recorder, system)
+    streams = {stream: tuple(kept) for stream, kept in recorder.streams.items() if kept}
+    bodies = moving_bodies(recorder.bodies, time)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -214,8 +224,11 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         arrived=arrived,
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
         carried=carried_at(time, recorder.began - recorder.missed * config.run.period, config),
-        streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
+        streams=streams,
         localization=_localization(truth, recorder),
+        footprint=system.robot.footprint,
+        bodies=bodies,
+        tracking=tracking_of(streams, bodies, truth[:, :3], system.world, system.robot.height),
         contacts=touches_of(evidence, recorder.contacts),
     )
 

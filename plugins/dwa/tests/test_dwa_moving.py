@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.bodies import Bodies
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.robot import Robot
 from navloom_dwa.avoidance import DynamicWindow, Given
@@ -23,7 +23,7 @@ STRAIGHT = np.array([[1.0, 0.0, 0.0, 1.0]])
 def body(x, y, vx=0.0, vy=0.0, spread=0.0):
     """A body of radius 0.3 m, whose velocity has a standard deviation, m/s."""
     covariance = np.diag([0.0, 0.0, spread**2, spread**2])[None]
-    return Bodies(np.array([[x, y]]), np.array([[vx, vy]]), np.full(1, 0.3), covariance)
+    return TrackedBodies(np.array([[x, y]]), np.array([[vx, vy]]), np.full(1, 0.3), covariance)
 
 
 def ahead(bodies, pose=HERE, times=TIMES, sigmas=1.0):

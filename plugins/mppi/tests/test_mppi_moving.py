@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from mppi_scenes import HERE, JACKAL, laser, line, method_of, scene_of, still
-from navloom_avoidance.bodies import Bodies
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_dwa.moving import bodies_ahead
 from navloom_mppi import critics as of
@@ -16,7 +16,7 @@ EDGES = footprint_edges(JACKAL)
 
 def body(x, y, vx=0.0, vy=0.0):
     """A body of radius 0.3 m."""
-    return Bodies(np.array([[x, y]]), np.array([[vx, vy]]), np.full(1, 0.3), np.zeros((1, 4, 4)))
+    return TrackedBodies(np.array([[x, y]]), np.array([[vx, vy]]), np.full(1, 0.3), np.zeros((1, 4, 4)))
 
 
 def test_the_critic_meets_a_body_in_the_step_in_which_it_comes():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.bodies import NO_BODIES, Bodies
+from navloom_avoidance.bodies import NO_BODIES, TrackedBodies
 from navloom_avoidance.robot import Robot
 from navloom_orca.avoidance import LIMITS, Given, Reciprocal
 from navloom_orca.outline import lines_of
@@ -26,7 +26,9 @@ def method_of(lag=0.0, dead_time=0.0, **params):
 def bodies(*rows, radius=0.3, sigma=0.0):
     """Tracks (x, y, vx, vy), m and m/s."""
     rows = np.array(rows, dtype=float).reshape(-1, 4)
-    return Bodies(rows[:, :2], rows[:, 2:], np.full(len(rows), radius), sigma**2 * np.tile(PLACE, (len(rows), 1, 1)))
+    return TrackedBodies(
+        rows[:, :2], rows[:, 2:], np.full(len(rows), radius), sigma**2 * np.tile(PLACE, (len(rows), 1, 1))
+    )
 
 
 def given(target=(8.0, 0.0), pose=HERE, twist=(0.0, 0.0), tracks=NO_BODIES, time=0.0, remaining=0.0):
@@ -184,7 +186,9 @@ def test_the_frame_does_not_matter():
         return (np.array([x, y]) @ turned + (7.0, -3.0)).tolist()
 
     first = method_of().step([], None, given((6.0, 1.0), twist=(0.5, 0.2), tracks=bodies((4.0, 0.3, -1.0, 0.1))))
-    track = Bodies(np.array([moved(4.0, 0.3)]), np.array([[-1.0, 0.1]]) @ turned, np.full(1, 0.3), np.zeros((1, 4, 4)))
+    track = TrackedBodies(
+        np.array([moved(4.0, 0.3)]), np.array([[-1.0, 0.1]]) @ turned, np.full(1, 0.3), np.zeros((1, 4, 4))
+    )
     second = method_of().step([], None, given(tuple(moved(6.0, 1.0)), (7.0, -3.0, 2.0), (0.5, 0.2), track))
     assert second[:2] == pytest.approx(first[:2], abs=1e-9)
 

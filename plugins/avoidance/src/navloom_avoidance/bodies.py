@@ -13,7 +13,7 @@ from navloom_avoidance.beams import Beams
 if TYPE_CHECKING:
     from navloom.messages import Tracks
 
-__all__ = ["BODY", "NO_BODIES", "Bodies", "without_bodies"]
+__all__ = ["BODY", "NO_BODIES", "TrackedBodies", "without_bodies"]
 
 Floats = NDArray[np.float64]
 BODY = 0.15
@@ -22,7 +22,7 @@ FAR = 1.0e6
 """Range of a beam without an echo, m."""
 
 
-class Bodies(NamedTuple):
+class TrackedBodies(NamedTuple):
     """Tracked bodies at one time, in the pose frame.
 
     Attributes:
@@ -64,10 +64,10 @@ class Bodies(NamedTuple):
         return type(self)(*(values[near] for values in self))
 
 
-NO_BODIES = Bodies.of(None, 0)
+NO_BODIES = TrackedBodies.of(None, 0)
 
 
-def without_bodies(beams: Beams, pose: tuple[float, float, float], bodies: Bodies) -> Beams:
+def without_bodies(beams: Beams, pose: tuple[float, float, float], bodies: TrackedBodies) -> Beams:
     """A laser's readings without those of bodies: range 0, which is neither an echo nor free space up to one.
 
     With them, the places where a body was would count until the laser sees past them.

@@ -20,7 +20,7 @@ from navloom import (
     Twist2D,
 )
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.bodies import Bodies
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.certainty import THIN_BEAM
 from navloom_avoidance.robot import Robot
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class Dwa(Avoider[DwaParams]):
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
             (given.target.x, given.target.y), given.remaining, given.share,
-            Bodies.of(given.extra[self.tracks], given.stamp_ns),
+            TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.bodies import NO_BODIES, Bodies, without_bodies
+from navloom_avoidance.bodies import NO_BODIES, TrackedBodies, without_bodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.echoes import Echoes
 from navloom_avoidance.motors import Motors
@@ -51,7 +51,7 @@ class Given(NamedTuple):
     target: Point
     remaining: float
     share: float = 1.0
-    bodies: Bodies = NO_BODIES
+    bodies: TrackedBodies = NO_BODIES
 
 
 class Decision(NamedTuple):

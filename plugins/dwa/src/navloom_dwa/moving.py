@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom_avoidance.bodies import Bodies
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.points import TOUCH
 from numba import njit
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ NO_BODIES_AHEAD = np.zeros((0, 0, 5))
 
 
 def bodies_ahead(
-    bodies: Bodies, pose: tuple[float, float, float], times: Floats, edges: Floats, margin: float, soft: float,
+    bodies: TrackedBodies, pose: tuple[float, float, float], times: Floats, edges: Floats, margin: float, soft: float,
     sigmas: float,
 ) -> Floats:  # fmt: skip
     """Bodies at constant velocity, with a covariance that grows, in the steps of a roll-out.
@@ -46,7 +46,7 @@ def bodies_ahead(
         return NO_BODIES_AHEAD
     distances = np.hypot(*(bodies.positions - pose[:2]).T)
     nearest = np.sort(np.argsort(distances, kind="stable")[:MOST])
-    near = Bodies(*(values[nearest] for values in bodies))
+    near = TrackedBodies(*(values[nearest] for values in bodies))
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turned = np.array([[c, -s], [s, c]])
     now = (near.positions - pose[:2]) @ turned

@@ -18,7 +18,7 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
-from navloom_avoidance.bodies import Bodies
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.robot import Robot
 from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import cost_by_direction, points_picture
@@ -63,7 +63,7 @@ class Mppi(Avoider[MppiParams]):
         lasers, cones = split_scans(given.scans)
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,
-            given.share, Bodies.of(given.extra[self.tracks], given.stamp_ns),
+            given.share, TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None

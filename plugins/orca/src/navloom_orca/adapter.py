@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Extra, Tracks, Twist2D
-from navloom_avoidance.bodies import Bodies
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.robot import Robot
 from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import points_picture
@@ -43,7 +43,7 @@ class Orca(Avoider[OrcaParams]):
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
             (given.target.x, given.target.y), given.remaining, given.share,
-            Bodies.of(given.extra[self.tracks], given.stamp_ns),
+            TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.bodies import BODY, NO_BODIES, Bodies, without_bodies
+from navloom_avoidance.bodies import BODY, NO_BODIES, TrackedBodies, without_bodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.echoes import Echoes, EchoSettings
 from navloom_avoidance.motors import Motors
@@ -58,7 +58,7 @@ class Given(NamedTuple):
     target: Point
     remaining: float
     share: float = 1.0
-    bodies: Bodies = NO_BODIES
+    bodies: TrackedBodies = NO_BODIES
 
 
 class Decision(NamedTuple):
@@ -196,7 +196,7 @@ class Reciprocal:
         x, y = points[:, 0] - moved[0], points[:, 1] - moved[1]
         return np.column_stack([c * x + s * y - self.ahead, c * y - s * x])
 
-    def _bodies(self, given: Given, moved: Pose) -> Bodies:
+    def _bodies(self, given: Given, moved: Pose) -> TrackedBodies:
         """Bodies within reach when the command acts, as seen from the effective centre; covariances are not turned."""
         p, pose = self.params, given.pose
         bodies = given.bodies.within(pose[:2], p.reach).after(self.motors.delay)
@@ -207,7 +207,7 @@ class Reciprocal:
         speeds = bodies.velocities @ turned @ np.array([[c, -s], [s, c]])
         return bodies._replace(positions=places, velocities=speeds)
 
-    def _are_static(self, points: Floats, bodies: Bodies) -> NDArray[np.bool_]:
+    def _are_static(self, points: Floats, bodies: TrackedBodies) -> NDArray[np.bool_]:
         """(n,) whether obstacles, (n, 2) seen from the effective centre, are of no track."""
         now = bodies.positions - self.motors.delay * bodies.velocities
         gaps = np.hypot(*(points[:, None] - now[None]).transpose(2, 0, 1)) - bodies.radii

@@ -85,6 +85,7 @@ class Trail:
         bodies: The bodies that move in the ground truth.
         tracking: The tracks of people beside them; empty without a tracker or ground truth.
         contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
+        vy: True speed to the left, m/s; an empty array means never.
     """
 
     time: Floats
@@ -124,6 +125,7 @@ class Trail:
     bodies: MovingBodies = field(default_factory=MovingBodies)
     tracking: Tracking = field(default_factory=Tracking)
     contacts: tuple[Touch, ...] = ()
+    vy: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def succeeded(self) -> bool:
@@ -199,6 +201,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading=truth[:, 3],
         vx=truth[:, 4],
         wz=np.array(recorder.turn_rates, dtype=np.float64),
+        vy=np.array(recorder.side_speeds, dtype=np.float64),
         clearance=signed_clearance(evidence, truth[:, 5], recorder.contacts),
         cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
         command_vx=_held(time, commands[:, 0], commands[:, 1]),
@@ -322,7 +325,8 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
 def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
     """The drive whose contacts are judged."""
     rates = np.array(recorder.turn_rates, dtype=np.float64)
-    motion = np.column_stack([truth[:, :5], rates])
+    turned = (rates, recorder.side_speeds)
+    motion = np.column_stack([truth[:, :5], *turned]) if len(truth) else np.empty((0, 7))
     return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 
@@ -371,7 +375,9 @@ def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance
 def _localization(truth: Floats, recorder: Recorder) -> Localization:
     poses = [(*pose, *trust) for pose, trust in zip(recorder.estimates, recorder.trust, strict=True)]
     estimates, odometry = np.array(poses).reshape(-1, 9), np.array(recorder.odometry).reshape(-1, 4)
-    return beside_truth(truth, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
+    moving = truth.copy()
+    moving[:, 4] = np.hypot(truth[:, 4], recorder.side_speeds)
+    return beside_truth(moving, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:

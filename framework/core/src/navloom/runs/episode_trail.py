@@ -325,8 +325,7 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
 def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
     """The drive whose contacts are judged."""
     rates = np.array(recorder.turn_rates, dtype=np.float64)
-    turned = (rates, recorder.side_speeds)
-    motion = np.column_stack([truth[:, :5], *turned]) if len(truth) else np.empty((0, 7))
+    motion = np.column_stack([truth[:, :5], rates, recorder.side_speeds]) if len(truth) else np.empty((0, 7))
     return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from dist_rig import put_on_path
 from live_rig import runtime_folder
-from navloom import Extra
+from navloom import Avoidance, AvoiderInput, Extra
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
 from navloom.engine.catalogue import FRAMEWORK
@@ -108,6 +108,25 @@ def test_an_alternative_reads_only_the_inputs_that_it_declares(people: Path) -> 
         name: {given.name for given in system.wiring["avoider", name].inputs} for name in ("polite", "improved_vfh")
     }
     assert read["polite"] - read["improved_vfh"] == {"extra.tracks"}
+
+
+def test_an_optional_input_that_nothing_publishes_is_none(people: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import navloom_people
+
+    read = []
+
+    class Alone(navloom_people.ImprovedVfh):
+        name = "polite"
+        tracks = Extra(navloom_people.Tracks, optional=True)
+
+        def avoid(self, given: AvoiderInput) -> Avoidance:
+            read.append(given.extra[self.tracks])
+            return super().avoid(given)
+
+    monkeypatch.setattr(navloom_people, "Polite", Alone)
+    episode = run_episode(load_config(str(people), ("node=[]", *SHORT)))
+    assert not episode.log.faults
+    assert set(read) == {None}
 
 
 def test_with_two_publishers_the_config_must_name_the_one_to_read(people: Path) -> None:

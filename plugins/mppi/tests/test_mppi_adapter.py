@@ -21,12 +21,14 @@ def avoider(**params):
     return make(Mppi, context(spec, role="avoider"), **{"samples": 200} | params)
 
 
-def given(*scans, x=0.0, v=0.0, time=0.0, turn_to=None):
+def given(*scans, x=0.0, v=0.0, time=0.0, turn_to=None, tracks=None):
     """On a straight trajectory of 5 m along the x axis."""
     estimate = PoseEstimate(0, Pose2D(x, 0.0, 0.0), Twist2D(v, 0.0, 0.0), np.zeros((3, 3)))
     way, place = np.array([[x, 0.0], [x + 1.0, 0.0]]), Pose2D(x, 0.0, 0.0)
     reference = Reference(1, x, 5.0 - x, place, 0.3, 0.0, 0.0, Point2D(x + 1.0, 0.0), way, 0.5, turn_to)
-    held = extras(trajectory=(Mppi.trajectory, trajectory()), reference=(Mppi.reference, reference))
+    held = extras(
+        trajectory=(Mppi.trajectory, trajectory()), reference=(Mppi.reference, reference), tracks=(Mppi.tracks, tracks)
+    )
     stamp, wanted = round(time * 1e9), Twist2D(0.3, 0.0, 0.0)
     return AvoiderInput(stamp, scans, estimate, Point2D(x + 1.0, 0.0), 0.5, wanted, 4.0 - x, extra=held)
 

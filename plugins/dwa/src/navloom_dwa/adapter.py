@@ -15,11 +15,14 @@ from navloom import (
     Claim,
     Context,
     Derived,
+    Extra,
     RangeScan,
     RobotSpec,
+    Tracks,
     Twist2D,
 )
 from navloom_avoidance.beams import Beams
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.certainty import THIN_BEAM
 from navloom_avoidance.robot import Robot
 from numpy.typing import NDArray
@@ -38,6 +41,7 @@ class Dwa(Avoider[DwaParams]):
     name = "dwa"
     presets = {"robust": ROBUST, "printed": PRINTED}
     claims = {Claim.FOOTPRINT, Claim.MIRROR}
+    tracks = Extra(Tracks, optional=True)
 
     def __init__(self, params: DwaParams, context: Context) -> None:
         super().__init__(params, context)
@@ -63,6 +67,7 @@ class Dwa(Avoider[DwaParams]):
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
             (given.target.x, given.target.y), given.remaining, given.share,
+            TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None

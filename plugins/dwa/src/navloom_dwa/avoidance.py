@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
+from navloom_avoidance.bodies import NO_BODIES, TrackedBodies, without_bodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.echoes import Echoes
 from navloom_avoidance.motors import Motors
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from navloom_dwa.contact import enlarged_corners, first_contacts
 from navloom_dwa.critics import score_critics
 from navloom_dwa.field import centre_field, fill_field, obstacle_distance
+from navloom_dwa.moving import BODY_SPEED, bodies_ahead, score_bodies
 from navloom_dwa.objective import score_1997
 from navloom_dwa.rollout import choose, highest_speeds, stays_free
 from navloom_dwa.trail import TurnTrend, trail_ahead
@@ -30,6 +32,7 @@ Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
 STOPPED_BELOW = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
+STEPS = 20  # times along an arc at which tracked bodies are looked at
 HELD = 0.5  # the gate holds the robot back if it lets less than this share of a command through
 
 
@@ -39,7 +42,7 @@ class Given(NamedTuple):
     Attributes:
         time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
         target: m. remaining: Length of the path after the target, m.
-        share: Share of the last command that the gate let through.
+        share: Share of the last command that the gate let through. bodies: Tracked bodies now.
     """
 
     time: float
@@ -48,6 +51,7 @@ class Given(NamedTuple):
     target: Point
     remaining: float
     share: float = 1.0
+    bodies: TrackedBodies = NO_BODIES
 
 
 class Decision(NamedTuple):
@@ -102,6 +106,7 @@ class DynamicWindow:
         self.arcs, self.contacts, self.limits = np.zeros((p.arcs, 4)), np.zeros(p.arcs), np.zeros(p.arcs)
         self.costs = np.zeros((p.arcs, p.speeds))
         self.distance, self.cost_to_go = (np.zeros((p.field, p.field), np.int32) for _ in range(2))
+        self.times = np.linspace(p.horizon / STEPS, p.horizon, STEPS)
         self.echoes = Echoes(self.edges, p.echoes())
         self.reset()
 
@@ -136,7 +141,9 @@ class DynamicWindow:
 
     def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose, target = self.params, given.pose, given.target
-        obstacles, gaps = self.echoes.see(lasers, cones, pose, given.time)
+        bodies = given.bodies if p.objective == "critics" else NO_BODIES
+        static = [without_bodies(beams, pose, bodies) for beams in lasers]
+        obstacles, gaps = self.echoes.see(static, cones, pose, given.time)
         if self.trap.place is not None:
             if self.trap.holds(pose, target, p.target_shift):
                 return Decision(0.0, 0.0, "trapped", -1, "trapped: neither robot nor target moved since")
@@ -218,6 +225,10 @@ class DynamicWindow:
             path, self.cost_to_go, self.distance, self.origin, p.cell, self.inner, p.soft, self.weights,
             self.trend.sign, p.slow, (p.rotate_within, math.radians(p.rotate_deg)), self.costs,
         )  # fmt: skip
+        bodies = given.bodies.within(given.pose[:2], (self.max_speed + BODY_SPEED) * p.horizon)
+        if len(bodies.radii):
+            ahead = bodies_ahead(bodies, given.pose, self.times, self.edges, p.track_margin, p.soft, p.sigmas)
+            score_bodies(self.arcs, ahead, self.times, self.edges, p.obstacle, p.track, self.costs)
 
     def _recover(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
         """Handle a blocked robot: back up, or give up after too many attempts."""

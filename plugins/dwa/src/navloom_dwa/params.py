@@ -69,6 +69,14 @@ class DwaParams(Params):
     obstacle: float = Field(0.5, ge=0.0, le=100.0, description="Weight of the nearness of obstacles, m.")
     contact: float = Field(0.5, ge=0.0, le=100.0, description="Weight of a contact within the horizon, m.")
     turning: float = Field(0.02, ge=0.0, le=100.0, description="Weight of the turn rate, m per rad/s.")
+    track: float = Field(10.0, ge=0.0, le=1000.0, description="Weight of a contact with a track, m.")
+    track_margin: float = Field(0.1, ge=0.0, le=2.0, description="Margin between footprint and tracks, m.")
+    sigmas: float = Field(
+        1.0,
+        ge=0.0,
+        le=5.0,
+        description="Standard deviations of a track's predicted place that widen `soft` for it, no unit.",
+    )
     slow: float = Field(0.05, ge=0.0, le=1.0, description="Below this a turn counts as in place, m/s.")
     oscillation_distance: float = Field(
         0.1, ge=0.0, le=5.0, description="Distance after which a turn may be reversed, m."

@@ -18,18 +18,19 @@ from navloom import (
     Reference,
     RobotSpec,
     Rollouts,
+    Tracks,
     Trajectory,
     Twist2D,
 )
+from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.robot import Robot
 from navloom_dwa.adapter import split_scans
-from navloom_dwa.view import cost_by_direction
+from navloom_dwa.view import cost_by_direction, in_map, points_picture
 
 from navloom_mppi import warming
 from navloom_mppi.control import Decision, Given, PathIntegral, near_goal
 from navloom_mppi.critics import COLLISION, CRITICS
 from navloom_mppi.params import ROBUST, MppiParams
-from navloom_mppi.view import in_map, picture
 
 __all__ = ["Mppi"]
 
@@ -42,6 +43,7 @@ class Mppi(Avoider[MppiParams]):
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.TRANSLATION, Claim.ROTATION}
     trajectory = Extra(Trajectory)
     reference = Extra(Reference)
+    tracks = Extra(Tracks, optional=True)
 
     def __init__(self, params: MppiParams, context: Context) -> None:
         super().__init__(params, context)
@@ -73,7 +75,7 @@ class Mppi(Avoider[MppiParams]):
         lasers, cones = split_scans(given.scans)
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,
-            given.share,
+            given.share, TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
         )  # fmt: skip
         self._pose = now.pose
         decision = self._method.step(lasers, cones, now)
@@ -92,5 +94,5 @@ class Mppi(Avoider[MppiParams]):
         free = np.where(method.parts[:, COLLISION] > 0.0, np.inf, method.costs)
         histogram = cost_by_direction(directions, free[:, None], self.params.sectors)
         chosen = None if decision.status == "trapped" else math.remainder(heading + method.direction(), math.tau)
-        window, cell, x, y = picture(method.scene.obstacles, now.pose, method.reach)
+        window, cell, x, y = points_picture(method.scene.obstacles, now.pose, method.reach)
         return AvoiderDiagnostics(window, cell, x, y, histogram, 1.0, np.empty((0, 2)), chosen, decision.why)

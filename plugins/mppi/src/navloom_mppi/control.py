@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
+from navloom_avoidance.bodies import NO_BODIES, TrackedBodies, without_bodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.echoes import Echoes, EchoSettings
 from navloom_avoidance.motors import Motors
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.search import Progress, Trap
 from navloom_dwa.field import CHAMFER, fill_field, obstacle_distance
+from navloom_dwa.moving import BODY_SPEED, bodies_ahead
 from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
@@ -52,7 +54,7 @@ class Given(NamedTuple):
         time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
         path: (n, 2) the trajectory from the robot's place on it to its end, m; n >= 1.
         turn_to: Heading to turn to at the end, rad, or None.
-        share: Share of the last command that the gate let through.
+        share: Share of the last command that the gate let through. bodies: Tracked bodies now.
     """
 
     time: float
@@ -61,6 +63,7 @@ class Given(NamedTuple):
     path: Floats
     turn_to: float | None = None
     share: float = 1.0
+    bodies: TrackedBodies = NO_BODIES
 
 
 class Decision(NamedTuple):
@@ -115,6 +118,8 @@ class PathIntegral:
         self.near_reach = disc + self.margin + p.soft
         self.reach = min(max(BEYOND * robot.max_linear * p.step * p.steps, REACH[0]), REACH[1])
         self.cell = 2.0 * self.reach / FIELD
+        self.times: Floats = robot.dead_time + p.step * np.arange(1.0, p.steps + 1.0)
+        self.bodies_reach = (robot.max_linear + BODY_SPEED) * float(self.times[-1])
         margins = (p.laser_margin, p.sonar_margin)
         self.echoes = Echoes(self.edges, EchoSettings(margins, p.memory, self.reach))
         self.by_critic = weights_by_critic(p, robot)
@@ -156,7 +161,8 @@ class PathIntegral:
 
     def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose = self.params, given.pose
-        obstacles, gaps = self.echoes.see(lasers, cones, pose, given.time)
+        static = [without_bodies(beams, pose, given.bodies) for beams in lasers]
+        obstacles, gaps = self.echoes.see(static, cones, pose, given.time)
         path = in_base(given.path, pose)
         self._look(obstacles, path, given)
         goal = (float(given.path[-1, 0]), float(given.path[-1, 1]))
@@ -171,7 +177,7 @@ class PathIntegral:
             self.progress.restart()
             self.plan[:] = 0.0
             return Decision(0.0, 0.0, "trapped", "trapped: blocked" if is_blocked else "trapped: no progress")
-        is_clear = not len(gaps) or gaps[0] > self.margin + p.soft
+        is_clear = (not len(gaps) or gaps[0] > self.margin + p.soft) and not self.scene.bodies.size
         return Decision(*command, "clear" if is_clear else "steering", why)
 
     def _count_time(self, given: Given, left: float, goal: Point) -> None:
@@ -208,6 +214,10 @@ class PathIntegral:
             (float(lead[0]), float(lead[1])),
             abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
+            bodies_ahead(
+                given.bodies.within(given.pose[:2], self.bodies_reach), given.pose, self.times, self.edges,
+                p.track_margin, p.soft, p.sigmas,
+            ),
         )  # fmt: skip
 
     def _optimise(self, given: Given) -> None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from navloom_dwa.field import CHAMFER, UNIT, field_value
+from navloom_dwa.moving import NO_BODIES_AHEAD
 from numba import njit
 from numpy.typing import NDArray
 
@@ -44,6 +45,7 @@ class Scene(NamedTuple):
         ahead: Point of the trajectory ahead, m. turns_away: Whether the robot must first turn to it.
         is_path_free: Whether the path is free enough to align to it.
         turn_to: Heading at the goal, rad; NaN for none.
+        bodies: (steps, n, 5) from moving.bodies_ahead().
     """
 
     obstacles: Floats
@@ -63,6 +65,7 @@ class Scene(NamedTuple):
     turns_away: bool
     is_path_free: bool
     turn_to: float
+    bodies: Floats = NO_BODIES_AHEAD
 
 
 @njit(cache=True, nogil=True)
@@ -82,7 +85,8 @@ def obstacles(scene: Scene, track: Floats) -> tuple[int, float]:
     """Obstacle and collision: nearness of obstacles, averaged, and the first step in which a margin is touched.
 
     Nearness is 1 at the margin and 0 from `soft` beyond it on. For each point of the body, the obstacle that is nearest
-    to its cell counts, by its distance beyond the sides of the footprint.
+    to its cell counts, by its distance beyond the sides of the footprint. Tracked bodies count where they will be in
+    each step.
 
     Args:
         scene: Surroundings. track: (steps, 5) x, y, m, heading, rad, its cosine and sine.
@@ -92,6 +96,7 @@ def obstacles(scene: Scene, track: Floats) -> tuple[int, float]:
     """
     # Arrays in local names, and no calls that take them: each would count references in every step.
     nearest, points, body, edges = scene.nearest, scene.obstacles, scene.body, scene.edges
+    bodies = scene.bodies
     steps, size, per_metre, soft = track.shape[0], nearest.shape[0], scene.cells_per_metre, scene.soft
     total = 0.0
     for t in range(steps):
@@ -112,7 +117,19 @@ def obstacles(scene: Scene, track: Floats) -> tuple[int, float]:
             least = min(least, beyond - points[k, 2])
         if least < 0.0:
             return t, total / steps
-        total += 1.0 - least / soft
+        near = 1.0 - least / soft
+        for b in range(bodies.shape[1]):
+            dx, dy = bodies[t, b, 0] - x, bodies[t, b, 1] - y
+            if dx * dx + dy * dy >= bodies[t, b, 4]:
+                continue
+            ahead, left, beyond = c * dx + s * dy, c * dy - s * dx, -np.inf
+            for e in range(edges.shape[0]):
+                beyond = max(beyond, edges[e, 0] * ahead + edges[e, 1] * left - edges[e, 2])
+            gap = beyond - bodies[t, b, 2]
+            if gap < 0.0:
+                return t, total / steps
+            near = max(near, 1.0 - gap / bodies[t, b, 3])
+        total += near
     return steps, total / steps
 
 

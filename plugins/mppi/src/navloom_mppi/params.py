@@ -60,6 +60,13 @@ class MppiParams(Params):
     )
     laser_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and laser points, m.")
     sonar_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and sonar cell centres, m.")
+    track_margin: float = Field(0.1, ge=0.0, le=2.0, description="Margin between footprint and tracks, m.")
+    sigmas: float = Field(
+        1.0,
+        ge=0.0,
+        le=5.0,
+        description="Standard deviations of a track's predicted place that widen `soft` for it, no unit.",
+    )
     memory: float = Field(20.0, ge=0.0, le=3600.0, description="How long points out of a laser's sight count, s.")
     blocked_patience: float = Field(
         1.5, gt=0.0, le=60.0, description="Time stopped before the robot counts as trapped, s."

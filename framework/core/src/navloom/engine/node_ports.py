@@ -367,14 +367,17 @@ class SensorOffers(SensorGroup[M, Dated[M]]):
 
 
 class ExtraInputs(Group[Held[Message]]):
-    """The newest message of each extra input that a node's plugin declares, by its name."""
+    """The newest message of each extra input that a node's plugin declares, by its name; not of optional ones that
+    nothing publishes.
+    """
 
     prefix = "extra"
 
     def inputs(self, wired: Wired) -> Iterator[Input]:
         for name, extra in wired.extras.items():
-            port = wired.streams[name]
-            yield Input(f"{self.prefix}.{name}", port, delayed=extra.delayed, is_needed=not extra.optional)
+            port = wired.streams.get(name)
+            if port is not None:
+                yield Input(f"{self.prefix}.{name}", port, delayed=extra.delayed, is_needed=not extra.optional)
 
 
 class Out(Generic[M]):

@@ -114,14 +114,15 @@ def sensors_of(part: Part, platform: type[Platform], sensors: tuple[SensorSpec, 
 
 
 def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]:
-    """The port of each input of a plugin that names only a message class.
+    """The port of each input of a plugin that names only a message class; an optional one may have none.
 
     Args:
         part: The plugin.
         ports: Every port of the robot.
 
     Raises:
-        ConfigError: There is no port of the class or several, or the table's `inputs` do not fit.
+        ConfigError: There are several ports of the class, or none for an input that is not optional, or the table's
+            `inputs` do not fit.
     """
     wanted = dict(_wanted(part.cls))
     chosen = part.table.inputs or {}
@@ -132,7 +133,12 @@ def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]
     # A platform steps first in a tick: there is nothing that it could wait for.
     if wanted and part.role == "platform":
         raise ConfigError(f"{part.place}.plugin: {part.cls.name} declares extra inputs, which a platform cannot have")
-    return {name: _port_of(part, name, carries, chosen.get(name), ports) for name, carries in wanted.items()}
+    optional = {name for name, extra in extras_of(part.cls).items() if extra.optional}
+    return {
+        name: _port_of(part, name, carries, chosen.get(name), ports)
+        for name, carries in wanted.items()
+        if name not in optional or name in chosen or _ports_of(part, carries, ports)
+    }
 
 
 def _wanted(cls: type[Role]) -> Iterator[tuple[str, type[Message]]]:
@@ -155,8 +161,7 @@ def _port_of(
         raise ConfigError(
             f"{part.place}.plugin: {part.cls.name} reads {carries.__name__}: no plugin may read the ground truth"
         )
-    # Not its own role: an alternative that reads its active instance would follow it.
-    found = {str(port): port for port in ports if issubclass(port.carries, carries) and port.role != part.role}
+    found = _ports_of(part, carries, ports)
     place, words = f"{part.place}.inputs.{name}", f"{part.cls.name} reads {carries.__name__}"
     listed = ", ".join(found)
     if chosen is not None:
@@ -170,6 +175,12 @@ def _port_of(
         example = f'inputs = {{ {name} = "{next(iter(found))}" }}'
         raise ConfigError(f"{place}: {words}, and there are {listed}: name one, as in {example}")
     return next(iter(found.values()))
+
+
+def _ports_of(part: Part, carries: type[Message], ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]:
+    """The ports of a message class that a plugin may read, by their names."""
+    # Not its own role: an alternative that reads its active instance would follow it.
+    return {str(port): port for port in ports if issubclass(port.carries, carries) and port.role != part.role}
 
 
 def streams_of(cls: type[Role]) -> dict[str, dict[str, str]]:

@@ -25,7 +25,8 @@ class Extra(Generic[V]):
 
     Args:
         carries: The message class.
-        optional: The verb is called before the first message too, and reads None; otherwise the node waits for it.
+        optional: The verb is called before the first message too, and reads None, also if nothing publishes the class;
+            otherwise the node waits for it.
         delayed: It is read as published up to the end of the previous tick, which breaks a cycle.
     """
 
@@ -72,10 +73,16 @@ class Extras:
         self._held = held
 
     def __getitem__(self, extra: Extra[V]) -> V:
-        """The newest message of an input. Raises KeyError for an input that this plugin does not declare."""
+        """The newest message of an input; None for an optional one that nothing publishes.
+
+        Raises:
+            MissingExtraError: The plugin does not declare this input.
+        """
         try:
             found: V = self._held[extra]  # type: ignore[assignment]  # the wiring gives it what it declares
         except KeyError:
+            if extra.optional:
+                return None  # type: ignore[return-value]  # an optional input is of V | None
             held = ", ".join(one.name for one in self._held) or "none"
             name, message = extra.name or "name", extra.carries.__name__
             raise MissingExtraError(

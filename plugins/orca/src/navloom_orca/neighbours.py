@@ -1,0 +1,68 @@
+"""Nearest neighbours of agents, from a grid of cells: each agent is compared with those of nine cells only."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+MOST_CELLS = 1 << 16
+"""Cells of the grid; where the crowd is spread wider, cells are larger than the reach."""
+
+
+@njit(cache=True, nogil=True)
+def fill_cells(positions: Floats, reach: float) -> tuple[float, float, float, int, int, Numbers, Numbers]:
+    """Sort agents into cells at least as wide as the reach.
+
+    Args:
+        positions: (n, 2) m. reach: Farthest distance of a neighbour, m.
+
+    Returns:
+        Lower left corner x, y and side of a cell, m; columns and rows; (columns * rows + 1,) first place of each cell
+        in the last array; (n,) agents by cell, in each in rising order.
+    """
+    n = positions.shape[0]
+    left, low = positions[:, 0].min(), positions[:, 1].min()
+    wide, high = positions[:, 0].max() - left, positions[:, 1].max() - low
+    side = max(reach, math.sqrt((wide + 1.0e-9) * (high + 1.0e-9) / MOST_CELLS), max(wide, high) / MOST_CELLS, 1.0e-9)
+    columns, rows = int(wide / side) + 1, int(high / side) + 1
+    first, order, cell = np.zeros(columns * rows + 1, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    for i in range(n):
+        cell[i] = int((positions[i, 1] - low) / side) * columns + int((positions[i, 0] - left) / side)
+        first[cell[i] + 1] += 1
+    for k in range(columns * rows):
+        first[k + 1] += first[k]
+    place = first[:-1].copy()
+    for i in range(n):
+        order[place[cell[i]]] = i
+        place[cell[i]] += 1
+    return left, low, side, columns, rows, first, order
+
+
+@njit(cache=True, nogil=True)
+def insert(others: Numbers, squares: Floats, count: int, other: int, square: float) -> int:
+    """Insert an agent into a list that is sorted by distance, then by number, and keeps the nearest.
+
+    Args:
+        others: (most,) numbers; squares: (most,) squares of their distances, m²; both changed in place.
+        count: Entries in use. other, square: The agent.
+
+    Returns:
+        Entries in use.
+    """
+    most = others.size
+    if most == 0:
+        return 0
+    last = most - 1
+    if count == most and (square > squares[last] or (square == squares[last] and other > others[last])):
+        return count
+    at = count if count < most else last
+    while at > 0 and (square < squares[at - 1] or (square == squares[at - 1] and other < others[at - 1])):
+        others[at], squares[at] = others[at - 1], squares[at - 1]
+        at -= 1
+    others[at], squares[at] = other, square
+    return min(count + 1, most)

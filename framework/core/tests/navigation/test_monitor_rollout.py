@@ -26,12 +26,12 @@ def way(
     motor: tuple[float, float, float] = (PERIOD, DECELERATION, TURN_DECELERATION),
 ) -> Floats:
     """Poses of a roll-out, from arrays that hold NaN before."""
-    poses = np.full((MOST_POSES + 1, 3), math.nan)
+    poses, times = np.full((MOST_POSES + 1, 3), math.nan), np.full(MOST_POSES + 1, math.nan)
     count = stopping_way(
         np.array(twist), np.array(flying).reshape(-1, 3), age, np.array(command), np.array([*motor, lag, dead_time]),
-        radius, poses,
+        radius, poses, times,
     )  # fmt: skip
-    assert np.isnan(poses[count:]).all()
+    assert np.isnan(poses[count:]).all() and np.isnan(times[count:]).all()
     return poses[:count]
 
 

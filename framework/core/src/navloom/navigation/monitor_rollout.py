@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["MOST_POSES", "distance_to_outline", "first_touch", "margins", "stopping_way", "within"]
+__all__ = ["MOST_POSES", "distance_to_outline", "first_meeting", "first_touch", "margins", "stopping_way", "within"]
 
 Floats = NDArray[np.float64]
 
@@ -30,10 +30,17 @@ DOUBT, MOST_DOUBT = 0.1, 0.03
 """Margin per speed of the footprint beside an obstacle, s, and at most, m: when it gets there is not known better."""
 STANDSTILL = 1e-3
 """Speed of a robot that counts as stopped, m/s or rad/s."""
+BETWEEN = 0.05
+"""Largest time between two poses at which moving obstacles are looked at, s, and distance between two places, m, where
+one may be then: at 2 m/s it moves 10 cm, and the margin before it is wider than 3 cm only for a fast robot."""
+HEADWAY = 0.2
+"""Time for which the robot must already stand when a moving obstacle reaches it, s: the error of the prediction."""
+HARDEST, MOST_GAIN = 3.0, 0.25
+"""Deceleration of a moving obstacle that stops, m/s², and the way that it needs at least, at most, m."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type: ignore[no-untyped-def]
+def stopping_way(twist, in_flight, age, command, motor, radius, poses, times):  # type: ignore[no-untyped-def]
     """Poses from the last odometry to standstill: commands in flight, then the command for one period, then braking.
 
     Braking keeps the curvature of the command.
@@ -48,6 +55,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
         radius: Largest distance of a point of the footprint from the base, m.
         poses: (MOST_POSES, 3) output: x, y, m, heading, rad, in the base frame of the odometry; the first pose is the
             robot's at that time.
+        times: (MOST_POSES,) output: their times, s after the odometry.
 
         Returns:
             Number of filled rows of `poses`.
@@ -56,7 +64,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
     # The exact step of a first-order lag, so that the result does not depend on STEP.
     blend = 1.0 - math.exp(-STEP / lag) if lag > 0.0 else 1.0
     x, y, heading, v, w = 0.0, 0.0, 0.0, twist[0], twist[1]
-    poses[0, 0], poses[0, 1], poses[0, 2] = 0.0, 0.0, 0.0
+    poses[0, 0], poses[0, 1], poses[0, 2], times[0] = 0.0, 0.0, 0.0, 0.0
     count, way, flying = 1, 0.0, 0
     starts = age + dead_time
     time = 0.0
@@ -81,10 +89,10 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
         # By distance, not by time: a fast robot needs more poses, and a stopped one none. One row is left for the last
         # pose.
         if way >= FINE and count < MOST_POSES - 1:
-            poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
+            poses[count, 0], poses[count, 1], poses[count, 2], times[count] = x, y, heading, time
             count, way = count + 1, 0.0
     # The place of standstill counts, even if it is nearer than FINE to the pose before.
-    poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
+    poses[count, 0], poses[count, 1], poses[count, 2], times[count] = x, y, heading, time
     return count + 1
 
 
@@ -163,6 +171,62 @@ def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: igno
             elif distance < margin[i] and distance < starts[i] - nearer:
                 return i
     return -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def first_meeting(poses, times, count, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
+    """Index of the first moving point that a footprint meets on its way or within HEADWAY after it, and whether it is
+    nearer to the point then than if the robot had stayed at its first pose; -1 for none. Such points come first.
+
+    At each time a point may be anywhere between where it is if it goes on as it does and where it is if it brakes with
+    HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than if it stayed.
+
+    Args:
+        poses, times, count: Of `stopping_way`, in the frame of the points.
+        outline: (n, 2) footprint, m, base frame.
+        radius: Largest distance of a point of the footprint from the base, m.
+        moving: (k, 6) x, y, m, how far it may reach beyond, m, velocity, m/s, and age of the place at time 0, s.
+        margin: (k,) distance from the footprint that counts as touching, m.
+    """
+    anyway, has_met = -1, within(moving, outline, margin)
+    for place in range(count):
+        last = place == count - 1
+        following = place if last else place + 1
+        passed = HEADWAY if last else times[following] - times[place]
+        steps = max(1, math.ceil(passed / BETWEEN - 1e-9))
+        for step in range(1, steps + 1):
+            share = step / steps
+            x = poses[place, 0] + share * (poses[following, 0] - poses[place, 0])
+            y = poses[place, 1] + share * (poses[following, 1] - poses[place, 1])
+            heading = poses[place, 2] + share * (poses[following, 2] - poses[place, 2])
+            cos, sin, time = math.cos(heading), math.sin(heading), times[place] + share * passed
+            for i in range(moving.shape[0]):
+                speed = math.hypot(moving[i, 3], moving[i, 4])
+                least, most = _ways(speed, time + moving[i, 5])
+                px, py = moving[i, 0] - x, moving[i, 1] - y
+                # Most points are too far away to be met.
+                if math.hypot(px, py) > radius + margin[i] + most:
+                    continue
+                parts = max(1, math.ceil((most - least) / BETWEEN))
+                for part in range(parts + 1):
+                    way = (least + (most - least) * part / parts) / speed
+                    dx, dy = px + way * moving[i, 3], py + way * moving[i, 4]
+                    distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+                    if distance >= margin[i]:
+                        continue
+                    # The first pose is the frame of the points, so that there the outline needs no transformation.
+                    if distance < distance_to_outline(dx + x, dy + y, outline) - NEARER:
+                        return i, True
+                    if anyway < 0 and not has_met[i]:
+                        anyway = i
+    return anyway, False
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _ways(speed, time):  # type: ignore[no-untyped-def]
+    """Least and greatest way of a point after a time, s: it brakes at once, or goes on."""
+    braking = min(time, speed / HARDEST)
+    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

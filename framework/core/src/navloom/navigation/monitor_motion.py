@@ -1,0 +1,398 @@
+"""How fast the things move that a laser sees: clusters of its echoes, followed from scan to scan.
+
+All places are in the odometry frame. A cluster is a run of echoes along neighbouring beams, small enough for a person
+or a robot. It continues the nearest cluster of the previous scan, and its velocity is the slope of its mean places
+over the last `WINDOW` seconds.
+
+A slope is no proof of motion: while the robot drives, the visible part of a wall beside an edge slides along the wall.
+So a cluster moves only if it also has entered space that the laser saw through, or has left space that the laser sees
+through now. In a static world nothing does: what comes into view was hidden, and what goes out of view is hidden.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom.messages import RangeScan
+
+__all__ = ["ClusterMotion"]
+
+Floats = NDArray[np.float64]
+
+WINDOW = 0.5
+"""Time over which a velocity is measured, s: not longer than the monitor keeps echoes."""
+MOST_SCANS = 32
+"""Most scans of a window; with a faster laser the window is shorter."""
+MOST_CLUSTERS = 256
+"""Most clusters of a scan."""
+LEAST_BEAMS = 3
+"""Fewest echoes of a cluster: one or two may be noise or rain."""
+WIDEST = 1.6
+"""Largest extent of a cluster that can move, m: a larger one is a wall or a row of things."""
+FARTHEST = 8.0
+"""Largest distance from the laser of a cluster that can move, m: at 2 m/s it takes 4 s to arrive."""
+JUMP, BEAMS_APART = 4.0, 4.0
+"""Largest distance of two neighbouring echoes of a cluster, in standard deviations of a range plus in distances between
+two beams: a surface that is seen at 15° has its echoes 4 of them apart."""
+NEAR = 4.0
+"""Distance, in standard deviations of a range, up to which a place counts as that of an echo of another scan."""
+SLIP = 0.11
+"""Additional such distance per m of range and per m that the base drives or 2 rad that it turns meanwhile: twice the
+`DRIFT` of echoes out of view."""
+SLACK = 0.1
+"""Distance between two mean places of a thing at rest, m."""
+SLOWEST = 0.2
+"""Slowest motion that is told from none, m/s: odometry may be 10 % wrong at 2 m/s."""
+SHORTEST = 0.09
+"""Shortest time over which a velocity is measured, s."""
+CURVED = 0.15
+"""Largest deviation of the mean places from steady motion, as a share of its way: 0.25 is one jump between places at
+rest, as when a post is taken for the one beside it."""
+SHARE = 0.5
+"""Share of a cluster that must have entered seen space, or of its earlier echoes that must have left it, in sum."""
+SURE, SUREST = 2, 4
+"""Scans that must show motion before it counts, and that count at most: so many later ones may fail to show it."""
+TESTED = 16
+"""Most echoes of a cluster that are tested."""
+NO_MOTION = np.empty((0, 2))
+
+# Columns of a cluster.
+X, Y, FIRST, LAST, BEFORE, VX, VY, PROOF = range(8)
+"""Mean place, m; first and last beam; row in the previous scan or -1; velocity, m/s; scans that showed motion."""
+
+
+class ClusterMotion:
+    """Velocities of the clusters of one laser.
+
+    Args:
+        sigma: Standard deviation of a range, m.
+        fastest: Largest speed that is believed, m/s.
+
+    Attributes:
+        moving: (k, 2) velocities, m/s, odometry frame, of the clusters of the newest scan that move.
+    """
+
+    def __init__(self, sigma: float, fastest: float) -> None:
+        self.moving = NO_MOTION
+        self._sigma, self._fastest = sigma, fastest
+        self._begin(np.empty(0), 1)
+
+    def _begin(self, bearings: Floats, bins: int) -> None:
+        # Beams may come in any order, but clusters are runs of neighbours.
+        self._bearings, self._order = bearings.copy(), np.argsort(bearings, kind="stable")
+        self._limits = np.array([self._sigma, self._fastest, math.tau / bins])
+        # Allocated once: the newest scan overwrites the oldest.
+        self._looks = Looks(
+            np.empty((MOST_SCANS, 6)), np.empty((MOST_SCANS, len(bearings), 2)), np.empty((MOST_SCANS, len(bearings))),
+            np.empty((MOST_SCANS, bins), np.int64), np.empty((MOST_SCANS, MOST_CLUSTERS, 8)),
+            np.zeros(MOST_SCANS, np.int64),
+        )  # fmt: skip
+        self._labels = np.empty(len(bearings), np.int64)
+        self._slots: NDArray[np.int64] = np.empty(0, np.int64)
+
+    def look(self, time: float, scan: RangeScan, poses: Floats, eye: tuple[float, float], bins: int) -> None:
+        """Take a scan.
+
+        Args:
+            time: Its stamp, s.
+            scan: The scan.
+            poses: (n, 3) poses of the base, m and rad, odometry frame, at the time of each beam; one for no beams.
+            eye: Place of the laser, m, odometry frame.
+            bins: Number of directions in a full turn, about one for each beam.
+        """
+        looks = self._looks
+        if looks.images.shape[1] != bins or not np.array_equal(scan.bearings, self._bearings):
+            self._begin(scan.bearings, bins)
+            looks = self._looks
+        newest = (self._slots[0] + 1) % MOST_SCANS if len(self._slots) else 0
+        kept = [slot for slot in self._slots[: MOST_SCANS - 1] if looks.frames[slot, 0] >= time - WINDOW]
+        self._slots = np.array([newest, *kept])
+        looks.frames[newest] = time, *eye, *poses[-1]
+        enter_scan(newest, poses, scan.origins, scan.bearings, scan.ranges, scan.range_max, self._order, looks)
+        find_clusters(newest, self._limits, looks)
+        follow(self._slots, self._limits, looks)
+        moving = np.empty((MOST_CLUSTERS, 2))
+        count = label(newest, looks, self._labels, moving)
+        self.moving = moving[:count].copy()
+
+    def carry(self, points: Floats) -> None:
+        """Move earlier echoes of clusters that move to where these are at the newest scan.
+
+        Args:
+            points: (m, 2) echoes of scans, newest first, m: those that this object has, and perhaps older ones.
+        """
+        if len(self.moving):
+            carry(points, self._slots, self._order, self._looks)
+
+    def owners(self, surfaces: Floats) -> NDArray[np.int64]:
+        """(m,) row in `moving` of the cluster that each surface (m, 2 or more), m, belongs to; -1 for none."""
+        found = np.full(len(surfaces), -1)
+        if len(self.moving):
+            own(surfaces, self._slots[0], self._limits, self._looks, self._labels, found)
+        return found
+
+
+class Looks(NamedTuple):
+    """The scans of a window, each in a slot.
+
+    Attributes:
+        frames: (slots, 6) time, s, place of the laser, m, and pose of the base, m, rad.
+        ends: (slots, n, 2) places of the echoes, m, in the order of the bearings; of a beam without one, of its end.
+        reads: (slots, n) distances of the ends from the laser, m; negative without an echo, NaN without a reading.
+        images: (slots, bins) nearest beam in each direction, counted from the laser; -1 for none.
+        clusters: (slots, MOST_CLUSTERS, 8) see `X` and so on.
+        counts: (slots,) number of clusters.
+    """
+
+    frames: Floats
+    ends: Floats
+    reads: Floats
+    images: NDArray[np.int64]
+    clusters: Floats
+    counts: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _direction(dx, dy, bins):  # type: ignore[no-untyped-def]
+    return int((math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * bins) % bins
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def enter_scan(slot, poses, origins, bearings, ranges, range_max, order, looks):  # type: ignore[no-untyped-def]
+    """Fill ends, reads and image of a slot."""
+    bins = looks.images.shape[1]
+    looks.images[slot, :] = -1
+    for k in range(order.shape[0]):
+        i = order[k]
+        if math.isnan(ranges[i]):
+            looks.reads[slot, k] = math.nan
+            continue
+        reach = min(ranges[i], range_max)
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        x, y = origins[i, 0] + reach * math.cos(bearings[i]), origins[i, 1] + reach * math.sin(bearings[i])
+        px, py = poses[i, 0] + cos * x - sin * y, poses[i, 1] + sin * x + cos * y
+        dx, dy = px - looks.frames[slot, 1], py - looks.frames[slot, 2]
+        far = math.hypot(dx, dy)
+        looks.ends[slot, k, 0], looks.ends[slot, k, 1] = px, py
+        looks.reads[slot, k] = far if ranges[i] < range_max else -far
+        row = _direction(dx, dy, bins)
+        held = looks.images[slot, row]
+        if held < 0 or far < abs(looks.reads[slot, held]):
+            looks.images[slot, row] = k
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def find_clusters(slot, limits, looks):  # type: ignore[no-untyped-def]
+    """Fill the clusters of a slot. `limits` is standard deviation, m, largest speed, m/s, rad between two beams."""
+    ends, reads, found = looks.ends[slot], looks.reads[slot], looks.clusters[slot]
+    count, first, last, members, extent = 0, 0, -1, 0, 0.0
+    sum_x, sum_y = 0.0, 0.0
+    for k in range(reads.shape[0] + 1):
+        # A beam without an echo does not end a cluster: a dark or bright spot loses some.
+        if k < reads.shape[0] and not reads[k] > 0.0:
+            continue
+        if k < reads.shape[0] and last >= 0:
+            apart = math.hypot(ends[k, 0] - ends[last, 0], ends[k, 1] - ends[last, 1])
+            if apart <= JUMP * limits[0] + BEAMS_APART * limits[2] * min(reads[k], reads[last]):
+                last, members = k, members + 1
+                sum_x, sum_y = sum_x + ends[k, 0], sum_y + ends[k, 1]
+                extent = max(extent, math.hypot(ends[k, 0] - ends[first, 0], ends[k, 1] - ends[first, 1]))
+                continue
+        if members >= LEAST_BEAMS and extent <= WIDEST and reads[first] <= FARTHEST and count < MOST_CLUSTERS:
+            found[count, X], found[count, Y] = sum_x / members, sum_y / members
+            found[count, FIRST], found[count, LAST] = first, last
+            count += 1
+        if k < reads.shape[0]:
+            first, last, members, extent = k, k, 1, 0.0
+            sum_x, sum_y = ends[k, 0], ends[k, 1]
+    looks.counts[slot] = count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
+    """Fill predecessor, velocity and proof of the newest clusters. `slots` are newest first."""
+    newest = slots[0]
+    chain = np.empty(slots.shape[0], np.int64)
+    for row in range(looks.counts[newest]):
+        cluster = looks.clusters[newest, row]
+        cluster[BEFORE], cluster[VX], cluster[VY], cluster[PROOF] = -1, 0.0, 0.0, 0
+        if slots.shape[0] < 2:
+            continue
+        before = _continued(cluster, looks.frames[newest, 0], slots[1], limits[1], looks)
+        cluster[BEFORE] = before
+        if before < 0:
+            continue
+        length = _chain(slots, row, looks, chain)
+        is_steady = _fit(slots, chain, length, limits, looks)
+        proof = looks.clusters[slots[1], before, PROOF]
+        if not is_steady:
+            continue
+        is_shown = _share_moved(slots[0], row, slots[length - 1], chain[length - 1], limits, looks) >= SHARE
+        cluster[PROOF] = min(proof + 1, SUREST) if is_shown else max(proof - 1, 0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _continued(cluster, time, slot, fastest, looks):  # type: ignore[no-untyped-def]
+    """Row of the cluster of a slot that a later cluster continues; -1 for none."""
+    passed = time - looks.frames[slot, 0]
+    best, found = SLACK + fastest * passed, -1
+    for row in range(looks.counts[slot]):
+        other = looks.clusters[slot, row]
+        # A velocity that is not proved may be of a cluster whose visible part changes: it is at rest.
+        share = passed if other[PROOF] >= SURE else 0.0
+        apart = math.hypot(other[X] + share * other[VX] - cluster[X], other[Y] + share * other[VY] - cluster[Y])
+        if apart < best:
+            best, found = apart, row
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _chain(slots, row, looks, chain):  # type: ignore[no-untyped-def]
+    """Number of scans in which a newest cluster was seen; fills its row in each."""
+    for k in range(slots.shape[0]):
+        chain[k] = row
+        row = int(looks.clusters[slots[k], row, BEFORE])
+        if row < 0:
+            return k + 1
+    return slots.shape[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit(slots, chain, length, limits, looks):  # type: ignore[no-untyped-def]
+    """Whether the mean places of a cluster are of steady motion; fills its velocity by least squares."""
+    cluster, now = looks.clusters[slots[0], chain[0]], looks.frames[slots[0], 0]
+    span = now - looks.frames[slots[length - 1], 0]
+    if length < 3 or span < SHORTEST:
+        return False
+    t = x = y = tt = tx = ty = 0.0
+    for k in range(length):
+        other = looks.clusters[slots[k], chain[k]]
+        # Differences from the newest, so that no digits are lost far from the origin.
+        at, dx, dy = looks.frames[slots[k], 0] - now, other[X] - cluster[X], other[Y] - cluster[Y]
+        t, x, y, tt, tx, ty = t + at, x + dx, y + dy, tt + at * at, tx + at * dx, ty + at * dy
+    spread = tt - t * t / length
+    vx, vy = (tx - t * x / length) / spread, (ty - t * y / length) / spread
+    speed = math.hypot(vx, vy)
+    if speed < SLOWEST:
+        return False
+    off = 0.0
+    for k in range(length):
+        other, at = looks.clusters[slots[k], chain[k]], looks.frames[slots[k], 0] - now - t / length
+        off += (other[X] - cluster[X] - x / length - vx * at) ** 2 + (other[Y] - cluster[Y] - y / length - vy * at) ** 2
+    bound = min(1.0, limits[1] / speed)
+    cluster[VX], cluster[VY] = vx * bound, vy * bound
+    return math.sqrt(off / length) <= CURVED * speed * span + limits[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _share_moved(newest, row, oldest, former, limits, looks):  # type: ignore[no-untyped-def]
+    """Share of a cluster's echoes that an earlier scan saw through, plus that of its echoes then that this one does."""
+    now, then = looks.frames[newest], looks.frames[oldest]
+    driven = math.hypot(now[3] - then[3], now[4] - then[4]) + 0.5 * abs(now[5] - then[5])
+    near = NEAR * limits[0], SLIP * driven
+    return _share_within(newest, row, oldest, near, limits, looks) + _share_within(
+        oldest, former, newest, near, limits, looks
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _share_within(slot, row, other, near, limits, looks):  # type: ignore[no-untyped-def]
+    """Share of the echoes of a cluster in one slot that lie in space that the scan of another slot saw through."""
+    cluster, inside, count = looks.clusters[slot, row], 0, 0
+    first, last = int(cluster[FIRST]), int(cluster[LAST])
+    stride = max(1, (last - first + 1) // TESTED)
+    for k in range(first, last + 1, stride):
+        if looks.reads[slot, k] > 0.0:
+            count += 1
+            inside += _is_seen_through(looks.ends[slot, k, 0], looks.ends[slot, k, 1], other, near, limits[2], looks)
+    return inside / count if count else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_seen_through(px, py, slot, near, step, looks):  # type: ignore[no-untyped-def]
+    """Whether the beams of a scan pass a place, and no echo, or line between two echoes, is near it."""
+    ends, reads, image = looks.ends[slot], looks.reads[slot], looks.images[slot]
+    bins = image.shape[0]
+    dx, dy = px - looks.frames[slot, 1], py - looks.frames[slot, 2]
+    far = math.hypot(dx, dy)
+    row, close, beams = _direction(dx, dy, bins), near[0] + near[1] * far, 0
+    for side in range(-1, 2):
+        k = image[(row + side) % bins]
+        if k >= 0:
+            beams += 1
+            if abs(reads[k]) < far + close:
+                return False
+    if beams == 0:
+        return False
+    wide = min(bins // 4, int(close / (far * step)) + 2)
+    # Near the laser, beams are denser than needed.
+    stride, last = max(1, wide // 8), -1
+    for offset in range(-wide, wide + 1, stride):
+        k = image[(row + offset) % bins]
+        if k < 0 or reads[k] < 0.0:
+            continue
+        if _distance_to_line(px, py, ends[k], ends[last] if last >= 0 else ends[k]) < close:
+            return False
+        last = k
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _distance_to_line(px, py, start, end):  # type: ignore[no-untyped-def]
+    """Distance of a place from the line between two places (2,), m."""
+    ux, uy, rx, ry = end[0] - start[0], end[1] - start[1], px - start[0], py - start[1]
+    square = ux * ux + uy * uy
+    share = min(max((rx * ux + ry * uy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return math.hypot(rx - share * ux, ry - share * uy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def label(slot, looks, labels, moving):  # type: ignore[no-untyped-def]
+    """Number of clusters that move; fills their velocities, and (n,) which of them each beam belongs to, or -1."""
+    labels[:] = -1
+    count = 0
+    for row in range(looks.counts[slot]):
+        cluster = looks.clusters[slot, row]
+        if cluster[PROOF] >= SURE:
+            moving[count, 0], moving[count, 1] = cluster[VX], cluster[VY]
+            labels[int(cluster[FIRST]) : int(cluster[LAST]) + 1] = count
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def carry(points, slots, order, looks):  # type: ignore[no-untyped-def]
+    """As `ClusterMotion.carry`."""
+    beams, newest = order.shape[0], slots[0]
+    for start in range(looks.counts[newest]):
+        cluster = looks.clusters[newest, start]
+        if cluster[PROOF] < SURE:
+            continue
+        row = start
+        for age in range(slots.shape[0]):
+            other, passed = looks.clusters[slots[age], row], looks.frames[newest, 0] - looks.frames[slots[age], 0]
+            for k in range(int(other[FIRST]), int(other[LAST]) + 1):
+                points[age * beams + order[k], 0] += passed * cluster[VX]
+                points[age * beams + order[k], 1] += passed * cluster[VY]
+            row = int(other[BEFORE])
+            if row < 0:
+                break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def own(surfaces, slot, limits, looks, labels, owners):  # type: ignore[no-untyped-def]
+    """As `ClusterMotion.owners`: by the echoes of the newest scan in the same direction."""
+    image = looks.images[slot]
+    for i in range(surfaces.shape[0]):
+        dx, dy = surfaces[i, 0] - looks.frames[slot, 1], surfaces[i, 1] - looks.frames[slot, 2]
+        far, row = math.hypot(dx, dy), _direction(dx, dy, image.shape[0])
+        for side in (0, -1, 1):
+            k = image[(row + side) % image.shape[0]]
+            if k >= 0 and labels[k] >= 0 and abs(looks.reads[slot, k] - far) <= NEAR * limits[0]:
+                owners[i] = labels[k]
+                break

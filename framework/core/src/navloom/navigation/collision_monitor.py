@@ -308,7 +308,8 @@ class CollisionMonitor:
     def _meets(self, command: Floats, here: _Surroundings, rolled: int) -> int:
         """Row of the moving point that the robot would meet on its stopping way; -1 for none.
 
-        What would meet a robot that stays does not stop it if it escapes by going on.
+        What would meet a robot that stays does not stop it if it escapes by going on: it is not met then, and it is
+        not nearer in the end.
         """
         body, wide = (self._outline, self._radius), margins(here.moving, *command, self.limits.margin)
         hit, is_nearer = first_meeting(self._rolled, self._times, rolled, *body, here.moving, wide)
@@ -318,8 +319,14 @@ class CollisionMonitor:
         count = stopping_way(
             self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
         )
-        touched, _ = first_meeting(self._alone, self._alone_times, count, *body, here.moving, wide)
-        return int(hit) if touched >= 0 else -1
+        met, _ = first_meeting(self._alone, self._alone_times, count, *body, here.moving, wide)
+        if met >= 0:
+            return int(hit)
+        x, y, _, vx, vy, _ = here.moving[hit]
+        (ex, ey, turned), passed = self._alone[count - 1], self._alone_times[count - 1]
+        dx, dy, cos, sin = x + passed * vx - ex, y + passed * vy - ey, math.cos(turned), math.sin(turned)
+        ends = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, self._outline)
+        return -1 if ends >= distance_to_outline(x, y, self._outline) else int(hit)
 
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""

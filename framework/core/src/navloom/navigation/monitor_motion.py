@@ -36,9 +36,9 @@ WIDEST = 1.6
 """Largest extent of a cluster that can move, m: a larger one is a wall or a row of things."""
 FARTHEST = 8.0
 """Largest distance from the laser of a cluster that can move, m: at 2 m/s it takes 4 s to arrive."""
-JUMP, BEAMS_APART = 4.0, 4.0
+JUMP, BEAMS_APART = 6.0, 4.0
 """Largest distance of two neighbouring echoes of a cluster, in standard deviations of a range plus in distances between
-two beams: a surface that is seen at 15° has its echoes 4 of them apart."""
+two beams: noise parts a cluster of 60 beams once in 1000 scans, and a surface seen at 15° has its echoes 4 apart."""
 NEAR = 4.0
 """Distance, in standard deviations of a range, up to which a place counts as that of an echo of another scan."""
 SLIP = 0.11
@@ -228,12 +228,15 @@ def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
         if before < 0:
             continue
         length = _chain(slots, row, looks, chain)
+        former = looks.clusters[slots[1], before]
         is_steady = _fit(slots, chain, length, limits, looks)
-        proof = looks.clusters[slots[1], before, PROOF]
-        if not is_steady:
+        if is_steady and _share_moved(newest, row, slots[length - 1], chain[length - 1], limits, looks) >= SHARE:
+            cluster[PROOF] = min(former[PROOF] + 1, SUREST)
             continue
-        is_shown = _share_moved(slots[0], row, slots[length - 1], chain[length - 1], limits, looks) >= SHARE
-        cluster[PROOF] = min(proof + 1, SUREST) if is_shown else max(proof - 1, 0)
+        cluster[PROOF] = max(former[PROOF] - 1, 0)
+        # Noise splits a cluster, or something hides a part of it, for a scan or two.
+        if not is_steady:
+            cluster[VX], cluster[VY] = former[VX], former[VY]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -35,6 +35,8 @@ BETWEEN = 0.05
 one may be then: at 2 m/s it moves 10 cm, and the margin before it is wider than 3 cm only for a fast robot."""
 HEADWAY = 0.2
 """Time for which the robot must already stand when a moving obstacle reaches it, s: the error of the prediction."""
+MISJUDGED = 0.1
+"""Error of the velocity of a moving obstacle, m/s: where its visible part changes, as beside a corner of the robot."""
 HARDEST, MOST_GAIN = 3.0, 0.25
 """Deceleration of a moving obstacle that stops, m/s², and the way that it needs at least, at most, m."""
 
@@ -205,14 +207,15 @@ def first_meeting(poses, times, count, outline, radius, moving, margin):  # type
                 least, most = _ways(speed, time + moving[i, 5])
                 px, py = moving[i, 0] - x, moving[i, 1] - y
                 # Most points are too far away to be met.
-                if math.hypot(px, py) > radius + margin[i] + most:
+                close = margin[i] + MISJUDGED * (time + moving[i, 5])
+                if math.hypot(px, py) > radius + close + most:
                     continue
                 parts = max(1, math.ceil((most - least) / BETWEEN))
                 for part in range(parts + 1):
                     way = (least + (most - least) * part / parts) / speed
                     dx, dy = px + way * moving[i, 3], py + way * moving[i, 4]
                     distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
-                    if distance >= margin[i]:
+                    if distance >= close:
                         continue
                     # The first pose is the frame of the points, so that there the outline needs no transformation.
                     if distance < distance_to_outline(dx + x, dy + y, outline) - NEARER:

@@ -1,0 +1,105 @@
+"""Whether the gate's allowance for moving obstacles acts where nothing moves, and what its monitor costs.
+
+    python benchmarks/gate_static.py [--config explore] [--set avoider=mppi …] WORLD …
+
+A world is a reference as in a config: `barn:worlds.npz#1-50` and `floor:0-9` are several. Each is driven with
+`gate.approach_speed = 0` and with its default. A row tells how each drive ended and after how long, for how many ticks
+the monitor limited and stopped it, and whether both drives are equal bit for bit. At the end are the times of a tick of
+the monitor: all its scans, and its verdicts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from navloom.config import load_config
+from navloom.engine import lockstep_builder
+from navloom.messages import RangeScan, Twist2D
+from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits, Verdict
+from navloom.runs.episode import run_episode
+from navloom_study.study_worlds import expanded
+
+__all__ = ["TimedMonitor", "drive", "main"]
+
+HELD = ("0", "2.0")
+"""`gate.approach_speed` of the two drives."""
+
+
+class TimedMonitor(CollisionMonitor):
+    """A monitor that keeps the time of its ticks, µs, and counts those in which it limits or stops the robot."""
+
+    def __init__(self, limits: MonitorLimits) -> None:
+        super().__init__(limits)
+        self.ticks: list[float] = []
+        self.limited, self.stopped, self._looking = 0, 0, 0.0
+
+    def look(self, name: str, scan: RangeScan) -> bool:
+        """As a monitor."""
+        start = time.perf_counter()
+        is_new = super().look(name, scan)
+        self._looking += time.perf_counter() - start
+        return is_new
+
+    def judge(self, twist: Twist2D, speed: float, time_s: float) -> Verdict:
+        """As a monitor."""
+        start = time.perf_counter()
+        verdict = super().judge(twist, speed, time_s)
+        self.ticks.append(1e6 * (self._looking + time.perf_counter() - start))
+        self._looking = 0.0
+        self.limited += bool(verdict.kind)
+        self.stopped += verdict.is_stopped
+        return verdict
+
+
+def drive(config: str, changes: Sequence[str]) -> tuple[dict[str, Any], TimedMonitor]:
+    """Drive a config once: what `result.json` would hold, and the monitor."""
+    made: list[TimedMonitor] = []
+
+    def monitor(limits: MonitorLimits) -> TimedMonitor:
+        made.append(TimedMonitor(limits))
+        return made[-1]
+
+    with patch.object(lockstep_builder, "CollisionMonitor", monitor):
+        episode = run_episode(load_config(config, list(changes)))
+    return episode.summary(), made[-1]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; 1 if the robot was stopped more often with the allowance, or did not arrive as often."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("worlds", nargs="+")
+    parser.add_argument("--config", default="explore")
+    parser.add_argument("--set", action="append", default=[])
+    given = parser.parse_args(arguments)
+    ticks: dict[str, list[float]] = {held: [] for held in HELD}
+    stopped, reached, equal = dict.fromkeys(HELD, 0), dict.fromkeys(HELD, 0), 0
+    worlds = [world for given_world in given.worlds for world in expanded(given_world)]
+    for world in worlds:
+        row, traces = [], set()
+        for held in HELD:
+            result, monitor = drive(given.config, [*given.set, f"world.ref={world}", f"gate.approach_speed={held}"])
+            ticks[held] += monitor.ticks
+            stopped[held] += monitor.stopped
+            reached[held] += result["truly_reached"]
+            traces.add(result["trace_sha256"])
+            row.append(
+                f"{result['outcome']} {result['sim_time_s']:.2f} s, limited {monitor.limited}, stopped {monitor.stopped}"
+            )
+        equal += len(traces) == 1
+        print(world, *row, "equal" if len(traces) == 1 else "differ", sep=" | ", flush=True)
+    print(f"{equal} of {len(worlds)} equal")
+    for held in HELD:
+        median, most = np.percentile(ticks[held], (50, 99))
+        print(f"approach_speed {held}: reached {reached[held]}, stopped in {stopped[held]} ticks of {len(ticks[held])},"
+              f" a tick takes {median:.0f} µs, p99 {most:.0f} µs")  # fmt: skip
+    return int(stopped[HELD[1]] > stopped[HELD[0]] or reached[HELD[1]] < reached[HELD[0]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -89,7 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             reached[held] += result["truly_reached"]
             traces.add(result["trace_sha256"])
             row.append(
-                f"{result['outcome']} {result['sim_time_s']:.2f} s, limited {monitor.limited}, stopped {monitor.stopped}"
+                f"{result['outcome']} {result['sim_time_s']:.2f} s, limited {monitor.limited}, stopped "
+                f"{monitor.stopped}"
             )
         equal += len(traces) == 1
         print(world, *row, "equal" if len(traces) == 1 else "differ", sep=" | ", flush=True)

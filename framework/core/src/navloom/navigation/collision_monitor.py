@@ -26,6 +26,7 @@ from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, NOTHI
 from navloom.navigation.monitor_known_space import SeenSpace
 from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
+    HEADWAY,
     MOST_POSES,
     distance_to_outline,
     first_meeting,
@@ -308,25 +309,27 @@ class CollisionMonitor:
     def _meets(self, command: Floats, here: _Surroundings, rolled: int) -> int:
         """Row of the moving point that the robot would meet on its stopping way; -1 for none.
 
-        What would meet a robot that stays does not stop it if it escapes by going on: it is not met then, and it is
-        not nearer in the end.
+        What would meet a robot that stays does not stop it if it escapes by going on: within ESCAPE it meets nothing,
+        and is not nearer to that point in the end.
         """
-        body, wide = (self._outline, self._radius), margins(here.moving, *command, self.limits.margin)
-        hit, is_nearer = first_meeting(self._rolled, self._times, rolled, *body, here.moving, wide)
+        body, moving = (self._outline, self._radius), here.moving
+        wide = margins(moving, *command, self.limits.margin)
+        hit, is_nearer = first_meeting(self._rolled, self._times, rolled, HEADWAY, *body, moving, wide)
         if hit < 0 or is_nearer:
             return int(hit)
+        # One period of that length: it goes on, and what comes after it does not count.
         motor = np.array([ESCAPE, *self._motor[1:]])
-        count = stopping_way(
+        stopping_way(
             self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
         )
-        met, _ = first_meeting(self._alone, self._alone_times, count, *body, here.moving, wide)
-        if met >= 0:
+        count = max(1, int(np.searchsorted(self._alone_times, ESCAPE, side="right")))
+        if first_meeting(self._alone, self._alone_times, count, 0.0, *body, moving, wide)[0] >= 0:
             return int(hit)
-        x, y, _, vx, vy, _ = here.moving[hit]
-        (ex, ey, turned), passed = self._alone[count - 1], self._alone_times[count - 1]
-        dx, dy, cos, sin = x + passed * vx - ex, y + passed * vy - ey, math.cos(turned), math.sin(turned)
-        ends = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, self._outline)
-        return -1 if ends >= distance_to_outline(x, y, self._outline) else int(hit)
+        (x, y, turned), passed = self._alone[count - 1], self._alone_times[count - 1]
+        ends = moving[hit, :2] + passed * moving[hit, 3:5] - (x, y)
+        cos, sin = math.cos(turned), math.sin(turned)
+        after = distance_to_outline(cos * ends[0] + sin * ends[1], cos * ends[1] - sin * ends[0], self._outline)
+        return -1 if after >= distance_to_outline(moving[hit, 0], moving[hit, 1], self._outline) else int(hit)
 
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""

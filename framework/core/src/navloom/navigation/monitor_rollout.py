@@ -12,7 +12,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["MOST_POSES", "distance_to_outline", "first_meeting", "first_touch", "margins", "stopping_way", "within"]
+__all__ = [
+    "HEADWAY",
+    "MOST_POSES",
+    "distance_to_outline",
+    "first_meeting",
+    "first_touch",
+    "margins",
+    "stopping_way",
+    "within",
+]
 
 Floats = NDArray[np.float64]
 
@@ -176,8 +185,8 @@ def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: igno
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_meeting(poses, times, count, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
-    """Index of the first moving point that a footprint meets on its way or within HEADWAY after it, and whether it is
+def first_meeting(poses, times, count, headway, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
+    """Index of the first moving point that a footprint meets on its way or shortly after it, and whether it is
     nearer to the point then than if the robot had stayed at its first pose; -1 for none. Such points come first.
 
     At each time a point may be anywhere between where it is if it goes on as it does and where it is if it brakes with
@@ -185,6 +194,7 @@ def first_meeting(poses, times, count, outline, radius, moving, margin):  # type
 
     Args:
         poses, times, count: Of `stopping_way`, in the frame of the points.
+        headway: Time at the last pose that counts, s.
         outline: (n, 2) footprint, m, base frame.
         radius: Largest distance of a point of the footprint from the base, m.
         moving: (k, 6) x, y, m, how far it may reach beyond, m, velocity, m/s, and age of the place at time 0, s.
@@ -194,7 +204,7 @@ def first_meeting(poses, times, count, outline, radius, moving, margin):  # type
     for place in range(count):
         last = place == count - 1
         following = place if last else place + 1
-        passed = HEADWAY if last else times[following] - times[place]
+        passed = headway if last else times[following] - times[place]
         steps = max(1, math.ceil(passed / BETWEEN - 1e-9))
         for step in range(1, steps + 1):
             share = step / steps

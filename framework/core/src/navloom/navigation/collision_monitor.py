@@ -29,6 +29,7 @@ from navloom.navigation.monitor_rollout import (
     HEADWAY,
     MOST_POSES,
     distance_to_outline,
+    escapes,
     first_meeting,
     first_touch,
     margins,
@@ -322,14 +323,8 @@ class CollisionMonitor:
         stopping_way(
             self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
         )
-        count = max(1, int(np.searchsorted(self._alone_times, ESCAPE, side="right")))
-        if first_meeting(self._alone, self._alone_times, count, 0.0, *body, moving, wide)[0] >= 0:
-            return int(hit)
-        (x, y, turned), passed = self._alone[count - 1], self._alone_times[count - 1]
-        ends = moving[hit, :2] + passed * moving[hit, 3:5] - (x, y)
-        cos, sin = math.cos(turned), math.sin(turned)
-        after = distance_to_outline(cos * ends[0] + sin * ends[1], cos * ends[1] - sin * ends[0], self._outline)
-        return -1 if after >= distance_to_outline(moving[hit, 0], moving[hit, 1], self._outline) else int(hit)
+        count = int(np.searchsorted(self._alone_times, ESCAPE, side="right"))
+        return -1 if escapes(self._alone, self._alone_times, count, *body, moving, wide, hit) else int(hit)
 
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
@@ -372,30 +367,15 @@ class CollisionMonitor:
     def _near(self, twist: Twist2D, age: float) -> Floats:
         """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""
         reach = self._reach(twist, age)
-        x, y, heading = self._track.poses[-1]
-        cos, sin = math.cos(heading), math.sin(heading)
-        near = []
-        for sensor in self._sensors.values():
-            dx, dy = sensor.obstacles[:, 0] - x, sensor.obstacles[:, 1] - y
-            kept = dx * dx + dy * dy <= reach * reach
-            dx, dy = dx[kept], dy[kept]
-            beyond = sensor.obstacles[kept, 2]
-            near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx, beyond], axis=1))
+        near = [sensor.near(self._track.poses[-1], reach) for sensor in self._sensors.values()]
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
         return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
 
     def _moving(self) -> Floats:
         """(k, 6) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""
-        x, y, heading = self._track.poses[-1]
-        cos, sin = math.cos(heading), math.sin(heading)
-        found = []
-        for sensor in self._sensors.values():
-            if len(sensor.moving):
-                dx, dy, beyond, vx, vy = (sensor.moving - (x, y, 0.0, 0.0, 0.0)).T
-                age = np.full(len(dx), self._track.stamps[-1] - sensor.scans[0][0])
-                ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
-                found.append(np.stack([ahead, aside, beyond, cos * vx + sin * vy, cos * vy - sin * vx, age], axis=1))
+        pose, time = self._track.poses[-1], self._track.stamps[-1]
+        found = [sensor.moving_from(pose, time) for sensor in self._sensors.values() if len(sensor.moving)]
         return np.concatenate(found) if found else NOTHING_MOVES
 
 

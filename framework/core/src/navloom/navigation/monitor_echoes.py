@@ -153,6 +153,23 @@ class SensorEchoes:
         if self.view is not None:
             self.obstacles = self.obstacles[self.covers(self.obstacles[:, :2])]
 
+    def near(self, pose: tuple[float, float, float], reach: float) -> Floats:
+        """(k, 3) obstacles within reach, m, of a pose of the base, odometry frame, as `obstacles`, in its frame."""
+        x, y, heading = pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy = self.obstacles[:, 0] - x, self.obstacles[:, 1] - y
+        kept = dx * dx + dy * dy <= reach * reach
+        dx, dy = dx[kept], dy[kept]
+        return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, self.obstacles[kept, 2]], axis=1)
+
+    def moving_from(self, pose: tuple[float, float, float], time: float) -> Floats:
+        """(k, 6) obstacles that move, as `moving`, in the frame of a pose of the base, and their age at a time, s."""
+        x, y, heading = pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy, beyond, vx, vy = (self.moving - (x, y, 0.0, 0.0, 0.0)).T
+        ahead, aside, age = cos * dx + sin * dy, cos * dy - sin * dx, np.full(len(dx), time - self.scans[0][0])
+        return np.stack([ahead, aside, beyond, cos * vx + sin * vy, cos * vy - sin * vx, age], axis=1)
+
     def covers(self, points: Floats) -> NDArray[np.bool_]:
         """(k,) which points (k, 2), m, odometry frame, lie in a direction of a laser's newest scan."""
         if self.view is None:

@@ -2,7 +2,7 @@
 
 All places are in the odometry frame. A cluster is a run of echoes along neighbouring beams, small enough for a person
 or a robot. It continues the nearest cluster of the previous scan, and its velocity is the slope of its mean places
-over the last `WINDOW` seconds.
+over the last half second.
 
 A slope is no proof of motion: while the robot drives, the visible part of a wall beside an edge slides along the wall.
 So a cluster moves only if it also has entered space that the laser saw through, or has left space that the laser sees
@@ -12,33 +12,38 @@ through now. In a static world nothing does: what comes into view was hidden, an
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from navloom.messages import RangeScan
+from navloom.navigation.monitor_clusters import (
+    BEFORE,
+    FIRST,
+    LAST,
+    MOST_CLUSTERS,
+    PROOF,
+    VX,
+    VY,
+    Looks,
+    X,
+    Y,
+    direction,
+    enter_scan,
+    find_clusters,
+    share_within,
+)
 
 __all__ = ["ClusterMotion"]
 
 Floats = NDArray[np.float64]
 
-WINDOW = 0.5
-"""Time over which a velocity is measured, s: not longer than the monitor keeps echoes."""
+WINDOW, RECENT = 1.0, 0.5
+"""Time for which a scan is compared with the newest one, and of the scans that give a velocity, s: a slow laser needs a
+second to prove 0.5 m/s, but what turns or stops has another velocity half a second later."""
 MOST_SCANS = 32
 """Most scans of a window; with a faster laser the window is shorter."""
-MOST_CLUSTERS = 256
-"""Most clusters of a scan."""
-LEAST_BEAMS = 3
-"""Fewest echoes of a cluster: one or two may be noise or rain."""
-WIDEST = 1.6
-"""Largest extent of a cluster that can move, m: a larger one is a wall or a row of things."""
-FARTHEST = 8.0
-"""Largest distance from the laser of a cluster that can move, m: at 2 m/s it takes 4 s to arrive."""
-JUMP, BEAMS_APART = 6.0, 4.0
-"""Largest distance of two neighbouring echoes of a cluster, in standard deviations of a range plus in distances between
-two beams: noise parts a cluster of 60 beams once in 1000 scans, and a surface seen at 15° has its echoes 4 apart."""
 NEAR = 4.0
 """Distance, in standard deviations of a range, up to which a place counts as that of an echo of another scan."""
 SLIP = 0.11
@@ -55,15 +60,11 @@ CURVED = 0.15
 rest, as when a post is taken for the one beside it."""
 SHARE = 0.5
 """Share of a cluster that must have entered seen space, or of its earlier echoes that must have left it, in sum."""
-SURE, SUREST = 2, 4
+SURE, SUREST = 2, 6
 """Scans that must show motion before it counts, and that count at most: so many later ones may fail to show it."""
-TESTED = 16
-"""Most echoes of a cluster that are tested."""
+UNSTEADY, SLOW, STEADY = range(3)
+"""Motion of a cluster."""
 NO_MOTION = np.empty((0, 2))
-
-# Columns of a cluster.
-X, Y, FIRST, LAST, BEFORE, VX, VY, PROOF = range(8)
-"""Mean place, m; first and last beam; row in the previous scan or -1; velocity, m/s; scans that showed motion."""
 
 
 class ClusterMotion:
@@ -89,7 +90,8 @@ class ClusterMotion:
         # Allocated once: the newest scan overwrites the oldest.
         self._looks = Looks(
             np.empty((MOST_SCANS, 6)), np.empty((MOST_SCANS, len(bearings), 2)), np.empty((MOST_SCANS, len(bearings))),
-            np.empty((MOST_SCANS, bins), np.int64), np.empty((MOST_SCANS, MOST_CLUSTERS, 8)),
+            np.empty((MOST_SCANS, bins), np.int64), np.empty((MOST_SCANS, len(bearings)), np.int64),
+            np.empty((MOST_SCANS, MOST_CLUSTERS, 9)),
             np.zeros(MOST_SCANS, np.int64),
         )  # fmt: skip
         self._labels = np.empty(len(bearings), np.int64)
@@ -124,7 +126,7 @@ class ClusterMotion:
         """Move earlier echoes of clusters that move to where these are at the newest scan.
 
         Args:
-            points: (m, 2) echoes of scans, newest first, m: those that this object has, and perhaps older ones.
+            points: (m, 2) echoes of scans, newest first, m: one row for each beam, m.
         """
         if len(self.moving):
             carry(points, self._slots, self._order, self._looks)
@@ -137,82 +139,6 @@ class ClusterMotion:
         return found
 
 
-class Looks(NamedTuple):
-    """The scans of a window, each in a slot.
-
-    Attributes:
-        frames: (slots, 6) time, s, place of the laser, m, and pose of the base, m, rad.
-        ends: (slots, n, 2) places of the echoes, m, in the order of the bearings; of a beam without one, of its end.
-        reads: (slots, n) distances of the ends from the laser, m; negative without an echo, NaN without a reading.
-        images: (slots, bins) nearest beam in each direction, counted from the laser; -1 for none.
-        clusters: (slots, MOST_CLUSTERS, 8) see `X` and so on.
-        counts: (slots,) number of clusters.
-    """
-
-    frames: Floats
-    ends: Floats
-    reads: Floats
-    images: NDArray[np.int64]
-    clusters: Floats
-    counts: NDArray[np.int64]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _direction(dx, dy, bins):  # type: ignore[no-untyped-def]
-    return int((math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * bins) % bins
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def enter_scan(slot, poses, origins, bearings, ranges, range_max, order, looks):  # type: ignore[no-untyped-def]
-    """Fill ends, reads and image of a slot."""
-    bins = looks.images.shape[1]
-    looks.images[slot, :] = -1
-    for k in range(order.shape[0]):
-        i = order[k]
-        if math.isnan(ranges[i]):
-            looks.reads[slot, k] = math.nan
-            continue
-        reach = min(ranges[i], range_max)
-        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
-        x, y = origins[i, 0] + reach * math.cos(bearings[i]), origins[i, 1] + reach * math.sin(bearings[i])
-        px, py = poses[i, 0] + cos * x - sin * y, poses[i, 1] + sin * x + cos * y
-        dx, dy = px - looks.frames[slot, 1], py - looks.frames[slot, 2]
-        far = math.hypot(dx, dy)
-        looks.ends[slot, k, 0], looks.ends[slot, k, 1] = px, py
-        looks.reads[slot, k] = far if ranges[i] < range_max else -far
-        row = _direction(dx, dy, bins)
-        held = looks.images[slot, row]
-        if held < 0 or far < abs(looks.reads[slot, held]):
-            looks.images[slot, row] = k
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def find_clusters(slot, limits, looks):  # type: ignore[no-untyped-def]
-    """Fill the clusters of a slot. `limits` is standard deviation, m, largest speed, m/s, rad between two beams."""
-    ends, reads, found = looks.ends[slot], looks.reads[slot], looks.clusters[slot]
-    count, first, last, members, extent = 0, 0, -1, 0, 0.0
-    sum_x, sum_y = 0.0, 0.0
-    for k in range(reads.shape[0] + 1):
-        # A beam without an echo does not end a cluster: a dark or bright spot loses some.
-        if k < reads.shape[0] and not reads[k] > 0.0:
-            continue
-        if k < reads.shape[0] and last >= 0:
-            apart = math.hypot(ends[k, 0] - ends[last, 0], ends[k, 1] - ends[last, 1])
-            if apart <= JUMP * limits[0] + BEAMS_APART * limits[2] * min(reads[k], reads[last]):
-                last, members = k, members + 1
-                sum_x, sum_y = sum_x + ends[k, 0], sum_y + ends[k, 1]
-                extent = max(extent, math.hypot(ends[k, 0] - ends[first, 0], ends[k, 1] - ends[first, 1]))
-                continue
-        if members >= LEAST_BEAMS and extent <= WIDEST and reads[first] <= FARTHEST and count < MOST_CLUSTERS:
-            found[count, X], found[count, Y] = sum_x / members, sum_y / members
-            found[count, FIRST], found[count, LAST] = first, last
-            count += 1
-        if k < reads.shape[0]:
-            first, last, members, extent = k, k, 1, 0.0
-            sum_x, sum_y = ends[k, 0], ends[k, 1]
-    looks.counts[slot] = count
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
     """Fill predecessor, velocity and proof of the newest clusters. `slots` are newest first."""
@@ -221,7 +147,7 @@ def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
     for row in range(looks.counts[newest]):
         cluster = looks.clusters[newest, row]
         cluster[BEFORE], cluster[VX], cluster[VY], cluster[PROOF] = -1, 0.0, 0.0, 0
-        if slots.shape[0] < 2:
+        if slots.shape[0] < 2 or cluster[LAST] < cluster[FIRST]:
             continue
         before = _continued(cluster, looks.frames[newest, 0], slots[1], limits[1], looks)
         cluster[BEFORE] = before
@@ -229,13 +155,14 @@ def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
             continue
         length = _chain(slots, row, looks, chain)
         former = looks.clusters[slots[1], before]
-        is_steady = _fit(slots, chain, length, limits, looks)
-        if is_steady and _share_moved(newest, row, slots[length - 1], chain[length - 1], limits, looks) >= SHARE:
+        motion = _fit(slots, chain, length, limits, looks)
+        if motion == STEADY and _share_moved(newest, row, slots[length - 1], chain[length - 1], limits, looks) >= SHARE:
             cluster[PROOF] = min(former[PROOF] + 1, SUREST)
             continue
-        cluster[PROOF] = max(former[PROOF] - 1, 0)
-        # Noise splits a cluster, or something hides a part of it, for a scan or two.
-        if not is_steady:
+        # Noise splits a cluster, or something hides a part of it, for a few scans.
+        if motion != SLOW:
+            cluster[PROOF] = max(former[PROOF] - 1, 0)
+        if motion == UNSTEADY:
             cluster[VX], cluster[VY] = former[VX], former[VY]
 
 
@@ -267,11 +194,13 @@ def _chain(slots, row, looks, chain):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(slots, chain, length, limits, looks):  # type: ignore[no-untyped-def]
-    """Whether the mean places of a cluster are of steady motion; fills its velocity by least squares."""
+    """Kind of the motion of a cluster, by its mean places; fills its velocity, by least squares, unless it is slow."""
     cluster, now = looks.clusters[slots[0], chain[0]], looks.frames[slots[0], 0]
+    while length > 3 and looks.frames[slots[length - 1], 0] < now - RECENT - 1e-9:
+        length -= 1
     span = now - looks.frames[slots[length - 1], 0]
     if length < 3 or span < SHORTEST:
-        return False
+        return UNSTEADY
     t = x = y = tt = tx = ty = 0.0
     for k in range(length):
         other = looks.clusters[slots[k], chain[k]]
@@ -281,15 +210,17 @@ def _fit(slots, chain, length, limits, looks):  # type: ignore[no-untyped-def]
     spread = tt - t * t / length
     vx, vy = (tx - t * x / length) / spread, (ty - t * y / length) / spread
     speed = math.hypot(vx, vy)
-    if speed < SLOWEST:
-        return False
     off = 0.0
     for k in range(length):
         other, at = looks.clusters[slots[k], chain[k]], looks.frames[slots[k], 0] - now - t / length
         off += (other[X] - cluster[X] - x / length - vx * at) ** 2 + (other[Y] - cluster[Y] - y / length - vy * at) ** 2
+    if math.sqrt(off / length) > CURVED * speed * span + limits[0]:
+        return UNSTEADY
+    if speed < SLOWEST:
+        return SLOW
     bound = min(1.0, limits[1] / speed)
     cluster[VX], cluster[VY] = vx * bound, vy * bound
-    return math.sqrt(off / length) <= CURVED * speed * span + limits[0]
+    return STEADY
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -298,60 +229,9 @@ def _share_moved(newest, row, oldest, former, limits, looks):  # type: ignore[no
     now, then = looks.frames[newest], looks.frames[oldest]
     driven = math.hypot(now[3] - then[3], now[4] - then[4]) + 0.5 * abs(now[5] - then[5])
     near = NEAR * limits[0], SLIP * driven
-    return _share_within(newest, row, oldest, near, limits, looks) + _share_within(
+    return share_within(newest, row, oldest, near, limits, looks) + share_within(
         oldest, former, newest, near, limits, looks
     )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _share_within(slot, row, other, near, limits, looks):  # type: ignore[no-untyped-def]
-    """Share of the echoes of a cluster in one slot that lie in space that the scan of another slot saw through."""
-    cluster, inside, count = looks.clusters[slot, row], 0, 0
-    first, last = int(cluster[FIRST]), int(cluster[LAST])
-    stride = max(1, (last - first + 1) // TESTED)
-    for k in range(first, last + 1, stride):
-        if looks.reads[slot, k] > 0.0:
-            count += 1
-            inside += _is_seen_through(looks.ends[slot, k, 0], looks.ends[slot, k, 1], other, near, limits[2], looks)
-    return inside / count if count else 0.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _is_seen_through(px, py, slot, near, step, looks):  # type: ignore[no-untyped-def]
-    """Whether the beams of a scan pass a place, and no echo, or line between two echoes, is near it."""
-    ends, reads, image = looks.ends[slot], looks.reads[slot], looks.images[slot]
-    bins = image.shape[0]
-    dx, dy = px - looks.frames[slot, 1], py - looks.frames[slot, 2]
-    far = math.hypot(dx, dy)
-    row, close, beams = _direction(dx, dy, bins), near[0] + near[1] * far, 0
-    for side in range(-1, 2):
-        k = image[(row + side) % bins]
-        if k >= 0:
-            beams += 1
-            if abs(reads[k]) < far + close:
-                return False
-    if beams == 0:
-        return False
-    wide = min(bins // 4, int(close / (far * step)) + 2)
-    # Near the laser, beams are denser than needed.
-    stride, last = max(1, wide // 8), -1
-    for offset in range(-wide, wide + 1, stride):
-        k = image[(row + offset) % bins]
-        if k < 0 or reads[k] < 0.0:
-            continue
-        if _distance_to_line(px, py, ends[k], ends[last] if last >= 0 else ends[k]) < close:
-            return False
-        last = k
-    return True
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _distance_to_line(px, py, start, end):  # type: ignore[no-untyped-def]
-    """Distance of a place from the line between two places (2,), m."""
-    ux, uy, rx, ry = end[0] - start[0], end[1] - start[1], px - start[0], py - start[1]
-    square = ux * ux + uy * uy
-    share = min(max((rx * ux + ry * uy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    return math.hypot(rx - share * ux, ry - share * uy)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -363,7 +243,9 @@ def label(slot, looks, labels, moving):  # type: ignore[no-untyped-def]
         cluster = looks.clusters[slot, row]
         if cluster[PROOF] >= SURE:
             moving[count, 0], moving[count, 1] = cluster[VX], cluster[VY]
-            labels[int(cluster[FIRST]) : int(cluster[LAST]) + 1] = count
+            for k in range(int(cluster[FIRST]), int(cluster[LAST]) + 1):
+                if looks.labels[slot, k] == row:
+                    labels[k] = count
             count += 1
     return count
 
@@ -377,11 +259,12 @@ def carry(points, slots, order, looks):  # type: ignore[no-untyped-def]
         if cluster[PROOF] < SURE:
             continue
         row = start
-        for age in range(slots.shape[0]):
+        for age in range(min(slots.shape[0], points.shape[0] // beams)):
             other, passed = looks.clusters[slots[age], row], looks.frames[newest, 0] - looks.frames[slots[age], 0]
             for k in range(int(other[FIRST]), int(other[LAST]) + 1):
-                points[age * beams + order[k], 0] += passed * cluster[VX]
-                points[age * beams + order[k], 1] += passed * cluster[VY]
+                if looks.labels[slots[age], k] == row:
+                    points[age * beams + order[k], 0] += passed * cluster[VX]
+                    points[age * beams + order[k], 1] += passed * cluster[VY]
             row = int(other[BEFORE])
             if row < 0:
                 break
@@ -393,7 +276,7 @@ def own(surfaces, slot, limits, looks, labels, owners):  # type: ignore[no-untyp
     image = looks.images[slot]
     for i in range(surfaces.shape[0]):
         dx, dy = surfaces[i, 0] - looks.frames[slot, 1], surfaces[i, 1] - looks.frames[slot, 2]
-        far, row = math.hypot(dx, dy), _direction(dx, dy, image.shape[0])
+        far, row = math.hypot(dx, dy), direction(dx, dy, image.shape[0])
         for side in (0, -1, 1):
             k = image[(row + side) % image.shape[0]]
             if k >= 0 and labels[k] >= 0 and abs(looks.reads[slot, k] - far) <= NEAR * limits[0]:

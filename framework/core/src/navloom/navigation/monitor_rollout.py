@@ -16,6 +16,7 @@ __all__ = [
     "HEADWAY",
     "MOST_POSES",
     "distance_to_outline",
+    "escapes",
     "first_meeting",
     "first_touch",
     "margins",
@@ -233,6 +234,21 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
                     if anyway < 0 and not has_met[i]:
                         anyway = i
     return anyway, False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def escapes(poses, times, count, outline, radius, moving, margin, hit):  # type: ignore[no-untyped-def]
+    """Whether a robot meets nothing on its way, and is not nearer to a point, `hit`, in the end than at first.
+
+    The other arguments are those of `first_meeting`.
+    """
+    if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin)[0] >= 0:
+        return False
+    x, y, heading, passed = poses[count - 1, 0], poses[count - 1, 1], poses[count - 1, 2], times[count - 1]
+    cos, sin = math.cos(heading), math.sin(heading)
+    dx, dy = moving[hit, 0] + passed * moving[hit, 3] - x, moving[hit, 1] + passed * moving[hit, 4] - y
+    after = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+    return after >= distance_to_outline(moving[hit, 0], moving[hit, 1], outline)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

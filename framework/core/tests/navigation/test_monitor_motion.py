@@ -105,7 +105,7 @@ def test_a_robot_that_stands_is_not_moved() -> None:
 
 def velocities(scene: Scene) -> list[tuple[float, float]]:
     """Of what the monitor takes to be moving, m/s."""
-    return [(float(vx), float(vy)) for vx, vy in np.unique(scene.monitor._sensors["laser"].moving[:, 3:], axis=0)]
+    return [(float(vx), float(vy)) for vx, vy in np.unique(scene.monitor._sensors["laser"].moving[:, 3:5], axis=0)]
 
 
 @pytest.mark.parametrize(("vx", "vy"), [(-1.0, 0.0), (0.5, 0.0), (0.0, 1.0), (-0.7, 0.7)])
@@ -179,9 +179,9 @@ TIMES = np.array([0.0, 0.4, 0.8])
 """0.5 m/s for 0.8 s; with HEADWAY, the robot is there for 1 s."""
 
 
-def meeting(x: float, y: float, vx: float, vy: float, age: float = 0.0) -> tuple[int, bool]:
+def meeting(x: float, y: float, vx: float, vy: float, age: float = 0.0, swing: float = 0.0) -> tuple[int, bool]:
     """What the robot of WAY meets if a point moves."""
-    moving = np.array([(x, y, 0.0, vx, vy, age)])
+    moving = np.array([(x, y, 0.0, vx, vy, swing, age)])
     found = first_meeting(WAY, TIMES, 3, HEADWAY, SQUARE, math.sqrt(0.08), moving, np.full(1, 0.01))
     return int(found[0]), bool(found[1])
 
@@ -192,7 +192,9 @@ def meeting(x: float, y: float, vx: float, vy: float, age: float = 0.0) -> tuple
         # The front ends at 0.6 m. After 1 s, the point is 1 m nearer; 1 cm of margin and 0.1 m/s of doubt are 11 cm.
         ((1.72, 0.0, -1.0, 0.0), False),
         ((1.70, 0.0, -1.0, 0.0), True),
-        ((1.62, 0.0, -1.0, 0.0, 0.2), True),  # 0.2 s old: 20 cm nearer, and 2 cm of doubt more
+        ((2.00, 0.0, -1.0, 0.0, 0.0, 0.3), True),  # a leg, 0.3 m farther ahead
+        ((2.02, 0.0, -1.0, 0.0, 0.0, 0.3), False),
+        ((1.92, 0.0, -1.0, 0.0, 0.2), True),  # 0.2 s old: 20 cm nearer, and 2 cm of doubt more
         ((1.94, 0.0, -1.0, 0.0, 0.2), False),
         # It moves away with 1.2 m/s; if it brakes, after 0.24 m.
         ((0.45, 0.0, 1.2, 0.0), True),

@@ -117,7 +117,7 @@ class _Surroundings(NamedTuple):
         in_flight: (k, 3) commands given before, see `stopping_way`.
         age: Age of the newest odometry, s.
         points: (k, 3) obstacles, m, base frame of the newest odometry, and how far they may reach beyond, m.
-        moving: (k, 6) obstacles that move, see `first_meeting`.
+        moving: (k, 7) obstacles that move, see `first_meeting`.
     """
 
     in_flight: Floats
@@ -313,18 +313,20 @@ class CollisionMonitor:
         What would meet a robot that stays does not stop it if it escapes by going on: within ESCAPE it meets nothing,
         and is not nearer to that point in the end.
         """
-        body, moving = (self._outline, self._radius), here.moving
-        wide = margins(moving, *command, self.limits.margin)
-        hit, is_nearer = first_meeting(self._rolled, self._times, rolled, HEADWAY, *body, moving, wide)
+        moving, wide = here.moving, margins(here.moving, *command, self.limits.margin)
+        hit, is_nearer = first_meeting(
+            self._rolled, self._times, rolled, HEADWAY, self._outline, self._radius, moving, wide
+        )
         if hit < 0 or is_nearer:
             return int(hit)
         # One period of that length: it goes on, and what comes after it does not count.
         motor = np.array([ESCAPE, *self._motor[1:]])
-        stopping_way(
+        count = stopping_way(
             self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
         )
-        count = int(np.searchsorted(self._alone_times, ESCAPE, side="right"))
-        return -1 if escapes(self._alone, self._alone_times, count, *body, moving, wide, hit) else int(hit)
+        count = int(np.searchsorted(self._alone_times[:count], ESCAPE, side="right"))
+        is_free = escapes(self._alone, self._alone_times, count, self._outline, self._radius, moving, wide, hit)
+        return -1 if is_free else int(hit)
 
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
@@ -373,7 +375,7 @@ class CollisionMonitor:
         return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
 
     def _moving(self) -> Floats:
-        """(k, 6) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""
+        """(k, 7) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""
         pose, time = self._track.poses[-1], self._track.stamps[-1]
         found = [sensor.moving_from(pose, time) for sensor in self._sensors.values() if len(sensor.moving)]
         return np.concatenate(found) if found else NOTHING_MOVES

@@ -36,9 +36,10 @@ TESTED = 16
 """Most echoes of a cluster that are tested."""
 
 # Columns of a cluster.
-X, Y, FIRST, LAST, BEFORE, VX, VY, PROOF, EXTENT = range(9)
-"""Mean place, m; first and last beam; row in the previous scan or -1; velocity, m/s; scans that showed motion; extent,
-m. A row whose last beam is before its first one is empty: a leg that was joined to the other one."""
+X, Y, FIRST, LAST, BEFORE, VX, VY, PROOF, EXTENT, SWING = range(10)
+"""Mean place, m; first and last beam, counted on past the end of a scan; row in the previous scan or -1; velocity, m/s;
+scans that showed motion; extent, m; how far a leg may soon be ahead of its person, m. A row whose last beam is before
+its first one is empty: it was joined to another one."""
 
 
 class Looks(NamedTuple):
@@ -50,7 +51,7 @@ class Looks(NamedTuple):
         reads: (slots, n) distances of the ends from the laser, m; negative without an echo, NaN without a reading.
         images: (slots, bins) nearest beam in each direction, counted from the laser; -1 for none.
         labels: (slots, n) row of the cluster of each beam; -1 for none.
-        clusters: (slots, MOST_CLUSTERS, 9) see `X` and so on.
+        clusters: (slots, MOST_CLUSTERS, 10) see `X` and so on.
         counts: (slots,) number of clusters.
     """
 
@@ -97,34 +98,56 @@ def find_clusters(slot, limits, looks):  # type: ignore[no-untyped-def]
     """Fill the clusters of a slot. `limits` is standard deviation, m, largest speed, m/s, rad between two beams."""
     ends, reads, labels, found = looks.ends[slot], looks.reads[slot], looks.labels[slot], looks.clusters[slot]
     labels[:] = -1
-    count, first, last, members, extent = 0, 0, -1, 0, 0.0
+    beams, count, first, last, members, extent = reads.shape[0], 0, 0, -1, 0, 0.0
     sum_x, sum_y = 0.0, 0.0
-    for k in range(reads.shape[0] + 1):
+    start = _first_beam(ends, reads, limits)
+    for k in range(start, start + beams + 1):
+        i, is_end = k % max(1, beams), k == start + beams
         # A beam without an echo does not end a cluster: a dark or bright spot loses some.
-        if k < reads.shape[0] and not reads[k] > 0.0:
+        if not is_end and not reads[i] > 0.0:
             continue
-        if k < reads.shape[0] and last >= 0:
-            apart = math.hypot(ends[k, 0] - ends[last, 0], ends[k, 1] - ends[last, 1])
-            if apart <= JUMP * limits[0] + BEAMS_APART * limits[2] * min(reads[k], reads[last]):
-                last, members = k, members + 1
-                sum_x, sum_y = sum_x + ends[k, 0], sum_y + ends[k, 1]
-                extent = max(extent, math.hypot(ends[k, 0] - ends[first, 0], ends[k, 1] - ends[first, 1]))
-                continue
-        if members >= LEAST_BEAMS and extent <= WIDEST and reads[first] <= FARTHEST and count < MOST_CLUSTERS:
+        if not is_end and last >= 0 and _are_neighbours(ends, reads, i, last % beams, limits):
+            last, members = k, members + 1
+            sum_x, sum_y = sum_x + ends[i, 0], sum_y + ends[i, 1]
+            extent = max(extent, math.hypot(ends[i, 0] - ends[first % beams, 0], ends[i, 1] - ends[first % beams, 1]))
+            continue
+        if (
+            members >= LEAST_BEAMS and extent <= WIDEST and reads[first % beams] <= FARTHEST and count < MOST_CLUSTERS
+        ):  # fmt: skip
             found[count, X], found[count, Y] = sum_x / members, sum_y / members
             found[count, FIRST], found[count, LAST], found[count, EXTENT] = first, last, extent
+            found[count, SWING] = 0.0
             for member in range(first, last + 1):
-                if reads[member] > 0.0:
-                    labels[member] = count
+                if reads[member % beams] > 0.0:
+                    labels[member % beams] = count
             count += 1
-        if k < reads.shape[0]:
+        if not is_end:
             first, last, members, extent = k, k, 1, 0.0
-            sum_x, sum_y = ends[k, 0], ends[k, 1]
+            sum_x, sum_y = ends[i, 0], ends[i, 1]
     looks.counts[slot] = count
     for row in range(count):
         other = _leg_beside(found, count, row)
         if other > row and _leg_beside(found, count, other) == row:
             _join(found, labels, row, other)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _are_neighbours(ends, reads, i, j, limits):  # type: ignore[no-untyped-def]
+    """Whether two echoes belong to one cluster if no other echo is between them."""
+    apart = math.hypot(ends[i, 0] - ends[j, 0], ends[i, 1] - ends[j, 1])
+    return apart <= JUMP * limits[0] + BEAMS_APART * limits[2] * min(reads[i], reads[j])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _first_beam(ends, reads, limits):  # type: ignore[no-untyped-def]
+    """A beam at which a cluster begins: what is seen by the first and last beams of a full turn is one cluster."""
+    before = -1
+    for k in range(reads.shape[0]):
+        if reads[k] > 0.0:
+            if before >= 0 and not _are_neighbours(ends, reads, k, before, limits):
+                return k
+            before = k
+    return 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -146,14 +169,15 @@ def _leg_beside(clusters, count, row):  # type: ignore[no-untyped-def]
 def _join(clusters, labels, row, other):  # type: ignore[no-untyped-def]
     """Join a cluster to another one. Both count the same, however many beams see them."""
     for member in range(int(clusters[other, FIRST]), int(clusters[other, LAST]) + 1):
-        if labels[member] == other:
-            labels[member] = row
+        if labels[member % labels.shape[0]] == other:
+            labels[member % labels.shape[0]] = row
     clusters[row, X] = 0.5 * (clusters[row, X] + clusters[other, X])
     clusters[row, Y] = 0.5 * (clusters[row, Y] + clusters[other, Y])
     clusters[row, FIRST] = min(clusters[row, FIRST], clusters[other, FIRST])
     clusters[row, LAST] = max(clusters[row, LAST], clusters[other, LAST])
     # Joined only once, and continued by none.
-    clusters[row, EXTENT], clusters[other, FIRST], clusters[other, LAST] = WIDEST, 0, -1
+    clusters[row, EXTENT], clusters[row, SWING] = WIDEST, 0.5 * STRIDE
+    clusters[other, FIRST], clusters[other, LAST] = 0, -1
     clusters[other, X], clusters[other, Y] = math.inf, math.inf
 
 
@@ -163,7 +187,8 @@ def share_within(slot, row, other, near, limits, looks):  # type: ignore[no-unty
     cluster, inside, count = looks.clusters[slot, row], 0, 0
     first, last = int(cluster[FIRST]), int(cluster[LAST])
     stride = max(1, (last - first + 1) // TESTED)
-    for k in range(first, last + 1, stride):
+    for member in range(first, last + 1, stride):
+        k = member % looks.labels.shape[1]
         if looks.labels[slot, k] == row:
             count += 1
             inside += _is_seen_through(looks.ends[slot, k, 0], looks.ends[slot, k, 1], other, near, limits[2], looks)

@@ -48,7 +48,7 @@ one gap beyond its last beam, and the mean of the last readings half a gap befor
 DRIFT, MOST_DRIFT = 0.055, 0.08
 """How far an echo may be misplaced while no beam points at it, m per m of its distance and per m that the base drives
 or 2 rad that it turns, and at most, m: odometry with a slip of 1 cm per root metre is wrong by 3° after a metre."""
-NO_POINTS, NOTHING_MOVES = np.empty((0, 3)), np.empty((0, 5))
+NO_POINTS, NOTHING_MOVES = np.empty((0, 3)), np.empty((0, 6))
 
 
 DEEP = 0.05
@@ -66,7 +66,7 @@ class SensorEchoes:
         scans: Stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first.
         ranges: Of the newest scan of sonars, m.
         obstacles: (k, 3) points, m, odometry frame, and how far an obstacle may reach beyond each, m.
-        moving: (k, 5) the same of obstacles that move, at the newest scan, and their velocity, m/s.
+        moving: (k, 6) the same of obstacles that move, at the newest scan, their velocity, m/s, and swing, m.
         seen_at: (3,) pose of the base at the newest scan of a laser, m, rad, odometry frame.
         view: x, y, m, of the laser then, heading, rad, of the base, and (bins,) which directions its beams cover.
     """
@@ -163,12 +163,12 @@ class SensorEchoes:
         return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, self.obstacles[kept, 2]], axis=1)
 
     def moving_from(self, pose: tuple[float, float, float], time: float) -> Floats:
-        """(k, 6) obstacles that move, as `moving`, in the frame of a pose of the base, and their age at a time, s."""
+        """(k, 7) obstacles that move, as `moving`, in the frame of a pose of the base, and their age at a time, s."""
         x, y, heading = pose
         cos, sin = math.cos(heading), math.sin(heading)
-        dx, dy, beyond, vx, vy = (self.moving - (x, y, 0.0, 0.0, 0.0)).T
+        dx, dy, beyond, vx, vy, swing = (self.moving - (x, y, 0.0, 0.0, 0.0, 0.0)).T
         ahead, aside, age = cos * dx + sin * dy, cos * dy - sin * dx, np.full(len(dx), time - self.scans[0][0])
-        return np.stack([ahead, aside, beyond, cos * vx + sin * vy, cos * vy - sin * vx, age], axis=1)
+        return np.stack([ahead, aside, beyond, cos * vx + sin * vy, cos * vy - sin * vx, swing, age], axis=1)
 
     def covers(self, points: Floats) -> NDArray[np.bool_]:
         """(k,) which points (k, 2), m, odometry frame, lie in a direction of a laser's newest scan."""

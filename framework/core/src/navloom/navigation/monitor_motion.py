@@ -24,6 +24,7 @@ from navloom.navigation.monitor_clusters import (
     LAST,
     MOST_CLUSTERS,
     PROOF,
+    SWING,
     VX,
     VY,
     Looks,
@@ -64,7 +65,7 @@ SURE, SUREST = 2, 6
 """Scans that must show motion before it counts, and that count at most: so many later ones may fail to show it."""
 UNSTEADY, SLOW, STEADY = range(3)
 """Motion of a cluster."""
-NO_MOTION = np.empty((0, 2))
+NO_MOTION = np.empty((0, 3))
 
 
 class ClusterMotion:
@@ -75,7 +76,8 @@ class ClusterMotion:
         fastest: Largest speed that is believed, m/s.
 
     Attributes:
-        moving: (k, 2) velocities, m/s, odometry frame, of the clusters of the newest scan that move.
+        moving: (k, 3) velocities, m/s, odometry frame, of the clusters of the newest scan that move, and how far a leg
+            may soon be ahead of that, m.
     """
 
     def __init__(self, sigma: float, fastest: float) -> None:
@@ -91,7 +93,7 @@ class ClusterMotion:
         self._looks = Looks(
             np.empty((MOST_SCANS, 6)), np.empty((MOST_SCANS, len(bearings), 2)), np.empty((MOST_SCANS, len(bearings))),
             np.empty((MOST_SCANS, bins), np.int64), np.empty((MOST_SCANS, len(bearings)), np.int64),
-            np.empty((MOST_SCANS, MOST_CLUSTERS, 9)),
+            np.empty((MOST_SCANS, MOST_CLUSTERS, 10)),
             np.zeros(MOST_SCANS, np.int64),
         )  # fmt: skip
         self._labels = np.empty(len(bearings), np.int64)
@@ -118,7 +120,7 @@ class ClusterMotion:
         enter_scan(newest, poses, scan.origins, scan.bearings, scan.ranges, scan.range_max, self._order, looks)
         find_clusters(newest, self._limits, looks)
         follow(self._slots, self._limits, looks)
-        moving = np.empty((MOST_CLUSTERS, 2))
+        moving = np.empty((MOST_CLUSTERS, 3))
         count = label(newest, looks, self._labels, moving)
         self.moving = moving[:count].copy()
 
@@ -242,8 +244,9 @@ def label(slot, looks, labels, moving):  # type: ignore[no-untyped-def]
     for row in range(looks.counts[slot]):
         cluster = looks.clusters[slot, row]
         if cluster[PROOF] >= SURE:
-            moving[count, 0], moving[count, 1] = cluster[VX], cluster[VY]
-            for k in range(int(cluster[FIRST]), int(cluster[LAST]) + 1):
+            moving[count, 0], moving[count, 1], moving[count, 2] = cluster[VX], cluster[VY], cluster[SWING]
+            for member in range(int(cluster[FIRST]), int(cluster[LAST]) + 1):
+                k = member % labels.shape[0]
                 if looks.labels[slot, k] == row:
                     labels[k] = count
             count += 1
@@ -261,7 +264,8 @@ def carry(points, slots, order, looks):  # type: ignore[no-untyped-def]
         row = start
         for age in range(min(slots.shape[0], points.shape[0] // beams)):
             other, passed = looks.clusters[slots[age], row], looks.frames[newest, 0] - looks.frames[slots[age], 0]
-            for k in range(int(other[FIRST]), int(other[LAST]) + 1):
+            for member in range(int(other[FIRST]), int(other[LAST]) + 1):
+                k = member % beams
                 if looks.labels[slots[age], k] == row:
                     points[age * beams + order[k], 0] += passed * cluster[VX]
                     points[age * beams + order[k], 1] += passed * cluster[VY]

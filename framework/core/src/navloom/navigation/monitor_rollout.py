@@ -198,7 +198,8 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
         headway: Time at the last pose that counts, s.
         outline: (n, 2) footprint, m, base frame.
         radius: Largest distance of a point of the footprint from the base, m.
-        moving: (k, 6) x, y, m, how far it may reach beyond, m, velocity, m/s, and age of the place at time 0, s.
+        moving: (k, 7) x, y, m, how far it may reach beyond, m, velocity, m/s, how far a leg may swing ahead of that, m,
+            and age of the place at time 0, s.
         margin: (k,) distance from the footprint that counts as touching, m.
     """
     anyway, has_met = -1, within(moving, outline, margin)
@@ -215,10 +216,10 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
             cos, sin, time = math.cos(heading), math.sin(heading), times[place] + share * passed
             for i in range(moving.shape[0]):
                 speed = math.hypot(moving[i, 3], moving[i, 4])
-                least, most = _ways(speed, time + moving[i, 5])
+                least, most = _ways(speed, time + moving[i, 6], moving[i, 5])
                 px, py = moving[i, 0] - x, moving[i, 1] - y
                 # Most points are too far away to be met.
-                close = margin[i] + MISJUDGED * (time + moving[i, 5])
+                close = margin[i] + MISJUDGED * (time + moving[i, 6])
                 if math.hypot(px, py) > radius + close + most:
                     continue
                 parts = max(1, math.ceil((most - least) / BETWEEN))
@@ -252,10 +253,10 @@ def escapes(poses, times, count, outline, radius, moving, margin, hit):  # type:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _ways(speed, time):  # type: ignore[no-untyped-def]
-    """Least and greatest way of a point after a time, s: it brakes at once, or goes on."""
+def _ways(speed, time, swing):  # type: ignore[no-untyped-def]
+    """Least and greatest way of a point after a time, s: it brakes at once, or goes on, as a leg at twice the speed."""
     braking = min(time, speed / HARDEST)
-    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time
+    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time + min(swing, speed * time)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -187,8 +187,8 @@ def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: igno
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def first_meeting(poses, times, count, headway, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
-    """Index of the first moving point that a footprint meets on its way or shortly after it, and whether it is
-    nearer to the point then than if the robot had stayed at its first pose; -1 for none. Such points come first.
+    """Index of the first moving point that a footprint meets on its way or shortly after it, and whether it would not
+    meet it, or later, if the robot stayed at its first pose; -1 for none. Such points come first.
 
     At each time a point may be anywhere between where it is if it goes on as it does and where it is if it brakes with
     HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than if it stayed.
@@ -202,7 +202,7 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
             and age of the place at time 0, s.
         margin: (k,) distance from the footprint that counts as touching, m.
     """
-    anyway, has_met = -1, within(moving, outline, margin)
+    anyway, has_met, meets_anyway = -1, within(moving, outline, margin), np.zeros(moving.shape[0], np.bool_)
     for place in range(count):
         last = place == count - 1
         following = place if last else place + 1
@@ -220,19 +220,22 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
                 px, py = moving[i, 0] - x, moving[i, 1] - y
                 # Most points are too far away to be met.
                 close = margin[i] + MISJUDGED * (time + moving[i, 6])
-                if math.hypot(px, py) > radius + close + most:
+                if min(math.hypot(px, py), math.hypot(px + x, py + y)) > radius + close + most:
                     continue
                 parts = max(1, math.ceil((most - least) / BETWEEN))
                 for part in range(parts + 1):
                     way = (least + (most - least) * part / parts) / speed
                     dx, dy = px + way * moving[i, 3], py + way * moving[i, 4]
                     distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+                    # The first pose is the frame of the points, so that there the outline needs no transformation.
+                    stays = distance_to_outline(dx + x, dy + y, outline)
+                    meets_anyway[i] = meets_anyway[i] or stays < close
                     if distance >= close:
                         continue
-                    # The first pose is the frame of the points, so that there the outline needs no transformation.
-                    if distance < distance_to_outline(dx + x, dy + y, outline) - NEARER:
-                        return i, True
-                    if anyway < 0 and not has_met[i]:
+                    if has_met[i] or not meets_anyway[i]:
+                        if distance < stays - NEARER:
+                            return i, True
+                    elif anyway < 0:
                         anyway = i
     return anyway, False
 

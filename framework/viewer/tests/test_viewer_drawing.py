@@ -14,6 +14,7 @@ from navloom.geometry.footprints import rectangle
 from navloom.messages import (
     AvoiderDiagnostics,
     AvoiderStatus,
+    Bodies,
     Command,
     Contact,
     GateStatus,
@@ -325,6 +326,20 @@ def test_the_drawn_track_is_that_of_the_truth() -> None:
     pieces = [component(piece, "strips")[0] for piece in memory.at("/run/r1/driven")]
     ends = [(strip[0][0], strip[-1][0]) for strip in pieces]
     assert np.array(ends) == pytest.approx(np.array([(0.1 * i, 0.1 * (i + 1)) for i in range(5)]), abs=1e-6)
+
+
+def test_what_moves_is_drawn_where_it_is_and_no_robot_with_it() -> None:
+    made, memory = drawing()
+    part = [(0, 1.0, 2.0, 0.25, 0.0, 0.0, 0.0, 1.8, 0.0), (1, 3.0, 0.0, 0.5, 0.2, 0.0, 0.0, 1.0, 0.0),
+            (2, 0.0, 0.0, 0.4, 0.4, 0.0, 0.0, 1.2, 0.0)]  # fmt: skip
+    poses = np.array([(1.0, 2.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+    bodies = Bodies(0, ("person", "cart", "r1"), poses, np.zeros((3, 3)), np.array(part), 1)
+    made.take(shown(bodies, "world", "bodies"))
+    (rounds,), (boxes,) = memory.at("/run/r1/bodies_round"), memory.at("/run/r1/bodies")
+    assert np.array(component(rounds, "centers")).tolist() == [[1.0, 2.0, pytest.approx(0.9)]]
+    assert np.array(component(boxes, "half_sizes")).tolist() == [[0.5, pytest.approx(0.2), 0.5]]
+    (names,) = memory.at("/run/r1/body_names")
+    assert component(names, "labels") == ["person", "cart"]
 
 
 def test_numbers_reach_the_sinks_together_with_their_ticks() -> None:

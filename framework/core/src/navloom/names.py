@@ -11,9 +11,10 @@ NAMES = {
         "Track"
     ),
     "navloom.errors": "NavloomError",
+    "navloom.geometry.actors": "Actor Body Course Walk",
     "navloom.geometry.world": "Box Cylinder Material Obstacle Place Raster World position_at read_only",
     "navloom.messages": (
-        "Array Avoidance AvoiderDiagnostics AvoiderStatus ClearRequest Command Contact Count Drive Envelope "
+        "Array Avoidance AvoiderDiagnostics AvoiderStatus Bodies ClearRequest Command Contact Count Drive Envelope "
         "Feedback GateStatus Goal GoalResult GoalState HandOver Heading Hypotheses InputRead MapUpdate Message "
         "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
         "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "

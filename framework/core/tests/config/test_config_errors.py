@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Literal
 
 import pytest
 from navloom.config import ConfigError, check_params, load_config
 from navloom.config.toml_lines import line_of
+from navloom.engine.build import robot_spec
 from navloom.plugins import Discovery
 from navloom.roles import Params
 from pydantic import Field
@@ -127,3 +129,21 @@ def test_a_file_without_a_footprint_names_the_assumed_size(tmp_path: Path) -> No
     assert notice == f"{path}: robot.footprint: is missing; default {size}: give your robot's size"
     assert load_config("paper").notices() == []
     assert load_config(str(path), ["robot.footprint.length=1.0", "robot.footprint.width=1.0"]).notices() == []
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (['robot.drive="ackermann"'], 'drive = "ackermann" needs wheelbase and max_steering_deg'),
+        (['robot.drive="ackermann"', "robot.wheelbase=0.5"], 'drive = "ackermann" needs max_steering_deg'),
+        (["robot.wheelbase=0.5"], 'drive = "differential" has no steered wheels: expected no wheelbase, or drive'),
+    ],
+)
+def test_the_keys_of_steered_wheels_belong_to_an_ackermann_robot(given: list[str], said: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        load_config("explore", given)
+
+
+def test_the_turn_radius_of_an_ackermann_robot_is_its_wheelbase_over_the_tangent_of_its_steering() -> None:
+    given = ['robot.drive="ackermann"', "robot.wheelbase=0.5", "robot.max_steering_deg=45"]
+    assert robot_spec(load_config("explore", given).config.robot).turn_radius == pytest.approx(0.5)

@@ -39,7 +39,7 @@ AT = Envelope("lab/r1/localizer/main/pose", 3, 4, 200_000_000, 150_000_000, 0)
 STANDING = Odometry(5, Pose2D(1.0, 2.0, 0.5), Twist2D(0.0, 0.0, 0.0))
 TRACK = PoseTrack(np.array([10, 20]), np.arange(6.0).reshape(2, 3))
 ODOMETRY = "navloom.Odometry/1"
-PATH = "navloom.Path/1"
+PATH = "navloom.Path/2"
 TRACK_LABEL = "navloom.PoseTrack/1"
 
 

@@ -40,7 +40,7 @@ def changed(data: bytes, change: Callable[[Any], None]) -> bytes:
 
 
 def test_a_nested_message_with_arrays_is_read() -> None:
-    back, _ = decode(encode(Path(1, np.ones((3, 2)), 2.0, GRID), AT), "navloom.Path/1")
+    back, _ = decode(encode(Path(1, np.ones((3, 2)), 2.0, GRID), AT), "navloom.Path/2")
     assert isinstance(back, Path) and back.traversable is not None
     assert back.traversable.cells.tolist() == GRID.cells.tolist()
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import msgpack
 import pytest
-from navloom.messages import Envelope, Point2D, StepReport
+from navloom.messages import SCHEMAS, Envelope, Point2D, StepReport
 from navloom.messages.bounds import header_limit
-from navloom.messages.codec import CodecError, decode, encode, read_envelope
+from navloom.messages.codec import CodecError, decode, encode, read_envelope, schema_label
 
 AT = Envelope("lab/r1/localizer/main/pose", 3, 4, 200_000_000, 150_000_000, 0)
 POINT = "navloom.Point2D/1"
@@ -221,4 +221,5 @@ def test_a_decoded_message_passes_the_checks_of_its_constructor(label: str, fiel
     arrays = [["|i1", [1, 1], 0], ["|i1", [1, 1], 64], ["<f8", [0, 2], 0]]
     data = with_header({"envelope": AT, "fields": fields, "arrays": arrays})
     data += bytes(-len(data) % 64) + bytes(64) + b"\xfb"
-    assert refusal(data, f"navloom.{label}/1").startswith(f"navloom.{label}/1: {text}")
+    written = schema_label(SCHEMAS[f"navloom.{label}"])
+    assert refusal(data, written).startswith(f"{written}: {text}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from navloom.messages import (
     SCHEMAS,
@@ -13,20 +14,26 @@ from navloom.messages import (
     Message,
     MessageError,
     OperatorRequest,
+    Path,
+    PlanRequest,
     Point2D,
+    Pose2D,
+    Reference,
     StopReason,
     Words,
     message,
 )
 from navloom.messages.codec import UnknownSchema, decode, encode, schema_label
 from navloom.messages.goals import Feedback1, GoalResult1, OperatorRequest1
-from navloom.messages.motion import GateStatus1
+from navloom.messages.mapping import Path1, PlanRequest1
+from navloom.messages.motion import GateStatus1, Reference1
 from navloom.messages.schema import OLDER, in_version
 from navloom.plugins.message_opening import Opener
 
 AT = Envelope("lab/r1/gate/main/status", 7, 3, 150_000_000, 100_000_000, 1)
 PLACE = Point2D(1.0, 2.0)
 STALE = StopReason("stale", "controller law")
+POSE = Pose2D(1.0, 2.0, 0.5)
 HERE = Goal(0, 1.0, 2.0, 0.5, ())
 PAIRS = [
     (
@@ -37,6 +44,7 @@ PAIRS = [
     (Feedback1(1, "recovering", 0.5, 2.0, 0.1, 1, "lost: x"), Feedback(1, "recovering", 0.5, 2.0, 0.1, 1, "lost: x")),
     (GoalResult1(1, "stuck", "trapped", PLACE), GoalResult(1, "stuck", "trapped", PLACE)),
     (OperatorRequest1("place", HERE), OperatorRequest("place", HERE)),
+    (PlanRequest1(1, POSE, POSE), PlanRequest(1, POSE, POSE)),
 ]
 
 
@@ -48,6 +56,20 @@ def test_bytes_of_an_older_version_decode_as_the_present_message(older: Message,
 @pytest.mark.parametrize(("older", "present"), PAIRS)
 def test_a_message_in_an_older_version_has_the_bytes_of_that_version(older: Message, present: Message) -> None:
     assert encode(in_version(present, schema_label(type(older))), AT) == encode(older, AT)
+
+
+def test_an_older_path_has_no_headings() -> None:
+    data = encode(Path1(3, np.array([[1.0, 2.0], [3.0, 4.0]]), 2.9, None), AT)
+    path, _ = decode(data, "navloom.Path/1")
+    assert isinstance(path, Path) and path.headings is None and path.points.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert encode(in_version(path, "navloom.Path/1"), AT) == data
+
+
+def test_an_older_reference_drives_straight_ahead() -> None:
+    data = encode(Reference1(1, 0.5, 2.0, POSE, 0.4, 0.1, 0.0, PLACE, np.zeros((1, 2)), 0.3), AT)
+    reference, _ = decode(data, "navloom.Reference/1")
+    assert isinstance(reference, Reference) and (reference.speed, reference.lateral_speed) == (0.4, 0.0)
+    assert encode(in_version(reference, "navloom.Reference/1"), AT) == data
 
 
 def test_the_code_is_left_out_in_the_older_version() -> None:

@@ -6,6 +6,7 @@ import math
 
 from navloom.messages import (
     AvoiderStatus,
+    Bodies,
     Command,
     Feedback,
     GateStatus,
@@ -34,6 +35,7 @@ __all__ = ["BUILT_IN"]
 ALL = math.inf
 BUILT_IN: tuple[Panel, ...] = (
     Panel("avoider", AvoiderStatus, draw_behaviour.avoider_status, ALL),
+    Panel("bodies", Bodies, draw_motion.bodies, 20.0),
     Panel("command", Command, draw_motion.command, 10.0),
     Panel("tracking", TrackingCommand, draw_motion.tracking_command, 10.0),
     Panel("goal", Feedback, draw_behaviour.feedback, ALL),

@@ -35,9 +35,9 @@ def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
     planner = make(scene)
     if scene.has_earlier_map:
         other, flipped = scene.mirrored(), _flipped(grid)
-        before = PlanRequest(1, Pose2D(other.start.x, other.start.y, 0.0), Pose2D(*other.target, 0.0))
+        before = PlanRequest(1, Pose2D(other.start.x, other.start.y, 0.0), Pose2D(*other.target, 0.0), True)
         planner.plan(make.asked(scene, before, flipped, 0))
-    request = PlanRequest(2, start, Pose2D(*scene.target, 0.0))
+    request = PlanRequest(2, start, Pose2D(*scene.target, 0.0), True)
     answer: Path | PlanFailure = planner.plan(make.asked(scene, request, grid, 1))
     return answer
 

@@ -24,6 +24,7 @@ from navloom.config.table_parts import (
 from navloom.inputs.spreads import sigma_of
 from navloom.inputs.texts import INSTANCE
 from navloom.roles import ROLES
+from navloom.roles.base import DriveKind
 from navloom.roles.presets import instance_name
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "NavigationTable",
     "NodeTable",
     "OWN_NODES",
+    "WORLD_NODE",
     "OWN_PROCESS",
     "OffsetTable",
     "OpenTable",
@@ -65,7 +67,9 @@ ROLE_TABLES = ROLES.keys()
 REQUIRED_ROLES = tuple(role for role, cls in ROLES.items() if not cls.facts.is_optional)
 """Roles that every robot has; the others have a node only if the config has their table."""
 OWN_NODES = ("goal", "reference", "gate")
-TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
+WORLD_NODE = "world"
+"""The node of a simulated robot in a world where something moves; it runs with the platform unless it is placed."""
+TAKEN = (*ROLE_TABLES, *OWN_NODES, WORLD_NODE, "operator", "process")
 """Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""
@@ -121,6 +125,26 @@ class RobotTable(Table):
     max_angular_acceleration_deg: Positive | None = Field(default=None, description="deg/s²; default: no limit")
     motor_lag: float = Field(default=0.0, ge=0.0, le=2.0, description="time constant of the wheels' speed, s")
     dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command until it acts on the wheels, s")
+    drive: DriveKind = Field(default="differential", description="how it moves")
+    wheelbase: Positive | None = Field(default=None, description="ackermann: from the rear to the front axle, m")
+    max_steering_deg: float | None = Field(
+        default=None, ge=1.0, le=80.0, description="ackermann: largest angle of the middle of the front wheels, degrees"
+    )
+    max_steering_rate_deg: Positive | None = Field(default=None, description="ackermann: deg/s; default: no limit")
+
+    @model_validator(mode="after")
+    def _steers_if_ackermann(self) -> RobotTable:
+        given = {name: getattr(self, name) for name in ("wheelbase", "max_steering_deg", "max_steering_rate_deg")}
+        missing = [name for name in ("wheelbase", "max_steering_deg") if given[name] is None]
+        if self.drive == "ackermann" and missing:
+            raise ValueError(f'drive = "ackermann" needs {" and ".join(missing)}')
+        surplus = [name for name, value in given.items() if value is not None]
+        if self.drive != "ackermann" and surplus:
+            raise ValueError(
+                f'drive = "{self.drive}" has no steered wheels: expected no {" and no ".join(surplus)}, or '
+                'drive = "ackermann"'
+            )
+        return self
 
     @property
     def max_angular(self) -> float:
@@ -278,7 +302,7 @@ class GateTable(Table):
 
 _OPTIONAL_KEYS = {
     "goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg"),
-    "displace": ("over",), "slip": ("by", "over"),
+    "displace": ("over",), "slip": ("by", "over"), "actor": ("name",),
 }  # fmt: skip
 """Keys that an event may have beside those that it needs, by what it does."""
 
@@ -287,15 +311,17 @@ class EventTable(Table):
     """An operator's action at a given time, or what happens to a simulated robot then."""
 
     at: float = Field(ge=0.0, description="s after the first tick")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip", "actor"]
     x: float | None = None
     y: float | None = None
     heading_deg: Heading | None = None
     spread: Positive | None = Field(default=None, description="for place: as that of navigation.start")
     heading_spread_deg: HeadingSpread | None = Field(default=None, description="for place: as for navigation.start")
     role: str | None = None
-    name: str | None = Field(default=None, description="instance, for swap and set")
-    values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
+    name: str | None = Field(default=None, description="instance, for swap and set; of an actor")
+    values: dict[str, Any] = Field(
+        default_factory=dict, description="for set: the parameters to change; for actor: its table"
+    )
     by: OffsetTable | None = Field(default=None, description="for displace and slip: a motion, in the robot's frame")
     over: float = Field(default=0.0, ge=0.0, description="for displace and slip: s that it takes; 0: one tick")
 
@@ -304,9 +330,10 @@ class EventTable(Table):
         needed = {
             "swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",), "place": ("x", "y", "heading_deg"),
             "displace": ("by",) if self.by else ("x", "y", "heading_deg"),
+            "actor": ("values",),
         }.get(self.do, ())  # fmt: skip
         missing = [key for key in needed if getattr(self, key) is None]
-        if self.do == "set" and not self.values:
+        if self.do in ("set", "actor") and not self.values:
             missing.append("values")
         if self.do == "slip" and self.by is None and not self.over:
             missing.append("over or by")

@@ -35,6 +35,7 @@ from navloom.messages.mapping import (
     PlanRequest,
 )
 from navloom.messages.motion import (
+    Bodies,
     Command,
     Contact,
     GateStatus,
@@ -77,6 +78,7 @@ __all__ = [
     "Avoidance",
     "AvoiderDiagnostics",
     "AvoiderStatus",
+    "Bodies",
     "ClearRequest",
     "Command",
     "Contact",

@@ -73,7 +73,7 @@ class ClearRequest(Message):
     request_id: int
 
 
-@message()
+@message(2)
 class PlanRequest(Message):
     """Asks the planner for a path.
 
@@ -81,16 +81,36 @@ class PlanRequest(Message):
         request_id: Increases with each request; the answer carries it. Live, a request without an answer is repeated
             with the same number.
         start, goal: Poses of base in the map frame.
+        any_heading: No heading was asked for at the goal; `goal.heading` is then 0 and says nothing.
     """
 
     request_id: int
     start: Pose2D
     goal: Pose2D
+    any_heading: bool = False
 
 
-@message()
+@message(1, now=PlanRequest)
+class PlanRequest1(Message):
+    """`PlanRequest` until it told whether the goal has a heading; for its fields see there."""
+
+    request_id: int
+    start: Pose2D
+    goal: Pose2D
+
+    def upgraded(self) -> PlanRequest:
+        """The present version."""
+        return PlanRequest(*self.read_fields())
+
+
+@message(2)
 class Path(Message):
     """A planner's answer.
+
+    A path with headings is drivable as it is: the framework neither prunes nor rounds it. The robot drives backwards
+    along a segment that points away from the heading at its ends; where the direction changes, at a cusp, it stops. A
+    differential or Ackermann robot has to head along each segment, forwards or backwards, within 45°. A holonomic robot
+    may have any heading. Between two points the heading turns the shorter way.
 
     Attributes:
         request_id: Number of the request that it answers.
@@ -98,6 +118,7 @@ class Path(Message):
         length: Length as planned, before any pruning, m.
         traversable: 0 where the robot's centre may be, 100 where it may not; the framework prunes and smooths within
             it. None: only the points themselves are known to be free, and corners are rounded by a few centimetres.
+        headings: (n,) heading of base at each point, rad, map frame; None: base heads along the path.
     """
 
     request_id: int
@@ -106,6 +127,21 @@ class Path(Message):
     # With the path: the framework prunes and rounds the paths of all planners alike, but only the planner knows which
     # cells it counted as free.
     traversable: OccupancyGrid | None
+    headings: Annotated[Floats, Array("float64", ("n",))] | None = None
+
+
+@message(1, now=Path)
+class Path1(Message):
+    """`Path` until it could have headings; for its fields see there."""
+
+    request_id: int
+    points: Annotated[Floats, Array("float64", ("n", 2), may_be_empty=False)]
+    length: NotNegative
+    traversable: OccupancyGrid | None
+
+    def upgraded(self) -> Path:
+        """The present version."""
+        return Path(*self.read_fields())
 
 
 @message()

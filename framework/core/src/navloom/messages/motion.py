@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navloom.messages.schema import Array, Heading, Message, Most, Name, Stamp, Unbounded, Words, message
 from navloom.messages.stop_reasons import StopReason
 
-__all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
+__all__ = ["Bodies", "Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
            "Reference", "Selection", "TrackingCommand", "Trajectory", "Truth", "Twist2D"]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,7 @@ class Twist2D(Message):
 
     Attributes:
         vx: Forward, m/s.
-        vy: To the left, m/s; 0 for a robot with two driven wheels.
+        vy: To the left, m/s; 0 for a robot that is not holonomic.
         wz: Turn rate, rad/s, counter-clockwise.
     """
 
@@ -102,6 +102,29 @@ class Truth(Message):
     clearance: Unbounded
     nearest: Words
     touching: bool
+
+
+@message()
+class Bodies(Message):
+    """What moves in the ground truth at one moment, for simulated platforms, metrics and viewers, never for a plugin.
+
+    Attributes:
+        stamp_ns: Run clock of the moment.
+        names: Name of each body: of the actors that are there, then of the robots.
+        poses: (n, 3) x, y, m, heading, rad, map frame.
+        velocities: (n, 3) x, y, m/s, map frame, and turn rate, rad/s.
+        parts: (p, 9) upright cylinders and boxes, map frame: number of its body; x, y of its centre, m; half its
+            length, or its radius, m; half its width, m, or 0 for a cylinder; yaw, rad; lowest and highest z, m; 1 if
+            light passes it.
+        robots: How many of the bodies are robots: the last ones.
+    """
+
+    stamp_ns: Stamp
+    names: Annotated[tuple[Name, ...], Most(4096)]
+    poses: Annotated[Floats, Array("float64", ("n", 3))]
+    velocities: Annotated[Floats, Array("float64", ("n", 3))]
+    parts: Annotated[Floats, Array("float64", ("p", 9))]
+    robots: int = 0
 
 
 @message()
@@ -157,16 +180,22 @@ class PoseTrack(Message):
 class Trajectory(Message):
     """The trajectory that the controller follows.
 
+    The arc length increases along the way, forwards and backwards. Curvature times speed is the turn rate. At a cusp
+    the sign of the speed changes between two samples of the same place and arc length: the end of one branch, and the
+    beginning of the next.
+
     Attributes:
         path_id: Number of the plan that it was made from.
-        samples: (n, 6) rows of arc length s, m; x, y, m; heading, rad; curvature, 1/m; speed, m/s; map frame.
+        samples: (n, 6) rows of arc length s, m; x, y, m; heading of base, rad; curvature, 1/m; speed, m/s, negative
+            where the robot drives backwards; map frame. A holonomic robot may head in another direction than its way;
+            its speed is that along the way, > 0.
     """
 
     path_id: int
     samples: Annotated[Floats, Array("float64", ("n", 6))]
 
 
-@message()
+@message(2)
 class Reference(Message):
     """The reference point: the robot's pose projected onto the trajectory in each tick.
 
@@ -175,13 +204,16 @@ class Reference(Message):
         progress: Arc length of the reference point, m.
         remaining: Arc length to the end, m.
         pose: Reference pose, map frame.
-        speed: v_r, m/s, > 0.
-        turn_rate: ω_r = κ v_r, rad/s.
+        speed: v_r, forward speed in the base frame of the reference, m/s: negative where it drives backwards, and 0
+            only where a holonomic robot drives sideways.
+        turn_rate: ω_r, rad/s; κ v_r unless the robot is holonomic.
         cross_track: Distance of the robot from the trajectory, m, positive to the left.
-        target: Point of the trajectory one look-ahead distance farther along, map frame.
+        target: Point of the trajectory one look-ahead distance farther along, at most at the next cusp, map frame.
         way: (k, 2) the trajectory from the reference point to the target, m, map frame, in steps of about 0.2 m.
         corridor: Half width of the strip along `way` that must be free, m.
         turn_to: The end has been reached: turn in place to this heading, rad; None while driving.
+        lateral_speed: Speed of the reference to the left, base frame of the reference, m/s; 0 unless the robot is
+            holonomic.
     """
 
     path_id: int
@@ -195,6 +227,28 @@ class Reference(Message):
     way: Annotated[Floats, Array("float64", ("k", 2))]
     corridor: float
     turn_to: float | None = None
+    lateral_speed: float = 0.0
+
+
+@message(1, now=Reference)
+class Reference1(Message):
+    """`Reference` until robots could drive sideways; for its fields see there."""
+
+    path_id: int
+    progress: float
+    remaining: float
+    pose: Pose2D
+    speed: float
+    turn_rate: float
+    cross_track: float
+    target: Point2D
+    way: Annotated[Floats, Array("float64", ("k", 2))]
+    corridor: float
+    turn_to: float | None = None
+
+    def upgraded(self) -> Reference:
+        """The present version."""
+        return Reference(*self.read_fields())
 
 
 @message()

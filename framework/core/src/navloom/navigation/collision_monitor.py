@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +35,7 @@ from navloom.navigation.monitor_rollout import (
     stopping_way,
     within,
 )
+from navloom.navigation.monitor_verdict import MonitorLimits, Planar, Touch, Verdict
 from navloom.navigation.odometry_frame import OdometryFrame
 from navloom.navigation.odometry_track import OdometryTrack
 from navloom.roles import RobotSpec
@@ -43,9 +43,6 @@ from navloom.roles import RobotSpec
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 
 Floats = NDArray[np.float64]
-Kind = Literal["", "obstacle", "unseen"]
-Touch = tuple[Kind, Point2D, float]
-"""What the robot would touch: kind, place in the base frame, m, and distance from the footprint, m."""
 
 UNSEEN_MEMORY = 5.0
 """Travelled distance for which space that was seen or occupied by the robot counts as known, m."""
@@ -65,49 +62,8 @@ ESCAPE = 1.5
 """Time for which a robot that goes on must not meet what would meet it if it stayed, s."""
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
-NO_COMMANDS = np.empty((0, 3))
-
-
-@dataclass(frozen=True)
-class MonitorLimits:
-    """The robot and sensor model of the monitor.
-
-    Attributes:
-        robot: Its footprint, how it brakes, and its delays.
-        period: Control tick, s.
-        sigma: Standard deviation of a range, m.
-        margin: Distance from the footprint that counts as touching, m.
-        approach_speed: Largest speed of moving obstacles that is allowed for, m/s; 0 takes all to be at rest.
-    """
-
-    robot: RobotSpec
-    period: float
-    sigma: float
-    margin: float = 0.01
-    approach_speed: float = 0.0
-
-
-class Verdict(NamedTuple):
-    """The monitor's decision on a command.
-
-    Attributes:
-        twist: The velocity that may be driven.
-        share: Its share of the command; 1 if the command passes unchanged.
-        kind: What limits it: nothing, an obstacle, or space that no sensor has seen.
-        place: Place of the obstacle or unseen space in the base frame, m; None for nothing.
-        distance: Distance from the footprint to it, m.
-    """
-
-    twist: Twist2D
-    share: float = 1.0
-    kind: Kind = ""
-    place: Point2D | None = None
-    distance: float | None = None
-
-    @property
-    def is_stopped(self) -> bool:
-        """Whether the robot is stopped because something is in the way."""
-        return bool(self.kind) and self.twist.vx == 0.0 and self.twist.wz == 0.0
+STEERED = 0.05
+"""Least measured speed, m/s, that tells the angle of steered wheels by the turn."""
 
 
 class _Surroundings(NamedTuple):
@@ -143,7 +99,11 @@ class CollisionMonitor:
         self._radius = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max())
         # Infinity times a time of 0 would be NaN in the kernel.
         turning = min(robot.max_angular_acceleration, 1e6)
-        self._motor = np.array([limits.period, robot.max_deceleration, turning, robot.motor_lag, robot.dead_time])
+        motor = [limits.period, robot.max_deceleration, turning, robot.motor_lag, robot.dead_time]
+        self._steers = robot.drive == "ackermann"
+        if self._steers:
+            motor += [robot.wheelbase, min(robot.max_steering_rate, 1e6), 0.0]
+        self._motor = np.array(motor)
         self._rolled, self._alone = np.empty((MOST_POSES, 3)), np.empty((MOST_POSES, 3))
         self._times, self._alone_times = np.empty(MOST_POSES), np.empty(MOST_POSES)
         self.forget()
@@ -154,7 +114,7 @@ class CollisionMonitor:
         self._sensors: dict[str, SensorEchoes] = {}
         self._track = OdometryTrack()
         self._waiting: list[tuple[str, RangeScan]] = []
-        self._given: deque[tuple[float, float, float]] = deque()
+        self._given: deque[tuple[float, float, float, float]] = deque()
         self._is_free = True
         self._estimate: PoseEstimate | None = None
         self._frame = OdometryFrame()
@@ -166,6 +126,8 @@ class CollisionMonitor:
             self.forget()
         if not self._track.add(odometry):
             return
+        if self._steers and abs(odometry.twist.vx) > STEERED:
+            self._motor[7] = math.atan(self._motor[5] * odometry.twist.wz / odometry.twist.vx)
         if self._is_free:  # else a robot stopped for unseen space would mark it as known bit by bit while it slides
             self._seen.stand(np.array(self._track.poses[-1]), self._track.ways[-1])
         waiting, self._waiting = self._waiting, []
@@ -219,7 +181,10 @@ class CollisionMonitor:
 
     def give(self, time: float, twist: Twist2D) -> None:
         """Record a command that went to the wheels at a run time, s."""
-        self._given.append((time, twist.vx, twist.wz))
+        self._given.append((time, twist.vx, twist.wz, twist.vy))
+        # Too slow to measure the angle by its turn: then the wheels are taken to be where they were told.
+        if self._steers and twist.vx != 0.0 and abs(self._track.twist[0]) <= STEERED:
+            self._motor[7] = math.atan(self._motor[5] * twist.wz / twist.vx)
         while len(self._given) > 1 and self._given[1][0] < time - self.limits.robot.dead_time - KEEP:
             self._given.popleft()
 
@@ -228,7 +193,8 @@ class CollisionMonitor:
 
         Args:
             twist: The command, within the robot's limits.
-            speed: Forward speed of the previous command, m/s: it falls by no more than the deceleration allows.
+            speed: Speed of the previous command, m/s, negative backwards: it falls by no more than the deceleration
+                allows.
             time: Run time, s.
         """
         verdict = self._judge(twist, speed, time)
@@ -236,66 +202,69 @@ class CollisionMonitor:
         return verdict
 
     def _judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
-        if not self._track.stamps or (twist.vx == 0.0 and twist.wz == 0.0 and speed == 0.0):
+        pace = math.hypot(twist.vx, twist.vy) if twist.vy else twist.vx
+        if not self._track.stamps or (pace == 0.0 and twist.wz == 0.0 and speed == 0.0):
             return Verdict(twist)
         age = max(0.0, time - self._track.stamps[-1])
-        in_flight = np.array([(at - self._track.stamps[-1], v, w) for at, v, w in self._given]).reshape(-1, 3)
+        command = (twist.vx, twist.wz, twist.vy)
+        in_flight = np.array([(at - self._track.stamps[-1], *sent) for at, *sent in self._given]).reshape(-1, 4)
         here = _Surroundings(in_flight, age, self._near(twist, age), self._moving())
-        touched = self._touch(twist.vx, twist.wz, here)
+        touched = self._touch(command, here)
         if touched is None:
             return Verdict(twist)
         lowest = 0.0
-        if twist.vx != 0.0 and twist.vx * speed > 0.0:
+        if pace != 0.0 and pace * speed > 0.0:
             # A share below what the brakes reach within a period could not be driven: the roll-out would be too kind.
-            lowest = abs(self._slower(speed)) / abs(twist.vx)
+            lowest = abs(self._slower(speed)) / abs(pace)
         low, high = min(lowest, 1.0), 1.0
-        if self._touch(low * twist.vx, low * twist.wz, here) is not None:
+        if self._touch(_scaled(command, low), here) is not None:
             return self._brake(speed, here, touched)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            hit = self._touch(middle * twist.vx, middle * twist.wz, here)
+            hit = self._touch(_scaled(command, middle), here)
             if hit is None:
                 low = middle
             else:
                 high, touched = middle, hit
-        speed = low * abs(twist.vx)
+        speed = low * abs(pace)
         # A robot that creeps by a few percent of its command reaches nothing, and the goal would see no stop.
         if (low < LEAST_SHARE and speed < CREEPING) or speed + self._radius * low * abs(twist.wz) < STILL:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
-        return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
+        return Verdict(Twist2D(low * twist.vx, low * twist.vy, low * twist.wz), low, *touched)
 
     def _brake(self, speed: float, here: _Surroundings, touched: Touch) -> Verdict:
         """Brake along the current curvature; if that touches something too, command zero at once."""
-        if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
+        _, v, w, side = self._given[-1] if self._given else (0.0, 0.0, 0.0, 0.0)
+        pace = math.hypot(v, side) if side else v
+        if speed != 0.0 and pace != 0.0:
             # The curvature of the last command that passed: the check then found braking along it free.
-            _, v, w = self._given[-1]
             slower = self._slower(speed)
-            turn = w * slower / v
-            if self._touch(slower, turn, here) is None:
-                return Verdict(Twist2D(slower, 0.0, turn), 0.0, *touched)
+            turn = w * slower / pace
+            v, side = (v * slower / pace, side * slower / pace) if side else (slower, 0.0)
+            if self._touch((v, turn, side), here) is None:
+                return Verdict(Twist2D(v, side, turn), 0.0, *touched)
         return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
 
     def _slower(self, speed: float) -> float:
         """A speed, m/s, after braking for one period."""
         return braked(speed, self.limits.robot.max_deceleration * self.limits.period)
 
-    def _touch(self, v: float, w: float, here: _Surroundings) -> Touch | None:
+    def _touch(self, command: Planar, here: _Surroundings) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
-        command, points = np.array([v, w]), here.points
+        wanted, points, (v, w, side) = np.array(command), here.points, command
         rolled = stopping_way(
-            self._track.twist, here.in_flight, here.age, command, self._motor, self._radius, self._rolled, self._times
+            self._track.twist, here.in_flight, here.age, wanted, self._motor, self._radius, self._rolled, self._times
         )
-        wide = margins(points, v, w, self.limits.margin)
-        slope = SLOPE if abs(v) <= SLIDING else 0.0
+        wide = margins(points, v, w, side, self.limits.margin)
+        slope = SLOPE if math.hypot(v, side) <= SLIDING else 0.0
         hit = first_touch(self._rolled, rolled, self._outline, points, wide, slope)
         if hit < 0:  # measured speed is noisy: each tick, it may seem to lead away by more than the command approaches
             wide[~within(points, self._outline, wide)] = -math.inf
-            count = stopping_way(
-                np.zeros(2), NO_COMMANDS, 0.0, command, self._motor, self._radius, self._alone, self._alone_times
-            )
+            still, none = np.zeros(3), here.in_flight[:0]
+            count = stopping_way(still, none, 0.0, wanted, self._motor, self._radius, self._alone, self._alone_times)
             hit = first_touch(self._alone, count, self._outline, points, wide, slope)
         if hit < 0 and len(here.moving):
-            points, hit = here.moving, self._meets(command, here, rolled)
+            points, hit = here.moving, self._meets(wanted, here, rolled)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
@@ -313,14 +282,16 @@ class CollisionMonitor:
         What would meet a robot that stays does not stop it if it escapes by going on: within ESCAPE it meets nothing,
         and is not nearer to that point in the end.
         """
-        moving, wide = here.moving, margins(here.moving, *command, self.limits.margin)
+        moving, (v, w, side) = here.moving, command
+        wide = margins(moving, v, w, side, self.limits.margin)
         hit, is_nearer = first_meeting(
             self._rolled, self._times, rolled, HEADWAY, self._outline, self._radius, moving, wide
         )
         if hit < 0 or is_nearer:
             return int(hit)
         # One period of that length: it goes on, and what comes after it does not count.
-        motor = np.array([ESCAPE, *self._motor[1:]])
+        motor = self._motor.copy()
+        motor[0] = ESCAPE
         count = stopping_way(
             self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
         )
@@ -331,7 +302,9 @@ class CollisionMonitor:
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
         robot, limits = self.limits.robot, self.limits
-        v = max(abs(twist.vx), abs(float(self._track.twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
+        measured = self._track.twist
+        v = max(math.hypot(twist.vx, twist.vy), math.hypot(measured[0], measured[2]))
+        v = max(v, *(math.hypot(v, side) for _, v, _, side in self._given), 0.0)
         # Generous by 0.1 s: a point too many costs time only, one too few is an obstacle that is not seen.
         lag = 5.0 * robot.motor_lag
         time = age + robot.dead_time + limits.period + lag + 0.5 * v / robot.max_deceleration + 0.1
@@ -379,6 +352,10 @@ class CollisionMonitor:
         pose, time = self._track.poses[-1], self._track.stamps[-1]
         found = [sensor.moving_from(pose, time) for sensor in self._sensors.values() if len(sensor.moving)]
         return np.concatenate(found) if found else NOTHING_MOVES
+
+
+def _scaled(command: Planar, share: float) -> Planar:
+    return share * command[0], share * command[1], share * command[2]
 
 
 def warm_up() -> None:

@@ -32,14 +32,14 @@ class OdometryTrack:
         stamps: Their times, s, oldest first.
         poses: x, y, m, and unwrapped heading, rad.
         ways: Way travelled up to each, m.
-        twist: (2,) newest forward speed, m/s, and turn rate, rad/s.
+        twist: (3,) newest forward speed, m/s, turn rate, rad/s, and speed to the left, m/s.
     """
 
     def __init__(self) -> None:
         self.stamps: list[float] = []
         self.poses: list[tuple[float, float, float]] = []
         self.ways: list[float] = []
-        self.twist = np.zeros(2)
+        self.twist = np.zeros(3)
 
     def add(self, odometry: Odometry) -> bool:
         """Take odometry; False if it is not newer than the last: it comes again in ticks without a newer one."""
@@ -55,7 +55,7 @@ class OdometryTrack:
         self.stamps.append(time)
         self.poses.append((pose.x, pose.y, heading))
         self.ways.append(way)
-        self.twist[:] = odometry.twist.vx, odometry.twist.wz
+        self.twist[:] = odometry.twist.vx, odometry.twist.wz, odometry.twist.vy
         # Half at once, since deleting from the front of a list costs its whole length.
         if len(self.stamps) > 512:
             del self.stamps[:256], self.poses[:256], self.ways[:256]
@@ -95,5 +95,8 @@ class OdometryTrack:
         late = np.maximum(times - newest, 0.0)
         found[:, 0] += late * self.twist[0] * np.cos(found[:, 2])
         found[:, 1] += late * self.twist[0] * np.sin(found[:, 2])
+        if self.twist[2]:
+            found[:, 0] -= late * self.twist[2] * np.sin(found[:, 2])
+            found[:, 1] += late * self.twist[2] * np.cos(found[:, 2])
         found[:, 2] += late * self.twist[1]
         return found

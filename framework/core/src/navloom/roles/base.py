@@ -7,7 +7,7 @@ from abc import ABC
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ __all__ = [
     "ANYWHERE",
     "RESERVED_KEYS",
     "Context",
+    "DriveKind",
     "InputError",
     "Params",
     "RobotSpec",
@@ -86,6 +87,9 @@ class Params(StrictModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+DriveKind = Literal["differential", "ackermann", "holonomic"]
+
+
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
     """Description of the robot for every plugin.
@@ -99,6 +103,10 @@ class RobotSpec:
         max_angular_acceleration: rad/s²; infinite for no limit.
         motor_lag: Time constant with which the wheels follow a command, s.
         dead_time: Time from a command until it acts on the wheels, s.
+        drive: How it moves: "differential", with two driven wheels; "ackermann", with steered front wheels, the base's
+            origin midway between the rear wheels; "holonomic", in any direction.
+        wheelbase: Distance between the axles of an Ackermann robot, m; otherwise 0.
+        max_steering, max_steering_rate: Its largest steering angle, rad, and rate, rad/s; 0 and infinite otherwise.
     """
 
     footprint: NDArray[np.float64]
@@ -112,9 +120,18 @@ class RobotSpec:
     max_angular_acceleration: float = math.inf
     motor_lag: float = 0.0
     dead_time: float = 0.0
+    drive: DriveKind = "differential"
+    wheelbase: float = 0.0
+    max_steering: float = 0.0
+    max_steering_rate: float = math.inf
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", read_only(self.footprint))
+
+    @property
+    def turn_radius(self) -> float:
+        """Smallest radius, m, on which the base's origin can drive; 0 for a robot that can turn in place."""
+        return self.wheelbase / math.tan(self.max_steering) if self.drive == "ackermann" else 0.0
 
 
 @dataclass(frozen=True)
@@ -156,7 +173,7 @@ class Context:
         start_sigma: For a Localizer: standard deviations of the start, of x and of y, m, and of the heading, rad, if
             it is a guess; `ANYWHERE` if it is not known, and then `start` says nothing; None for a start that is known.
         sensors: For a Platform: the sensors to provide.
-        world: For a Platform: the ground truth, or None.
+        world: For a Platform: the ground truth, or None; what moves there comes with each `PlatformInput`.
         disturbances: For a Platform that `takes_disturbances`: what happens to it from outside, by their beginning.
         map: For a Mapper or Localizer: the known map, or None.
         diagnostics_rate_hz: For an Avoider: rate of its diagnostics; infinite for every answer, 0 for none.

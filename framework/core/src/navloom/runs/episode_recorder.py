@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages import (
+    Bodies,
     Command,
     Envelope,
     GateStatus,
@@ -66,6 +67,7 @@ class Recorder:
         began, missed: Run time of the first truth, s, and how many ticks the platform had made before it.
         reads: Streams that are kept as they are, `(role or node, port)`.
         streams: Their messages, each after its time, s, by stream.
+        bodies: What moved, in each tick; empty where nothing but the robot moves.
     """
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
@@ -84,6 +86,7 @@ class Recorder:
             ("gate", "status"),
             ("localizer", "pose"),
             ("operator", "request"),
+            ("world", "bodies"),
         }
     )
     wants_steps: bool = False
@@ -115,6 +118,7 @@ class Recorder:
     missed: int = 0
     reads: frozenset[tuple[str, str]] = frozenset()
     streams: dict[tuple[str, str], list[tuple[float, Message]]] = field(default_factory=dict)
+    bodies: list[Bodies] = field(default_factory=list)
     _touching: bool = False
     _least: float = math.inf
 
@@ -202,6 +206,9 @@ class Recorder:
     def _keep_recovery(self, request: RecoveryRequest, time: float) -> None:
         self.recoveries += request.active
 
+    def _keep_bodies(self, bodies: Bodies, time: float) -> None:
+        self.bodies.append(bodies)
+
     @property
     def saved_map(self) -> OccupancyGrid | None:
         """The map to write to a file: the mapper's known map, without what it saw; of other mappers their map."""
@@ -244,5 +251,6 @@ _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
     MapUpdate: Recorder._keep_map,
     OccupancyGrid: Recorder._keep_known,
     RecoveryRequest: Recorder._keep_recovery,
+    Bodies: Recorder._keep_bodies,
 }
 """Function that stores a message, by class: (recorder, message, run time, s)."""

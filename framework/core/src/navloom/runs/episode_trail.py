@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from navloom.engine.event_schedule import carried_at, goal_at
 from navloom.geometry.angles import wrap
-from navloom.geometry.collision import overlap_depth
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place, World
 from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
+from navloom.runs.contacts import Evidence, Touch, signed_clearance, touches_of
 from navloom.runs.localization import Localization, beside_truth
 
 if TYPE_CHECKING:
@@ -79,6 +79,7 @@ class Trail:
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
         localization: The localizer's estimates beside the true poses; empty without ground truth.
+        contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
     """
 
     time: Floats
@@ -114,6 +115,7 @@ class Trail:
     carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
     localization: Localization = field(default_factory=Localization)
+    contacts: tuple[Touch, ...] = ()
 
     @property
     def succeeded(self) -> bool:
@@ -179,7 +181,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     arrived = None
     if outcome == "succeeded" and goal is not None:
         arrived = _arrival(goal, recorder, *tolerances)
-    ways = ways_of(system)
+    ways, evidence = ways_of(system), _evidence(truth, recorder, system)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -187,7 +189,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading=truth[:, 3],
         vx=truth[:, 4],
         wz=np.array(recorder.turn_rates, dtype=np.float64),
-        clearance=_signed(truth, recorder, system),
+        clearance=signed_clearance(evidence, truth[:, 5], recorder.contacts),
         cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
         command_vx=_held(time, commands[:, 0], commands[:, 1]),
         command_wz=_held(time, commands[:, 0], commands[:, 2]),
@@ -214,6 +216,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         carried=carried_at(time, recorder.began - recorder.missed * config.run.period, config),
         streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
         localization=_localization(truth, recorder),
+        contacts=touches_of(evidence, recorder.contacts),
     )
 
 
@@ -303,15 +306,11 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
     return world.reference_length if is_own else to_goal
 
 
-def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
-    """(n,) clearances, m; the negative depth of the overlap where the simulator reports contact."""
-    clearance = truth[:, 5].copy()
-    if system.world is not None:
-        for row, name in recorder.contacts:
-            time, x, y, heading = truth[row, :4].tolist()
-            depth = overlap_depth(system.robot.footprint, Place(x, y, heading), system.world, name, time)
-            clearance[row] = -depth if depth > 0.0 else 0.0
-    return clearance
+def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
+    """The drive whose contacts are judged."""
+    rates = np.array(recorder.turn_rates, dtype=np.float64)
+    motion = np.column_stack([truth[:, :5], rates])
+    return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 
 def _turned(goal: Goal, heading: float) -> float | None:

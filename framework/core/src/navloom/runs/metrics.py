@@ -225,6 +225,17 @@ METRICS: tuple[Metric, ...] = (
         NOT_NEGATIVE,
     ),
     Metric(
+        "own_contacts", "1", "lower", metric_functions.own_contacts,
+        "Contacts in which the robot's point moved faster than 0.05 m/s along the normal, or that would not have "
+        "happened had the robot stood for the last second. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "others_contacts", "1", "lower", metric_functions.others_contacts,
+        "All other contacts: what moves drove into the robot. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
         "false_success", "1", "lower", metric_functions.false_success,
         "1 if the robot reported that it had arrived, and was further from the goal or from the heading asked for than "
         "the tolerance plus 0.1 m or 5°, or than twice a smaller tolerance. Undefined without ground truth.",

@@ -95,7 +95,8 @@ def plan_once(
     robot = robot_spec(RobotTable(footprint=FootprintTable(length=length, width=width)))
     context = Context("plan", RunTable().period, robot, stream_source(0, "planner", "plan"), Pose2D(*start, 0.0))
     given = PlannerInput(
-        PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0)), map_update(grid_of(world, resolution, robot.height))
+        PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0), True),
+        map_update(grid_of(world, resolution, robot.height)),
     )
     with blamed(cls):
         cls.warm_up()

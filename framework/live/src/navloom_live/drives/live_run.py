@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from navloom.config import Loaded
+from navloom.config.tables import OWN_NODES, WORLD_NODE
 from navloom.engine.build import assemble
 from navloom.engine.event_schedule import schedule
 from navloom.engine.lockstep import RunLog
@@ -414,7 +415,7 @@ class LiveRun:
         return self._chosen.get(role, self._default(role)) == name
 
     def _default(self, role: str) -> str:
-        return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
+        return "main" if role in (*OWN_NODES, WORLD_NODE) else self.loaded.config.role_table(role).instance
 
     def _learn_times(self, client: Client) -> None:
         """Query the durations of the active nodes' steps since the goal began; nodes that are gone are left out."""

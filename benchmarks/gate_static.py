@@ -1,6 +1,6 @@
 """Whether the gate's allowance for moving obstacles acts where nothing moves, and what its monitor costs.
 
-    python benchmarks/gate_static.py [--config explore] [--set avoider=mppi …] WORLD …
+    python benchmarks/gate_static.py [--config explore] [--set avoider.plugin=mppi …] WORLD … [--json]
 
 A world is a reference as in a config: `barn:worlds.npz#1-50` and `floor:0-9` are several. Each is driven with
 `gate.approach_speed = 0` and with its default. A row tells how each drive ended and after how long, for how many ticks
@@ -11,6 +11,7 @@ the monitor: all its scans, and its verdicts.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from navloom_study.study_worlds import expanded
 
 __all__ = ["TimedMonitor", "drive", "main"]
 
-HELD = ("0", "2.0")
+SPEEDS = ("0", "2.0")
 """`gate.approach_speed` of the two drives."""
 
 
@@ -76,30 +77,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("worlds", nargs="+")
     parser.add_argument("--config", default="explore")
     parser.add_argument("--set", action="append", default=[])
+    parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)
-    ticks: dict[str, list[float]] = {held: [] for held in HELD}
-    stopped, reached, equal = dict.fromkeys(HELD, 0), dict.fromkeys(HELD, 0), 0
-    worlds = [world for given_world in given.worlds for world in expanded(given_world)]
+    ticks: dict[str, list[float]] = {speed: [] for speed in SPEEDS}
+    total: dict[str, dict[str, Any]] = {speed: {"reached": 0, "limited": 0, "stopped": 0} for speed in SPEEDS}
+    worlds, equal = [world for named in given.worlds for world in expanded(named)], 0
     for world in worlds:
         row, traces = [], set()
-        for held in HELD:
-            result, monitor = drive(given.config, [*given.set, f"world.ref={world}", f"gate.approach_speed={held}"])
-            ticks[held] += monitor.ticks
-            stopped[held] += monitor.stopped
-            reached[held] += result["truly_reached"]
+        for speed, sums in total.items():
+            result, monitor = drive(given.config, [*given.set, f"world.ref={world}", f"gate.approach_speed={speed}"])
+            counts = {"reached": result["truly_reached"], "limited": monitor.limited, "stopped": monitor.stopped}
+            for name, count in counts.items():
+                sums[name] += count
+            ticks[speed] += monitor.ticks
             traces.add(result["trace_sha256"])
-            row.append(
-                f"{result['outcome']} {result['sim_time_s']:.2f} s, limited {monitor.limited}, stopped "
-                f"{monitor.stopped}"
-            )
+            row.append(f"{result['outcome']} {result['sim_time_s']:.2f} s, {counts}")
         equal += len(traces) == 1
-        print(world, *row, "equal" if len(traces) == 1 else "differ", sep=" | ", flush=True)
-    print(f"{equal} of {len(worlds)} equal")
-    for held in HELD:
-        median, most = np.percentile(ticks[held], (50, 99))
-        print(f"approach_speed {held}: reached {reached[held]}, stopped in {stopped[held]} ticks of {len(ticks[held])},"
-              f" a tick takes {median:.0f} µs, p99 {most:.0f} µs")  # fmt: skip
-    return int(stopped[HELD[1]] > stopped[HELD[0]] or reached[HELD[1]] < reached[HELD[0]])
+        if not given.json:
+            print(world, *row, "equal" if len(traces) == 1 else "differ", sep=" | ", flush=True)
+    for speed, sums in total.items():
+        sums["tick_us"], sums["tick_us_p99"] = (round(float(us)) for us in np.percentile(ticks[speed], (50, 99)))
+    summary = {"drives": len(worlds), "equal": equal, "approach_speed": total}
+    print(json.dumps(summary) if given.json else f"{equal} of {len(worlds)} equal; by gate.approach_speed: {total}")
+    off, on = total.values()
+    return int(on["stopped"] > off["stopped"] or on["reached"] < off["reached"])
 
 
 if __name__ == "__main__":

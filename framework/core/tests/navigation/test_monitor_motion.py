@@ -13,7 +13,7 @@ from navloom.engine.build import assemble
 from navloom.engine.lockstep_builder import gate_monitor
 from navloom.navigation.braking import Braking
 from navloom.navigation.collision_monitor import MonitorLimits
-from navloom.navigation.monitor_motion import SHORTEST, SURE
+from navloom.navigation.monitor_motion import MOST_SCANS
 from navloom.navigation.monitor_rollout import HEADWAY, MOST_GAIN, first_meeting
 from navloom.testing import robot
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ ROBOT = robot(0.46, 0.42, max_linear=2.0, max_acceleration=1.0, max_deceleration
 LIMITS = MonitorLimits(ROBOT, PERIOD, 0.03, approach_speed=2.0)
 AT_REST = replace(LIMITS, approach_speed=0.0)
 ROOM = np.array([(-6, -5, 6, -5), (6, -5, 6, 5), (6, 5, -6, 5), (-6, 5, -6, -5)], float)
+PROVED = 0.5
+"""Time after which a disc is seen to move at 0.5 m/s, s."""
 AWAY = 4.0
 """Distance from which an actor comes, m."""
 
@@ -64,8 +66,8 @@ def drive(scene: Scene, v: float, seconds: float) -> Scene:
 def stands_before(limits: MonitorLimits, angle: float, speed: float, v: float, w: float, aims: bool) -> bool:
     """Whether a robot with a command stands when what comes to it, or to where it will be then, touches it."""
     time = AWAY / speed
-    # What the robot needs: to see it move, a tick, its delays, and to brake.
-    needed = SHORTEST + SURE * PERIOD + Braking(ROBOT, PERIOD).delay + v / ROBOT.max_deceleration + HEADWAY
+    # What the robot needs: to see it move, its delays, and to brake.
+    needed = PROVED + Braking(ROBOT, PERIOD).delay + v / ROBOT.max_deceleration + HEADWAY
     assert time > needed, "its deceleration allows it"
     scene = Scene(limits, [comes(v * time if aims else 0.0, angle, speed)], ROOM)
     if scene.gap() <= 0.0:  # as fast as the robot and from behind: it begins where the robot is
@@ -118,6 +120,40 @@ def test_a_velocity_is_bounded() -> None:
     scene = drive(Scene(LIMITS, [moves(4.0, -1.0, -3.0, 0.0)], ROOM), 0.0, 0.8)
     (velocity,) = velocities(scene)
     assert math.hypot(*velocity) == pytest.approx(2.0) and abs(velocity[1]) < 0.3
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 1.5])
+def test_it_is_seen_to_move_in_time(speed: float) -> None:
+    assert velocities(drive(Scene(LIMITS, [moves(3.0, 0.0, -speed, 0.0)], ROOM), 0.0, PROVED)) != []
+
+
+def test_a_fast_laser_needs_no_more_memory() -> None:
+    """At 100 Hz, a window of 1 s has 100 scans."""
+    scene = drive(Scene(replace(LIMITS, period=0.01), [moves(3.0, 0.0, -1.0, 0.0)], ROOM), 0.0, 1.0)
+    motion = scene.monitor._sensors["laser"].motion
+    assert motion is not None and len(motion._slots) == MOST_SCANS
+    assert velocities(scene) == [pytest.approx((-1.0, 0.0), abs=0.15)]
+
+
+def test_two_legs_are_one_walker() -> None:
+    """Each leg stands for 0.5 s, and then swings 1 m: together they walk at 1 m/s."""
+
+    def leg(side: float, lead: float) -> Disc:
+        def at(t: float) -> tuple[float, float]:
+            steps, swing = divmod(t + lead, 1.0)
+            share = 0.5 - 0.5 * math.cos(math.pi * max(0.0, 2.0 * swing - 1.0))
+            return 3.5 - (steps + share - lead), side
+
+        return Disc(at, 0.06)
+
+    scene = drive(Scene(LIMITS, [leg(0.1, 0.0), leg(-0.1, 0.5)], ROOM, beams=720), 0.0, 1.5)
+    (velocity,) = velocities(scene)
+    assert velocity == pytest.approx((-1.0, 0.0), abs=0.3)
+
+
+def test_what_is_seen_across_the_ends_of_a_scan_is_one_thing() -> None:
+    scene = drive(Scene(LIMITS, [moves(-2.5, 0.0, 1.0, 0.0)], ROOM), 0.0, 1.0)
+    assert velocities(scene) == [pytest.approx((1.0, 0.0), abs=0.15)]
 
 
 def test_what_is_slower_than_a_fifth_of_a_metre_per_second_is_at_rest() -> None:

@@ -28,6 +28,7 @@ from navloom.messages import (
     RangeScan,
     StopReason,
     Sweep,
+    Tracks,
     Truth,
     Twist2D,
 )
@@ -108,6 +109,18 @@ def test_the_places_where_a_robot_may_be_are_arrows_until_one_is_left() -> None:
     assert np.array(component(first, "origins"))[:, :2].tolist() == [[1.0, 2.0], [3.0, 4.0]]
     assert np.array(component(first, "vectors")) == pytest.approx(np.array([(0.6, 0, 0), (0, 0.6, 0)]), abs=1e-6)
     assert component(first, "radii") == pytest.approx([0.08, 0.04]) and not len(component(last, "origins"))
+
+
+def test_tracks_are_drawn_where_they_are_with_the_way_of_their_next_second() -> None:
+    made, memory = drawing()
+    given = np.array([(1.0, 2.0), (3.0, 4.0)]), np.array([(0.5, 0.0), (0.0, -1.0)])
+    tracks = Tracks(0, np.array([1, 7]), *given, np.zeros((2, 4, 4)), np.array([0.3, 0.5]), np.array([0.0, 2.0]))
+    made.take(shown(tracks, role="people", tick=1))
+    (discs,), (arrows,) = memory.at("/run/r1/tracks"), memory.at("/run/r1/tracks/velocity")
+    assert component(discs, "labels") == ["1", "7"]
+    assert np.array(component(discs, "half_sizes")) == pytest.approx(np.array([(0.3, 0.3, 0.5), (0.5, 0.5, 0.5)]))
+    assert np.array(component(arrows, "origins"))[:, :2].tolist() == given[0].tolist()
+    assert np.array(component(arrows, "vectors"))[:, :2].tolist() == given[1].tolist()
 
 
 def test_every_entity_of_the_3d_view_has_a_frame_that_is_placed() -> None:

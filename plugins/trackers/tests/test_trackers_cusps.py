@@ -59,3 +59,10 @@ def test_a_tracker_that_cannot_drive_sideways_says_so() -> None:
     found = drive("kanayama", (points, np.zeros(2)), HOLONOMIC)
     assert found.outcome == "error"
     assert "expected one that drives along its heading: take lyapunov_tracker" in found.reason
+
+
+def test_on_the_way_back_the_controller_drives_though_the_avoider_always_does() -> None:
+    """The avoider looks ahead: to a place behind it, it would turn the robot round."""
+    found = drive("kanayama", CUSPS["parking"](), settings=['navigation.handover="always"'])
+    assert found.outcome == "succeeded"
+    assert found.track[:, 4].min() < -0.15

@@ -19,8 +19,8 @@ NAMES = {
         "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
         "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "
         "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference SCHEMAS Selection Stamp StepRecord "
-        "StepReport StopReason Sweep SweepRequest TrackingCommand Trajectory Truth Twist2D Unbounded Words "
-        "message"
+        "StepReport StopReason Sweep SweepRequest TrackingCommand Tracks Trajectory Truth Twist2D Unbounded "
+        "Words message"
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (

@@ -18,7 +18,7 @@ from navloom.geometry.frames import transform
 from navloom.geometry.moving_world import Mover, MovingWorld, RobotBody
 from navloom.geometry.nearest_points import nearest_points
 from navloom.geometry.world import Box, Place, World
-from navloom.runs.contacts import Evidence, Touch, touches_of
+from navloom.runs.contacts import Evidence, Touch, _moved, touches_of
 
 PERIOD = 0.05
 SQUARE = np.array([[-0.25, -0.25], [0.25, -0.25], [0.25, 0.25], [-0.25, 0.25]])
@@ -91,11 +91,11 @@ def run(case: Case, others: Sequence[tuple[Mover, float]] = (), ticks: int = 120
         seen.append(bodies)
         touched = [name for gap, name in gaps if gap <= 0.0]
         if touched:
-            rows.append((time, *pose, 0.0, 0.0))
+            rows.append((time, *pose, 0.0, 0.0, 0.0))
             contacts.append((tick, touched[0]))
             break
         pose = wanted
-        rows.append((time, *pose, v, w))
+        rows.append((time, *pose, v, w, 0.0))
     assert contacts, "the case has no contact"
     return touches_of(Evidence(np.array(rows), SQUARE, case.height, seen, world), contacts)
 
@@ -208,7 +208,13 @@ def test_a_contact_has_its_time_and_place() -> None:
 
 
 def test_a_contact_that_goes_on_began_once() -> None:
-    truth = np.array([(k * PERIOD, 0.0, 0.0, 0.0, 0.0, 0.0) for k in range(9)])
+    truth = np.array([(k * PERIOD, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for k in range(9)])
     evidence = Evidence(truth, SQUARE, 0.6)
     found = touches_of(evidence, [(2, "wall"), (3, "wall"), (4, "post"), (7, "wall")])
     assert [touch.time for touch in found] == pytest.approx([0.1, 0.35])
+
+
+def test_a_robot_that_drives_sideways_is_taken_to_go_on_sideways() -> None:
+    """0.5 m/s to the left and half a turn in 2 s: half a circle of 0.318 m radius behind it."""
+    pose = _moved(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * math.pi, 0.5]), 2.0)
+    assert pose == pytest.approx([-2.0 / math.pi, 0.0, math.pi])

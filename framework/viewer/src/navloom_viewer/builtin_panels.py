@@ -23,6 +23,7 @@ from navloom.messages import (
     Selection,
     Sweep,
     TrackingCommand,
+    Tracks,
     Trajectory,
     Truth,
 )
@@ -52,6 +53,7 @@ BUILT_IN: tuple[Panel, ...] = (
     Panel("reference", Reference, draw_motion.reference, 10.0),
     Panel("selection", Selection, draw_behaviour.selection, ALL),
     Panel("sweep", Sweep, draw_sensing.sweep, ALL),
+    Panel("tracks", Tracks, draw_sensing.tracks, 10.0),
     Panel("trajectory", Trajectory, draw_motion.trajectory, ALL),
     Panel("truth", Truth, draw_motion.truth, 20.0),
 )

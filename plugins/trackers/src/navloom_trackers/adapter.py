@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from dataclasses import replace
 from typing import TypeVar
 
-from navloom import Claim, Context, Controller, ControllerInput, InputError, TrackingCommand, Twist2D
+from navloom import (
+    Claim,
+    Context,
+    Controller,
+    ControllerInput,
+    InputError,
+    Pose2D,
+    TrackingCommand,
+    Trajectory,
+    Twist2D,
+)
 from navloom.geometry.footprints import inscribed_radius
 from navloom_lyapunov_tracker.law import (
     TrackingError,
@@ -20,7 +31,7 @@ from navloom_lyapunov_tracker.law import (
 )
 
 from navloom_trackers import derived, fierro_lewis, graceful, kanayama, pure_pursuit, ramsete
-from navloom_trackers.branches import Branches
+from navloom_trackers.branches import Branch, branch_at, branches_of
 from navloom_trackers.limits import DriveLimits, stiffest, within_limits, within_reach
 from navloom_trackers.params import (
     DERIVED,
@@ -65,7 +76,8 @@ class _Tracker(Controller[P]):
         self._stiffest = stiffest(robot.turn_radius)
         # Hysteresis needs a memory: at one threshold the robot would switch between turning and driving.
         self._turning = 0
-        self._branches = Branches()
+        self._followed: Trajectory | None = None
+        self._branches: list[Branch] = []
 
     def reset(self) -> None:
         self._turning = 0
@@ -82,7 +94,7 @@ class _Tracker(Controller[P]):
                     f"{self.name}: got a reference that drives sideways at {reference.lateral_speed:.2f} m/s, expected "
                     "one that drives along its heading: take lyapunov_tracker for paths with other headings"
                 )
-            given, sign = self._branches.along_way(given)
+            given, sign = self._along_way(given)
             pose, reference = given.estimate.pose, given.reference
             target = reference.pose
             error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
@@ -96,6 +108,27 @@ class _Tracker(Controller[P]):
                 wanted = (0.0, self._turning * turn_that_stops(bearing, *limits))
         v, w = within_limits(*wanted, self._limits)
         return TrackingCommand(Twist2D(sign * v, 0.0, w), sign * error.e1, sign * error.e2, error.e3)
+
+    def _along_way(self, given: ControllerInput) -> tuple[ControllerInput, float]:
+        """The input as it is for a robot that heads along its way, and the sign of its speed: -1 backwards.
+
+        The trajectory is then the branch of the reference only, and progress and remaining length are those on it.
+        """
+        reference, estimate = given.reference, given.estimate
+        if given.trajectory is not self._followed:
+            self._followed, self._branches = given.trajectory, branches_of(given.trajectory.samples)
+        if len(self._branches) == 1 and reference.speed > 0.0:
+            return given, 1.0
+        sign = math.copysign(1.0, reference.speed)
+        branch = branch_at(self._branches, reference.progress, sign)
+        progress, left = max(reference.progress - branch.begin, 0.0), max(branch.end - reference.progress, 0.0)
+        reference = replace(reference, progress=progress, remaining=left, speed=abs(reference.speed))
+        if sign < 0.0:
+            back = Twist2D(-estimate.twist.vx, -estimate.twist.vy, estimate.twist.wz)
+            reference = replace(reference, pose=_turned(reference.pose))
+            estimate = replace(estimate, pose=_turned(estimate.pose), twist=back)
+        trajectory = replace(given.trajectory, samples=branch.samples)
+        return replace(given, reference=reference, estimate=estimate, trajectory=trajectory), sign
 
     @abstractmethod
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
@@ -250,6 +283,10 @@ class Graceful(_Pursuit[GracefulParams]):
         v = self._speed(self.context.robot.max_linear, curvature, self._beta, own.exponent)
         v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
         return -seen.delta, (v, v * curvature), self._damping * v / seen.r
+
+
+def _turned(pose: Pose2D) -> Pose2D:
+    return replace(pose, heading=wrap(pose.heading + math.pi))
 
 
 def _from_robot(

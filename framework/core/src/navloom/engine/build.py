@@ -243,7 +243,7 @@ def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
     raster = world.raster
     # A raster that is rasterised again would shift every wall by up to half a cell.
     if raster is not None and not world.obstacles:
-        cells = np.where(raster.occupied, 100, 0).astype(np.int8)
+        cells = np.multiply(raster.occupied, 100, dtype=np.int8)
         return OccupancyGrid(cells, raster.resolution, Pose2D(raster.origin.x, raster.origin.y, raster.origin.heading))
     grid = world_to_grid(world, resolution, (0.0, height))
     return OccupancyGrid(grid.cells, grid.resolution, Pose2D(grid.origin.x, grid.origin.y, grid.origin.heading))

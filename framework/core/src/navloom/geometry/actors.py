@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["Actor", "Body", "BodyKind", "Course", "Keys", "Motion", "Part", "Walk", "parts_of"]
 
@@ -207,28 +209,49 @@ class Actor:
     body: Body = Body()
     appears_at: float = 0.0
 
+    @property
+    def places(self) -> list[tuple[float, float]]:
+        """Places that it goes to, m, map frame, its first one first."""
+        course = self.course
+        return [course.start, *course.goals] if isinstance(course, Walk) else [(x, y) for _, x, y in course.points]
 
-def parts_of(body: Body, motion: Motion) -> Sequence[Part]:
-    """The cylinders and boxes of a body where it is."""
-    x, y, heading, (low, high), glass = motion.x, motion.y, motion.heading, body.z, float(body.is_glass)
+
+def parts_of(body: Body, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cylinders and boxes of one body in several places.
+
+    Args:
+        body: The body.
+        motions: (n, 6) rows of `Motion`.
+
+    Returns:
+        (n, p, 8) rows of `Part`.
+    """
+    (low, high), half, side = body.z, 0.5 * body.length, 0.5 * body.width
     if body.kind == "disc":
-        return ((x, y, 0.5 * body.length, 0.0, 0.0, low, high, glass),)
-    half, side = 0.5 * body.length, 0.5 * body.width
-    if body.kind == "box":
-        return ((x, y, half, side, heading, low, high, glass),)
-    c, s = math.cos(heading), math.sin(heading)
-
-    def post(ahead: float, left: float, radius: float, top: float) -> Part:
-        return (x + c * ahead - s * left, y + s * ahead + c * left, radius, 0.0, 0.0, low, top, glass)
-
-    if body.kind == "trolley":
+        shapes = [(0.0, 0.0, half, 0.0, low, high)]
+    elif body.kind == "box":
+        shapes = [(0.0, 0.0, half, side, low, high)]
+    elif body.kind == "trolley":
         deck = min(low + DECK, high)
-        posts = [post(i * (half - POST_RADIUS), j * (side - POST_RADIUS), POST_RADIUS, deck)
-                 for i in (-1.0, 1.0) for j in (-1.0, 1.0)]  # fmt: skip
-        return (*posts, (x, y, half, side, heading, deck, high, glass)) if deck < high else posts
-    # One foot rests on the floor while the other swings ahead at twice the speed of the body.
-    phase = math.fmod(motion.walked / STEP, 2.0)
-    swing = STEP * (0.5 - abs(1.0 - phase))
-    top = min(low + CROTCH, high)
-    legs = (post(-swing, HIP, LEG_RADIUS, top), post(swing, -HIP, LEG_RADIUS, top))
-    return (*legs, (x, y, half, 0.0, 0.0, top, high, glass)) if top < high else legs
+        shapes = [(i * (half - POST_RADIUS), j * (side - POST_RADIUS), POST_RADIUS, 0.0, low, deck)
+                  for i in (-1.0, 1.0) for j in (-1.0, 1.0)]  # fmt: skip
+        shapes += [(0.0, 0.0, half, side, deck, high)]
+    else:
+        top = min(low + CROTCH, high)
+        shapes = [(0.0, HIP, LEG_RADIUS, 0.0, low, top), (0.0, -HIP, LEG_RADIUS, 0.0, low, top)]
+        shapes += [(0.0, 0.0, half, 0.0, top, high)]
+    # Without an upper part where the body ends below it.
+    places = np.array([shape for shape in shapes if shape[4] < shape[5]])
+    x, y, heading, _, _, walked = motions.T[:, :, None]
+    ahead, left = np.broadcast_to(places[:, 0], (len(motions), len(places))).copy(), places[:, 1]
+    if body.kind == "legs":
+        # One foot rests on the floor while the other swings ahead at twice the speed of the body.
+        swing = STEP * (0.5 - np.abs(1.0 - np.fmod(walked[:, 0] / STEP, 2.0)))
+        ahead[:, 0], ahead[:, 1] = -swing, swing
+    c, s = np.cos(heading), np.sin(heading)
+    parts = np.empty((*ahead.shape, 8))
+    parts[..., 0], parts[..., 1] = x + c * ahead - s * left, y + s * ahead + c * left
+    parts[..., 2:4], parts[..., 5:7] = places[:, 2:4], places[:, 4:6]
+    parts[..., 4] = np.where(places[:, 3] > 0.0, heading, 0.0)
+    parts[..., 7] = body.is_glass
+    return parts

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -23,6 +23,8 @@ __bodies_ = ["Law", "Mover", "MovingWorld", "RobotBody", "actors_of", "moves", "
 Floats = NDArray[np.float64]
 ARRIVED = 0.3
 """A walking actor is at a goal within this distance, m."""
+TURNS = 0.05
+"""A walking actor that is slower keeps its heading, m/s."""
 
 
 class Law(Protocol):
@@ -129,48 +131,69 @@ def _actor(obstacle: Obstacle) -> Actor:
     return Actor(obstacle.name, course, body, obstacle.appears_at)
 
 
-@dataclass(eq=False)
-class _Walker:
-    """State of an actor that walks: place, velocity, heading, distance walked, and number of its next goal."""
+class _Crowd:
+    """The actors that give way: state of each, by its number.
 
-    walk: Walk
-    place: Floats
-    velocity: Floats = field(default_factory=lambda: np.zeros(2))
-    heading: float = 0.0
-    walked: float = 0.0
-    goal: int = 0
+    Args:
+        actors: Those of a world on a `Walk`.
 
-    @classmethod
-    def at_start(cls, walk: Walk) -> _Walker:
-        made = cls(walk, np.array(walk.start))
-        made.heading = math.atan2(*(np.array(walk.goals[0]) - made.place)[::-1].tolist()) if walk.goals else 0.0
-        return made
+    Attributes:
+        actors: The actors.
+        places, velocities: (k, 2) m and m/s, map frame.
+        radii, max_speeds: (k,) m and m/s.
+        sees_robots: (k,) whether each gives way to robots.
+    """
 
-    def preferred(self, step: float) -> Floats:
-        """Velocity towards the next goal, m/s; so that a step of this duration, s, does not overshoot it."""
-        if self.goal >= len(self.walk.goals):
-            return np.zeros(2)
-        way = np.array(self.walk.goals[self.goal]) - self.place
-        distance = float(np.hypot(*way))
-        return way / distance * min(self.walk.speed, distance / step) if distance > 1e-9 else np.zeros(2)
+    def __init__(self, actors: Sequence[Actor]) -> None:
+        self.actors = list(actors)
+        walks = [actor.course for actor in actors if isinstance(actor.course, Walk)]
+        self.places = np.array([walk.start for walk in walks], dtype=np.float64).reshape(-1, 2)
+        self.velocities = np.zeros_like(self.places)
+        self.radii = np.array([actor.body.radius for actor in actors])
+        self.max_speeds = np.array([walk.most for walk in walks])
+        self.sees_robots = np.array([walk.sees_robots for walk in walks], dtype=np.bool_)
+        self._starts, self._speeds = self.places.copy(), np.array([walk.speed for walk in walks])
+        self._flows = np.array([walk.flows for walk in walks], dtype=np.bool_)
+        self._appear = np.array([actor.appears_at for actor in actors])
+        self._counts = np.array([len(walk.goals) for walk in walks], dtype=np.int64)
+        self._goals = np.zeros((len(walks), max(self._counts, default=0), 2))
+        for walk, row in zip(walks, self._goals, strict=True):
+            row[: len(walk.goals)] = walk.goals
+        self._next, self._walked = np.zeros(len(walks), dtype=np.int64), np.zeros(len(walks))
+        ahead = self._goals[:, 0] - self.places if len(walks) else self.places
+        self._headings = np.arctan2(ahead[:, 1], ahead[:, 0])
 
-    def go(self, velocity: Floats, step: float) -> None:
-        """Walk for a step, s, at a velocity, and take the next goal if this one is reached."""
-        self.velocity, self.place = velocity, self.place + step * velocity
-        speed = float(np.hypot(*velocity))
-        self.walked += step * speed
-        if speed > 0.05:
-            self.heading = math.atan2(velocity[1], velocity[0])
-        goals = self.walk.goals
-        if self.goal < len(goals) and np.hypot(*(np.array(goals[self.goal]) - self.place)) < ARRIVED:
-            self.goal += 1
-            if self.goal == len(goals) and self.walk.flows:
-                self.place, self.goal = np.array(self.walk.start), 0
+    def there(self, time: float) -> NDArray[np.int64]:
+        """Numbers of those that have appeared at a run time, s."""
+        return np.flatnonzero(self._appear <= time)
 
-    def motion(self) -> Motion:
-        """Where it is."""
-        (x, y), (vx, vy) = self.place.tolist(), self.velocity.tolist()
-        return Motion(x, y, self.heading, vx, vy, self.walked)
+    def preferred(self, who: NDArray[np.int64], step: float) -> Floats:
+        """(k, 2) velocities towards their next goals, m/s, that do not overshoot them in a step of a duration, s."""
+        goals, has_goal = self._next[who], self._next[who] < self._counts[who]
+        ways = self._goals[who, np.minimum(goals, self._counts[who] - 1)] - self.places[who]
+        distances = np.hypot(ways[:, 0], ways[:, 1])
+        speeds = np.where(has_goal, np.minimum(self._speeds[who], distances / step), 0.0)
+        return ways * (speeds / np.maximum(distances, 1e-9))[:, None]
+
+    def go(self, who: NDArray[np.int64], velocities: Floats, step: float) -> None:
+        """Walk for a step, s, at velocities, (k, 2), m/s; those that reach a goal take the next one."""
+        self.velocities[who] = velocities
+        self.places[who] += step * velocities
+        speeds = np.hypot(velocities[:, 0], velocities[:, 1])
+        self._walked[who] += step * speeds
+        turns = who[speeds > TURNS]
+        self._headings[turns] = np.arctan2(self.velocities[turns, 1], self.velocities[turns, 0])
+        has_goal = who[self._next[who] < self._counts[who]]
+        ways = self._goals[has_goal, self._next[has_goal]] - self.places[has_goal]
+        self._next[has_goal[np.hypot(ways[:, 0], ways[:, 1]) < ARRIVED]] += 1
+        anew = who[(self._next[who] >= self._counts[who]) & self._flows[who]]
+        self.places[anew], self._next[anew] = self._starts[anew], 0
+
+    def motions(self, who: NDArray[np.int64]) -> list[tuple[Actor, Motion]]:
+        """Where they are."""
+        columns = (self.places[who], self._headings[who, None], self.velocities[who], self._walked[who, None])
+        rows = np.concatenate(columns, axis=1).tolist()
+        return [(self.actors[k], Motion(*row)) for k, row in zip(who.tolist(), rows, strict=True)]
 
 
 class MovingWorld:
@@ -184,76 +207,72 @@ class MovingWorld:
     """
 
     def __init__(self, world: World, robots: Sequence[RobotBody], period: float, law: Law | None = None) -> None:
-        self._actors, self._robots, self._period = actors_of(world), tuple(robots), period
-        self._walkers = {
-            actor.name: _Walker.at_start(w) for actor in self._actors if isinstance(w := actor.course, Walk)
-        }
-        self._law = law
+        actors = actors_of(world)
+        self._timed = [(actor, actor.course) for actor in actors if isinstance(actor.course, Course)]
+        self._crowd = _Crowd([actor for actor in actors if isinstance(actor.course, Walk)])
+        self._robots, self._period, self._law = tuple(robots), period, law
+        self._reach = [float(np.hypot(*robot.footprint.T).max()) for robot in robots]
         self._time = 0.0
 
     def advance(self, time_ns: int, robots: Sequence[Mover]) -> Bodies:
         """Everything that moves at a run time, with the robots where they were before it."""
         time = time_ns / 1e9
-        there: list[tuple[Actor, Motion]] = []
-        for actor in self._actors:
-            if isinstance(actor.course, Course) and time >= actor.appears_at:
-                motion = actor.course.at(time)
-                if motion is not None:
-                    there.append((actor, motion))
-        self._walk(time, there, robots)
-        there += [
-            (actor, self._walkers[actor.name].motion())
-            for actor in self._actors
-            if actor.name in self._walkers and time >= actor.appears_at
+        there = [
+            (actor, motion)
+            for actor, course in self._timed
+            if time >= actor.appears_at and (motion := course.at(time)) is not None
         ]
+        if self._crowd.actors:
+            self._walk(time, there, robots)
+            there += self._crowd.motions(self._crowd.there(time))
         self._time = time
         return self._bodies(time_ns, there, robots)
 
     def _walk(self, time: float, there: Sequence[tuple[Actor, Motion]], robots: Sequence[Mover]) -> None:
-        """Let the walking actors that are there walk until a run time, s."""
-        walking = [a for a in self._actors if a.name in self._walkers and self._time >= a.appears_at]
+        """Let the actors that give way walk until a run time, s."""
+        crowd, who = self._crowd, self._crowd.there(self._time)
         steps = math.ceil(round((time - self._time) / self._period, 6))
-        if not walking or self._law is None or steps <= 0:
+        if not len(who) or self._law is None or steps <= 0:
             return
-        # After a pause, as of a process that restarts, the actors go on from where they were: no more than a second.
-        step = min((time - self._time) / steps, 1.0)
-        walkers = [self._walkers[actor.name] for actor in walking]
-        others = np.array([(m.x, m.y, m.vx, m.vy, a.body.radius) for a, m in there]).reshape(-1, 5)
-        reach = [float(np.hypot(*robot.footprint.T).max()) for robot in self._robots]
-        rows = [(r.x, r.y, *r.velocity[:2], radius) for r, radius in zip(robots, reach, strict=True)]
-        seen = np.array(rows).reshape(-1, 5)
-        others = np.concatenate([others, seen])
-        count, total = len(walkers), len(walkers) + len(others)
+        # After a pause, as of a process that restarts, they go on from where they were: no more than a second.
+        step, steps = (time - self._time) / steps, min(steps, math.ceil(1.0 / self._period))
+        timed = [(m.x, m.y, m.vx, m.vy, a.body.radius) for a, m in there]
+        seen = [(r.x, r.y, *r.velocity[:2], reach) for r, reach in zip(robots, self._reach, strict=True)]
+        others = np.array([*timed, *seen]).reshape(-1, 5)
+        count, total = len(who), len(who) + len(others)
         sees = np.zeros((total, total), dtype=np.bool_)
         sees[:count] = True
-        sees[:count, total - len(seen) :] = np.array([w.walk.sees_robots for w in walkers])[:, None]
-        max_speeds = np.concatenate([[w.walk.most for w in walkers], np.hypot(*others[:, 2:4].T)])
-        for _ in range(min(steps, math.ceil(1.0 / self._period))):
-            own = np.array([(*w.place, *w.velocity, a.body.radius) for w, a in zip(walkers, walking, strict=True)])
-            bodies = np.concatenate([own, others])
-            preferred = np.concatenate([[w.preferred(step) for w in walkers], others[:, 2:4]])
-            positions, velocities, radii = bodies[:, :2].copy(), bodies[:, 2:4].copy(), bodies[:, 4].copy()
-            chosen = self._law(positions, velocities, radii, preferred, max_speeds, sees)
-            for walker, velocity in zip(walkers, chosen[:count], strict=True):
-                walker.go(velocity, step)
+        sees[:count, total - len(seen) :] = crowd.sees_robots[who, None]
+        radii = np.concatenate([crowd.radii[who], others[:, 4]])
+        max_speeds = np.concatenate([crowd.max_speeds[who], np.hypot(others[:, 2], others[:, 3])])
+        for _ in range(steps):
+            positions = np.concatenate([crowd.places[who], others[:, :2]])
+            velocities = np.concatenate([crowd.velocities[who], others[:, 2:4]])
+            preferred = np.concatenate([crowd.preferred(who, step), others[:, 2:4]])
+            crowd.go(who, self._law(positions, velocities, radii, preferred, max_speeds, sees)[:count], step)
 
     def _bodies(self, time_ns: int, there: Sequence[tuple[Actor, Motion]], robots: Sequence[Mover]) -> Bodies:
-        names, poses, velocities, parts = [], [], [], []
-        for number, (actor, motion) in enumerate(there):
-            names.append(actor.name)
-            poses.append(motion[:3])
-            velocities.append((motion.vx, motion.vy, 0.0))
-            parts += [(number, *part) for part in parts_of(actor.body, motion)]
-        for number, (robot, at) in enumerate(zip(self._robots, robots, strict=True), start=len(names)):
-            names.append(robot.name)
-            poses.append((at.x, at.y, at.heading))
-            velocities.append(at.velocity)
-            parts.append((number, *robot.part(at.x, at.y, at.heading)))
+        motions = np.array([motion for _, motion in there]).reshape(-1, 6)
+        alike: dict[Body, list[int]] = {}
+        for number, (actor, _) in enumerate(there):
+            alike.setdefault(actor.body, []).append(number)
+        parts = [np.zeros((0, 9))]
+        for body, numbers in alike.items():
+            placed = parts_of(body, motions[numbers])
+            owners = np.repeat(np.array(numbers, dtype=np.float64), placed.shape[1])
+            parts.append(np.column_stack([owners, placed.reshape(-1, 8)]))
+        rows = np.concatenate(parts)
+        if len(alike) > 1:
+            rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        own = [(len(there) + k, *r.part(m.x, m.y, m.heading))
+               for k, (r, m) in enumerate(zip(self._robots, robots, strict=True))]  # fmt: skip
+        velocities = np.zeros((len(there), 3))
+        velocities[:, :2] = motions[:, 3:5]
         return Bodies(
             time_ns,
-            tuple(names),
-            np.array(poses, dtype=np.float64).reshape(-1, 3),
-            np.array(velocities, dtype=np.float64).reshape(-1, 3),
-            np.array(parts, dtype=np.float64).reshape(-1, 9),
+            (*[actor.name for actor, _ in there], *[robot.name for robot in self._robots]),
+            np.concatenate([motions[:, :3], np.array([(m.x, m.y, m.heading) for m in robots]).reshape(-1, 3)]),
+            np.concatenate([velocities, np.array([m.velocity for m in robots]).reshape(-1, 3)]),
+            np.concatenate([rows, np.array(own).reshape(-1, 9)]),
             len(robots),
         )

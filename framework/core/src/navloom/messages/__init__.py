@@ -67,7 +67,7 @@ from navloom.messages.schema import (
     Words,
     message,
 )
-from navloom.messages.sensing import RangeScan, Sweep, SweepRequest
+from navloom.messages.sensing import RangeScan, Sweep, SweepRequest, Tracks
 from navloom.messages.steps import InputRead, Parameters, PortMark, StepReport
 from navloom.messages.stop_reasons import StopReason
 
@@ -127,6 +127,7 @@ __all__ = [
     "Sweep",
     "SweepRequest",
     "TrackingCommand",
+    "Tracks",
     "Trajectory",
     "Truth",
     "Twist2D",

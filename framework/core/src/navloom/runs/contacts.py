@@ -52,7 +52,8 @@ class Evidence:
     """What is judged.
 
     Attributes:
-        truth: (n, 6) time, s, x, y, m, heading, rad, map frame, forward speed, m/s, and turn rate, rad/s, in each tick.
+        truth: (n, 7) time, s, x, y, m, heading, rad, map frame, forward speed, m/s, turn rate, rad/s, and speed to the
+            left, m/s, in each tick.
         footprint: (k, 2) corners of the robot's convex outline, counter-clockwise, m, base frame.
         height: Of the robot, m.
         bodies: What moved, by increasing stamp; empty where nothing but the robot moves.
@@ -171,18 +172,18 @@ def _meeting(drive: Evidence, place: int, row: int, name: str) -> tuple[Floats, 
             share = 0.5 * (low + high)
     _, point, normal = look(share)
     x, y, heading = _moved(before, share * length).tolist()
-    forward, turn = before[4], before[5]
-    velocity = forward * np.array([math.cos(heading), math.sin(heading)])
+    forward, turn, left = before[4:].tolist()
+    velocity = transform(np.array([0.0, 0.0, heading]), np.array([[forward, left]]))[0]
     return point, normal, velocity + turn * np.array([y - point[1], point[0] - x])
 
 
 def _moved(before: Floats, time: float) -> Floats:
     """(3,) pose after a time, s, at the velocity of a row."""
-    _, x, y, heading, forward, turn = before.tolist()
-    mean = heading + 0.5 * turn * time
+    _, x, y, heading, forward, turn, left = before.tolist()
     half = 0.5 * turn * time
-    way = forward * time * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-    return np.array([x + way * math.cos(mean), y + way * math.sin(mean), heading + turn * time])
+    share = time * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    mean = np.array([x, y, heading + half])
+    return np.array([*transform(mean, np.array([[share * forward, share * left]]))[0], heading + turn * time])
 
 
 def _would_touch(drive: Evidence, times: Sequence[float], place: int, row: int, name: str) -> bool:

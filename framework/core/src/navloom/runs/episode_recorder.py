@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.config import Config
 from navloom.messages import (
     Bodies,
     Command,
@@ -32,7 +33,7 @@ from navloom.messages import (
     Truth,
 )
 
-__all__ = ["Recorder"]
+__all__ = ["Recorder", "streams_of"]
 
 
 @dataclass
@@ -41,7 +42,7 @@ class Recorder:
 
     Attributes:
         truth: (time s, x m, y m, heading rad, speed m/s, clearance m) of each tick, map frame.
-        turn_rates: True turn rate of each tick, rad/s.
+        turn_rates, side_speeds: True turn rate, rad/s, and speed to the left, m/s, of each tick.
         cross_tracks: Cross-track error of each tick with a reference, m.
         reference_times: Times of the same ticks, s.
         speeds: Reference speeds, m/s.
@@ -92,6 +93,7 @@ class Recorder:
     wants_steps: bool = False
     truth: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
     turn_rates: list[float] = field(default_factory=list)
+    side_speeds: list[float] = field(default_factory=list)
     cross_tracks: list[float] = field(default_factory=list)
     reference_times: list[float] = field(default_factory=list)
     speeds: list[float] = field(default_factory=list)
@@ -146,6 +148,7 @@ class Recorder:
         pose = truth.pose
         self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
         self.turn_rates.append(truth.twist.wz)
+        self.side_speeds.append(truth.twist.vy)
         if truth.clearance < self._least:
             self._least, self.nearest = truth.clearance, truth.nearest
         if truth.touching:
@@ -234,6 +237,12 @@ class Recorder:
     def min_clearance(self) -> float | None:
         """Smallest gap between footprint and obstacles, m; None if nothing was near or there is no ground truth."""
         return self._least if math.isfinite(self._least) else None
+
+
+def streams_of(reads: Iterable[tuple[str, str]], config: Config) -> frozenset[tuple[str, str]]:
+    """Streams that metrics read, `(role or node, port)`, in a robot of a config: "node" is every [[node]] of it."""
+    nodes = [table.name for table in config.node]
+    return frozenset((name, port) for role, port in reads for name in (nodes if role == "node" else [role]))
 
 
 _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {

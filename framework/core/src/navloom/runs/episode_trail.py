@@ -20,6 +20,8 @@ from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
 from navloom.runs.contacts import Evidence, Touch, signed_clearance, touches_of
 from navloom.runs.localization import Localization, beside_truth
+from navloom.runs.moving_bodies import MovingBodies, moving_bodies
+from navloom.runs.tracking import Tracking, tracking_of
 
 if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
@@ -79,7 +81,11 @@ class Trail:
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
         localization: The localizer's estimates beside the true poses; empty without ground truth.
+        footprint: (k, 2) outline of the robot, m, base frame; empty if it is not known.
+        bodies: The bodies that move in the ground truth.
+        tracking: The tracks of people beside them; empty without a tracker or ground truth.
         contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
+        vy: True speed to the left, m/s; an empty array means never.
     """
 
     time: Floats
@@ -115,7 +121,11 @@ class Trail:
     carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
     localization: Localization = field(default_factory=Localization)
+    footprint: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    bodies: MovingBodies = field(default_factory=MovingBodies)
+    tracking: Tracking = field(default_factory=Tracking)
     contacts: tuple[Touch, ...] = ()
+    vy: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def succeeded(self) -> bool:
@@ -182,6 +192,8 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     if outcome == "succeeded" and goal is not None:
         arrived = _arrival(goal, recorder, *tolerances)
     ways, evidence = ways_of(system), _evidence(truth, recorder, system)
+    streams = {stream: tuple(kept) for stream, kept in recorder.streams.items() if kept}
+    bodies = moving_bodies(recorder.bodies, time)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -189,6 +201,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading=truth[:, 3],
         vx=truth[:, 4],
         wz=np.array(recorder.turn_rates, dtype=np.float64),
+        vy=np.array(recorder.side_speeds, dtype=np.float64),
         clearance=signed_clearance(evidence, truth[:, 5], recorder.contacts),
         cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
         command_vx=_held(time, commands[:, 0], commands[:, 1]),
@@ -214,8 +227,11 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         arrived=arrived,
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
         carried=carried_at(time, recorder.began - recorder.missed * config.run.period, config),
-        streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
+        streams=streams,
         localization=_localization(truth, recorder),
+        footprint=system.robot.footprint,
+        bodies=bodies,
+        tracking=tracking_of(streams, bodies, truth[:, :3], system.world, system.robot.height),
         contacts=touches_of(evidence, recorder.contacts),
     )
 
@@ -309,7 +325,7 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
 def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
     """The drive whose contacts are judged."""
     rates = np.array(recorder.turn_rates, dtype=np.float64)
-    motion = np.column_stack([truth[:, :5], rates])
+    motion = np.column_stack([truth[:, :5], rates, recorder.side_speeds]) if len(truth) else np.empty((0, 7))
     return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 
@@ -358,7 +374,9 @@ def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance
 def _localization(truth: Floats, recorder: Recorder) -> Localization:
     poses = [(*pose, *trust) for pose, trust in zip(recorder.estimates, recorder.trust, strict=True)]
     estimates, odometry = np.array(poses).reshape(-1, 9), np.array(recorder.odometry).reshape(-1, 4)
-    return beside_truth(truth, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
+    moving = truth.copy()
+    moving[:, 4] = np.hypot(truth[:, 4], recorder.side_speeds)
+    return beside_truth(moving, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:

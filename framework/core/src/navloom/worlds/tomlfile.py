@@ -45,7 +45,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from navloom.geometry.actors import Actor, Course
+from navloom.geometry.actors import Actor
 from navloom.geometry.solids import box_corners
 from navloom.geometry.world import Box, Cylinder, Interval, Material, Obstacle, Place, Raster, World
 from navloom.inputs.bounds import TEXT_MB
@@ -194,8 +194,7 @@ def _bounds(
         return x0, y0, x1, y1
     points = [(p.x, p.y) for p in places]
     for actor in actors:
-        course = actor.course
-        points += [p[1:] for p in course.points] if isinstance(course, Course) else [course.start, *course.goals]
+        points += actor.places
     for obstacle in obstacles:
         points += [(x, y) for _, x, y in obstacle.waypoints]
         if isinstance(obstacle, Box):

@@ -36,7 +36,7 @@ from navloom.messages import (
 )
 from navloom.plugins.run_observers import Onlookers
 from navloom.runs.episode import Episode, run_info
-from navloom.runs.episode_recorder import Recorder
+from navloom.runs.episode_recorder import Recorder, streams_of
 from navloom_recording.excerpt import repeating
 
 from navloom_live.drives.live_observers import LiveShow
@@ -115,6 +115,7 @@ class LiveRun:
     resumes: bool = False
 
     def __post_init__(self) -> None:
+        self.reads = streams_of(self.reads, self.loaded.config)
         self.recorder = Recorder(reads=self.reads)
         self.system: System = assemble(self.loaded)
         self._kept: KeptPose | None = None

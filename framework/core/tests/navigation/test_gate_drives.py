@@ -127,7 +127,7 @@ def test_it_does_not_stop_a_way_to_the_right() -> None:
 def roll_out(command: tuple[float, float, float], motor: list[float]) -> NDArray[np.float64]:
     poses = np.zeros((MOST_POSES, 3))
     still, none = np.zeros(3), np.zeros((0, 4))
-    count = stopping_way(still, none, 0.0, np.array(command), np.array(motor), 0.5, poses)
+    count = stopping_way(still, none, 0.0, np.array(command), np.array(motor), 0.5, poses, np.empty(len(poses)))
     return poses[:count]
 
 

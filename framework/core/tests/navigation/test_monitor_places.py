@@ -58,7 +58,7 @@ def twice(time: float, bearing: float, distance: float, offset: float = 0.0) -> 
 
 def hit(made: CollisionMonitor, v: float = 1.0, w: float = 0.0) -> Place:
     """Place of what a command would touch, m, base frame."""
-    place = made.judge(Twist2D(v, 0.0, w), 0.0, made._stamps[-1]).place
+    place = made.judge(Twist2D(v, 0.0, w), 0.0, made._track.stamps[-1]).place
     return None if place is None else (place.x, place.y)
 
 
@@ -162,14 +162,14 @@ def test_odometry_that_does_not_advance_is_passed_over() -> None:
 
 def test_old_odometry_is_forgotten_and_the_last_256_kept() -> None:
     made = monitor(*((k * 0.01, k * 0.001, 0.0, 0.0) for k in range(513)))
-    assert [len(kept) for kept in (made._stamps, made._poses, made._ways)] == [257] * 3
+    assert [len(kept) for kept in (made._track.stamps, made._track.poses, made._track.ways)] == [257] * 3
     assert made.look("laser", twice(2.57, 0.0, 0.8))
     assert hit(made) == pytest.approx((1.05 - 0.255, -0.1), abs=1e-9)
 
 
 def test_the_way_is_the_length_of_the_steps() -> None:
     made = monitor((0.0, 0.0, 0.0, 0.0), (0.1, 0.3, 0.4, 0.0), (0.2, 0.0, 0.0, 1.0))
-    assert made._ways == pytest.approx([0.0, 0.5, 1.0])
+    assert made._track.ways == pytest.approx([0.0, 0.5, 1.0])
 
 
 def test_before_the_first_scan_there_is_no_obstacle() -> None:
@@ -328,26 +328,26 @@ def test_odometry_that_jumps_is_silent_or_goes_back_shows_a_restart(
 def test_the_farthest_that_a_robot_may_go_is_no_restart(x: float, heading: float) -> None:
     """In 1/16 s 0.3 m + 0.3125 m, or 0.5 rad + 0.625 rad, without rounding."""
     made = monitor((1.0, 0.0, 0.0, 0.0), (1.0625, x, 0.0, heading))
-    assert len(made._stamps) == 2
+    assert len(made._track.stamps) == 2
 
 
 def test_the_heading_may_pass_180_degrees() -> None:
     made = monitor((1.0, 0.0, 0.0, 3.1), (1.01, 0.0, 0.0, -3.1), (1.02, 0.0, 0.0, 3.1))
-    assert len(made._stamps) == 3
-    assert [heading for _, _, heading in made._poses] == pytest.approx([3.1, math.tau - 3.1, 3.1])
+    assert len(made._track.stamps) == 3
+    assert [heading for _, _, heading in made._track.poses] == pytest.approx([3.1, math.tau - 3.1, 3.1])
 
 
 def test_a_slow_robot_may_be_silent_for_five_periods() -> None:
     for time, restarted in ((2.4, False), (2.6, True)):
         made = CollisionMonitor(MonitorLimits(robot(footprint=FOOTPRINT, max_deceleration=0.8), 0.3, 0.03))
         move(made, (1.0, 0.0, 0.0, 0.0), (time, 0.0, 0.0, 0.0))
-        assert (len(made._stamps) == 1) is restarted
+        assert (len(made._track.stamps) == 1) is restarted
 
 
 def test_a_restart_forgets_the_way_and_the_speed() -> None:
     made = monitor((1.0, 0.0, 0.0, 0.0), (1.1, 0.4, 0.0, 0.0), twist=(0.5, 0.2))
     move(made, (5.0, 0.0, 0.0, 0.0))
-    assert made._ways == [0.0] and made._stamps == [5.0] and made._waiting == []
+    assert made._track.ways == [0.0] and made._track.stamps == [5.0] and made._waiting == []
 
 
 def pose_estimate(time: float, x: float, state: Literal["tracking", "searching"] = "tracking") -> PoseEstimate:

@@ -26,13 +26,13 @@ def way(
     motor: tuple[float, float, float] = (PERIOD, DECELERATION, TURN_DECELERATION),
 ) -> Floats:
     """Poses of a roll-out, from arrays that hold NaN before."""
-    poses = np.full((MOST_POSES + 1, 3), math.nan)
+    poses, times = np.full((MOST_POSES + 1, 3), math.nan), np.full(MOST_POSES + 1, math.nan)
     count = stopping_way(
         np.array([*twist, 0.0]), np.array([(*sent, 0.0) for sent in flying]).reshape(-1, 4), age,
         np.array([*command, 0.0]), np.array([*motor, lag, dead_time]),
-        radius, poses,
+        radius, poses, times,
     )  # fmt: skip
-    assert np.isnan(poses[count:]).all()
+    assert np.isnan(poses[count:]).all() and np.isnan(times[count:]).all()
     return poses[:count]
 
 

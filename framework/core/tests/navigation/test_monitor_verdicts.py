@@ -338,7 +338,7 @@ def test_seen_space_counts_for_5_m_of_way(steps: int, kind: str) -> None:
     for k in range(steps):
         x, y = 3.0 + 0.05 * (k % 2) * math.cos(2.5), -1.0 + 0.05 * (k % 2) * math.sin(2.5)
         made.move(Odometry(round((1.05 + 0.05 * k) * 1e9), Pose2D(x, y, 2.5), Twist2D(0.0, 0.0, 0.0)))
-    assert judge(made, 0.0, 9.0, time=made._stamps[-1]).kind == kind
+    assert judge(made, 0.0, 9.0, time=made._track.stamps[-1]).kind == kind
 
 
 def slide(made: CollisionMonitor, first: float) -> None:

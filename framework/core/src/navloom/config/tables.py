@@ -271,6 +271,12 @@ class GateTable(Table):
     sensor_timeout: Positive = Field(default=0.5, description="longest silence of a required sensor, s")
     monitor: bool = Field(default=True, description="check commands against the range sensors")
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
+    approach_speed: float = Field(
+        default=2.0,
+        ge=0.0,
+        le=5.0,
+        description="highest speed of obstacles that the monitor allows for, m/s; 0: all at rest",
+    )
 
 
 _OPTIONAL_KEYS = {

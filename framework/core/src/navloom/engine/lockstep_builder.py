@@ -209,4 +209,7 @@ def gate_monitor(system: System) -> CollisionMonitor | None:
     # Without a sensor, all space is unseen, and a monitor would stop the robot for good.
     if not any(given.name.startswith("scan.") for given in inputs):
         return None
-    return CollisionMonitor(MonitorLimits(system.robot, system.config.run.period, system.config.gate.range_sigma))
+    gate = system.config.gate
+    return CollisionMonitor(
+        MonitorLimits(system.robot, system.config.run.period, gate.range_sigma, approach_speed=gate.approach_speed)
+    )

@@ -11,10 +11,8 @@ slows the robot.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,40 +21,31 @@ from navloom.geometry.frames import compose, inverse, transform
 from navloom.messages import OccupancyGrid, Odometry, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.navigation import monitor_map
 from navloom.navigation.braking import braked
-from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, SensorEchoes
+from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, NOTHING_MOVES, SensorEchoes
 from navloom.navigation.monitor_known_space import SeenSpace
 from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
+    HEADWAY,
     MOST_POSES,
     distance_to_outline,
+    escapes,
+    first_meeting,
     first_touch,
     margins,
     stopping_way,
     within,
 )
+from navloom.navigation.monitor_verdict import MonitorLimits, Planar, Touch, Verdict
 from navloom.navigation.odometry_frame import OdometryFrame
+from navloom.navigation.odometry_track import OdometryTrack
 from navloom.roles import RobotSpec
 
 __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 
 Floats = NDArray[np.float64]
-Kind = Literal["", "obstacle", "unseen"]
-Planar = tuple[float, float, float]
-"""A velocity: forward, m/s, turn rate, rad/s, to the left, m/s."""
-Touch = tuple[Kind, Point2D, float]
-"""What the robot would touch: kind, place in the base frame, m, and distance from the footprint, m."""
 
 UNSEEN_MEMORY = 5.0
 """Travelled distance for which space that was seen or occupied by the robot counts as known, m."""
-# Faster than any robot that this monitor is for, so that only a restart exceeds them.
-JUMP, FASTEST = 0.3, 5.0
-"""Odometry that jumps farther than JUMP, m, plus FASTEST, m/s, times the elapsed time: the platform restarted."""
-TURN, FASTEST_TURN = 0.5, 10.0
-"""The same for its heading, rad and rad/s."""
-SILENT = 1.0
-"""A longer gap in the odometry, s, also counts as a restart: the robot may have been moved meanwhile."""
-BACK = 1.0
-"""An odometry stamp that goes back by more than this, s, also counts as a restart."""
 HALVINGS = 5
 """Bisection steps of the search for the largest share."""
 LEAST_SHARE = 0.05
@@ -69,50 +58,28 @@ SLIDING, SLOPE = 0.05, 0.02
 
 A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope, the drift of its wheels would hold it.
 """
+ESCAPE = 1.5
+"""Time for which a robot that goes on must not meet what would meet it if it stayed, s."""
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
 STEERED = 0.05
 """Least measured speed, m/s, that tells the angle of steered wheels by the turn."""
 
 
-@dataclass(frozen=True)
-class MonitorLimits:
-    """The robot and sensor model of the monitor.
+class _Surroundings(NamedTuple):
+    """What a command is judged by.
 
     Attributes:
-        robot: Its footprint, how it brakes, and its delays.
-        period: Control tick, s.
-        sigma: Standard deviation of a range, m.
-        margin: Distance from the footprint that counts as touching, m.
+        in_flight: (k, 3) commands given before, see `stopping_way`.
+        age: Age of the newest odometry, s.
+        points: (k, 3) obstacles, m, base frame of the newest odometry, and how far they may reach beyond, m.
+        moving: (k, 7) obstacles that move, see `first_meeting`.
     """
 
-    robot: RobotSpec
-    period: float
-    sigma: float
-    margin: float = 0.01
-
-
-class Verdict(NamedTuple):
-    """The monitor's decision on a command.
-
-    Attributes:
-        twist: The velocity that may be driven.
-        share: Its share of the command; 1 if the command passes unchanged.
-        kind: What limits it: nothing, an obstacle, or space that no sensor has seen.
-        place: Place of the obstacle or unseen space in the base frame, m; None for nothing.
-        distance: Distance from the footprint to it, m.
-    """
-
-    twist: Twist2D
-    share: float = 1.0
-    kind: Kind = ""
-    place: Point2D | None = None
-    distance: float | None = None
-
-    @property
-    def is_stopped(self) -> bool:
-        """Whether the robot is stopped because something is in the way."""
-        return bool(self.kind) and self.twist.vx == 0.0 and self.twist.vy == 0.0 and self.twist.wz == 0.0
+    in_flight: Floats
+    age: float
+    points: Floats
+    moving: Floats
 
 
 class CollisionMonitor:
@@ -138,16 +105,14 @@ class CollisionMonitor:
             motor += [robot.wheelbase, min(robot.max_steering_rate, 1e6), 0.0]
         self._motor = np.array(motor)
         self._rolled, self._alone = np.empty((MOST_POSES, 3)), np.empty((MOST_POSES, 3))
+        self._times, self._alone_times = np.empty(MOST_POSES), np.empty(MOST_POSES)
         self.forget()
 
     def forget(self) -> None:
         """Forget all scans, odometry and commands, as after a restart of the platform."""
         self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
         self._sensors: dict[str, SensorEchoes] = {}
-        self._stamps: list[float] = []
-        self._poses: list[tuple[float, float, float]] = []
-        self._twist = np.zeros(3)
-        self._ways: list[float] = []
+        self._track = OdometryTrack()
         self._waiting: list[tuple[str, RangeScan]] = []
         self._given: deque[tuple[float, float, float, float]] = deque()
         self._is_free = True
@@ -157,29 +122,14 @@ class CollisionMonitor:
 
     def move(self, odometry: Odometry) -> None:
         """Take the newest odometry."""
-        pose, time = odometry.pose, odometry.stamp_ns * 1e-9
-        if self._stamps and self._begins_again(pose, time):
+        if self._track.begins_again(odometry, self.limits.period):
             self.forget()
-        # The same odometry comes again in ticks without a newer one.
-        if self._stamps and time <= self._stamps[-1]:
+        if not self._track.add(odometry):
             return
-        heading, way = pose.heading, 0.0
-        if self._poses:
-            x, y, last = self._poses[-1]
-            # Unwrapped, because headings are interpolated between two stamps.
-            heading = last + math.remainder(heading - last, math.tau)
-            way = self._ways[-1] + math.hypot(pose.x - x, pose.y - y)
-        self._stamps.append(time)
-        self._poses.append((pose.x, pose.y, heading))
-        self._ways.append(way)
-        self._twist[:] = odometry.twist.vx, odometry.twist.wz, odometry.twist.vy
         if self._steers and abs(odometry.twist.vx) > STEERED:
             self._motor[7] = math.atan(self._motor[5] * odometry.twist.wz / odometry.twist.vx)
-        # Half at once, since deleting from the front of a list costs its whole length.
-        if len(self._stamps) > 512:
-            del self._stamps[:256], self._poses[:256], self._ways[:256]
         if self._is_free:  # else a robot stopped for unseen space would mark it as known bit by bit while it slides
-            self._seen.stand(np.array(self._poses[-1]), way)
+            self._seen.stand(np.array(self._track.poses[-1]), self._track.ways[-1])
         waiting, self._waiting = self._waiting, []
         for name, scan in waiting:
             self.look(name, scan)
@@ -191,78 +141,49 @@ class CollisionMonitor:
         """
         is_old = self._estimate is estimate
         self._estimate, self._grid = estimate, grid
-        if is_old or estimate is None or estimate.state != "tracking" or not self._stamps:
+        if is_old or estimate is None or estimate.state != "tracking" or not self._track.stamps:
             return
         time = estimate.stamp_ns * 1e-9
-        odometry = self._poses[max(0, bisect_right(self._stamps, time + 1e-6) - 1)]
+        odometry = self._track.poses[self._track.last_before(time, 1e-6)]
         if self._frame.jumps(time, estimate.pose, odometry):
             self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
             for sensor in self._sensors.values():
                 sensor.forget_unseen()
 
-    def _begins_again(self, pose: Pose2D, time: float) -> bool:
-        """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""
-        x, y, heading = self._poses[-1]
-        passed = time - self._stamps[-1]
-        jumps = math.hypot(pose.x - x, pose.y - y) > JUMP + FASTEST * abs(passed) or (
-            abs(math.remainder(pose.heading - heading, math.tau)) > TURN + FASTEST_TURN * abs(passed)
-        )
-        return passed < -BACK or passed > max(SILENT, 5.0 * self.limits.period) or (passed > 0.0 and jumps)
-
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take a scan; False if it is not newer than the last, or must wait for the odometry of its time."""
-        time, made = scan.stamp_ns * 1e-9, SensorEchoes(self.limits.sigma, self._outline)
+        time, made = scan.stamp_ns * 1e-9, SensorEchoes(self.limits.sigma, self._outline, self.limits.approach_speed)
         sensor = self._sensors.setdefault(name, made)
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
-        if not self._stamps or time > self._stamps[-1]:
+        if not self._track.stamps or time > self._track.stamps[-1]:
             # Extrapolated odometry would move the echoes by what the wheels do meanwhile.
             self._waiting.append((name, scan))
             return False
-        poses = self._poses_at(time + scan.time_offsets)
+        poses = self._track.at(time + scan.time_offsets)
         origins, bearings, halves, ranges = scan.origins, scan.bearings, scan.half_angles, scan.ranges
         limits = np.array([scan.range_min, scan.range_max])
-        way = self._ways[bisect_right(self._stamps, time) - 1]
+        way = self._track.ways[self._track.last_before(time)]
         self._seen.look(poses, (origins, bearings, halves, ranges), limits, np.array([time, way]))
         if halves.size and halves.max() > 0.0:
             sensor.look_by_sonars(time, scan, poses, self._moved_since(sensor, poses))
         else:
-            sensor.look_by_laser(time, scan, poses if len(poses) else np.array(self._poses[-1:]))
+            sensor.look_by_laser(time, scan, poses if len(poses) else np.array(self._track.poses[-1:]))
         return True
 
     def _moved_since(self, sensor: SensorEchoes, poses: Floats) -> float:
         """Upper bound of the motion of any point of the robot from a sensor's previous scan to the last pose, m."""
         if not sensor.scans:
             return 0.0
-        x, y, heading = self._poses_at(np.array([sensor.scans[0][0]]))[0]
+        x, y, heading = self._track.at(np.array([sensor.scans[0][0]]))[0]
         here = poses[-1]
         return float(math.hypot(here[0] - x, here[1] - y) + self._radius * abs(here[2] - heading))
-
-    def _poses_at(self, times: Floats) -> Floats:
-        """(n, 3) poses of the base, odometry frame, at times, s; extrapolated by twist after the newest odometry."""
-        newest = self._stamps[-1]
-        if len(times) and times.min() == times.max() and times[0] in self._stamps[-4:]:
-            pose = self._poses[len(self._stamps) - 1 - self._stamps[::-1].index(times[0])]
-            return np.tile(np.array(pose), (len(times), 1))
-        start = max(0, bisect_right(self._stamps, float(times.min()) if len(times) else newest) - 1)
-        stamps, poses = np.array(self._stamps[start:]), np.array(self._poses[start:])
-        inside = np.clip(times, stamps[0], newest)
-        found = np.stack([np.interp(inside, stamps, poses[:, k]) for k in range(3)], axis=1)
-        # Beams at the end of a scan may be later than the newest odometry.
-        late = np.maximum(times - newest, 0.0)
-        found[:, 0] += late * self._twist[0] * np.cos(found[:, 2])
-        found[:, 1] += late * self._twist[0] * np.sin(found[:, 2])
-        if self._twist[2]:
-            found[:, 0] -= late * self._twist[2] * np.sin(found[:, 2])
-            found[:, 1] += late * self._twist[2] * np.cos(found[:, 2])
-        found[:, 2] += late * self._twist[1]
-        return found
 
     def give(self, time: float, twist: Twist2D) -> None:
         """Record a command that went to the wheels at a run time, s."""
         self._given.append((time, twist.vx, twist.wz, twist.vy))
         # Too slow to measure the angle by its turn: then the wheels are taken to be where they were told.
-        if self._steers and twist.vx != 0.0 and abs(self._twist[0]) <= STEERED:
+        if self._steers and twist.vx != 0.0 and abs(self._track.twist[0]) <= STEERED:
             self._motor[7] = math.atan(self._motor[5] * twist.wz / twist.vx)
         while len(self._given) > 1 and self._given[1][0] < time - self.limits.robot.dead_time - KEEP:
             self._given.popleft()
@@ -282,13 +203,13 @@ class CollisionMonitor:
 
     def _judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
         pace = math.hypot(twist.vx, twist.vy) if twist.vy else twist.vx
-        if not self._stamps or (pace == 0.0 and twist.wz == 0.0 and speed == 0.0):
+        if not self._track.stamps or (pace == 0.0 and twist.wz == 0.0 and speed == 0.0):
             return Verdict(twist)
-        age = max(0.0, time - self._stamps[-1])
+        age = max(0.0, time - self._track.stamps[-1])
         command = (twist.vx, twist.wz, twist.vy)
-        in_flight = np.array([(at - self._stamps[-1], *sent) for at, *sent in self._given]).reshape(-1, 4)
-        points = self._near(twist, age)
-        touched = self._touch(command, in_flight, age, points)
+        in_flight = np.array([(at - self._track.stamps[-1], *sent) for at, *sent in self._given]).reshape(-1, 4)
+        here = _Surroundings(in_flight, age, self._near(twist, age), self._moving())
+        touched = self._touch(command, here)
         if touched is None:
             return Verdict(twist)
         lowest = 0.0
@@ -296,11 +217,11 @@ class CollisionMonitor:
             # A share below what the brakes reach within a period could not be driven: the roll-out would be too kind.
             lowest = abs(self._slower(speed)) / abs(pace)
         low, high = min(lowest, 1.0), 1.0
-        if self._touch(_scaled(command, low), in_flight, age, points) is not None:
-            return self._brake(speed, in_flight, age, points, touched)
+        if self._touch(_scaled(command, low), here) is not None:
+            return self._brake(speed, here, touched)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            hit = self._touch(_scaled(command, middle), in_flight, age, points)
+            hit = self._touch(_scaled(command, middle), here)
             if hit is None:
                 low = middle
             else:
@@ -311,7 +232,7 @@ class CollisionMonitor:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
         return Verdict(Twist2D(low * twist.vx, low * twist.vy, low * twist.wz), low, *touched)
 
-    def _brake(self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch) -> Verdict:
+    def _brake(self, speed: float, here: _Surroundings, touched: Touch) -> Verdict:
         """Brake along the current curvature; if that touches something too, command zero at once."""
         _, v, w, side = self._given[-1] if self._given else (0.0, 0.0, 0.0, 0.0)
         pace = math.hypot(v, side) if side else v
@@ -320,7 +241,7 @@ class CollisionMonitor:
             slower = self._slower(speed)
             turn = w * slower / pace
             v, side = (v * slower / pace, side * slower / pace) if side else (slower, 0.0)
-            if self._touch((v, turn, side), in_flight, age, points) is None:
+            if self._touch((v, turn, side), here) is None:
                 return Verdict(Twist2D(v, side, turn), 0.0, *touched)
         return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
 
@@ -328,33 +249,61 @@ class CollisionMonitor:
         """A speed, m/s, after braking for one period."""
         return braked(speed, self.limits.robot.max_deceleration * self.limits.period)
 
-    def _touch(self, command: Planar, in_flight: Floats, age: float, points: Floats) -> Touch | None:
+    def _touch(self, command: Planar, here: _Surroundings) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
-        wanted, (v, w, side) = np.array(command), command
-        rolled = stopping_way(self._twist, in_flight, age, wanted, self._motor, self._radius, self._rolled)
+        wanted, points, (v, w, side) = np.array(command), here.points, command
+        rolled = stopping_way(
+            self._track.twist, here.in_flight, here.age, wanted, self._motor, self._radius, self._rolled, self._times
+        )
         wide = margins(points, v, w, side, self.limits.margin)
         slope = SLOPE if math.hypot(v, side) <= SLIDING else 0.0
         hit = first_touch(self._rolled, rolled, self._outline, points, wide, slope)
         if hit < 0:  # measured speed is noisy: each tick, it may seem to lead away by more than the command approaches
             wide[~within(points, self._outline, wide)] = -math.inf
-            still, none = np.zeros(3), in_flight[:0]
-            count = stopping_way(still, none, 0.0, wanted, self._motor, self._radius, self._alone)
+            still, none = np.zeros(3), here.in_flight[:0]
+            count = stopping_way(still, none, 0.0, wanted, self._motor, self._radius, self._alone, self._alone_times)
             hit = first_touch(self._alone, count, self._outline, points, wide, slope)
+        if hit < 0 and len(here.moving):
+            points, hit = here.moving, self._meets(wanted, here, rolled)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
         if not self.ignores_unseen:
-            base = np.array(self._poses[-1])
-            place = self._seen.first_unseen(self._rolled, rolled, base, self._stamps[-1], self._ways[-1])
+            base = np.array(self._track.poses[-1])
+            place = self._seen.first_unseen(self._rolled, rolled, base, self._track.stamps[-1], self._track.ways[-1])
             if place >= 0:
                 x, y, _ = self._rolled[place]
                 return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
         return None
 
+    def _meets(self, command: Floats, here: _Surroundings, rolled: int) -> int:
+        """Row of the moving point that the robot would meet on its stopping way; -1 for none.
+
+        What would meet a robot that stays does not stop it if it escapes by going on: within ESCAPE it meets nothing,
+        and is not nearer to that point in the end.
+        """
+        moving, (v, w, side) = here.moving, command
+        wide = margins(moving, v, w, side, self.limits.margin)
+        hit, is_nearer = first_meeting(
+            self._rolled, self._times, rolled, HEADWAY, self._outline, self._radius, moving, wide
+        )
+        if hit < 0 or is_nearer:
+            return int(hit)
+        # One period of that length: it goes on, and what comes after it does not count.
+        motor = self._motor.copy()
+        motor[0] = ESCAPE
+        count = stopping_way(
+            self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
+        )
+        count = int(np.searchsorted(self._alone_times[:count], ESCAPE, side="right"))
+        is_free = escapes(self._alone, self._alone_times, count, self._outline, self._radius, moving, wide, hit)
+        return -1 if is_free else int(hit)
+
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
         robot, limits = self.limits.robot, self.limits
-        v = max(math.hypot(twist.vx, twist.vy), math.hypot(self._twist[0], self._twist[2]))
+        measured = self._track.twist
+        v = max(math.hypot(twist.vx, twist.vy), math.hypot(measured[0], measured[2]))
         v = max(v, *(math.hypot(v, side) for _, v, _, side in self._given), 0.0)
         # Generous by 0.1 s: a point too many costs time only, one too few is an obstacle that is not seen.
         lag = 5.0 * robot.motor_lag
@@ -371,10 +320,10 @@ class CollisionMonitor:
             return NO_SURFACES
         time, base = estimate.stamp_ns * 1e-9, estimate.pose
         # A pose from before a restart of the platform is of another odometry frame.
-        if not self._stamps[0] <= time or time < self._stamps[-1] - OLD_POSE:
+        if not self._track.stamps[0] <= time or time < self._track.stamps[-1] - OLD_POSE:
             return NO_SURFACES
-        if time < self._stamps[-1]:
-            moved = compose(inverse(self._poses_at(np.array([time]))[0]), self._poses[-1])
+        if time < self._track.stamps[-1]:
+            moved = compose(inverse(self._track.at(np.array([time]))[0]), self._track.poses[-1])
             base = Pose2D(*compose((base.x, base.y, base.heading), moved).tolist())
         found = surfaces_without_echo(grid, base, reach, echoes)
         is_shown = self._covers(found)
@@ -384,7 +333,7 @@ class CollisionMonitor:
 
     def _covers(self, points: Floats) -> NDArray[np.bool_]:
         """(k,) which points (k, 2), m, base frame of the newest odometry, lie in a direction that a laser looks at."""
-        placed = transform(self._poses[-1], points)
+        placed = transform(self._track.poses[-1], points)
         found = np.zeros(len(points), np.bool_)
         for sensor in self._sensors.values():
             found |= sensor.covers(placed)
@@ -393,18 +342,16 @@ class CollisionMonitor:
     def _near(self, twist: Twist2D, age: float) -> Floats:
         """(k, 3) obstacle points in reach, base frame of the newest odometry, and how far they may reach beyond, m."""
         reach = self._reach(twist, age)
-        x, y, heading = self._poses[-1]
-        cos, sin = math.cos(heading), math.sin(heading)
-        near = []
-        for sensor in self._sensors.values():
-            dx, dy = sensor.obstacles[:, 0] - x, sensor.obstacles[:, 1] - y
-            kept = dx * dx + dy * dy <= reach * reach
-            dx, dy = dx[kept], dy[kept]
-            beyond = sensor.obstacles[kept, 2]
-            near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx, beyond], axis=1))
+        near = [sensor.near(self._track.poses[-1], reach) for sensor in self._sensors.values()]
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
         return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
+
+    def _moving(self) -> Floats:
+        """(k, 7) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""
+        pose, time = self._track.poses[-1], self._track.stamps[-1]
+        found = [sensor.moving_from(pose, time) for sensor in self._sensors.values() if len(sensor.moving)]
+        return np.concatenate(found) if found else NOTHING_MOVES
 
 
 def _scaled(command: Planar, share: float) -> Planar:
@@ -419,7 +366,7 @@ def warm_up() -> None:
         array.flags.writeable = False
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
     robot = RobotSpec(square, 1.0, 0.05, 0.2, 0.5, 1.0, 0.5, 1.0)
-    monitor = CollisionMonitor(MonitorLimits(robot, 0.05, 0.03))
+    monitor = CollisionMonitor(MonitorLimits(robot, 0.05, 0.03, approach_speed=1.0))
     still = Odometry(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
     monitor.move(still)
     for halves in (np.zeros(2), wide):

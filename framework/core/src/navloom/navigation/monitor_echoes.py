@@ -15,11 +15,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom.messages import RangeScan
+from navloom.navigation.monitor_motion import ClusterMotion
 from navloom.navigation.monitor_rollout import within
 
 __all__ = [
     "KEEP",
     "MOST_DRIFT",
+    "NOTHING_MOVES",
     "NO_POINTS",
     "SensorEchoes",
     "arc_points",
@@ -46,7 +48,7 @@ one gap beyond its last beam, and the mean of the last readings half a gap befor
 DRIFT, MOST_DRIFT = 0.055, 0.08
 """How far an echo may be misplaced while no beam points at it, m per m of its distance and per m that the base drives
 or 2 rad that it turns, and at most, m: odometry with a slip of 1 cm per root metre is wrong by 3° after a metre."""
-NO_POINTS = np.empty((0, 3))
+NO_POINTS, NOTHING_MOVES = np.empty((0, 3)), np.empty((0, 6))
 
 
 DEEP = 0.05
@@ -64,15 +66,17 @@ class SensorEchoes:
         scans: Stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first.
         ranges: Of the newest scan of sonars, m.
         obstacles: (k, 3) points, m, odometry frame, and how far an obstacle may reach beyond each, m.
+        moving: (k, 6) the same of obstacles that move, at the newest scan, their velocity, m/s, and swing, m.
         seen_at: (3,) pose of the base at the newest scan of a laser, m, rad, odometry frame.
         view: x, y, m, of the laser then, heading, rad, of the base, and (bins,) which directions its beams cover.
     """
 
-    def __init__(self, sigma: float, outline: Floats | None = None) -> None:
+    def __init__(self, sigma: float, outline: Floats | None = None, approach_speed: float = 0.0) -> None:
         self.sigma, self.outline = sigma, outline
+        self.motion = ClusterMotion(sigma, approach_speed) if approach_speed > 0.0 else None
         self.scans = deque[tuple[float, Floats]]()
         self.ranges: Floats | None = None
-        self.obstacles = NO_POINTS
+        self.obstacles, self.moving = NO_POINTS, NOTHING_MOVES
         self.seen_at: Floats | None = None
         self.view: tuple[float, float, float, NDArray[np.bool_]] | None = None
 
@@ -94,10 +98,16 @@ class SensorEchoes:
         x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
         bins = directions(scan.bearings)
         found = np.empty((bins, 2))
-        count = nearest_surfaces(self._every(), x, y, bins, 3.0 * self.sigma, found)
+        every = self._every()
+        if self.motion is not None:
+            self.motion.look(time, scan, poses, (x, y), bins)
+            self.motion.carry(every)
+        count = nearest_surfaces(every, x, y, bins, 3.0 * self.sigma, found)
         # Two beams are one bin apart, so that the gap grows with the distance.
         reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
-        held = out_of_view(self.obstacles, (x, y, heading), scan.bearings, bins)
+        # What moved out of view is taken to be where it was last seen.
+        known = np.concatenate([self.obstacles, self.moving[:, :3]]) if len(self.moving) else self.obstacles
+        held = out_of_view(known, (x, y, heading), scan.bearings, bins)
         if self.outline is not None and len(held):
             # A robot that was carried remembers echoes where it now stands, and sees none of them.
             dx, dy = held[:, 0] - base[0], held[:, 1] - base[1]
@@ -108,7 +118,15 @@ class SensorEchoes:
             # A slip turns the heading of the odometry, which displaces what is far away the most.
             turned = DRIFT * (math.hypot(*moved[:2]) + 0.5 * moved[2])
             held[:, 2] = np.minimum(held[:, 2] + turned * np.hypot(held[:, 0] - x, held[:, 1] - y), MOST_DRIFT)
-        self.obstacles = np.concatenate([np.column_stack([found[:count], reach]), held])
+        surfaces = np.column_stack([found[:count], reach])
+        if self.motion is not None and len(self.motion.moving):
+            owners = self.motion.owners(surfaces)
+            moves = owners >= 0
+            self.moving = np.concatenate([surfaces[moves], self.motion.moving[owners[moves]]], axis=1)
+            surfaces = surfaces[~moves]
+        else:
+            self.moving = NOTHING_MOVES
+        self.obstacles = np.concatenate([surfaces, held])
         self.seen_at, self.view = base, (x, y, heading, covered(scan.bearings, bins))
 
     def look_by_sonars(self, time: float, scan: RangeScan, poses: Floats, moved: float) -> None:
@@ -134,6 +152,23 @@ class SensorEchoes:
         """Forget the obstacles that the newest scan of a laser does not look at."""
         if self.view is not None:
             self.obstacles = self.obstacles[self.covers(self.obstacles[:, :2])]
+
+    def near(self, pose: tuple[float, float, float], reach: float) -> Floats:
+        """(k, 3) obstacles within reach, m, of a pose of the base, odometry frame, as `obstacles`, in its frame."""
+        x, y, heading = pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy = self.obstacles[:, 0] - x, self.obstacles[:, 1] - y
+        kept = dx * dx + dy * dy <= reach * reach
+        dx, dy = dx[kept], dy[kept]
+        return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, self.obstacles[kept, 2]], axis=1)
+
+    def moving_from(self, pose: tuple[float, float, float], time: float) -> Floats:
+        """(k, 7) obstacles that move, as `moving`, in the frame of a pose of the base, and their age at a time, s."""
+        x, y, heading = pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy, beyond, vx, vy, swing = (self.moving - (x, y, 0.0, 0.0, 0.0, 0.0)).T
+        ahead, aside, age = cos * dx + sin * dy, cos * dy - sin * dx, np.full(len(dx), time - self.scans[0][0])
+        return np.stack([ahead, aside, beyond, cos * vx + sin * vy, cos * vy - sin * vx, swing, age], axis=1)
 
     def covers(self, points: Floats) -> NDArray[np.bool_]:
         """(k,) which points (k, 2), m, odometry frame, lie in a direction of a laser's newest scan."""

@@ -12,7 +12,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["MOST_POSES", "distance_to_outline", "first_touch", "margins", "stopping_way", "within"]
+__all__ = [
+    "HEADWAY",
+    "MOST_POSES",
+    "distance_to_outline",
+    "escapes",
+    "first_meeting",
+    "first_touch",
+    "margins",
+    "stopping_way",
+    "within",
+]
 
 Floats = NDArray[np.float64]
 
@@ -30,10 +40,19 @@ DOUBT, MOST_DOUBT = 0.1, 0.03
 """Margin per speed of the footprint beside an obstacle, s, and at most, m: when it gets there is not known better."""
 STANDSTILL = 1e-3
 """Speed of a robot that counts as stopped, m/s or rad/s."""
+BETWEEN = 0.05
+"""Largest time between two poses at which moving obstacles are looked at, s, and distance between two places, m, where
+one may be then: at 2 m/s it moves 10 cm, and the margin before it is wider than 3 cm only for a fast robot."""
+HEADWAY = 0.2
+"""Time for which the robot must already stand when a moving obstacle reaches it, s: the error of the prediction."""
+MISJUDGED = 0.1
+"""Error of the velocity of a moving obstacle, m/s: where its visible part changes, as beside a corner of the robot."""
+HARDEST, MOST_GAIN = 3.0, 0.25
+"""Deceleration of a moving obstacle that stops, m/s², and the way that it needs at least, at most, m."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type: ignore[no-untyped-def]
+def stopping_way(twist, in_flight, age, command, motor, radius, poses, times):  # type: ignore[no-untyped-def]
     """Poses from the last odometry to standstill: commands in flight, then the command for one period, then braking.
 
     Braking keeps the curvature of the command. Steered wheels turn towards its angle at their rate, and keep it while
@@ -50,6 +69,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
         radius: Largest distance of a point of the footprint from the base, m.
         poses: (MOST_POSES, 3) output: x, y, m, heading, rad, in the base frame of the odometry; the first pose is the
             robot's at that time.
+        times: (MOST_POSES,) output: their times, s after the odometry.
 
         Returns:
             Number of filled rows of `poses`.
@@ -60,7 +80,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
     x, y, heading, v, w = 0.0, 0.0, 0.0, twist[0], twist[1]
     side, goal_side, pace, steers = twist[2], 0.0, math.hypot(command[0], command[2]), motor.shape[0] > 5
     steering, swing = (motor[7], motor[6] * STEP) if steers else (0.0, 0.0)
-    poses[0, 0], poses[0, 1], poses[0, 2] = 0.0, 0.0, 0.0
+    poses[0, 0], poses[0, 1], poses[0, 2], times[0] = 0.0, 0.0, 0.0, 0.0
     count, way, flying = 1, 0.0, 0
     starts = age + dead_time
     time = 0.0
@@ -96,10 +116,10 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
         # By distance, not by time: a fast robot needs more poses, and a stopped one none. One row is left for the last
         # pose.
         if way >= FINE and count < MOST_POSES - 1:
-            poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
+            poses[count, 0], poses[count, 1], poses[count, 2], times[count] = x, y, heading, time
             count, way = count + 1, 0.0
     # The place of standstill counts, even if it is nearer than FINE to the pose before.
-    poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
+    poses[count, 0], poses[count, 1], poses[count, 2], times[count] = x, y, heading, time
     return count + 1
 
 
@@ -176,6 +196,83 @@ def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: igno
             elif distance < margin[i] and distance < starts[i] - nearer:
                 return i
     return -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def first_meeting(poses, times, count, headway, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
+    """Index of the first moving point that a footprint meets on its way or shortly after it, and whether it would not
+    meet it, or later, if the robot stayed at its first pose; -1 for none. Such points come first.
+
+    At each time a point may be anywhere between where it is if it goes on as it does and where it is if it brakes with
+    HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than if it stayed.
+
+    Args:
+        poses, times, count: Of `stopping_way`, in the frame of the points.
+        headway: Time at the last pose that counts, s.
+        outline: (n, 2) footprint, m, base frame.
+        radius: Largest distance of a point of the footprint from the base, m.
+        moving: (k, 7) x, y, m, how far it may reach beyond, m, velocity, m/s, how far a leg may swing ahead of that, m,
+            and age of the place at time 0, s.
+        margin: (k,) distance from the footprint that counts as touching, m.
+    """
+    anyway, has_met, meets_anyway = -1, within(moving, outline, margin), np.zeros(moving.shape[0], np.bool_)
+    for place in range(count):
+        last = place == count - 1
+        following = place if last else place + 1
+        passed = headway if last else times[following] - times[place]
+        steps = max(1, math.ceil(passed / BETWEEN - 1e-9))
+        for step in range(1, steps + 1):
+            share = step / steps
+            x = poses[place, 0] + share * (poses[following, 0] - poses[place, 0])
+            y = poses[place, 1] + share * (poses[following, 1] - poses[place, 1])
+            heading = poses[place, 2] + share * (poses[following, 2] - poses[place, 2])
+            cos, sin, time = math.cos(heading), math.sin(heading), times[place] + share * passed
+            for i in range(moving.shape[0]):
+                speed = math.hypot(moving[i, 3], moving[i, 4])
+                least, most = _ways(speed, time + moving[i, 6], moving[i, 5])
+                px, py = moving[i, 0] - x, moving[i, 1] - y
+                # Most points are too far away to be met.
+                close = margin[i] + MISJUDGED * (time + moving[i, 6])
+                if min(math.hypot(px, py), math.hypot(px + x, py + y)) > radius + close + most:
+                    continue
+                parts = max(1, math.ceil((most - least) / BETWEEN))
+                for part in range(parts + 1):
+                    way = (least + (most - least) * part / parts) / speed
+                    dx, dy = px + way * moving[i, 3], py + way * moving[i, 4]
+                    distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+                    # The first pose is the frame of the points, so that there the outline needs no transformation.
+                    stays = distance_to_outline(dx + x, dy + y, outline)
+                    meets_anyway[i] = meets_anyway[i] or stays < close
+                    if distance >= close:
+                        continue
+                    if has_met[i] or not meets_anyway[i]:
+                        if distance < stays - NEARER:
+                            return i, True
+                    elif anyway < 0:
+                        anyway = i
+    return anyway, False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def escapes(poses, times, count, outline, radius, moving, margin, hit):  # type: ignore[no-untyped-def]
+    """Whether a robot meets nothing on its way, and is not nearer to a point, `hit`, in the end than at first.
+
+    The other arguments are those of `first_meeting`.
+    """
+    if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin)[0] >= 0:
+        return False
+    x, y, heading, passed = poses[count - 1, 0], poses[count - 1, 1], poses[count - 1, 2], times[count - 1]
+    cos, sin = math.cos(heading), math.sin(heading)
+    dx, dy = moving[hit, 0] + passed * moving[hit, 3] - x, moving[hit, 1] + passed * moving[hit, 4] - y
+    after = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+    return after >= distance_to_outline(moving[hit, 0], moving[hit, 1], outline)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _ways(speed, time, swing):  # type: ignore[no-untyped-def]
+    """Least and greatest way of a point after a time, s: it brakes at once, or goes on, as a leg at twice the speed."""
+    braking = min(time, speed / HARDEST)
+    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time + min(swing, speed * time)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -219,7 +219,7 @@ class Actor:
         """Places that it goes to, m, map frame, its first one first."""
         course = self.course
         if isinstance(course, Walk):
-            return [course.start, *([course.entry] if course.entry else []), *course.goals]
+            return [course.start, *course.goals, *([course.entry] if course.entry else [])]
         return [(x, y) for _, x, y in course.points]
 
 

@@ -137,7 +137,7 @@ class Player:
         if kind == "mapper":
             return MapperDoor(plugin).check
         if kind == "planner":
-            return PlannerDoor(plugin, TOLERANCE).check
+            return PlannerDoor(plugin, TOLERANCE, self.context.robot).check
         (gives, *_) = answers_of(kind)
         door: TwistDoor[Any] | TypeDoor = TwistDoor(plugin, gives) if plugin.facts.commands else TypeDoor(plugin)
         return lambda answer, given: door.check(answer)

@@ -64,17 +64,19 @@ def test_a_margin_covers_the_gap_between_beams_or_the_speed_of_the_body_beside_t
     """The tip at (-1.1, 0.3) moves with hypot(0.06, 0.22) m/s at 0.2 rad/s; 0.1 s of it, and 1 cm."""
     points = np.array([(-1.1, 0.3, 0.0), (-1.1, 0.3, 0.024), (-1.1, 0.3, 0.04), (1.0, 0.0, 0.0)])
     tip = 0.01 + 0.1 * math.hypot(0.06, 0.22)
-    assert margins(points, 0.0, -0.2, 0.01) == pytest.approx([tip, tip, math.hypot(0.01, 0.04), 0.03])
-    assert margins(points, 0.0, 0.0, 0.01) == pytest.approx([0.01, 0.026, math.hypot(0.01, 0.04), 0.01])
-    assert margins(points, 0.5, 0.0, 0.01) == pytest.approx([0.04, 0.04, math.hypot(0.01, 0.04), 0.04]), "3 cm at most"
+    assert margins(points, 0.0, -0.2, 0.0, 0.01) == pytest.approx([tip, tip, math.hypot(0.01, 0.04), 0.03])
+    assert margins(points, 0.0, 0.0, 0.0, 0.01) == pytest.approx([0.01, 0.026, math.hypot(0.01, 0.04), 0.01])
+    assert margins(points, 0.5, 0.0, 0.0, 0.01) == pytest.approx([0.04, 0.04, math.hypot(0.01, 0.04), 0.04]), (
+        "3 cm at most"
+    )
 
 
 def test_the_speed_beside_a_point_is_that_of_driving_and_turning() -> None:
     """At (0.7, -0.5), 0.1 m/s and 0.2 rad/s move the body by (0.1 + 0.1, 0.14) m/s; with -0.2 rad/s by (0, -0.14)."""
     point = np.array([(0.7, -0.5, 0.0)])
-    assert margins(point, 0.1, 0.2, 0.02) == pytest.approx([0.02 + 0.1 * math.hypot(0.2, 0.14)])
-    assert margins(point, 0.1, -0.2, 0.02) == pytest.approx([0.02 + 0.014])
-    assert margins(point, -0.1, -0.2, 0.02) == pytest.approx([0.02 + 0.1 * math.hypot(0.2, 0.14)])
+    assert margins(point, 0.1, 0.2, 0.0, 0.02) == pytest.approx([0.02 + 0.1 * math.hypot(0.2, 0.14)])
+    assert margins(point, 0.1, -0.2, 0.0, 0.02) == pytest.approx([0.02 + 0.014])
+    assert margins(point, -0.1, -0.2, 0.0, 0.02) == pytest.approx([0.02 + 0.1 * math.hypot(0.2, 0.14)])
 
 
 @pytest.mark.parametrize("v", [0.05, 0.3])

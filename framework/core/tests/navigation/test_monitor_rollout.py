@@ -28,7 +28,8 @@ def way(
     """Poses of a roll-out, from arrays that hold NaN before."""
     poses = np.full((MOST_POSES + 1, 3), math.nan)
     count = stopping_way(
-        np.array(twist), np.array(flying).reshape(-1, 3), age, np.array(command), np.array([*motor, lag, dead_time]),
+        np.array([*twist, 0.0]), np.array([(*sent, 0.0) for sent in flying]).reshape(-1, 4), age,
+        np.array([*command, 0.0]), np.array([*motor, lag, dead_time]),
         radius, poses,
     )  # fmt: skip
     assert np.isnan(poses[count:]).all()

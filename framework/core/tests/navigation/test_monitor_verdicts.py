@@ -287,11 +287,11 @@ def test_commands_that_act_no_more_are_forgotten() -> None:
         made.give(time, Twist2D(time, 0.0, -time))
     assert len(made._given) == 4
     made.give(0.795, Twist2D(0.8, 0.0, 0.0))
-    assert made._given[0] == (0.0, 0.0, 0.0)
+    assert made._given[0] == (0.0, 0.0, 0.0, 0.0)
     made.give(0.805, Twist2D(0.0, 0.0, 0.0))
-    assert list(made._given)[:2] == [(0.1, 0.1, -0.1), (0.12, 0.12, -0.12)]
+    assert list(made._given)[:2] == [(0.1, 0.1, -0.1, 0.0), (0.12, 0.12, -0.12, 0.0)]
     made.give(9.0, Twist2D(0.0, 0.0, 0.0))
-    assert list(made._given) == [(0.805, 0.0, 0.0), (9.0, 0.0, 0.0)]
+    assert list(made._given) == [(0.805, 0.0, 0.0, 0.0), (9.0, 0.0, 0.0, 0.0)]
 
 
 # --- space that no sensor has seen ------------------------------------------------------------------------------------

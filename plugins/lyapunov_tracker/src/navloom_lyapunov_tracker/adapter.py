@@ -8,6 +8,7 @@ from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand
 
 from navloom_lyapunov_tracker.law import (
     final_turn,
+    planar_command,
     stopping_turn,
     tracking_command,
     tracking_error,
@@ -29,7 +30,9 @@ class LyapunovTracker(Controller[LyapunovTrackerParams]):
 
     def __init__(self, params: LyapunovTrackerParams, context: Context) -> None:
         super().__init__(params, context)
-        self._above = math.radians(params.turn_in_place_above_deg)
+        # Steered wheels cannot turn the robot in place.
+        above = params.turn_in_place_above_deg if context.robot.turn_radius == 0.0 else 180.0
+        self._above = math.radians(above)
         self._until = math.radians(params.turn_in_place_until_deg)
         self._turning = 0
 
@@ -44,10 +47,14 @@ class LyapunovTracker(Controller[LyapunovTrackerParams]):
             return TrackingCommand(Twist2D(0.0, 0.0, final_turn(e3, *limits)), 0.0, 0.0, e3)
         target = reference.pose
         error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
+        side = 0.0
         self._turning = turn_direction(error.e3, self._turning, self._above, self._until)
         if self._turning:
             v, w = 0.0, self._turning * turn_that_stops(error.e3, *limits)
+        elif robot.drive == "holonomic":
+            velocity = (reference.speed, reference.lateral_speed)
+            v, side, w = planar_command(error, velocity, reference.turn_rate, self.params.k1, self.params.k3)
         else:
             v, w = tracking_command(error, reference.speed, reference.turn_rate, self.params.k1, self.params.k3)
             w = stopping_turn(w, reference.turn_rate, self.params.k3, robot.max_angular_acceleration)
-        return TrackingCommand(Twist2D(v, 0.0, w), *error)
+        return TrackingCommand(Twist2D(v, side, w), *error)

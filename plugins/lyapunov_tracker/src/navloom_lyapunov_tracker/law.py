@@ -13,6 +13,7 @@ __all__ = [
     "TrackingError",
     "energy",
     "final_turn",
+    "planar_command",
     "sinc",
     "stopping_turn",
     "tracking_command",
@@ -60,7 +61,7 @@ def tracking_command(error: TrackingError, v_ref: float, w_ref: float, k1: float
 
     Args:
         error: Longitudinal e1 and lateral e2, m, and heading e3, rad in [-π, π), in the base frame.
-        v_ref, w_ref: Reference speed, m/s (> 0), and turn rate, rad/s.
+        v_ref, w_ref: Reference speed, m/s, negative backwards, and turn rate, rad/s.
         k1, k3: Gains, 1/s, > 0. Lateral poles: s² + k3 s + v_ref²; k3 = 2 v_ref is critical.
 
     Returns:
@@ -69,6 +70,28 @@ def tracking_command(error: TrackingError, v_ref: float, w_ref: float, k1: float
     v = v_ref * math.cos(error.e3) + k1 * error.e1
     w = w_ref + k3 * error.e3 + v_ref * error.e2 * sinc(error.e3)
     return v, w
+
+
+def planar_command(
+    error: TrackingError, velocity: tuple[float, float], w_ref: float, k1: float, k3: float
+) -> tuple[float, float, float]:
+    """Velocity that makes the tracking error of a holonomic robot vanish (not in the paper).
+
+    The reference's velocity, seen from the robot, and each error times its gain: `energy` falls by
+    k1 (e1² + e2²) + k3 e3².
+
+    Args:
+        error: m and rad in [-π, π), in the base frame.
+        velocity: Reference speeds ahead and to the left, m/s, in the frame of the reference.
+        w_ref: Reference turn rate, rad/s.
+        k1, k3: Gains, 1/s, > 0.
+
+    Returns:
+        Speeds ahead and to the left, m/s, and turn rate, rad/s, before the limits of the robot.
+    """
+    cos, sin, (ahead, left) = math.cos(error.e3), math.sin(error.e3), velocity
+    vx, vy = cos * ahead - sin * left, sin * ahead + cos * left
+    return vx + k1 * error.e1, vy + k1 * error.e2, w_ref + k3 * error.e3
 
 
 def energy(error: TrackingError) -> float:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from navloom import (
     Contact,
     Context,
@@ -72,7 +73,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         sweeps = any(sensor.kind == "pitched_laser" for sensor in context.sensors)
         self._scene = Scene(solids, raster, position_at, sweeps)
         place = (start.x, start.y, start.heading)
-        self._robot = Robot(spec.footprint, spec.height, place, context.stream("odometry"))
+        self._robot = Robot(spec.footprint, spec.height, place, context.stream("odometry"), spec.drive)
         self.configure(self.params)
         self._tick, self._time_ns, self._swept = 0, 0, False
         self._orders = Orders(round(self.params.dead_time * 1e9))
@@ -83,7 +84,11 @@ class SensorsSim(Platform[SensorsSimParams]):
         if params.dead_time != self.params.dead_time:
             self._orders = Orders(round(params.dead_time * 1e9))
         self.params, wheels = params, (self.context.robot.wheel_radius, self.context.robot.half_track)
-        self._robot.configure(params.drive_constants(*wheels), params.odometry_constants(*wheels))
+        drive, robot = params.drive_constants(*wheels), self.context.robot
+        if robot.drive == "ackermann":
+            steering = params.steering_constants(robot.wheelbase, robot.max_steering, robot.max_steering_rate)
+            drive = np.concatenate([drive, steering])
+        self._robot.configure(drive, params.odometry_constants(*wheels))
 
     @classmethod
     def scans_on_request(cls, sensor: SensorSpec) -> bool:
@@ -92,7 +97,12 @@ class SensorsSim(Platform[SensorsSimParams]):
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
         """Queue a command for the wheels at its own time within the current tick."""
-        self._orders.give(time_ns, command.vx, command.wz)
+        self._orders.give(time_ns, *self._asked(command))
+
+    def _asked(self, command: Twist2D) -> tuple[float, ...]:
+        """Forward speed, turn rate and, for a holonomic robot, speed to the left."""
+        planar = (command.vx, command.wz)
+        return (*planar, command.vy) if self.context.robot.drive == "holonomic" else planar
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
         """Drive with the command until the requested time, then read the sensors that are due."""
@@ -101,8 +111,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
         # Before the robot moves: obstacles and robot must be of the same time.
         scene.update(given.time_ns / 1e9, self._swept)
-        command = (given.command.vx, given.command.wz)
-        legs = self._orders.legs(begin_ns, given.time_ns, command) if time > 0.0 else ()
+        legs = self._orders.legs(begin_ns, given.time_ns, self._asked(given.command)) if time > 0.0 else ()
         effect = self._disturbances.act(given.time_ns, robot.pose)
         if effect.pose is not None:
             robot.hold(legs, effect, scene.obstacles)
@@ -141,13 +150,14 @@ class SensorsSim(Platform[SensorsSimParams]):
             raise InputError(self._misplaced)
 
     def _output(self, scans: dict[str, Any]) -> PlatformOutput:
-        # One call of `tolist` instead of seventeen look-ups.
-        x, y, heading, _, _, vx, wz, odo_x, odo_y, odo_heading, odo_vx, odo_wz, _, _, gap, nearest, touching = (
+        # One call of `tolist` instead of nineteen look-ups.
+        x, y, heading, _, _, vx, wz, odo_x, odo_y, odo_heading, odo_vx, odo_wz, _, _, gap, nearest, touching, *more = (
             self._robot.state.tolist()
         )
-        odometry = Odometry(self._time_ns, Pose2D(odo_x, odo_y, odo_heading), Twist2D(odo_vx, 0.0, odo_wz))
+        _, _, vy, odo_vy, _ = more
+        odometry = Odometry(self._time_ns, Pose2D(odo_x, odo_y, odo_heading), Twist2D(odo_vx, odo_vy, odo_wz))
         name, contact = self._scene.name_of(int(nearest)), _TOUCHING if touching != 0.0 else _FREE
-        truth = Truth(Pose2D(x, y, heading), Twist2D(vx, 0.0, wz), gap, name, contact.touching)
+        truth = Truth(Pose2D(x, y, heading), Twist2D(vx, vy, wz), gap, name, contact.touching)
         return PlatformOutput(odometry, scans, contact, truth)
 
     def _sensor(self, spec: SensorSpec) -> tuple[type[Message], Sensor]:

@@ -31,6 +31,9 @@ class SensorsSimParams(Params):
     motor_time_constant: float = Field(0.0, ge=0.0, le=5.0, description="First-order lag of a wheel, s; 0 is none.")
     max_wheel_acceleration: float = Field(0.0, ge=0.0, le=1e5, description="Wheel acceleration, rad/s²; 0 is no limit.")
     dead_time: float = Field(0.0, ge=0.0, le=2.0, description="Delay from a command to the wheels, s.")
+    steering_time_constant: float = Field(
+        0.0, ge=0.0, le=5.0, description="Ackermann: first-order lag of the steering angle, s; 0 is none."
+    )
     odometry_right_radius_error: float = Field(
         0.0,
         gt=-0.5,
@@ -56,6 +59,10 @@ class SensorsSimParams(Params):
         true = (wheel_radius * (1.0 + self.wheel_radius_error), half_track * (1.0 + self.half_track_error))
         limits = (self.max_wheel_speed, self.motor_time_constant, self.max_wheel_acceleration or math.inf)
         return np.array([wheel_radius, half_track, *true, *limits, 0.0])
+
+    def steering_constants(self, wheelbase: float, largest: float, rate: float) -> NDArray[np.float64]:
+        """(4,) end of `drive` of `motion.steer_tick`, from wheelbase, m, largest angle, rad, and rate, rad/s."""
+        return np.array([wheelbase, largest, rate, self.steering_time_constant])
 
     def odometry_constants(self, wheel_radius: float, half_track: float) -> NDArray[np.float64]:
         """(5,) `odometry` of `motion.drive_tick` from the nominal wheel radius and half track, m."""

@@ -28,7 +28,7 @@ class Moment(NamedTuple):
     Attributes:
         tick: Its number from 0.
         begin_ns, end_ns: Run clock at its beginning and its end.
-        state: (17,) of `motion.STATE` at its end.
+        state: (22,) of `motion.STATE` at its end.
         track: (n, 6) the true motion within it, see `motion.drive_tick`; None if no time passed.
         obstacles: What can be hit at its end.
         opaque: The same without glass: what lasers see.

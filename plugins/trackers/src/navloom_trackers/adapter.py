@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from typing import TypeVar
 
-from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
+from navloom import Claim, Context, Controller, ControllerInput, InputError, TrackingCommand, Twist2D
 from navloom.geometry.footprints import inscribed_radius
 from navloom_lyapunov_tracker.law import (
     TrackingError,
@@ -19,6 +19,7 @@ from navloom_lyapunov_tracker.law import (
 )
 
 from navloom_trackers import derived, fierro_lewis, graceful, kanayama, pure_pursuit, ramsete
+from navloom_trackers.branches import Branches
 from navloom_trackers.limits import DriveLimits, within_limits, within_reach
 from navloom_trackers.params import (
     DERIVED,
@@ -53,24 +54,34 @@ class _Tracker(Controller[P]):
     def __init__(self, params: P, context: Context) -> None:
         super().__init__(params, context)
         robot = context.robot
-        self._above = math.radians(params.turn_in_place_above_deg)
+        # Steered wheels cannot turn the robot in place.
+        above = params.turn_in_place_above_deg if robot.turn_radius == 0.0 else 180.0
+        self._above = math.radians(above)
         self._until = math.radians(params.turn_in_place_until_deg)
         shape = (robot.wheel_radius, robot.half_track)
         wheel = math.inf if params.max_wheel_speed is None else params.max_wheel_speed
         self._limits = DriveLimits(robot.max_linear, robot.max_angular, wheel, *shape, params.may_reverse)
         # Hysteresis needs a memory: at one threshold the robot would switch between turning and driving.
         self._turning = 0
+        self._branches = Branches()
 
     def reset(self) -> None:
         self._turning = 0
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         pose, reference = given.estimate.pose, given.reference
-        limits = (self.context.robot.max_angular, self.context.robot.max_angular_acceleration)
+        limits, sign = (self.context.robot.max_angular, self.context.robot.max_angular_acceleration), 1.0
         if reference.turn_to is not None:
             error = TrackingError(0.0, 0.0, wrap(reference.turn_to - pose.heading))
             wanted = (0.0, final_turn(error.e3, *limits))
         else:
+            if reference.lateral_speed != 0.0:
+                raise InputError(
+                    f"{self.name}: got a reference that drives sideways at {reference.lateral_speed:.2f} m/s, expected "
+                    "one that drives along its heading: take lyapunov_tracker for paths with other headings"
+                )
+            given, sign = self._branches.along_way(given)
+            pose, reference = given.estimate.pose, given.reference
             target = reference.pose
             error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
             bearing, (v, w), gain = self._follow(given, error)
@@ -80,7 +91,7 @@ class _Tracker(Controller[P]):
             if self._turning:
                 wanted = (0.0, self._turning * turn_that_stops(bearing, *limits))
         v, w = within_limits(*wanted, self._limits)
-        return TrackingCommand(Twist2D(v, 0.0, w), *error)
+        return TrackingCommand(Twist2D(sign * v, 0.0, w), sign * error.e1, sign * error.e2, error.e3)
 
     @abstractmethod
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
@@ -240,7 +251,8 @@ def _from_robot(
     # A limited turn acceleration is not in it: `stopping_turn` bounds the correction to what ends in time.
     late = context.period + robot.dead_time + robot.motor_lag
     time = _or(params.look_ahead_time, derived.margin_look_ahead(late, damping, stiffness))
-    least = _or(params.min_look_ahead, 0.5 * inscribed_radius(robot.footprint))
+    # Steered wheels are at their limit for a point nearer than that, once it is an eighth of their radius aside.
+    least = _or(params.min_look_ahead, 0.5 * max(inscribed_radius(robot.footprint), robot.turn_radius))
     most = _or(params.max_look_ahead, max(least, time * robot.max_linear))
     distance = _or(params.approach_distance, derived.braking_approach(robot.max_linear, robot.max_deceleration))
     return (time, min(least, most), most), (distance, params.min_approach_speed)

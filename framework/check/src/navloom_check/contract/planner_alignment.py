@@ -84,7 +84,7 @@ def _room(make: Maker, half: float, turns: int) -> tuple[float, float, float]:
     start, goal = np.round(transform(turn, np.array([[-ENDS, 0.0], [ENDS, 0.0]])), 9).tolist()
     scene = Scene(Place(*start), tuple(goal))
     planner = make(scene)
-    request = PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0), True)
+    request = PlanRequest(1, Pose2D(start[0], start[1], 0.0), Pose2D(goal[0], goal[1], 0.0), True)
     answer = planner.plan(make.asked(scene, request, grid, 0))
     if not isinstance(answer, Path):
         raise Unfit(f"it finds no path round a block of {2.0 * half:g} m: {answer.detail}")

@@ -44,6 +44,7 @@ from navloom.roles import (
     Platform,
     PlatformInput,
     PlatformOutput,
+    RobotSpec,
     Role,
     SensorSpec,
     answers_of,
@@ -61,6 +62,8 @@ MOST_PLACES = 64
 """Most places in a localizer's hypotheses."""
 FAR = 10.0
 """Multiple of a limit beyond which a command is reported: the cause is a wrong unit, not a high gain."""
+ACROSS = math.radians(45.0)
+"""Largest angle between a segment of a path and the heading of a robot that does not drive sideways, rad."""
 
 A = TypeVar("A", bound=TrackingCommand | Avoidance | RecoveryStep)
 
@@ -269,11 +272,13 @@ class PlannerDoor(_Door):
         plugin: The planner.
         tolerance: How near to its goal a robot must come, m. A path's ends may be off by this or by the diagonal of a
             cell, whichever is larger.
+        robot: Only a holonomic one drives across its heading.
     """
 
-    def __init__(self, plugin: Role, tolerance: float) -> None:
+    def __init__(self, plugin: Role, tolerance: float, robot: RobotSpec | None = None) -> None:
         super().__init__(plugin)
         self.tolerance = tolerance
+        self._is_holonomic = robot is not None and robot.drive == "holonomic"
 
     def check(self, answer: object, given: PlannerInput) -> Path | PlanFailure:
         """The answer as it is. Raises AnswerError."""
@@ -294,7 +299,23 @@ class PlannerDoor(_Door):
                         f"gave a path that {name} at ({x:.2f}, {y:.2f})",
                         f"({asked.x:.2f}, {asked.y:.2f}), as asked, within {slack:.2f} m",
                     )
+            self._check_headings(answer)
         return answer
+
+    def _check_headings(self, path: Path) -> None:
+        """Refuse a segment across the heading, along which only a holonomic robot can drive."""
+        if path.headings is None or self._is_holonomic:
+            return
+        legs, turns = np.diff(path.points, axis=0), np.remainder(np.diff(path.headings) + math.pi, math.tau) - math.pi
+        off = np.arctan2(legs[:, 1], legs[:, 0]) - (path.headings[:-1] + 0.5 * turns)
+        off = np.abs(np.remainder(off + math.pi, math.tau) - math.pi)
+        across = (np.minimum(off, math.pi - off) > ACROSS) & (legs != 0.0).any(axis=1)
+        if across.any():
+            k = int(across.argmax())
+            self.refuse(
+                f"gave a path with headings whose segment {k} lies {math.degrees(off[k]):.0f}° off its heading",
+                f"at most {math.degrees(ACROSS):.0f}°, forwards or backwards: this robot does not drive sideways",
+            )
 
 
 class TwistDoor(_Door, Generic[A]):

@@ -14,6 +14,7 @@ from navloom.messages import (
     GoalState,
     Message,
     Outcome,
+    Path,
     PlanFailure,
     Point2D,
     Pose2D,
@@ -69,6 +70,7 @@ class ActiveGoal:
         followed_at: When the path last had a reference, s.
         free_at: When the gate last did not stop the robot for an obstacle, s.
         first_path: Number of the first path of this drive; references of older paths are ignored.
+        is_headed: The driven path has headings: near the goal, it may still lead away from it and back.
         ended_at: When the robot reached the end of its trajectory, s; None before.
         misses: How often it was at the end of a trajectory, but not at the goal or via point, or stopped at the goal
             outside its tolerances.
@@ -98,6 +100,7 @@ class ActiveGoal:
     followed_at: float = 0.0
     free_at: float = 0.0
     first_path: int = 0
+    is_headed: bool = False
     ended_at: float | None = None
     misses: int = 0
     asked_ns: int = 0
@@ -114,11 +117,11 @@ class ActiveGoal:
     looks: int = 0
     looks_since: float | None = None
 
-    def start_drive(self, path_id: int, time: float) -> None:
+    def start_drive(self, path: Path, time: float) -> None:
         """A drive along a path starts."""
         self.best, self.has_driven = math.inf, True
         self.moved_at = self.followed_at = self.free_at = time
-        self.first_path, self.ended_at = path_id, None
+        self.first_path, self.ended_at, self.is_headed = path.request_id, None, path.headings is not None
 
     def distance(self, pose: Pose2D) -> float:
         """Distance from the next point to be reached, m."""
@@ -134,6 +137,13 @@ class ActiveGoal:
         """Difference from the heading asked for at the goal, rad; 0 for none."""
         wanted = self.goal.heading
         return 0.0 if wanted is None else abs(math.remainder(wanted - pose.heading, math.tau))
+
+    def is_ending(self, pose: Pose2D, tolerance: float, heading_tolerance: float, reference: Reference | None) -> bool:
+        """Whether a path with headings is driven to its end, within the tolerances, m and rad; other paths: always."""
+        if not self.is_headed or reference is None:
+            return True
+        off = self.heading_error(pose) if len(self.legs) == 1 else 0.0
+        return reference.remaining <= END or (reference.remaining <= tolerance and off <= 0.5 * heading_tolerance)
 
     # In words, because it ends up in the reason of a result, which an operator reads.
     def off_by(self, pose: Pose2D) -> str:
@@ -169,8 +179,9 @@ class ActiveGoal:
             self.looks, self.looks_since = self.looks + 1, seen.time
         return is_over
 
-    def change_path(self, time: float) -> None:
+    def change_path(self, path: Path, time: float) -> None:
         """Another path is taken without a stop."""
+        self.is_headed = path.headings is not None
         # `moved_at` stays: a path that changes each second must not hide a robot that makes no progress.
         self.best, self.followed_at = math.inf, time
 

@@ -62,8 +62,10 @@ class Arrival:
         """
         assert seen.estimate is not None
         pose, tolerance = seen.estimate.pose, self.rules.tolerance
-        if self.since is not None or drive.stop_here or active.distance(pose) <= tolerance:
+        if self.since is not None or drive.stop_here:
             return True
+        if active.distance(pose) <= tolerance:
+            return active.is_ending(pose, tolerance, self.rules.heading_tolerance, seen.reference)
         is_engaged, reference = seen.handover is not None and seen.handover.engaged, seen.reference
         # The controller needs no such check: its reference is already slow enough where the tolerance begins.
         if not is_engaged or reference is None or len(active.legs) > 1 or seen.speed <= 0.0 or self._fits(seen):
@@ -88,13 +90,17 @@ class Arrival:
         if is_near and active.heading_error(pose) <= self.rules.heading_tolerance:
             return Move(end=GoalEnd("succeeded", "reached", "the goal was reached"))
         # A robot that cannot stop where it aims would otherwise turn and drive at its goal for ever.
+        cannot_turn = is_near and self.rules.braking.robot.turn_radius > 0.0
+        if cannot_turn and not active.is_headed:
+            why = f"{active.off_by(pose)} off, but this robot cannot turn in place: take a planner that plans headings"
+            return Move(end=GoalEnd("stuck", "heading_missed", why))
         if active.misses >= MISSES:
             why = f"missed the goal {MISSES + 1} times, the last time by {active.off_by(pose)}"
             return Move(end=GoalEnd("stuck", "missed", why))
         active.misses += 1
         # Within the tolerance only the heading is missing, and a new path of some millimetres would turn the robot away
         # first.
-        return self._turn(active, self._path_id, seen) if is_near else Move(plans=True)
+        return self._turn(active, self._path_id, seen) if is_near and not cannot_turn else Move(plans=True)
 
     def _stop_or_turn(self, active: ActiveGoal, pose: Pose2D, drive: Drive, seen: GoalView) -> Move:
         assert seen.estimate is not None
@@ -111,8 +117,10 @@ class Arrival:
         return Move()
 
     def _is_turned(self, active: ActiveGoal, estimate: PoseEstimate) -> bool:
-        """Whether the robot has the heading asked for, or turns so fast that it must slow down now to stop there."""
+        """Whether no turn is left to make: the heading is right, or the robot must slow down now to stop there."""
         off, way = active.heading_error(estimate.pose), self.rules.braking.turn(estimate.twist.wz)
+        if self.rules.braking.robot.turn_radius > 0.0:  # what is missing cannot be turned here
+            return True
         return off <= self.rules.heading_tolerance or (way > ACROSS * self.rules.heading_tolerance and off <= way)
 
     def _turn(self, active: ActiveGoal, path_id: int, seen: GoalView) -> Move:

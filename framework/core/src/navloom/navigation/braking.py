@@ -85,7 +85,7 @@ class Standstill:
     def stands(self, measured: Twist2D, time: float) -> bool:
         """Whether the robot stands at a run time, s, with a measured velocity: no command can still be on its way."""
         # Not exactly zero: motors with a lag approach zero without reaching it.
-        is_slow = abs(measured.vx) <= AT_REST and abs(measured.wz) <= AT_REST
+        is_slow = max(abs(measured.vx), abs(measured.vy), abs(measured.wz)) <= AT_REST
         # Times are sums of ticks; rounding must not cost a tick.
         return is_slow and time - self._moved_at > self._held - 1e-9
 

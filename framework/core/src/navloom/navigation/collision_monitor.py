@@ -41,6 +41,8 @@ __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 
 Floats = NDArray[np.float64]
 Kind = Literal["", "obstacle", "unseen"]
+Planar = tuple[float, float, float]
+"""A velocity: forward, m/s, turn rate, rad/s, to the left, m/s."""
 Touch = tuple[Kind, Point2D, float]
 """What the robot would touch: kind, place in the base frame, m, and distance from the footprint, m."""
 
@@ -69,7 +71,8 @@ A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope
 """
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
-NO_COMMANDS = np.empty((0, 3))
+STEERED = 0.05
+"""Least measured speed, m/s, that tells the angle of steered wheels by the turn."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ class Verdict(NamedTuple):
     @property
     def is_stopped(self) -> bool:
         """Whether the robot is stopped because something is in the way."""
-        return bool(self.kind) and self.twist.vx == 0.0 and self.twist.wz == 0.0
+        return bool(self.kind) and self.twist.vx == 0.0 and self.twist.vy == 0.0 and self.twist.wz == 0.0
 
 
 class CollisionMonitor:
@@ -129,7 +132,11 @@ class CollisionMonitor:
         self._radius = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max())
         # Infinity times a time of 0 would be NaN in the kernel.
         turning = min(robot.max_angular_acceleration, 1e6)
-        self._motor = np.array([limits.period, robot.max_deceleration, turning, robot.motor_lag, robot.dead_time])
+        motor = [limits.period, robot.max_deceleration, turning, robot.motor_lag, robot.dead_time]
+        self._steers = robot.drive == "ackermann"
+        if self._steers:
+            motor += [robot.wheelbase, min(robot.max_steering_rate, 1e6), 0.0]
+        self._motor = np.array(motor)
         self._rolled, self._alone = np.empty((MOST_POSES, 3)), np.empty((MOST_POSES, 3))
         self.forget()
 
@@ -139,10 +146,10 @@ class CollisionMonitor:
         self._sensors: dict[str, SensorEchoes] = {}
         self._stamps: list[float] = []
         self._poses: list[tuple[float, float, float]] = []
-        self._twist = np.zeros(2)
+        self._twist = np.zeros(3)
         self._ways: list[float] = []
         self._waiting: list[tuple[str, RangeScan]] = []
-        self._given: deque[tuple[float, float, float]] = deque()
+        self._given: deque[tuple[float, float, float, float]] = deque()
         self._is_free = True
         self._estimate: PoseEstimate | None = None
         self._frame = OdometryFrame()
@@ -165,7 +172,9 @@ class CollisionMonitor:
         self._stamps.append(time)
         self._poses.append((pose.x, pose.y, heading))
         self._ways.append(way)
-        self._twist[:] = odometry.twist.vx, odometry.twist.wz
+        self._twist[:] = odometry.twist.vx, odometry.twist.wz, odometry.twist.vy
+        if self._steers and abs(odometry.twist.vx) > STEERED:
+            self._motor[7] = math.atan(self._motor[5] * odometry.twist.wz / odometry.twist.vx)
         # Half at once, since deleting from the front of a list costs its whole length.
         if len(self._stamps) > 512:
             del self._stamps[:256], self._poses[:256], self._ways[:256]
@@ -243,12 +252,18 @@ class CollisionMonitor:
         late = np.maximum(times - newest, 0.0)
         found[:, 0] += late * self._twist[0] * np.cos(found[:, 2])
         found[:, 1] += late * self._twist[0] * np.sin(found[:, 2])
+        if self._twist[2]:
+            found[:, 0] -= late * self._twist[2] * np.sin(found[:, 2])
+            found[:, 1] += late * self._twist[2] * np.cos(found[:, 2])
         found[:, 2] += late * self._twist[1]
         return found
 
     def give(self, time: float, twist: Twist2D) -> None:
         """Record a command that went to the wheels at a run time, s."""
-        self._given.append((time, twist.vx, twist.wz))
+        self._given.append((time, twist.vx, twist.wz, twist.vy))
+        # Too slow to measure the angle by its turn: then the wheels are taken to be where they were told.
+        if self._steers and twist.vx != 0.0 and abs(self._twist[0]) <= STEERED:
+            self._motor[7] = math.atan(self._motor[5] * twist.wz / twist.vx)
         while len(self._given) > 1 and self._given[1][0] < time - self.limits.robot.dead_time - KEEP:
             self._given.popleft()
 
@@ -257,7 +272,8 @@ class CollisionMonitor:
 
         Args:
             twist: The command, within the robot's limits.
-            speed: Forward speed of the previous command, m/s: it falls by no more than the deceleration allows.
+            speed: Speed of the previous command, m/s, negative backwards: it falls by no more than the deceleration
+                allows.
             time: Run time, s.
         """
         verdict = self._judge(twist, speed, time)
@@ -265,60 +281,64 @@ class CollisionMonitor:
         return verdict
 
     def _judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
-        if not self._stamps or (twist.vx == 0.0 and twist.wz == 0.0 and speed == 0.0):
+        pace = math.hypot(twist.vx, twist.vy) if twist.vy else twist.vx
+        if not self._stamps or (pace == 0.0 and twist.wz == 0.0 and speed == 0.0):
             return Verdict(twist)
         age = max(0.0, time - self._stamps[-1])
-        in_flight = np.array([(at - self._stamps[-1], v, w) for at, v, w in self._given]).reshape(-1, 3)
+        command = (twist.vx, twist.wz, twist.vy)
+        in_flight = np.array([(at - self._stamps[-1], *sent) for at, *sent in self._given]).reshape(-1, 4)
         points = self._near(twist, age)
-        touched = self._touch(twist.vx, twist.wz, in_flight, age, points)
+        touched = self._touch(command, in_flight, age, points)
         if touched is None:
             return Verdict(twist)
         lowest = 0.0
-        if twist.vx != 0.0 and twist.vx * speed > 0.0:
+        if pace != 0.0 and pace * speed > 0.0:
             # A share below what the brakes reach within a period could not be driven: the roll-out would be too kind.
-            lowest = abs(self._slower(speed)) / abs(twist.vx)
+            lowest = abs(self._slower(speed)) / abs(pace)
         low, high = min(lowest, 1.0), 1.0
-        if self._touch(low * twist.vx, low * twist.wz, in_flight, age, points) is not None:
+        if self._touch(_scaled(command, low), in_flight, age, points) is not None:
             return self._brake(speed, in_flight, age, points, touched)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            hit = self._touch(middle * twist.vx, middle * twist.wz, in_flight, age, points)
+            hit = self._touch(_scaled(command, middle), in_flight, age, points)
             if hit is None:
                 low = middle
             else:
                 high, touched = middle, hit
-        speed = low * abs(twist.vx)
+        speed = low * abs(pace)
         # A robot that creeps by a few percent of its command reaches nothing, and the goal would see no stop.
         if (low < LEAST_SHARE and speed < CREEPING) or speed + self._radius * low * abs(twist.wz) < STILL:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
-        return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
+        return Verdict(Twist2D(low * twist.vx, low * twist.vy, low * twist.wz), low, *touched)
 
     def _brake(self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch) -> Verdict:
         """Brake along the current curvature; if that touches something too, command zero at once."""
-        if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
+        _, v, w, side = self._given[-1] if self._given else (0.0, 0.0, 0.0, 0.0)
+        pace = math.hypot(v, side) if side else v
+        if speed != 0.0 and pace != 0.0:
             # The curvature of the last command that passed: the check then found braking along it free.
-            _, v, w = self._given[-1]
             slower = self._slower(speed)
-            turn = w * slower / v
-            if self._touch(slower, turn, in_flight, age, points) is None:
-                return Verdict(Twist2D(slower, 0.0, turn), 0.0, *touched)
+            turn = w * slower / pace
+            v, side = (v * slower / pace, side * slower / pace) if side else (slower, 0.0)
+            if self._touch((v, turn, side), in_flight, age, points) is None:
+                return Verdict(Twist2D(v, side, turn), 0.0, *touched)
         return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
 
     def _slower(self, speed: float) -> float:
         """A speed, m/s, after braking for one period."""
         return braked(speed, self.limits.robot.max_deceleration * self.limits.period)
 
-    def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
+    def _touch(self, command: Planar, in_flight: Floats, age: float, points: Floats) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
-        rolled = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
-        wide = margins(points, v, w, self.limits.margin)
-        slope = SLOPE if abs(v) <= SLIDING else 0.0
+        wanted, (v, w, side) = np.array(command), command
+        rolled = stopping_way(self._twist, in_flight, age, wanted, self._motor, self._radius, self._rolled)
+        wide = margins(points, v, w, side, self.limits.margin)
+        slope = SLOPE if math.hypot(v, side) <= SLIDING else 0.0
         hit = first_touch(self._rolled, rolled, self._outline, points, wide, slope)
         if hit < 0:  # measured speed is noisy: each tick, it may seem to lead away by more than the command approaches
             wide[~within(points, self._outline, wide)] = -math.inf
-            count = stopping_way(
-                np.zeros(2), NO_COMMANDS, 0.0, np.array([v, w]), self._motor, self._radius, self._alone
-            )
+            still, none = np.zeros(3), in_flight[:0]
+            count = stopping_way(still, none, 0.0, wanted, self._motor, self._radius, self._alone)
             hit = first_touch(self._alone, count, self._outline, points, wide, slope)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
@@ -334,7 +354,8 @@ class CollisionMonitor:
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
         robot, limits = self.limits.robot, self.limits
-        v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
+        v = max(math.hypot(twist.vx, twist.vy), math.hypot(self._twist[0], self._twist[2]))
+        v = max(v, *(math.hypot(v, side) for _, v, _, side in self._given), 0.0)
         # Generous by 0.1 s: a point too many costs time only, one too few is an obstacle that is not seen.
         lag = 5.0 * robot.motor_lag
         time = age + robot.dead_time + limits.period + lag + 0.5 * v / robot.max_deceleration + 0.1
@@ -384,6 +405,10 @@ class CollisionMonitor:
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
         return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
+
+
+def _scaled(command: Planar, share: float) -> Planar:
+    return share * command[0], share * command[1], share * command[2]
 
 
 def warm_up() -> None:

@@ -86,9 +86,10 @@ class CommandGate:
     def __init__(self, limits: GateLimits, monitor: CollisionMonitor | None = None) -> None:
         self.limits = limits
         self.monitor = monitor
-        self.speed, self.turn = 0.0, 0.0
+        self.speed, self.side, self.turn = 0.0, 0.0, 0.0
         self.enters_unseen = False
         self.speed_limit = 0.0
+        self._slides = limits.robot.drive == "holonomic"
         self._driver = "none"
         self._ramp: StopReason | None = None
         self._operator_stop = False
@@ -130,7 +131,16 @@ class CommandGate:
     @property
     def is_moving(self) -> bool:
         """Whether the last command was not zero."""
-        return self.speed != 0.0 or self.turn != 0.0
+        return self.speed != 0.0 or self.side != 0.0 or self.turn != 0.0
+
+    @property
+    def _pace(self) -> float:
+        """Speed of the last command, m/s: negative backwards, but not if there is a part to the side."""
+        return math.hypot(self.speed, self.side) if self.side else self.speed
+
+    def _passed(self, verdict: Verdict) -> None:
+        """Remember what was passed, not what was asked for: the next limits start from what the wheels got."""
+        self.speed, self.side, self.turn = verdict.twist.vx, verdict.twist.vy, verdict.twist.wz
 
     def ramps(self, reason: StopReason | None, sensed: Sensed) -> bool:
         """Whether a stop for this reason, from `choose`, is a ramp."""
@@ -200,28 +210,27 @@ class CommandGate:
         if reason is not None or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
         self._driver, self._ramp = source, None
-        speed, monitor = self.speed, self.monitor
+        pace, monitor = self._pace, self.monitor
         limited = self._limit(offer.twist if source == "operator" else self._slowed(offer.twist))
         # Remembered for the status: a robot that turns needs a recovery other than one that meets an obstacle.
-        self._turns = limited.vx == 0.0 and limited.wz != 0.0
+        self._turns = limited.vx == 0.0 and limited.vy == 0.0 and limited.wz != 0.0
         if monitor is None:
             return limited, offer.cause_ns, self._free(source, offer.instance, pending)
         # Only the operator can judge space that no sensor sees; a goal that runs meanwhile gains no rights.
         monitor.ignores_unseen = self.enters_unseen and source == "operator"
-        verdict = monitor.judge(limited, speed, sensed.platform_ns * 1e-9)
-        # What was passed, not what was asked for: the next limits start from what the wheels got.
-        self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+        verdict = monitor.judge(limited, pace, sensed.platform_ns * 1e-9)
+        self._passed(verdict)
         return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
     def look_again(self, status: GateStatus, time: float) -> tuple[Twist2D, GateStatus] | None:
         """Slow down or stop for scans after the last command; None if it is still free. `time` is run time, s."""
         if self.monitor is None or not self.is_moving:
             return None
-        verdict = self.monitor.judge(Twist2D(self.speed, 0.0, self.turn), self.speed, time)
+        verdict = self.monitor.judge(Twist2D(self.speed, self.side, self.turn), self._pace, time)
         # A scan cannot raise the speed between two ticks: that needs a command.
         if not verdict.kind:
             return None
-        self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+        self._passed(verdict)
         if self._ramp:
             return verdict.twist, self._braking(verdict, status.pending)
         return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
@@ -233,13 +242,14 @@ class CommandGate:
 
     def _slow_down(self, reason: StopReason, sensed: Sensed, pending: Sequence[str]) -> tuple[Twist2D, int, GateStatus]:
         """One step of the ramp of an ordinary stop: as `decide`, but no source drives."""
-        self._ramp, speed = reason, self.speed
-        slower = braked(speed, self.limits.robot.max_deceleration * self.limits.period)
+        self._ramp, pace = reason, self._pace
+        slower = braked(pace, self.limits.robot.max_deceleration * self.limits.period)
         # The turn rate falls in proportion, so that the ramp follows the curvature that the monitor found free.
-        verdict = Verdict(self._limit(Twist2D(slower, 0.0, self.turn * slower / speed if speed else 0.0)))
+        ahead, side = (self.speed * slower / pace, self.side * slower / pace) if self.side else (slower, 0.0)
+        verdict = Verdict(self._limit(Twist2D(ahead, side, self.turn * slower / pace if pace else 0.0)))
         if self.monitor is not None:
-            verdict = self.monitor.judge(verdict.twist, speed, sensed.platform_ns * 1e-9)
-            self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+            verdict = self.monitor.judge(verdict.twist, pace, sensed.platform_ns * 1e-9)
+            self._passed(verdict)
         return verdict.twist, sensed.platform_ns, self._braking(verdict, pending)
 
     def _braking(self, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
@@ -275,7 +285,7 @@ class CommandGate:
 
     def stop(self, reason: StopReason | None, pending: Sequence[str]) -> GateStatus:
         """Forget the speed, and return a status in which no source drives."""
-        self.speed, self.turn, self._ramp = 0.0, 0.0, None
+        self.speed, self.side, self.turn, self._ramp = 0.0, 0.0, 0.0, None
         return GateStatus("none", "", True, self.is_latched, reason, tuple(pending))
 
     def _refusal(
@@ -313,26 +323,57 @@ class CommandGate:
 
     def _slowed(self, twist: Twist2D) -> Twist2D:
         """The velocity within `speed_limit`. Its curvature stays, so that the robot drives the same way, slower."""
-        if not 0.0 < self.speed_limit < abs(twist.vx):
+        pace = math.hypot(twist.vx, twist.vy) if self._slides else abs(twist.vx)
+        if not 0.0 < self.speed_limit < pace:
             return twist
-        share = self.speed_limit / abs(twist.vx)
-        return Twist2D(twist.vx * share, 0.0, twist.wz * share)
+        share = self.speed_limit / pace
+        return Twist2D(twist.vx * share, twist.vy * share, twist.wz * share)
 
     def _limit(self, twist: Twist2D) -> Twist2D:
         """The velocity within the robot's limits of speed and acceleration, which becomes the last command."""
         robot, period = self.limits.robot, self.limits.period
-        # Limited, not refused: a high gain exceeds a limit now and then. Wrong units are reported by the door.
-        wanted = min(max(twist.vx, -robot.max_linear), robot.max_linear)
-        # Through zero counts as braking: only the part that leads away from zero is acceleration.
-        speeding_up = abs(wanted) > abs(self.speed) and wanted * self.speed >= 0.0
-        step = (robot.max_acceleration if speeding_up else robot.max_deceleration) * period
-        speed = min(max(wanted, self.speed - step), self.speed + step)
-        turn = min(max(twist.wz, -robot.max_angular), robot.max_angular)
+        wz = twist.wz
+        if self._slides and (twist.vy or self.side):
+            speed, side = self._planar(twist)
+        else:
+            # Limited, not refused: a high gain exceeds a limit now and then. Wrong units are reported by the door.
+            wanted, side = min(max(twist.vx, -robot.max_linear), robot.max_linear), 0.0
+            # Through zero counts as braking: only the part that leads away from zero is acceleration.
+            speeding_up = abs(wanted) > abs(self.speed) and wanted * self.speed >= 0.0
+            step = (robot.max_acceleration if speeding_up else robot.max_deceleration) * period
+            speed = min(max(wanted, self.speed - step), self.speed + step)
+        if robot.turn_radius > 0.0:
+            wz = self._steered(twist, speed)
+        turn = min(max(wz, -robot.max_angular), robot.max_angular)
         if robot.max_angular_acceleration < math.inf:
             step = robot.max_angular_acceleration * period
             turn = min(max(turn, self.turn - step), self.turn + step)
-        self.speed, self.turn = speed, turn
-        return Twist2D(speed, 0.0, turn)
+        self.speed, self.side, self.turn = speed, side, turn
+        return Twist2D(speed, side, turn)
+
+    def _planar(self, twist: Twist2D) -> tuple[float, float]:
+        """Speed ahead and to the left, m/s, of a holonomic robot: the limits hold for their vector."""
+        robot, period = self.limits.robot, self.limits.period
+        asked, now = math.hypot(twist.vx, twist.vy), math.hypot(self.speed, self.side)
+        share = min(1.0, robot.max_linear / asked) if asked else 0.0
+        ahead, side = share * twist.vx, share * twist.vy
+        speeding_up = share * asked > now and ahead * self.speed + side * self.side >= 0.0
+        step = (robot.max_acceleration if speeding_up else robot.max_deceleration) * period
+        change = math.hypot(ahead - self.speed, side - self.side)
+        part = min(1.0, step / change) if change else 1.0
+        return self.speed + part * (ahead - self.speed), self.side + part * (side - self.side)
+
+    def _steered(self, twist: Twist2D, speed: float) -> float:
+        """Turn rate, rad/s, of a robot that cannot turn in place, at a speed, m/s: the curvature asked for, if it can.
+
+        A twist without a speed keeps the curvature of the last command: steered wheels turn nothing that stands.
+        """
+        if twist.vx:
+            curvature = twist.wz / twist.vx
+        else:
+            curvature = self.turn / self.speed if self.speed else 0.0
+        most = 1.0 / self.limits.robot.turn_radius
+        return speed * min(max(curvature, -most), most)
 
 
 def _waits(sensed: Sensed) -> StopReason | None:

@@ -177,7 +177,7 @@ class GoalMachine:
         else:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"
-            active.start_drive(answer.request_id, seen.time)
+            active.start_drive(answer, seen.time)
 
     def _while_driving(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
@@ -254,7 +254,7 @@ class GoalMachine:
                 # A path through what is seen must not replace one that is driven, or each map would restart the watch
                 # for progress.
                 self._set_drive(replace(self._drive, path_id=answer.request_id))
-                active.change_path(seen.time)
+                active.change_path(answer, seen.time)
             active.plan_id = self._drive.path_id
         else:
             active.plan_id = self._drive.path_id

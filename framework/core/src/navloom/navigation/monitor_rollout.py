@@ -36,15 +36,17 @@ STANDSTILL = 1e-3
 def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type: ignore[no-untyped-def]
     """Poses from the last odometry to standstill: commands in flight, then the command for one period, then braking.
 
-    Braking keeps the curvature of the command.
+    Braking keeps the curvature of the command. Steered wheels turn towards its angle at their rate, and keep it while
+    the robot is told to stand.
 
     Args:
-        twist: (2,) measured forward speed, m/s, and turn rate, rad/s.
-        in_flight: (k, 3) commands given before this one, oldest first: time given, s after the odometry (mostly
-            negative); m/s; rad/s. The first one acts from the beginning of the roll-out.
+        twist: (3,) measured forward speed, m/s, turn rate, rad/s, and speed to the left, m/s.
+        in_flight: (k, 4) commands given before this one, oldest first: time given, s after the odometry (mostly
+            negative); m/s; rad/s; m/s. The first one acts from the beginning of the roll-out.
         age: Age of the odometry when the command is given, s.
-        command: (2,) m/s and rad/s.
-        motor: (5,) period of the commands, s; deceleration, m/s²; turn deceleration, rad/s²; lag, s; dead time, s.
+        command: (3,) m/s, rad/s and m/s.
+        motor: (5,) period of the commands, s; deceleration, m/s²; turn deceleration, rad/s²; lag, s; dead time, s. (8,)
+            for steered wheels: wheelbase, m; steering rate, rad/s; steering angle, rad, at the odometry.
         radius: Largest distance of a point of the footprint from the base, m.
         poses: (MOST_POSES, 3) output: x, y, m, heading, rad, in the base frame of the odometry; the first pose is the
             robot's at that time.
@@ -56,6 +58,8 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
     # The exact step of a first-order lag, so that the result does not depend on STEP.
     blend = 1.0 - math.exp(-STEP / lag) if lag > 0.0 else 1.0
     x, y, heading, v, w = 0.0, 0.0, 0.0, twist[0], twist[1]
+    side, goal_side, pace, steers = twist[2], 0.0, math.hypot(command[0], command[2]), motor.shape[0] > 5
+    steering, swing = (motor[7], motor[6] * STEP) if steers else (0.0, 0.0)
     poses[0, 0], poses[0, 1], poses[0, 2] = 0.0, 0.0, 0.0
     count, way, flying = 1, 0.0, 0
     starts = age + dead_time
@@ -66,17 +70,28 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
             while flying + 1 < in_flight.shape[0] and in_flight[flying + 1, 0] + dead_time <= time + 1e-9:
                 flying += 1
             goal_v, goal_w = (in_flight[flying, 1], in_flight[flying, 2]) if in_flight.shape[0] else (0.0, 0.0)
+            goal_side = in_flight[flying, 3] if in_flight.shape[0] else 0.0
         else:
             braked = max(0.0, math.floor((time - starts) / period + 1e-6)) * period
-            goal_v, goal_w = _slowed(command, braked, deceleration, turn_deceleration)
-            if goal_v == 0.0 and goal_w == 0.0 and abs(v) < STANDSTILL and abs(w) < STANDSTILL:
+            share = _share(pace, command[1], braked, deceleration, turn_deceleration)
+            goal_v, goal_w, goal_side = command[0] * share, command[1] * share, command[2] * share
+            is_told = goal_v == 0.0 and goal_w == 0.0 and goal_side == 0.0
+            if is_told and abs(v) < STANDSTILL and abs(w) < STANDSTILL and abs(side) < STANDSTILL:
                 break
         v += blend * (goal_v - v)
-        w += blend * (goal_w - w)
+        if steers:
+            if goal_v != 0.0:
+                steering += min(max(math.atan(motor[5] * goal_w / goal_v) - steering, -swing), swing)
+            w = v * math.tan(steering) / motor[5]
+        else:
+            w += blend * (goal_w - w)
         # The heading in the middle of the step: the end of each arc is exact to second order.
         middle = heading + 0.5 * w * STEP
         x, y, heading = x + v * STEP * math.cos(middle), y + v * STEP * math.sin(middle), heading + w * STEP
-        way += (abs(v) + radius * abs(w)) * STEP
+        side += blend * (goal_side - side)
+        if side != 0.0:
+            x, y = x - side * STEP * math.sin(middle), y + side * STEP * math.cos(middle)
+        way += (math.hypot(v, side) + radius * abs(w)) * STEP
         time += STEP
         # By distance, not by time: a fast robot needs more poses, and a stopped one none. One row is left for the last
         # pose.
@@ -89,15 +104,13 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _slowed(command, time, deceleration, turn_deceleration):  # type: ignore[no-untyped-def]
-    """A command after braking for a time, s: forward and turn speed decrease in proportion."""
-    if command[0] != 0.0:
-        share = max(0.0, 1.0 - deceleration * time / abs(command[0]))
-    elif command[1] != 0.0:
-        share = max(0.0, 1.0 - turn_deceleration * time / abs(command[1]))
-    else:
-        share = 0.0
-    return command[0] * share, command[1] * share
+def _share(pace, turn, time, deceleration, turn_deceleration):  # type: ignore[no-untyped-def]
+    """Share of a command that is left after braking for a time, s: its speeds decrease in proportion."""
+    if pace != 0.0:
+        return max(0.0, 1.0 - deceleration * time / pace)
+    if turn != 0.0:
+        return max(0.0, 1.0 - turn_deceleration * time / abs(turn))
+    return 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -117,20 +130,20 @@ def distance_to_outline(px, py, outline):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def margins(points, v, w, least):  # type: ignore[no-untyped-def]
+def margins(points, v, w, side, least):  # type: ignore[no-untyped-def]
     """(k,) distance from the footprint that counts as touching, m, for each point.
 
     The error of an echo and what lies beyond it are independent: their sum would hold a robot 2 cm beside a wall.
 
     Args:
         points: (k, 3) x, y, base frame, and how far the obstacle may reach beyond, m.
-        v, w: The command, m/s and rad/s.
+        v, w, side: The command: forward, m/s, turn rate, rad/s, and to the left, m/s.
         least: Margin to a known place, m, for a robot that does not move.
     """
     wide = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         # The speed of the footprint beside that point: the tip of a long body is fast while its base stands.
-        speed = math.hypot(v - w * points[i, 1], w * points[i, 0])
+        speed = math.hypot(v - w * points[i, 1], side + w * points[i, 0])
         wide[i] = max(math.hypot(least, points[i, 2]), least + min(MOST_DOUBT, DOUBT * speed))
     return wide
 

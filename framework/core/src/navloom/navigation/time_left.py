@@ -72,7 +72,8 @@ class TimeLeft:
             return max(0.0, reference.remaining) / self._rules.fastest
         samples = trajectory.samples
         if trajectory is not self._trajectory:
-            steps = np.diff(samples[:, 0]) / (0.5 * (samples[1:, 5] + samples[:-1, 5]))
+            speeds = np.abs(samples[:, 5])  # negative backwards
+            steps = np.diff(samples[:, 0]) / (0.5 * (speeds[1:] + speeds[:-1]))
             self._trajectory, self._times = trajectory, np.append(0.0, np.cumsum(steps))
         return float(self._times[-1] - np.interp(reference.progress, samples[:, 0], self._times))
 

@@ -149,7 +149,9 @@ def keep_corners(points: Floats, limits: SpeedLimits, spacing: float = 0.02, hea
     return _read_only(samples, corners, radii, np.zeros((0, 2)))
 
 
-def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: float | None = None) -> Floats:
+def speed_profile(
+    step: float, curvature: Floats, limits: SpeedLimits, start: float | None = None, most: Floats | float = math.inf
+) -> Floats:
     """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then limited by the accelerations.
 
     ω_lim takes precedence over v_min: in a corner too tight for both, v is ω_lim/|κ|. So does the turn acceleration
@@ -161,6 +163,7 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
         curvature: (n,) 1/m.
         limits: Speeds and accelerations.
         start: Speed of the first sample, m/s; None for the lowest.
+        most: (n,) or one further limit of the speed, m/s.
 
     Returns:
         (n,) speed, m/s, > 0; the last one is at most the lowest speed of the limits.
@@ -168,7 +171,7 @@ def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: fl
     # Straight parts would divide by zero; nothing limits the speed at that curvature.
     bend = np.maximum(np.abs(curvature), 1e-9)
     speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
-    speed = np.minimum(speed, limits.robot.max_angular / bend)
+    speed = np.minimum(np.minimum(speed, limits.robot.max_angular / bend), most)
     rates = (limits.robot.max_acceleration, limits.robot.max_deceleration)
     turning = 0.5 * limits.robot.max_angular_acceleration
     speed = np.minimum(speed, np.maximum(_CRAWL, np.sqrt(turning / _bend_change(step, curvature))))

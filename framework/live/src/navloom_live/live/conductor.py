@@ -175,7 +175,7 @@ class Conductor:
         elif isinstance(message, Odometry):
             self._measured = message.twist
         elif isinstance(message, Command) and role == "gate":
-            self._is_commanded = message.twist.vx != 0.0 or message.twist.wz != 0.0
+            self._is_commanded = any(message.twist.read_fields())
 
     def _while_waiting(self) -> None:
         self._check()

@@ -45,7 +45,7 @@ class PlannerNode(RoleNode[Planner]):
         self, plugin: Planner, tolerance: float, robot: RobotSpec | None = None, map_world: World | None = None
     ) -> None:
         self.plugin, self._robot, self._map_world = plugin, robot, map_world
-        self.door = PlannerDoor(plugin, tolerance)
+        self.door = PlannerDoor(plugin, tolerance, robot)
 
     @classmethod
     def around(cls, plugin: Planner, settings: NodeSettings) -> Self:

@@ -15,8 +15,9 @@ from navloom.engine.nodes.node_base import Node, Tick
 from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, ReferencePorts
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
-from navloom.navigation.approach import slow_down
+from navloom.navigation.approach import least_tolerance, slow_down
 from navloom.navigation.braking import Braking
+from navloom.navigation.branches import Branch, branches_of, joined, single
 from navloom.navigation.trajectory import SpeedLimits, keep_corners, make_trajectory
 from navloom.navigation.trajectory_projection import Projection, project, way_ahead
 from navloom.roles import RobotSpec
@@ -28,6 +29,10 @@ BESIDE = 0.05
 """How far a robot that is turned away may come beside its trajectory while it turns, m."""
 LEAST = 0.1
 """Smallest share of the trajectory's speed while the robot is turned away: tracking laws need a moving reference."""
+AT_CUSP = 0.03
+"""Way to standstill before a cusp, m: the robot drives on from there, so that it may stop beside it."""
+PASSED = 0.01
+"""Rest of a branch, m, at which the next one begins."""
 FAR = 1.0
 """Distance from the first metre of a new trajectory beyond which the robot is looked for on all of it, m."""
 
@@ -62,6 +67,7 @@ class ReferenceNode(Node):
         corridor: Half width of the strip that must be free, m.
         rounds: Whether corners of the path are pruned and rounded.
         slows: Makes a trajectory slow enough at its end; see `navigation.approach`.
+        stops: The same before a cusp.
     """
 
     role = "reference"
@@ -81,12 +87,13 @@ class ReferenceNode(Node):
         corridor: float,
         rounds: bool = True,
         slows: Callable[[Floats], Floats] = lambda samples: samples,
+        stops: Callable[[Floats], Floats] = lambda samples: samples,
     ) -> None:
         self.limits, self.look_ahead, self.corridor, self.rounds = limits, look_ahead, corridor, rounds
-        self.slows = slows
+        self.slows, self.stops = slows, stops
         self._paths: dict[int, Path] = {}
-        self._trajectory: Trajectory | None = None
-        self._driven = 0
+        self._branches: list[Branch] = []
+        self._driven = self._branch = 0
         self._progress = 0.0
 
     @classmethod
@@ -97,8 +104,12 @@ class ReferenceNode(Node):
         slowest, fastest = (min(speed, robot.max_linear) for speed in rules.speed)
         limits = SpeedLimits(robot, slowest, fastest, rules.lateral_acceleration)
         half_width = float(np.abs(robot.footprint[:, 1]).max())
-        slows = partial(slow_down, braking=braking, tolerance=tolerance)
-        return cls(limits, rules.look_ahead, half_width + rules.corridor_margin, rules.path_shape == "rounded", slows)
+        slows, stops = (
+            partial(slow_down, braking=braking, tolerance=within)
+            for within in (tolerance, max(AT_CUSP, least_tolerance(braking)))
+        )
+        corridor, rounds = half_width + rules.corridor_margin, rules.path_shape == "rounded"
+        return cls(limits, rules.look_ahead, corridor, rounds, slows, stops)
 
     def step(self, tick: Tick) -> None:
         path, drive, estimate = self.path.value, self.drive.value, self.pose.value
@@ -109,12 +120,17 @@ class ReferenceNode(Node):
         if drive is None or drive.path_id not in self._paths or estimate is None:
             return
         # Only authorised paths become trajectories: the goal may still be turning or stopping on the old one.
-        if drive.path_id != self._driven or self._trajectory is None:
-            made = trajectory_of(self._paths[drive.path_id], self.limits, self.rounds)
-            self._trajectory = Trajectory(made.path_id, self.slows(made.samples))
-            self._driven, self._progress = drive.path_id, self._start(self._trajectory, estimate.pose)
-            self.trajectory.put(self._trajectory)
-        self.reference.put(self._reference(self._trajectory, drive, estimate.pose))
+        if drive.path_id != self._driven or not self._branches:
+            self._branches = self._made(self._paths[drive.path_id])
+            self._driven = drive.path_id
+            self._branch, self._progress = self._start(estimate.pose)
+            self.trajectory.put(Trajectory(drive.path_id, joined(self._branches)))
+        self.reference.put(self._reference(drive, estimate.pose))
+
+    def _made(self, path: Path) -> list[Branch]:
+        if path.headings is not None:
+            return branches_of(path.points, path.headings, self.limits, self.slows, self.stops)
+        return [single(self.slows(trajectory_of(path, self.limits, self.rounds).samples))]
 
     def _speeds(self, at: Projection, heading: float) -> tuple[float, float]:
         """Speed, m/s, and turn rate, rad/s, of the reference: less while a robot that turns slowly is turned away.
@@ -126,33 +142,52 @@ class ReferenceNode(Node):
         speed = max(LEAST * at.speed, BESIDE / beside) if beside * at.speed > BESIDE else at.speed
         return speed, at.turn_rate if speed == at.speed else at.curvature * speed
 
-    def _start(self, trajectory: Trajectory, base: Pose2D) -> float:
-        """Progress from which to follow a new trajectory: 0, or the robot's place on it if that is far from its start.
+    def _start(self, base: Pose2D) -> tuple[int, float]:
+        """Branch and progress from which to follow a new trajectory: 0, or the robot's place if that is far from there.
 
         It is far if this node has restarted during a drive. A reference that came from the start, some metres per
         second, would make the robot drive backwards.
         """
-        samples = trajectory.samples
-        near = project(samples, base.x, base.y, base.heading, 0.0, self.look_ahead)
+        near = self._project(self._branches[0], base, 0.0)
         if math.hypot(near.x - base.x, near.y - base.y) <= FAR:
-            return 0.0
-        return project(
-            samples, base.x, base.y, base.heading, 0.0, self.look_ahead, ahead=float(samples[-1, 0])
-        ).progress
+            return 0, 0.0
+        found = [self._project(branch, base, 0.0, branch.length) for branch in self._branches]
+        gaps = [math.hypot(at.x - base.x, at.y - base.y) for at in found]
+        nearest = gaps.index(min(gaps))
+        return nearest, found[nearest].progress
 
-    def _reference(self, trajectory: Trajectory, drive: Drive, base: Pose2D) -> Reference:
-        samples = trajectory.samples
-        at = project(samples, base.x, base.y, base.heading, self._progress, self.look_ahead)
-        self._progress = at.progress
+    def _project(self, branch: Branch, base: Pose2D, progress: float, ahead: float = 1.0) -> Projection:
+        """The robot's place on a branch, as if it headed along the way."""
+        heading = base.heading - branch.at(branch.away, progress)
+        return project(branch.samples, base.x, base.y, heading, progress, self.look_ahead, ahead=ahead)
+
+    def _reference(self, drive: Drive, base: Pose2D) -> Reference:
+        at = self._project(self._branches[self._branch], base, self._progress)
+        # Only at the end of a branch does the next one begin: elsewhere the two may lie side by side.
+        if self._branch + 1 < len(self._branches) and at.progress >= self._branches[self._branch].length - PASSED:
+            self._branch += 1
+            at = self._project(self._branches[self._branch], base, 0.0)
+        branch, self._progress = self._branches[self._branch], at.progress
+        last, progress, away = self._branches[-1], branch.begin + at.progress, branch.at(branch.away, at.progress)
+        speed, turn = self._speeds(at, base.heading - away)
+        ahead, left, heading = speed, 0.0, at.heading
+        if away:
+            heading = math.remainder(at.heading + away, math.tau)
+            ahead = -speed
+        if branch.is_sideways:
+            ahead, left = speed * math.cos(away), -speed * math.sin(away)
+            turn = speed * branch.at(branch.turns, at.progress)
         return Reference(
-            trajectory.path_id,
-            at.progress,
-            float(samples[-1, 0]) - at.progress,
-            Pose2D(at.x, at.y, at.heading),
-            *self._speeds(at, base.heading),
+            drive.path_id,
+            progress,
+            last.begin + last.length - progress,
+            Pose2D(at.x, at.y, heading),
+            ahead,
+            turn,
             at.cross_track,
             Point2D(at.target_x, at.target_y),
-            way_ahead(samples, at.progress, self.look_ahead),
+            way_ahead(branch.samples, at.progress, self.look_ahead),
             self.corridor,
             drive.turn_to if drive.stop_here else None,
+            left,
         )

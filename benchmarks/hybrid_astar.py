@@ -3,12 +3,12 @@
     python benchmarks/hybrid_astar.py [--queries 200] [--compared 0] [--seconds 10] [--bodies long,tail,car] [--json]
         [--set KEY=VALUE …]
 
-Queries are between random free poses of storeys (`floor:SEED`), BARN worlds and a Moving AI map (from the folder named
-by NAVLOOM_DATA; left out without it). Contact is looked for with a reader of its own: poses every 5 mm and 0.5°, and the
-separation of two convex polygons. `--compared` queries of each body are also given to RRT* and BIT* of OMPL in its
-Reeds-Shepp space, each for `--seconds` of CPU time and then OMPL's own simplification; a query counts by the shorter of
-both. Their obstacles and footprint are the same, and for these the penalties, clearance and turns in place of hybrid_astar
-are switched off: both sides then look for the shortest path of the same robot. Times are CPU times.
+Queries are between random free poses of storeys (`floor:SEED`), BARN worlds and a Moving AI map (from the folder that
+NAVLOOM_DATA names; left out without it). Contact is looked for with a reader of its own: poses every 5 mm and 0.5°, and
+the separation of two convex polygons. `--compared` queries of each body are also given to RRT* and BIT* of OMPL in its
+Reeds-Shepp space, each for `--seconds` of CPU time and then OMPL's own simplification; the shorter of both counts. Their
+obstacles and footprint are the same. For these, the penalties, clearance and turns in place of hybrid_astar are switched
+off, so that both look for the shortest path of the same robot. Times are CPU times.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,8 +64,11 @@ class Query(NamedTuple):
     goal: tuple[float, float, float]
 
 
-def worlds() -> Iterator[tuple[str, RasterMap]]:
-    """Names and maps of the worlds, storeys and others in turn."""
+def worlds(storeys: Sequence[str] = ()) -> Iterator[tuple[str, RasterMap]]:
+    """Names and maps of the worlds, storeys and others in turn; or of some storeys only."""
+    if storeys:
+        yield from ((name, _raster(floor_of(name.removeprefix("floor:")).world)) for name in storeys)
+        return
     data = Path(os.environ.get("NAVLOOM_DATA", ""))
     for number in range(WORLDS // 2):
         yield f"floor:{number}", _raster(floor_of(str(number)).world)
@@ -82,10 +85,10 @@ def _raster(world: Any) -> RasterMap:
     return RasterMap(grid.cells, grid.resolution, (grid.origin.x, grid.origin.y, grid.origin.heading))
 
 
-def queries(body: str, count: int) -> Iterator[Query]:
-    """Random pairs of poses in which the robot is free and that the distance field connects."""
+def queries(body: str, count: int, storeys: Sequence[str] = ()) -> Iterator[Query]:
+    """Random pairs of poses in which the robot has 5 cm of room, and that the distance field connects."""
     stream = np.random.default_rng([list(BODIES).index(body), 7])
-    maps = list(worlds())
+    maps = list(worlds(storeys))
     for number in range(count):
         name, raster = maps[number % len(maps)]
         ground, outline = ground_of(raster.cells >= 50), body_of(BODIES[body][0], 0.05, raster.resolution)
@@ -270,7 +273,11 @@ def main() -> None:
         settings = replace(BODIES[body][1], **changes)
         for number, query in enumerate(queries(body, count)):
             rows.append(measured(body, query, settings, given.seconds if number < given.compared else 0.0))
-            print(json.dumps(rows[-1]) if given.json else rows[-1], file=sys.stdout if given.json else sys.stderr, flush=True)
+            print(
+                json.dumps(rows[-1]) if given.json else rows[-1],
+                file=sys.stdout if given.json else sys.stderr,
+                flush=True,
+            )
     print(json.dumps(summary(rows), indent=None if given.json else 2))
 
 

@@ -8,8 +8,8 @@ from navloom_hybrid_astar.clearance import (
     SWEEP,
     advanced,
     body_of,
-    grown,
     ground_of,
+    grown,
     is_free,
     is_free_along,
     surely_hits,
@@ -45,7 +45,9 @@ def one_wall():
     return occupied
 
 
-@pytest.mark.parametrize(("heading", "reach"), [(0.0, 6.0), (math.pi / 2, 2.0), (math.pi, 6.0), (math.pi / 4, 4.0 * math.sqrt(2.0))])
+@pytest.mark.parametrize(
+    ("heading", "reach"), [(0.0, 6.0), (math.pi / 2, 2.0), (math.pi, 6.0), (math.pi / 4, 4.0 * math.sqrt(2.0))]
+)
 def test_a_bar_is_free_up_to_the_wall(heading, reach):
     # Corners of the bar are at (6, 2) cells; the outline is grown by 0.2 cells.
     ground, body = ground_of(one_wall()), body_of(BAR, 0.0, CELL)

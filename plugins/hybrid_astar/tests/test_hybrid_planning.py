@@ -32,7 +32,7 @@ def planned(cells, start, goal, heading=0.0, outline=CAR, origin=(0.0, 0.0, 0.0)
 def free_throughout(answer, cells, outline):
     """Whether the footprint, not grown, is clear at poses between those of the path."""
     ground = ground_of(cells >= 50)
-    corners, work, inner, around, step = body_of(outline, 0.0, CELL)
+    _, work, inner, around, step = body_of(outline, 0.0, CELL)
     exact = (outline / CELL, work, inner, around, step)
     for n in range(len(answer.points) - 1):
         turn = math.remainder(answer.headings[n + 1] - answer.headings[n], math.tau)
@@ -47,7 +47,9 @@ def ways(answer):
     """1 for each segment forwards, -1 backwards."""
     steps = np.diff(answer.points, axis=0)
     moved = np.hypot(*steps.T) > 1e-9
-    return np.sign((steps[moved] * np.stack([np.cos(answer.headings), np.sin(answer.headings)], axis=1)[:-1][moved]).sum(axis=1))
+    return np.sign(
+        (steps[moved] * np.stack([np.cos(answer.headings), np.sin(answer.headings)], axis=1)[:-1][moved]).sum(axis=1)
+    )
 
 
 def curvatures(answer):

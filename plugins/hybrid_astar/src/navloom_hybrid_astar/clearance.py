@@ -1,11 +1,11 @@
 """Whether a convex footprint is clear of the occupied cells of a grid, at a pose and along a move.
 
 Lengths are in cells and places in columns and rows: cell (r, c) covers c..c+1 by r..r+1. The distance field answers
-where the circumscribed disc is free or the inscribed one is not. Between the two, the footprint itself is drawn: a convex
-polygon meets a cell exactly if the part of it within the cell's row reaches the cell's columns. Along a move, poses are
-tested so densely that no point of the footprint moves further than twice `SWEEP` between two of them, with the footprint
-grown by `SWEEP`: so a move that is called free has no contact, and one is refused only within `SWEEP` of a contact and
-the corners of the grown outline.
+where the circumscribed disc is free or the inscribed one is not. Between the two, the footprint itself is drawn: a
+convex polygon meets a cell exactly if the part of it within the cell's row reaches the cell's columns. Along a move,
+poses are tested so densely that no point of the footprint moves further than twice `SWEEP` between two of them, with the
+footprint grown by `SWEEP`. So a move that is called free has no contact, and one is refused only within `SWEEP` of a
+contact, at sharp corners of the outline within twice that.
 """
 
 from __future__ import annotations
@@ -18,7 +18,18 @@ from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["SWEEP", "Body", "Ground", "advanced", "body_of", "ground_of", "is_free", "is_free_along", "surely_hits", "touched"]
+__all__ = [
+    "SWEEP",
+    "Body",
+    "Ground",
+    "advanced",
+    "body_of",
+    "ground_of",
+    "is_free",
+    "is_free_along",
+    "surely_hits",
+    "touched",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -26,8 +37,8 @@ Ground = tuple[NDArray[np.float32], NDArray[np.int32]]
 """(rows, columns) distance from the centre of a cell to that of the nearest occupied one, cells; (rows, columns + 1)
 number of occupied cells in the row before a column."""
 Body = tuple[Floats, Floats, float, float, float]
-"""(n, 2) corners of the grown outline, base frame; (2, rows) work array; radii of the inscribed disc of the footprint with
-its margin and of the circumscribed disc of the grown outline; step of the sweep, all in cells."""
+"""(n, 2) corners of the grown outline, base frame; (2, rows) work array; radii of the inscribed disc of the footprint
+with its margin and of the circumscribed disc of the grown outline; step of the sweep, all in cells."""
 
 SWEEP = 0.2
 """Growth of the outline for the motion between two tested poses, cells."""

@@ -81,10 +81,8 @@ def _offer(
     if not cost < best - _TOUCH:
         return best
     moves[:] = 0.0
-    n = 0
-    for length in (a, b, c, d, e):
+    for n, length in enumerate((a, b, c, d, e)):
         moves[n, 0], moves[n, 1] = side * turns[n], way * length
-        n += 1
     return cost
 
 

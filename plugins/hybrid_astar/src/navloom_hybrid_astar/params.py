@@ -14,7 +14,7 @@ from navloom_hybrid_astar.planning import Settings
 __all__ = ["HybridAstarParams"]
 
 _STEERING_RESERVE = 1.1
-"""Default radius over the least that an Ackermann robot can drive: the tracker must be able to correct on either side."""
+"""Default radius over the least of an Ackermann robot: the tracker must be able to correct on either side."""
 
 
 class HybridAstarParams(Params):
@@ -37,9 +37,7 @@ class HybridAstarParams(Params):
         "the highest speed and turn rate, at least half the circumscribed one",
     )
     backwards: bool = Field(True, description="whether the path may lead backwards; false: Dubins curves")
-    reverse_cost: float = Field(
-        0.5, ge=0.0, le=100.0, description="extra cost of each metre backwards, m"
-    )
+    reverse_cost: float = Field(0.5, ge=0.0, le=100.0, description="extra cost of each metre backwards, m")
     switch_cost: float = Field(0.3, ge=0.0, le=100.0, description="cost of a change of direction, m")
     steer_cost: float = Field(
         0.02, ge=0.0, le=100.0, description="cost of a change between straight and the least radius, in the search, m"

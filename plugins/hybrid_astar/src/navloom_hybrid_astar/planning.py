@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from navloom_hybrid_astar import flood, search, smoothing
-from navloom_hybrid_astar.clearance import Body, Ground, body_of, ground_of, is_free, surely_hits, touched
+from navloom_hybrid_astar.clearance import Body, Ground, body_of, ground_of, is_free, touched
 from navloom_hybrid_astar.motion import Motion, poses_after
 from navloom_hybrid_astar.search import Lattice
 
@@ -29,8 +29,8 @@ _BEYOND = 5.0
 _TURN = math.radians(20.0)
 """Largest turn in place between two points of a path, rad: the shorter way round must be the right one."""
 _DEPTH = 2.0
-"""How far the inscribed disc may be in an obstacle at the start, cells. A cell is occupied as a whole by an echo anywhere
-in it, so a robot beside a wall may be that deep in its cells."""
+"""How far the inscribed disc may be in an obstacle at the start, cells. A cell is occupied as a whole by an echo
+anywhere in it, so a robot beside a wall may be that deep in its cells."""
 
 
 @dataclass(frozen=True)
@@ -118,19 +118,19 @@ class HybridPlanner:
         occupied = grid.occupied | grid.unknown if self.settings.unknown == "blocked" else grid.occupied
         tight = self._body(0.0, grid)
         ground = ground_of(occupied)
-        if not is_free(*first.tolist(), ground, tight):
+        if not _fits(first, ground, tight):
             deep = float(ground[0][int(first[1]), int(first[0])]) + _DEPTH < tight[2]
             if deep or not occupied.any():
                 return StartOccupied(start[:2], f"the robot at the start {_at(start[:2])} is in an obstacle")
-            ground = ground_of(occupied & ~touched(*first.tolist(), ground, tight))
-        free = [pose for pose in goals if is_free(*pose.tolist(), ground, tight)]
+            ground = ground_of(occupied & ~touched(float(first[0]), float(first[1]), float(first[2]), ground, tight))
+        free = [pose for pose in goals if _fits(pose, ground, tight)]
         if not free:
             return GoalOccupied(goal, f"the robot at the goal {_at(goal)} is in an obstacle or too near to one")
         answer: Driven | Failure | None = None
         if self.settings.clearance > 0.0:
             roomy = self._body(self.settings.clearance, grid)
-            ends = [pose for pose in free if is_free(*pose.tolist(), ground, roomy)]
-            if ends and is_free(*first.tolist(), ground, roomy):
+            ends = [pose for pose in free if _fits(pose, ground, roomy)]
+            if ends and _fits(first, ground, roomy):
                 answer = self._search(grid, ground, roomy, first, np.array(ends))
         if not isinstance(answer, Driven):
             answer = self._search(grid, ground, tight, first, np.array(free))
@@ -159,9 +159,7 @@ class HybridPlanner:
         return Motion(use.radius / resolution, use.reverse, use.switch / resolution, use.steer / resolution,
                       use.turn / resolution, use.backwards)  # fmt: skip
 
-    def _search(
-        self, grid: PlanningGrid, ground: Ground, body: Body, first: Floats, goals: Floats
-    ) -> Driven | Failure:
+    def _search(self, grid: PlanningGrid, ground: Ground, body: Body, first: Floats, goals: Floats) -> Driven | Failure:
         use, resolution = self.settings, grid.resolution
         passable = _passable(ground, body)
         ends = _cell(goals[0], passable), _cell(first, passable)
@@ -209,6 +207,10 @@ def _poses(
         return first, np.array([(x, y, heading - turn)])
     along = math.atan2(y - first[1], x - first[0])
     return first, np.array([(x, y, along + k * 2.0 * math.pi / _ANY) for k in range(_ANY)])
+
+
+def _fits(pose: Floats, ground: Ground, body: Body) -> bool:
+    return is_free(float(pose[0]), float(pose[1]), float(pose[2]), ground, body)
 
 
 def _passable(ground: Ground, body: Body) -> Bools:

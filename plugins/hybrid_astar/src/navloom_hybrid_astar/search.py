@@ -49,15 +49,19 @@ class Lattice(NamedTuple):
 def steps_of(motion: Motion, lattice: Lattice) -> Floats:
     """(n, 3) the moves of an expansion: five curvatures, forwards and backwards, and turns in place."""
     ways = (1.0, -1.0) if motion.backwards else (1.0,)
-    arcs = [
-        (bend / motion.radius, way * lattice.step, 0.0) for way in ways for bend in (0.0, 0.5, -0.5, 1.0, -1.0)
-    ]
+    arcs = [(bend / motion.radius, way * lattice.step, 0.0) for way in ways for bend in (0.0, 0.5, -0.5, 1.0, -1.0)]
     angle = 2.0 * 2.0 * math.pi / lattice.headings
     return np.array([*arcs, *((0.0, 0.0, a) for a in (angle, -angle) if math.isfinite(motion.turn))])
 
 
 def search(
-    start: Floats, goals: Floats, ahead: NDArray[np.float32], ground: Ground, body: Body, motion: Motion, lattice: Lattice
+    start: Floats,
+    goals: Floats,
+    ahead: NDArray[np.float32],
+    ground: Ground,
+    body: Body,
+    motion: Motion,
+    lattice: Lattice,
 ) -> tuple[Floats | None, int, tuple[float, float]]:
     """The cheapest path that the search finds between free poses, cells and rad.
 
@@ -165,7 +169,7 @@ def _search(
             holonomic = float(ahead[int(y), int(x)])
             if cost + holonomic >= best:
                 continue
-            turn = int(math.floor(heading / (2.0 * math.pi) * lattice.headings + 0.5)) % lattice.headings
+            turn = math.floor(heading / (2.0 * math.pi) * lattice.headings + 0.5) % lattice.headings
             key = (int(y / lattice.edge) * across + int(x / lattice.edge)) * lattice.headings + turn
             place = _place_of(keys, key)
             old = owner[place] if keys[place] >= 0 else -1

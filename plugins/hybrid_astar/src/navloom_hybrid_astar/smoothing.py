@@ -1,7 +1,7 @@
 """Shorten a path of moves: join its poses by cheaper free curves, and shift the poses between curves.
 
-Both keep the curvature within the radius, every heading continuous, and the footprint clear. Cusps are poses like others
-and move with them. Lengths are in cells.
+Both keep the curvature within the radius, every heading continuous, and the footprint clear. Cusps are poses like
+others and move with them. Lengths are in cells.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ _GAIN = 1e-3
 """Least gain of a change, cells."""
 
 
-def shortened(start: Floats, moves: Floats, ground: Ground, body: Body, motion: Motion, spacing: float, rounds: int) -> Floats:
+def shortened(
+    start: Floats, moves: Floats, ground: Ground, body: Body, motion: Motion, spacing: float, rounds: int
+) -> Floats:
     """A path that costs no more, of a free path.
 
     Args:
@@ -105,7 +107,10 @@ def _joined(poses: Floats, rows: Floats, ground: Ground, body: Body, motion: Mot
         before[last], is_own[last] = last - 1, True
         way[last] = ahead if ahead != 0.0 else way[last - 1]
         for first in range(last - 1):
-            if best[first] + math.hypot(poses[last, 0] - poses[first, 0], poses[last, 1] - poses[first, 1]) >= best[last] - _GAIN:
+            if (
+                best[first] + math.hypot(poses[last, 0] - poses[first, 0], poses[last, 1] - poses[first, 1])
+                >= best[last] - _GAIN
+            ):
                 continue
             cost = best[first] + curve_between(poses[first], poses[last], motion.radius, costs, curve)
             if way[first] * direction_at(curve, False) < 0.0:

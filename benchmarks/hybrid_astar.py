@@ -6,9 +6,9 @@
 Queries are between random free poses of storeys (`floor:SEED`), BARN worlds and a Moving AI map (from the folder that
 NAVLOOM_DATA names; left out without it). Contact is looked for with a reader of its own: poses every 5 mm and 0.5°, and
 the separation of two convex polygons. `--compared` queries of each body are also given to RRT* and BIT* of OMPL in its
-Reeds-Shepp space, each for `--seconds` of CPU time and then OMPL's own simplification; the shorter of both counts. Their
-obstacles and footprint are the same. For these, the penalties, clearance and turns in place of hybrid_astar are switched
-off, so that both look for the shortest path of the same robot. Times are CPU times.
+Reeds-Shepp space, each for `--seconds` of CPU time and then OMPL's own simplification; the shorter of both counts.
+Their obstacles and footprint are the same. For these, the penalties, clearance and turns in place of hybrid_astar are
+switched off, so that both look for the shortest path of the same robot. Times are CPU times.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 Lengths are in cells and places in columns and rows: cell (r, c) covers c..c+1 by r..r+1. The distance field answers
 where the circumscribed disc is free or the inscribed one is not. Between the two, the footprint itself is drawn: a
 convex polygon meets a cell exactly if the part of it within the cell's row reaches the cell's columns. Along a move,
-poses are tested so densely that no point of the footprint moves further than twice `SWEEP` between two of them, with the
-footprint grown by `SWEEP`. So a move that is called free has no contact, and one is refused only within `SWEEP` of a
-contact, at sharp corners of the outline within twice that.
+poses are tested so densely that no point of the footprint moves further than twice `SWEEP` between two of them, and
+the footprint is grown by `SWEEP`. So a move that is called free has no contact, and one is refused only within `SWEEP`
+of a contact, at sharp corners of the outline within twice that.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _room(x: float, y: float, ground: Ground, body: Body) -> float:
 
 @compiled
 def is_free(x: float, y: float, heading: float, ground: Ground, body: Body) -> bool:
-    """Whether the grown outline at a pose, cells and rad, is clear of all occupied cells; outside the grid it is not."""
+    """Whether the grown outline at a pose, cells and rad, is clear of all occupied cells; outside the grid never."""
     if surely_hits(x, y, ground, body):
         return False
     return _room(x, y, ground, body) > 0.0 or not _meets(x, y, heading, ground[1], body)

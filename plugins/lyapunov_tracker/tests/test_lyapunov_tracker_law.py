@@ -13,10 +13,12 @@ from navloom_lyapunov_tracker.law import (
     TrackingError,
     energy,
     final_turn,
+    planar_command,
     sinc,
     stopping_turn,
     tracking_command,
     tracking_error,
+    turn_acceleration,
     turn_direction,
     turn_that_stops,
     wrap,
@@ -270,3 +272,36 @@ def test_a_correction_is_limited_where_the_robot_could_not_end_it():
     assert stopping_turn(-0.7, 0.1, 4.0, 0.2) == pytest.approx(-0.1)
     assert stopping_turn(0.14, 0.1, 4.0, 0.2) == 0.14
     assert stopping_turn(-0.7, 0.1, 4.0, math.inf) == -0.7
+
+
+def test_a_reference_that_drives_backwards_is_followed_backwards() -> None:
+    """Law (6) at v_r < 0 is the law of a robot that heads the other way: e1 and e2 change signs, and so does v."""
+    error = TrackingError(0.2, 0.3, 0.1)
+    v, w = tracking_command(error, -0.4, 0.2, 1.0, 0.6)
+    other = tracking_command(TrackingError(-0.2, -0.3, 0.1), 0.4, 0.2, 1.0, 0.6)
+    assert (-v, w) == pytest.approx(other)
+
+
+def test_a_holonomic_robot_drives_at_its_errors() -> None:
+    """0.4 m/s to the left of a reference that heads a quarter turn further left: backwards for the robot."""
+    command = planar_command(TrackingError(0.1, -0.2, 0.5 * math.pi), (0.0, 0.4), 0.3, 2.0, 1.0)
+    assert command == pytest.approx((-0.4 + 0.2, -0.4, 0.3 + 0.5 * math.pi))
+
+
+def test_the_energy_of_a_holonomic_robots_error_falls() -> None:
+    """V' = -k1 (e1² + e2²) - k3 e3²: 2 (0.09 + 0.04) + 0.5 0.16 = 0.34, whatever the reference does."""
+    error, (ahead, left), w_ref = TrackingError(0.3, -0.2, 0.4), (0.5, -0.3), 0.2
+    vx, vy, w = planar_command(error, (ahead, left), w_ref, 2.0, 0.5)
+    cos, sin = math.cos(error.e3), math.sin(error.e3)
+    rates = (
+        w * error.e2 - vx + cos * ahead - sin * left,
+        -w * error.e1 - vy + sin * ahead + cos * left,
+        w_ref - w,
+    )
+    assert sum(part * rate for part, rate in zip(error, rates, strict=True)) == pytest.approx(-0.34)
+
+
+def test_a_robot_that_steers_turns_faster_by_its_wheels() -> None:
+    """0.4 m/s, 1 rad/s of steering, 0.5 m: 0.8 rad/s²."""
+    assert turn_acceleration(0.4, math.inf, 0.5, 1.0) == turn_acceleration(-0.4, 2.0, 0.5, 1.0) == pytest.approx(0.8)
+    assert turn_acceleration(0.4, 0.3, 0.0, 1.0) == 0.3, "it does not steer"

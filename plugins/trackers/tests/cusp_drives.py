@@ -33,7 +33,13 @@ DIFFERENTIAL = ["robot.footprint={ length=0.8, width=0.4 }", "robot.max_angular_
 
 
 def arcs(*legs: Leg, heading: float = 0.0, step: float = 0.05) -> tuple[Floats, Floats]:
-    """Points (n, 2), m, and headings (n,), rad, from the origin along arcs of a length, m, < 0 backwards, and a turn, rad."""
+    """Points (n, 2), m, and headings (n,), rad, from the origin along arcs.
+
+    Args:
+        legs: Length, m, negative backwards, and turn, rad, of each.
+        heading: At the origin, rad.
+        step: Largest distance between points, m.
+    """
     x, y, poses = 0.0, 0.0, [(0.0, 0.0, heading)]
     for length, turn in legs:
         count = math.ceil(abs(length) / step)
@@ -92,8 +98,6 @@ class Drive:
         contacts: Ticks in contact.
         clearance: Least gap to an obstacle, m.
         track: (n, 5) time, s, true x, y, m, heading, rad, and speed, m/s.
-        samples: Of the trajectory.
-        gate_stops: Stops of the gate for an obstacle.
     """
 
     outcome: str
@@ -107,7 +111,6 @@ class Drive:
     contacts: int
     clearance: float
     track: Floats
-    samples: Floats
 
 
 def drive(
@@ -154,20 +157,23 @@ def drive(
     track, samples = truth[:, :5], recorder.trajectories[0].samples
     away = np.array([np.hypot(*(samples[:, 1:3] - place).T).min() for place in track[:, 1:3]])
     found = trail_of(system, recorder, log, result)
+    gaps, turned = truth[:, 5], math.remainder(track[-1, 3] - headings[-1], math.tau)
     return Drive(
         found.outcome, result.reason, float(track[-1, 0]), math.sqrt(float((away**2).mean())), float(away.max()),
-        beyond_cusps(samples, track), math.hypot(*(track[-1, 1:3] - points[-1])),
-        math.remainder(track[-1, 3] - headings[-1], math.tau), int((truth[:, 5] == 0.0).sum()), float(truth[:, 5].min()),
-        track, samples,
+        beyond_cusps(samples, track), math.hypot(*(track[-1, 1:3] - points[-1])), turned, int((gaps == 0.0).sum()),
+        float(gaps.min()), track,
     )  # fmt: skip
 
 
 def beyond_cusps(samples: Floats, track: Floats) -> float:
-    """Largest way, m, that a track (n, 5) leads beyond a cusp of a trajectory (k, 6), within 0.2 m beside it."""
-    most = 0.0
+    """Largest way, m, that a track (n, 5) leads beyond a cusp of a trajectory (k, 6), until it leads back."""
+    most, last = 0.0, 0
     for k in np.flatnonzero(np.diff(np.sign(samples[:, 5]))):
-        cos, sin = math.cos(samples[k, 3]), math.sin(samples[k, 3])
-        dx, dy = (track[:, 1:3] - samples[k, 1:3]).T
-        along, aside = math.copysign(1.0, samples[k, 5]) * (cos * dx + sin * dy), np.abs(cos * dy - sin * dx)
-        most = max(most, float(along[(aside < 0.2) & (along < 0.5)].max(initial=0.0)))
+        sign = math.copysign(1.0, samples[k, 5])
+        while last < len(track) - 1 and (
+            np.hypot(*(track[last, 1:3] - samples[k, 1:3])) > 0.2 or sign * track[last, 4] >= 0.0
+        ):
+            last += 1
+        dx, dy = track[last, 1:3] - samples[k, 1:3]
+        most = max(most, sign * float(math.cos(samples[k, 3]) * dx + math.sin(samples[k, 3]) * dy))
     return most

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,10 +20,12 @@ from navloom import (
     Twist2D,
 )
 from navloom_trackers.adapter import FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit
+from navloom_trackers.limits import stiffest
 from pydantic import ValidationError
 
 SQUARE = np.array([[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]])
 ROBOT = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
+STEERED = replace(ROBOT, drive="ackermann", wheelbase=0.5, max_steering=0.5)
 ALONG = np.linspace(0.0, 9.0, 451)
 TRAJECTORY = Trajectory(1, np.column_stack((ALONG, ALONG, 0 * ALONG, 0 * ALONG, 0 * ALONG, 0 * ALONG + 0.3)))
 TRACKERS = {cls.name: cls for cls in (FierroLewis, Graceful, Kanayama, PurePursuit, Ramsete, RegulatedPurePursuit)}
@@ -170,6 +173,46 @@ def test_a_robot_that_faces_away_turns_in_place(name):
     )
     tracker.reset()
     assert tracker.control(seen(1.0, 0.0, math.radians(30.0))).twist.vx > 0.0
+
+
+def turned_round(given):
+    """The same scene for a robot that drives backwards: robot, reference and trajectory head the other way."""
+    samples = given.trajectory.samples.copy()
+    samples[:, 3] -= math.pi
+    samples[:, 4:] *= -1.0
+    twist = given.estimate.twist
+    return replace(
+        given,
+        trajectory=Trajectory(1, samples),
+        reference=replace(given.reference, pose=turned(given.reference.pose), speed=-given.reference.speed),
+        estimate=replace(given.estimate, pose=turned(given.estimate.pose), twist=Twist2D(-twist.vx, 0.0, twist.wz)),
+    )
+
+
+def turned(pose):
+    return replace(pose, heading=math.remainder(pose.heading + math.pi, math.tau))
+
+
+@EACH
+@pytest.mark.parametrize(("y", "heading"), [(0.0, 0.0), (0.3, 0.1), (-0.2, -0.4), (0.1, 2.5)])
+def test_a_robot_that_backs_along_its_path_turns_as_one_that_drives_forwards(name, y, heading):
+    forwards = seen(1.0, y, heading)
+    ahead, back = (make(name).control(given) for given in (forwards, turned_round(forwards)))
+    assert (back.twist.vx, back.twist.wz) == pytest.approx((-ahead.twist.vx, ahead.twist.wz))
+    assert (back.e1, back.e2, back.e3) == pytest.approx((-ahead.e1, -ahead.e2, ahead.e3))
+
+
+@EACH
+def test_a_robot_that_steers_drives_where_another_would_turn_in_place(name):
+    context = Context("main", 0.05, STEERED, np.random.default_rng, Pose2D(0.0, 0.0, 0.0))
+    tracker = TRACKERS[name](TRACKERS[name].Params(), context)
+    assert tracker.control(seen(1.0, 0.0, math.radians(80.0))).twist.vx > 0.0
+
+
+def test_the_gain_of_a_robot_that_steers_is_full_an_eighth_of_its_radius_beside():
+    """R = 1 m: 1 / R at 1 / 8 m needs 8 1/m²; 16 of RAMSETE would steer fully at 6 cm."""
+    assert stiffest(1.0) == pytest.approx(8.0)
+    assert stiffest(0.0) == math.inf
 
 
 def test_a_slow_wheel_slows_the_turn_in_place():

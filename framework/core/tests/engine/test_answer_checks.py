@@ -334,6 +334,25 @@ def test_an_answer_has_the_number_of_its_request() -> None:
         plan(None)
 
 
+def headed(heading: float) -> Path:
+    """A path from (1, 2) to (4, -2), which leads in the direction -0.927 rad."""
+    return Path(7, np.array([[1.0, 2.0], [4.0, -2.0]]), 5.0, None, np.full(2, heading))
+
+
+@pytest.mark.parametrize("heading", [-0.927, -0.927 + math.pi, -0.927 + 0.78, -0.927 + math.pi - 0.78])
+def test_a_path_with_headings_leads_forwards_or_backwards(heading: float) -> None:
+    answer = headed(heading)
+    assert plan(answer) is answer
+
+
+def test_only_a_holonomic_robot_is_led_sideways() -> None:
+    with refused("gave a path with headings whose segment 0 lies 53° off its heading, expected at most 45°"):
+        plan(headed(0.0))
+    robot = SimpleNamespace(drive="holonomic")
+    door = PlannerDoor(Plugin("planner"), 0.25, robot)  # type: ignore[arg-type]
+    door.check(headed(0.0), PlannerInput(ASKED, map_of(0)))
+
+
 # --- commands ---------------------------------------------------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,6 +75,58 @@ def test_a_turn_ends_where_the_robot_needs_to_slow_down() -> None:
     assert moves(at(3.9, heading=-0.21, turn=1.0), 0.0, TURNS) is None
     assert moves(at(3.9, heading=-0.11, turn=0.5), 0.0, TURNS) is None
     assert moves(at(3.9, heading=-0.09, turn=0.5), 0.0, TURNS) == Drive(0, 0, None, False)
+
+
+def test_a_path_with_headings_is_driven_to_its_end_where_it_passes_the_goal() -> None:
+    """A cusp may lie beyond the goal: the robot comes by it, and back to it."""
+    active = ActiveGoal(Goal(1, 4.0, 0.0, None, ()), [Point2D(4.0, 0.0)], *BEGAN, is_headed=True)
+
+    def is_due(remaining: float) -> bool:
+        reference = Reference(2, 0.0, remaining, at(4.0).pose, 0.4, 0.0, 0.0, Point2D(4.0, 0.0), np.zeros((1, 2)), 0.5)
+        return Arrival(RULES).is_due(active, FOLLOWS, GoalView(1, 1.0, 10**9, at(4.0), reference=reference))
+
+    assert not is_due(1.0) and is_due(0.2)
+
+
+def test_near_the_end_of_a_path_with_headings_a_heading_that_is_missing_is_driven_to() -> None:
+    active = ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], *BEGAN, is_headed=True)
+
+    def is_due(remaining: float, heading: float) -> bool:
+        here = at(3.9, heading=heading)
+        reference = Reference(2, 0.0, remaining, here.pose, 0.4, 0.0, 0.0, Point2D(4.0, 0.0), np.zeros((1, 2)), 0.5)
+        return Arrival(RULES).is_due(active, FOLLOWS, GoalView(1, 1.0, 10**9, here, reference=reference))
+
+    assert not is_due(0.1, 0.06) and is_due(0.1, 0.04) and is_due(0.005, 0.06), "half of 0.1 rad, or 1 cm"
+
+
+STEERED = replace(RULES, braking=replace(SOFT, robot=replace(
+    SOFT.robot, drive="ackermann", wheelbase=0.5, max_steering=0.6)))  # fmt: skip
+
+
+def steered_end(heading: float, is_headed: bool) -> Move:
+    """The move of a robot with steered wheels that has come to rest at its goal, which has the heading 0."""
+    active = ActiveGoal(Goal(1, 4.0, 0.0, 0.0, ()), [Point2D(4.0, 0.0)], *BEGAN, is_headed=is_headed)
+    arrival, there = Arrival(STEERED), at(4.0, heading=heading)
+    assert arrival.step(active, there.pose, FOLLOWS, GoalView(1, 1.0, 10**9, there)).drive == Drive(0, 0, None, False)
+    later = GoalView(40, 30.0, 30 * 10**9, there)
+    return arrival.step(active, there.pose, FOLLOWS, later)
+
+
+def test_a_robot_that_cannot_turn_in_place_ends_at_its_place_and_says_so() -> None:
+    end = steered_end(0.5, False).end
+    assert end is not None and (end.outcome, end.code) == ("stuck", "heading_missed")
+    assert (
+        end.reason == "0.000 m and 28.6° off, but this robot cannot turn in place: take a planner that plans headings"
+    )
+
+
+def test_a_robot_that_cannot_turn_in_place_asks_a_planner_of_headings_again() -> None:
+    assert steered_end(0.5, True) == Move(plans=True)
+
+
+def test_a_robot_that_cannot_turn_in_place_is_there_with_the_heading_asked_for() -> None:
+    end = steered_end(0.05, False).end
+    assert end is not None and end.outcome == "succeeded"
 
 
 def test_a_robot_stands_when_it_is_measured_so_and_no_command_is_on_its_way() -> None:

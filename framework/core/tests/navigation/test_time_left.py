@@ -102,3 +102,11 @@ def test_a_stopped_robot_keeps_a_finite_estimate() -> None:
 
 def test_a_lost_trajectory_counts_at_the_largest_speed() -> None:
     assert left(replace(seen(0.0, done=2.0), trajectory=None)) == pytest.approx(2.0 / 0.4)
+
+
+def test_a_way_back_takes_its_time_too() -> None:
+    """2 m at 0.4 m/s and 1 m back at 0.1 m/s: 15 s."""
+    rows = [(0.0, 0.0, 0.4), (2.0, 2.0, 0.4), (2.0, 2.0, -0.1), (3.0, 1.0, -0.1)]
+    samples = np.array([[s, x, 0.0, 0.0, 0.0, v] for s, x, v in rows])
+    view = replace(seen(0.0), trajectory=Trajectory(2, samples))
+    assert left(view) == pytest.approx(15.0)

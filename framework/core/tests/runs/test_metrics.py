@@ -140,6 +140,13 @@ def test_turning_on_the_spot_is_no_standstill_and_has_no_jerk() -> None:
     assert found["turning"] is None and found["steering_flips"] is None
 
 
+def test_a_robot_that_drives_sideways_moves() -> None:
+    """0.4 m/s to the left for 8 s: it never stands, and at 0.11 m of clearance it cannot stop in time (0.12 m)."""
+    ticks = len(trail(8.0, nothing).time)
+    found = measure(trail(8.0, nothing, clearance=constant(0.11), vy=np.full(ticks, 0.4)))
+    assert found["stopped_time"] == 0.0 and found["danger_share"] == 1.0
+
+
 def test_danger_is_a_gap_within_the_stopping_distance() -> None:
     # At v the robot needs 0.1 v + v² / 2: at 0.4 m/s that is 0.12 m, which the gap crosses after a quarter.
     found = measure(trail(8.0, constant(0.4), clearance=lambda time: 0.14 - 0.01 * time))

@@ -96,6 +96,12 @@ def test_the_line_of_teleop_has_the_requested_commanded_and_measured_velocity() 
     assert teleop_line(asked, gate, robot, "limited: speed") == (f"{text} | limited: speed", "limited: speed")
 
 
+def test_the_line_of_teleop_has_the_speed_to_the_left_of_a_robot_that_slides() -> None:
+    asked, gate, robot = (Twist2D(0.0, vy, 0.0) for vy in (0.5, 0.3, 0.25))
+    text = "asked +0.00, +0.50 m/s +0 deg/s | gate +0.00, +0.30 +0 | robot +0.00, +0.25 +0"
+    assert teleop_line(asked, gate, robot, "")[0] == text
+
+
 @pytest.mark.parametrize(
     ("asked", "granted", "before", "status", "words"),
     [

@@ -27,6 +27,7 @@ class Robot:
         dead_time: Time from a command until it acts on the wheels, s.
         half_track: Half the distance between the wheels, m.
         max_angular_acceleration: rad/s²; infinite for no limit.
+        turn_radius: Smallest radius that it can drive, m; 0 if it turns in place.
     """
 
     footprint: NDArray[np.float64]
@@ -38,11 +39,12 @@ class Robot:
     dead_time: float = 0.0
     half_track: float = 0.0
     max_angular_acceleration: float = math.inf
+    turn_radius: float = 0.0
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Self:
         """From the description of the robot in a plugin's context."""
         return cls(
             spec.footprint, spec.max_linear, spec.max_angular, spec.max_acceleration, spec.max_deceleration,
-            spec.motor_lag, spec.dead_time, spec.half_track, spec.max_angular_acceleration,
+            spec.motor_lag, spec.dead_time, spec.half_track, spec.max_angular_acceleration, spec.turn_radius,
         )  # fmt: skip

@@ -12,6 +12,7 @@ from navloom_lyapunov_tracker.law import (
     stopping_turn,
     tracking_command,
     tracking_error,
+    turn_acceleration,
     turn_direction,
     turn_that_stops,
     wrap,
@@ -55,6 +56,12 @@ class LyapunovTracker(Controller[LyapunovTrackerParams]):
             velocity = (reference.speed, reference.lateral_speed)
             v, side, w = planar_command(error, velocity, reference.turn_rate, self.params.k1, self.params.k3)
         else:
-            v, w = tracking_command(error, reference.speed, reference.turn_rate, self.params.k1, self.params.k3)
-            w = stopping_turn(w, reference.turn_rate, self.params.k3, robot.max_angular_acceleration)
+            k3, v_ref, w_ref = self.params.k3, reference.speed, reference.turn_rate
+            if robot.turn_radius > 0.0:
+                # Slowly, the same turn takes more steering: without this, a crawling robot would steer to and fro.
+                k3 = min(k3, 2.0 * abs(v_ref) / robot.turn_radius)
+            v, w = tracking_command(error, v_ref, w_ref, self.params.k1, k3)
+            fastest = robot.max_angular_acceleration
+            fastest = turn_acceleration(v_ref, fastest, robot.wheelbase, robot.max_steering_rate)
+            w = stopping_turn(w, w_ref, k3, fastest)
         return TrackingCommand(Twist2D(v, side, w), *error)

@@ -18,6 +18,7 @@ __all__ = [
     "stopping_turn",
     "tracking_command",
     "tracking_error",
+    "turn_acceleration",
     "turn_direction",
     "turn_that_stops",
     "wrap",
@@ -139,6 +140,20 @@ def turn_that_stops(e3: float, w_max: float, acceleration: float) -> float:
     The other half covers the lag of its motors.
     """
     return min(w_max, math.sqrt(acceleration * abs(e3)))
+
+
+def turn_acceleration(v_ref: float, acceleration: float, wheelbase: float, steering_rate: float) -> float:
+    """Largest turn acceleration, rad/s², of a robot that may steer: at a speed, its wheels change the turn rate.
+
+    ω = v tan(δ) / L, so that ω' is at least v δ' / L.
+
+    Args:
+        v_ref: Speed, m/s.
+        acceleration: Limit of the robot, rad/s²; infinite for none.
+        wheelbase: L, m; 0 for a robot that does not steer.
+        steering_rate: δ', rad/s; infinite for no limit.
+    """
+    return acceleration if wheelbase == 0.0 else min(acceleration, abs(v_ref) * steering_rate / wheelbase)
 
 
 def stopping_turn(w: float, w_ref: float, gain: float, acceleration: float) -> float:

@@ -54,7 +54,10 @@ class Mppi(Avoider[MppiParams]):
         pose, twist = given.estimate.pose, given.estimate.twist
         reference, samples = given.extra[self.reference], given.extra[self.trajectory].samples
         # A trajectory is published before the reference on it; their numbers differ in no tick.
-        left = samples[min(int(np.searchsorted(samples[:, 0], reference.progress)), len(samples) - 1) :, 1:3]
+        left = samples[min(int(np.searchsorted(samples[:, 0], reference.progress)), len(samples) - 1) :]
+        # Up to the next cusp: what comes after it leads back.
+        turned = np.flatnonzero(left[:, 5] * left[0, 5] < 0.0)
+        left = left[: int(turned[0]) if len(turned) else None, 1:3]
         lasers, cones = split_scans(given.scans)
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz), left, reference.turn_to,

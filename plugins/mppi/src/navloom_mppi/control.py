@@ -90,7 +90,8 @@ class PathIntegral:
         self.inner = float(self.edges[:, 2].min())
         self.body, disc = body_points(robot.footprint)
         self.nose = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
-        self.motion = motion_of(robot, p.step, p.reverse, p.turning_radius)
+        radius = robot.turn_radius if p.turning_radius is None else p.turning_radius
+        self.motion = motion_of(robot, p.step, p.reverse, radius)
         self.sigma = (p.noise_speed * robot.max_linear, p.noise_turn * robot.max_angular)
         self.motors = Motors.of(robot, period)
         self.margin = max(p.laser_margin, p.sonar_margin)

@@ -20,8 +20,8 @@ class MppiParams(Params):
         0.25, gt=0.0, le=2.0, description="Standard deviation of the turn rate, as a share of the highest, no unit."
     )
     reverse: float = Field(0.35, ge=0.0, le=5.0, description="Highest speed backwards, m/s.")
-    turning_radius: float = Field(
-        0.0, ge=0.0, le=50.0, description="Smallest radius of an Ackermann robot, m; 0: it turns in place."
+    turning_radius: float | None = Field(
+        None, ge=0.0, le=100.0, description="Smallest radius, m; 0: it turns in place; left out: the robot's."
     )
     constraint: float = Field(4.0, ge=0.0, le=1000.0, description="Weight of commands beyond the limits.")
     collision: float = Field(1000.0, ge=0.0, le=1e6, description="Weight of a collision.")

@@ -235,9 +235,11 @@ class Translator:
     def _plan(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
         if not hasattr(message, "points"):  # a plan failure
             return
-        steps = np.diff(message.points, axis=0)
-        headings = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.zeros(1)
-        rows = np.column_stack([message.points, np.append(headings, headings[-1])[: len(message.points)]])
+        steps, headings = np.diff(message.points, axis=0), message.headings
+        if headings is None:
+            along = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.zeros(1)
+            headings = np.append(along, along[-1])[: len(message.points)]
+        rows = np.column_stack([message.points, headings])
         yield self._path("/plan", stamp, rows)
         if message.traversable is not None:
             yield self._grid("/plan/traversable", stamp, message.traversable)

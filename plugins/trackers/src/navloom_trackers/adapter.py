@@ -4,23 +4,35 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from dataclasses import replace
 from typing import TypeVar
 
-from navloom import Claim, Context, Controller, ControllerInput, InputError, TrackingCommand, Twist2D
+from navloom import (
+    Claim,
+    Context,
+    Controller,
+    ControllerInput,
+    InputError,
+    Pose2D,
+    TrackingCommand,
+    Trajectory,
+    Twist2D,
+)
 from navloom.geometry.footprints import inscribed_radius
 from navloom_lyapunov_tracker.law import (
     TrackingError,
     final_turn,
     stopping_turn,
     tracking_error,
+    turn_acceleration,
     turn_direction,
     turn_that_stops,
     wrap,
 )
 
 from navloom_trackers import derived, fierro_lewis, graceful, kanayama, pure_pursuit, ramsete
-from navloom_trackers.branches import Branches
-from navloom_trackers.limits import DriveLimits, within_limits, within_reach
+from navloom_trackers.branches import Branch, branch_at, branches_of
+from navloom_trackers.limits import DriveLimits, stiffest, within_limits, within_reach
 from navloom_trackers.params import (
     DERIVED,
     FIERRO_LEWIS_PRINTED,
@@ -61,9 +73,11 @@ class _Tracker(Controller[P]):
         shape = (robot.wheel_radius, robot.half_track)
         wheel = math.inf if params.max_wheel_speed is None else params.max_wheel_speed
         self._limits = DriveLimits(robot.max_linear, robot.max_angular, wheel, *shape, params.may_reverse)
+        self._stiffest = stiffest(robot.turn_radius)
         # Hysteresis needs a memory: at one threshold the robot would switch between turning and driving.
         self._turning = 0
-        self._branches = Branches()
+        self._followed: Trajectory | None = None
+        self._branches: list[Branch] = []
 
     def reset(self) -> None:
         self._turning = 0
@@ -80,18 +94,41 @@ class _Tracker(Controller[P]):
                     f"{self.name}: got a reference that drives sideways at {reference.lateral_speed:.2f} m/s, expected "
                     "one that drives along its heading: take lyapunov_tracker for paths with other headings"
                 )
-            given, sign = self._branches.along_way(given)
+            given, sign = self._along_way(given)
             pose, reference = given.estimate.pose, given.reference
             target = reference.pose
             error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
             bearing, (v, w), gain = self._follow(given, error)
-            wanted = (v, stopping_turn(w, reference.turn_rate, gain, limits[1]))
+            robot, v_ref = self.context.robot, reference.speed
+            fastest = turn_acceleration(v_ref, limits[1], robot.wheelbase, robot.max_steering_rate)
+            wanted = (v, stopping_turn(w, reference.turn_rate, gain, fastest))
             self._turning = turn_direction(bearing, self._turning, self._above, self._until)
             # The turn in place replaces the law, which would drive away from the path at such an angle.
             if self._turning:
                 wanted = (0.0, self._turning * turn_that_stops(bearing, *limits))
         v, w = within_limits(*wanted, self._limits)
         return TrackingCommand(Twist2D(sign * v, 0.0, w), sign * error.e1, sign * error.e2, error.e3)
+
+    def _along_way(self, given: ControllerInput) -> tuple[ControllerInput, float]:
+        """The input as it is for a robot that heads along its way, and the sign of its speed: -1 backwards.
+
+        The trajectory is then the branch of the reference only, and progress and remaining length are those on it.
+        """
+        reference, estimate = given.reference, given.estimate
+        if given.trajectory is not self._followed:
+            self._followed, self._branches = given.trajectory, branches_of(given.trajectory.samples)
+        if len(self._branches) == 1 and reference.speed > 0.0:
+            return given, 1.0
+        sign = math.copysign(1.0, reference.speed)
+        branch = branch_at(self._branches, reference.progress, sign)
+        progress, left = max(reference.progress - branch.begin, 0.0), max(branch.end - reference.progress, 0.0)
+        reference = replace(reference, progress=progress, remaining=left, speed=abs(reference.speed))
+        if sign < 0.0:
+            back = Twist2D(-estimate.twist.vx, -estimate.twist.vy, estimate.twist.wz)
+            reference = replace(reference, pose=_turned(reference.pose))
+            estimate = replace(estimate, pose=_turned(estimate.pose), twist=back)
+        trajectory = replace(given.trajectory, samples=branch.samples)
+        return replace(given, reference=reference, estimate=estimate, trajectory=trajectory), sign
 
     @abstractmethod
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
@@ -106,10 +143,11 @@ class Kanayama(_Tracker[KanayamaParams]):
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference = self.params, given.reference
-        k_theta = kanayama.critical_gain(own.k_y) if own.k_theta is None else own.k_theta
+        k_y = min(own.k_y, self._stiffest)
+        k_theta = kanayama.critical_gain(k_y) if own.k_theta is None else own.k_theta
         if own.approach_deg < 90.0:
-            error = within_reach(error, kanayama.reach(own.k_y, k_theta, math.radians(own.approach_deg)))
-        wanted = kanayama.control_rule(error, reference.speed, reference.turn_rate, own.k_x, own.k_y, k_theta)
+            error = within_reach(error, kanayama.reach(k_y, k_theta, math.radians(own.approach_deg)))
+        wanted = kanayama.control_rule(error, reference.speed, reference.turn_rate, own.k_x, k_y, k_theta)
         return error.e3, wanted, k_theta * reference.speed
 
 
@@ -121,12 +159,15 @@ class FierroLewis(_Tracker[FierroLewisParams]):
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
         own, reference, twist = self.params, given.reference, given.estimate.twist
-        v_ref, w_ref, gains = reference.speed, reference.turn_rate, (own.k1, own.k2, own.k3)
+        k2, k3 = own.k2, own.k3
+        if k2 > self._stiffest:
+            k2, k3 = self._stiffest, min(k3, kanayama.critical_gain(self._stiffest))
+        v_ref, w_ref, gains = reference.speed, reference.turn_rate, (own.k1, k2, k3)
         curvature = w_ref / v_ref
         moved = fierro_lewis.projected_speed(twist.vx, error.e3, curvature, reference.cross_track)
         rates = kanayama.error_rates(error, twist.vx, twist.wz, moved, curvature * moved)
         if own.approach_deg < 90.0:
-            near = within_reach(error, kanayama.reach(own.k2, own.k3, math.radians(own.approach_deg)))
+            near = within_reach(error, kanayama.reach(k2, k3, math.radians(own.approach_deg)))
             # A component at its bound is constant, so its rate is 0.
             held = [now == wanted for now, wanted in zip(near[:2], error[:2], strict=True)]
             error, rates = near, TrackingError(rates.e1 * held[0], rates.e2 * held[1], rates.e3)
@@ -134,7 +175,7 @@ class FierroLewis(_Tracker[FierroLewisParams]):
         v_rate, w_rate = fierro_lewis.command_rates(error, rates, v_ref, *gains)
         v = fierro_lewis.velocity_after(twist.vx, v, v_rate, own.k4, self.context.period)
         w = fierro_lewis.velocity_after(twist.wz, w, w_rate, own.k4, self.context.period)
-        return error.e3, (v, w), own.k3 * v_ref
+        return error.e3, (v, w), k3 * v_ref
 
 
 class Ramsete(_Tracker[RamseteParams]):
@@ -144,7 +185,8 @@ class Ramsete(_Tracker[RamseteParams]):
     presets = {"robust": ROBUST, "printed": RAMSETE_PRINTED}
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> Wanted:
-        own, law = self.params, (given.reference.speed, given.reference.turn_rate, self.params.zeta, self.params.b)
+        own, b = self.params, min(self.params.b, self._stiffest)
+        law = (given.reference.speed, given.reference.turn_rate, own.zeta, b)
         if own.approach_deg < 90.0:
             error = within_reach(error, ramsete.reach(*law, math.radians(own.approach_deg)))
         return error.e3, ramsete.tracking_command(error, *law), ramsete.feedback_gain(*law)
@@ -241,6 +283,10 @@ class Graceful(_Pursuit[GracefulParams]):
         v = self._speed(self.context.robot.max_linear, curvature, self._beta, own.exponent)
         v = min(pure_pursuit.proximity_speed(v, reference.remaining, *self._approach), reference.speed)
         return -seen.delta, (v, v * curvature), self._damping * v / seen.r
+
+
+def _turned(pose: Pose2D) -> Pose2D:
+    return replace(pose, heading=wrap(pose.heading + math.pi))
 
 
 def _from_robot(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from navloom_lyapunov_tracker.law import TrackingError
 
-__all__ = ["DriveLimits", "within_limits", "within_reach"]
+__all__ = ["DriveLimits", "stiffest", "within_limits", "within_reach"]
 
 
 class DriveLimits(NamedTuple):
@@ -41,6 +42,17 @@ def within_limits(v: float, w: float, limits: DriveLimits) -> tuple[float, float
     wheel = (abs(v) + limits.half_track * abs(w)) / limits.wheel_radius
     excess = max(1.0, abs(v) / limits.linear, abs(w) / limits.angular, wheel / limits.wheel)
     return v / excess, w / excess
+
+
+def stiffest(turn_radius: float) -> float:
+    """Largest lateral gain, 1/m², of a law for a robot that steers: its wheels are at their limit R / 8 beside a path.
+
+    Not from the papers, whose robots turn in place; infinite for these.
+
+    Args:
+        turn_radius: R, m; 0 for a robot that turns in place.
+    """
+    return 8.0 / turn_radius**2 if turn_radius > 0.0 else math.inf
 
 
 def within_reach(error: TrackingError, reach: float) -> TrackingError:

@@ -25,8 +25,8 @@ CORNER = math.radians(30.0)
 IN_PLACE = math.radians(5.0)
 """Turn at a repeated point of a path, rad, for which a robot stops."""
 SWING = 0.1
-"""Length over which steered wheels may take the angle of the next part, m: a path's curvature jumps."""
-SWINGING = 0.05
+"""Length over which steered wheels may take the angle of the next part, in turn radii: a path's curvature jumps."""
+SWINGING = 0.02
 """Least speed while they do, m/s."""
 
 
@@ -181,13 +181,16 @@ def _swing(step: float, steers: Floats, limits: SpeedLimits, before: float | Non
         before: The last one of the branch before, 1/m; None for the first branch.
     """
     robot, count = limits.robot, len(steers)
-    if robot.drive != "ackermann" or not math.isfinite(robot.max_steering_rate):
+    if robot.drive != "ackermann":
         return np.full(count, math.inf)
+    # The wheels begin late, by the delays of the robot, which matter the more the larger the change is.
+    per_angle = 1.0 / robot.max_steering_rate + (robot.dead_time + robot.motor_lag) / robot.max_steering
     angles = np.arctan(robot.wheelbase * np.append(steers[0] if before is None else before, steers))
-    reach = max(1, math.ceil(0.5 * SWING / step))
+    swing = SWING * robot.turn_radius
+    reach = max(1, math.ceil(0.5 * swing / step))
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(angles, (reach - 1, reach), mode="edge"), 2 * reach)
     change = (windows.max(axis=1) - windows.min(axis=1))[:count]
-    fastest: Floats = np.maximum(SWINGING, robot.max_steering_rate * SWING / np.maximum(change, 1e-9))
+    fastest: Floats = np.maximum(SWINGING, swing / np.maximum(change * per_angle, 1e-9))
     return fastest
 
 

@@ -40,7 +40,7 @@ class Recorder:
 
     Attributes:
         truth: (time s, x m, y m, heading rad, speed m/s, clearance m) of each tick, map frame.
-        turn_rates: True turn rate of each tick, rad/s.
+        turn_rates, side_speeds: True turn rate, rad/s, and speed to the left, m/s, of each tick.
         cross_tracks: Cross-track error of each tick with a reference, m.
         reference_times: Times of the same ticks, s.
         speeds: Reference speeds, m/s.
@@ -89,6 +89,7 @@ class Recorder:
     wants_steps: bool = False
     truth: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
     turn_rates: list[float] = field(default_factory=list)
+    side_speeds: list[float] = field(default_factory=list)
     cross_tracks: list[float] = field(default_factory=list)
     reference_times: list[float] = field(default_factory=list)
     speeds: list[float] = field(default_factory=list)
@@ -142,6 +143,7 @@ class Recorder:
         pose = truth.pose
         self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
         self.turn_rates.append(truth.twist.wz)
+        self.side_speeds.append(truth.twist.vy)
         if truth.clearance < self._least:
             self._least, self.nearest = truth.clearance, truth.nearest
         if truth.touching:

@@ -79,6 +79,7 @@ class Trail:
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
         localization: The localizer's estimates beside the true poses; empty without ground truth.
+        vy: True speed to the left, m/s; an empty array means never.
     """
 
     time: Floats
@@ -114,6 +115,7 @@ class Trail:
     carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
     localization: Localization = field(default_factory=Localization)
+    vy: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def succeeded(self) -> bool:
@@ -187,6 +189,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         heading=truth[:, 3],
         vx=truth[:, 4],
         wz=np.array(recorder.turn_rates, dtype=np.float64),
+        vy=np.array(recorder.side_speeds, dtype=np.float64),
         clearance=_signed(truth, recorder, system),
         cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
         command_vx=_held(time, commands[:, 0], commands[:, 1]),

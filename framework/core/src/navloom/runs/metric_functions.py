@@ -142,7 +142,7 @@ def danger_share(trail: Trail) -> float | None:
     The stopping distance is |v| t + v² / (2 a), with t the longest time a command stays in effect without renewal, and
     a the robot's deceleration.
     """
-    speed = np.abs(trail.vx)
+    speed = np.hypot(trail.vx, trail.vy) if trail.vy.size else np.abs(trail.vx)
     to_stop = speed * trail.reaction + 0.5 * speed**2 / trail.max_deceleration
     is_known = ~np.isnan(trail.clearance)
     # Clearances beyond the stopping distance are equivalent; infinite ones would break the interpolation.
@@ -202,8 +202,11 @@ def stopped_time(trail: Trail) -> float | None:
     """Time in which the robot neither drove nor turned, s."""
     if not trail.time.size:
         return None
-    begins, ends = zip(*(_within(trail.vx / STILL_SPEED), _within(trail.wz / STILL_TURN)), strict=True)
-    shares = np.maximum(np.minimum(*ends) - np.maximum(*begins), 0.0)
+    moves = [trail.vx / STILL_SPEED, trail.wz / STILL_TURN]
+    if trail.vy.size:
+        moves.append(trail.vy / STILL_SPEED)
+    begins, ends = zip(*(_within(part) for part in moves), strict=True)
+    shares = np.maximum(np.min(ends, axis=0) - np.max(begins, axis=0), 0.0)
     return float((shares * np.diff(trail.time)).sum())
 
 
@@ -273,7 +276,10 @@ def _per_metre(trail: Trail, amount: float) -> float | None:
 
 def _velocity(trail: Trail, at: Floats) -> Floats:
     """(k, 2) velocity of base in the map frame at times within the trail, m/s: linear between ticks."""
-    vx, vy = trail.vx * np.cos(trail.heading), trail.vx * np.sin(trail.heading)
+    cos, sin = np.cos(trail.heading), np.sin(trail.heading)
+    vx, vy = trail.vx * cos, trail.vx * sin
+    if trail.vy.size:
+        vx, vy = vx - trail.vy * sin, vy + trail.vy * cos
     return np.stack([np.interp(at, trail.time, vx), np.interp(at, trail.time, vy)], axis=-1)
 
 

@@ -30,8 +30,14 @@ def teleop(
     wz: Annotated[
         float | None, typer.Option(metavar="W", help="Turn rate, deg/s, instead of keys.", callback=a_number)
     ] = None,
+    vy: Annotated[
+        float | None,
+        typer.Option(
+            metavar="V", help="Speed to the left of a holonomic robot, m/s, instead of keys.", callback=a_number
+        ),
+    ] = None,
     duration: Annotated[
-        float, typer.Option("--for", metavar="S", help="s to drive with --vx and --wz.", callback=seconds)
+        float, typer.Option("--for", metavar="S", help="s to drive with --vx, --vy and --wz.", callback=seconds)
     ] = 1.0,
     speed: Annotated[float, typer.Option(metavar="V", help="m/s of the keys w and s.", callback=a_number)] = 0.3,
     turn: Annotated[float, typer.Option(metavar="W", help="deg/s of the keys a and d.", callback=a_number)] = 20.0,
@@ -50,17 +56,18 @@ def teleop(
     """
     from navloom_live.operating.teleoperation import Driver
 
-    if vx is None and wz is None and not sys.stdin.isatty():
+    twist = (vx or 0.0, wz or 0.0, vy or 0.0) if {vx, wz, vy} != {None} else None
+    if twist is None and not sys.stdin.isatty():
         raise typer.BadParameter("standard input is no terminal: give --vx, --wz and --for")
     with (
         robot.operate() as client,
         Driver(client, into_unseen) as driver,
         _line() as line,
     ):
-        if vx is not None or wz is not None:
+        if twist is not None:
             limit = time.monotonic() + duration
             while time.monotonic() < limit:
-                _send(driver, vx or 0.0, wz or 0.0, line)
+                _send(driver, twist, line)
                 time.sleep(TELEOP_INTERVAL)
             driver.send(0.0, 0.0)
             return
@@ -80,15 +87,20 @@ def _line() -> Iterator[Any]:
         line.end()
 
 
-def _send(driver: Any, vx: float, wz_deg: float, line: Any) -> None:
-    driver.send(vx, wz_deg)
+def _send(driver: Any, twist: tuple[float, ...], line: Any) -> None:
+    driver.send(*twist)
     line.show(*teleop_line(driver.asked, driver.granted, driver.measured, driver.limit))
 
 
 def teleop_line(asked: Any, granted: Any, measured: Any, limit: str) -> tuple[str, str]:
     """Line with the operator's command, the gate's command and the measured velocity, and its kind: see `LiveLine`."""
-    shown = [f"{one.vx:+z.2f} {math.degrees(one.wz):+z.0f}" for one in (granted, measured)]
-    text = f"asked {asked.vx:+z.2f} m/s {math.degrees(asked.wz):+z.0f} deg/s | gate {shown[0]} | robot {shown[1]}"
+    slides = any(one.vy for one in (asked, granted, measured))
+    ways = [f"{one.vx:+z.2f}{f', {one.vy:+z.2f}' if slides else ''}" for one in (asked, granted, measured)]
+    first, *shown = (
+        f"{way}{unit} {math.degrees(one.wz):+z.0f}"
+        for way, one, unit in zip(ways, (asked, granted, measured), (" m/s", "", ""), strict=True)
+    )
+    text = f"asked {first} deg/s | gate {shown[0]} | robot {shown[1]}"
     return text + (f" | {limit}" if limit else ""), limit
 
 
@@ -103,7 +115,7 @@ def _by_keys(driver: Any, speed: float, turn: float, line: Any) -> None:
                 way, pressed = WAYS.get(key, (0.0, 0.0)), time.monotonic()
             elif time.monotonic() - pressed > KEY_HOLD:
                 way = (0.0, 0.0)
-            _send(driver, way[0] * speed, way[1] * turn, line)
+            _send(driver, (way[0] * speed, way[1] * turn), line)
 
 
 def _key(timeout: float) -> str:

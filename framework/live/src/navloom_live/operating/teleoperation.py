@@ -43,11 +43,16 @@ def limit_in_words(asked: Twist2D, granted: Twist2D, before: Twist2D, status: Ga
     if status is not None and status.source != "operator":
         return who_drives(status)
     found = []
-    if abs(granted.vx - asked.vx) > SAME:
-        found.append("acceleration" if abs(granted.vx - before.vx) > SAME else "speed")
+    if _apart(granted, asked) > SAME:
+        found.append("acceleration" if _apart(granted, before) > SAME else "speed")
     if abs(granted.wz - asked.wz) > SAME:
         found.append("turn rate")
     return f"limited: {', '.join(found)}" if found else ""
+
+
+def _apart(one: Twist2D, other: Twist2D) -> float:
+    """Difference of two velocities without their turn rates, m/s."""
+    return math.hypot(one.vx - other.vx, one.vy - other.vy)
 
 
 class Driver:
@@ -102,8 +107,8 @@ class Driver:
         with contextlib.suppress(ClientError):
             self._client.call("gate", "main", RELEASE, Nothing())
 
-    def send(self, vx: float, wz_deg: float) -> None:
-        """Command a speed, m/s, and a turn rate, deg/s. Without platform messages nothing is sent.
+    def send(self, vx: float, wz_deg: float, vy: float = 0.0) -> None:
+        """Command a speed, m/s, a turn rate, deg/s, and a speed to the left, m/s; nothing without platform messages.
 
         Raises:
             ClientError: The platform went silent, or the robot is stopped until `resume`.
@@ -115,7 +120,7 @@ class Driver:
         self._sequence += 1
         # It derives from what the operator saw last: the gate refuses it if that is too old.
         envelope = Envelope(self._key, self._sequence, tick, stamp_ns, stamp_ns, 0)
-        self.asked = Twist2D(vx, 0.0, math.radians(wz_deg))
+        self.asked = Twist2D(vx, vy, math.radians(wz_deg))
         self._publication.put(encode(Command(self.asked), envelope), schema_label(Command))
 
     @property

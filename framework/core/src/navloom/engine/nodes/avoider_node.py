@@ -9,7 +9,7 @@ from navloom.engine.node_ports import Latest, OtherSensors, Output, Sensors
 from navloom.engine.nodes.node_base import NodeSettings, Tick
 from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
 from navloom.engine.streams import AvoiderPorts, ControllerPorts, GatePorts, LocalizerPorts, MapperPorts, ReferencePorts
-from navloom.messages import Avoidance, AvoiderStatus, Command
+from navloom.messages import Avoidance, AvoiderStatus, Command, HandOver
 from navloom.navigation.handover import NO_TURN, NOWHERE, HandOverRule, own_turn, own_way
 from navloom.roles import Avoider, AvoiderInput
 
@@ -87,6 +87,9 @@ class AvoiderNode(RoleNode[Avoider]):
         way, width = reference.way, reference.corridor
         # After the avoider, also in a shadow: which of them would drive is on record beside its command.
         handover = self.rule.step(tick.time, scans, estimate.pose, way, width, own, turn, grid)
+        # Avoiders look ahead: one that took over a way back or to the side would turn the robot round.
+        if reference.speed < 0.0 or reference.lateral_speed != 0.0:
+            handover = HandOver(False, handover.nearest)
         self.command.put(Command(answer.twist))
         self.status.put(AvoiderStatus(answer.status, answer.diagnostics))
         self.handover.put(handover)

@@ -51,7 +51,7 @@ class HybridAstarParams(Params):
     )
     lattice_cell: float = Field(0.2, ge=0.02, le=2.0, description="edge of the cells of the search, m")
     headings: int = Field(72, ge=16, le=360, description="headings of the search, in a full turn")
-    max_expansions: int = Field(60_000, ge=1, le=2_000_000, description="bound of the search, expansions")
+    max_expansions: int = Field(150_000, ge=1, le=2_000_000, description="bound of the search, expansions")
     improvement: float = Field(
         1.0,
         ge=0.0,

@@ -66,7 +66,7 @@ class Settings:
     turn: float = math.inf
     edge: float = 0.2
     headings: int = 72
-    most: int = 60_000
+    most: int = 150_000
     further: float = 1.0
     rounds: int = 6
 

@@ -190,8 +190,8 @@ def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
     (source,) = blocks(TOP / "docs" / "messages.md", "python")
     registry = Registry()
     executed(source, "navloom_people")["navloom_register"](registry)
-    cls = registry.messages["Tracks"]
-    assert cls.schema_name == "navloom_people.Tracks"
+    cls = registry.messages["Beacons"]
+    assert cls.schema_name == "navloom_people.Beacons"
     del SCHEMAS[cls.schema_name]
 
 

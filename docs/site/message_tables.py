@@ -20,6 +20,8 @@ __all__ = ["PARTS", "with_parts"]
 GROUPS = {
     "Poses and velocities": ("Point2D", "Pose2D", "Twist2D"),
     "From the platform": ("Odometry", "RangeScan", "Sweep", "Contact", "Truth"),
+    "From trackers": ("Tracks",),
+    "Of the simulated world": ("Bodies",),
     "Pose and map": ("PoseEstimate", "Hypotheses", "PoseTrack", "OccupancyGrid", "Count", "MapUpdate", "ClearRequest",
                      "SweepRequest"),
     "Plans": ("PlanRequest", "Path", "PlanFailure", "Drive", "Trajectory", "Reference"),

@@ -171,8 +171,10 @@ def worlds_page() -> str:
         world_tables(),
         "## A world file",
         shown("navloom.worlds.tomlfile", options="\n    options: { members: false, show_root_heading: false }"),
+        "## An actor in a world file",
+        shown("navloom.worlds.actor_tables", options="\n    options: { members: false, show_root_heading: false }"),
         "## A world in Python",
-        public("World", "Box", "Cylinder", "Raster", "Place"),
+        public("World", "Box", "Cylinder", "Raster", "Place", "Actor", "Body", "Course", "Walk"),
         shown("navloom.geometry.grid.world_to_grid"),
     )
 

@@ -1,6 +1,7 @@
 """People near the robot: a sensor finds their beacons, nodes track them, an avoider slows down, a panel shows them.
 
-The example of docs/beyond-roles.md for own messages, sensors, nodes and panels; people.toml runs it.
+The example of docs/beyond-roles.md for own messages, sensors, nodes and panels; people.toml runs it. The node
+`people_tracker` that ships with navloom finds people without beacons, in the scans of lasers.
 """
 
 import math
@@ -29,6 +30,7 @@ from navloom import (
     Sensors,
     Stamp,
     Tick,
+    Tracks,
     hookimpl,
     message,
 )
@@ -47,15 +49,6 @@ class Beacons(Message):
 
     stamp_ns: Stamp
     points: Annotated[Floats, Array("float64", ("n", 2))]
-
-
-@message
-class Tracks(Message):
-    """Positions of people: `points` is (n, 2), m, map frame; `echoes` is the number of beams with an echo."""
-
-    stamp_ns: Stamp
-    points: Annotated[Floats, Array("float64", ("n", 2))]
-    echoes: int
 
 
 def turned(points: Floats, angle: float) -> Floats:
@@ -92,10 +85,10 @@ class BeaconRobot(SensorsSim):
         return replace(got, scans=scans)
 
 
-class PeopleTracker(NodePlugin):
-    """Transforms the beacons to the map frame."""
+class BeaconTracker(NodePlugin):
+    """Transforms the beacons to the map frame: people who stand, each a track with the number of its row."""
 
-    name = "people_tracker"
+    name = "beacon_tracker"
     pose = Latest(PoseEstimate, triggers=True)
     beacons = Sensors(Beacons)
     scans = Sensors(RangeScan)
@@ -105,9 +98,12 @@ class PeopleTracker(NodePlugin):
         """Publish the tracks for each new pose."""
         assert self.pose.value is not None
         heard = [value.points for news in self.beacons.values() for value in news.values]
-        echoes = sum(int(np.isfinite(scan.ranges).sum()) for news in self.scans.values() for scan in news.values)
         points = self.seen_from(self.pose.value, heard[-1] if heard else np.empty((0, 2)))
-        self.tracks.put(Tracks(tick.time_ns, points, echoes))
+        count = len(points)
+        still, unsure = np.zeros((count, 2)), np.tile(0.1**2 * np.eye(4), (count, 1, 1))
+        self.tracks.put(
+            Tracks(tick.time_ns, np.arange(1, count + 1), points, still, unsure, np.full(count, 0.3), np.zeros(count))
+        )
 
     def seen_from(self, estimate: PoseEstimate, points: Floats) -> Floats:
         """(n, 2) points in the map frame, m, from points in the base frame of a robot at this pose."""
@@ -115,7 +111,7 @@ class PeopleTracker(NodePlugin):
         return turned(points, pose.heading) + np.array((pose.x, pose.y))
 
 
-class NearestTracker(PeopleTracker):
+class NearestTracker(BeaconTracker):
     """Tracks the nearest person only."""
 
     name = "nearest_tracker"
@@ -133,16 +129,16 @@ class Polite(ImprovedVfh):
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         answer, pose = super().avoid(given), given.estimate.pose
-        gaps = np.hypot(*(given.extra[self.tracks].points - (pose.x, pose.y)).T)
+        gaps = np.hypot(*(given.extra[self.tracks].positions - (pose.x, pose.y)).T)
         share = 0.5 if (gaps < self.distance).any() else 1.0
         return replace(answer, twist=replace(answer.twist, vx=answer.twist.vx * share))
 
 
-def draw(tracks: Tracks, seen: Seen) -> list[tuple[str, object]]:
-    """Draw people as spheres of radius 0.3 m, 1 m above the floor."""
+def draw(beacons: Beacons, seen: Seen) -> list[tuple[str, object]]:
+    """Draw beacons as spheres of radius 0.1 m, 1 m above the floor."""
     import rerun as rr
 
-    return [(seen.in_map("people"), rr.Points3D([(x, y, 1.0) for x, y in tracks.points], radii=0.3))]
+    return [(seen.in_base("beacons"), rr.Points3D([(x, y, 1.0) for x, y in beacons.points], radii=0.1))]
 
 
 @hookimpl
@@ -150,8 +146,7 @@ def navloom_register(registry: Registry) -> None:
     """Register everything in this file; navloom calls this hook through the entry points."""
     registry.add(BeaconRobot)
     registry.add(Polite)
-    registry.node(PeopleTracker)
+    registry.node(BeaconTracker)
     registry.node(NearestTracker)
     registry.message(Beacons)
-    registry.message(Tracks)
-    registry.panel(Panel("people", Tracks, draw))
+    registry.panel(Panel("beacons", Beacons, draw))

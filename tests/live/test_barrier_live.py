@@ -29,6 +29,8 @@ SPREADS = {
     },
 }  # fmt: skip
 
+ROLES_APART = {"robot": ["platform", "gate"], "rest": [*ROLES[1:], "goal", "reference"]}
+
 EVENTFUL = """
 [run]
 seed = 3
@@ -126,6 +128,16 @@ def test_the_trace_of_a_displaced_robot_is_that_of_lockstep(folder: Path) -> Non
     episode = run_episode(loaded)
     assert episode.trail.carried.sum() == 11
     assert run_barrier(loaded).log.trace_sha256 == episode.log.trace_sha256
+
+
+@pytest.mark.parametrize("home", ["robot", "world"])
+def test_the_trace_of_a_world_that_moves_is_that_of_lockstep(home: str, folder: Path) -> None:
+    """The node `world` in the process of the platform, where it is by default, and in one of its own."""
+    places = ROLES_APART | ({"world": ["world"]} if home == "world" else {})
+    inside = ", ".join(f"{name} = {nodes}" for name, nodes in places.items()).replace("'", '"')
+    changes = ["world.ref=crossing_person", "run.stop_after=4.0", f"live.processes={{ {inside} }}"]
+    loaded = load_config("building", changes)
+    assert run_barrier(loaded).log.trace_sha256 == run_episode(loaded).log.trace_sha256
 
 
 def test_a_time_offset_is_added_live_as_in_lockstep(folder: Path) -> None:

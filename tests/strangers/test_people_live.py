@@ -29,7 +29,7 @@ class Heard:
         self.instances: set[str] = set()
         self.driver = ""
         self._news = threading.Condition()
-        for stream in ("gate/main/status", "avoider/polite/command", "people/people_tracker/tracks"):
+        for stream in ("gate/main/status", "avoider/polite/command", "people/beacon_tracker/tracks"):
             navigator.client.bus.subscribe(f"lab/r1/{stream}", self._hear)
 
     def _hear(self, key: str, data: bytes | None, label: str) -> None:
@@ -97,20 +97,20 @@ def test_the_robot_drives_on_when_an_optional_tracker_is_killed_and_the_avoider_
     people: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with driving(people, monkeypatch) as (robot, heard):
-        assert heard.instances == {"polite", "people_tracker"}
+        assert heard.instances == {"polite", "beacon_tracker"}
         told = robot.json("echo", "people/tracks", "--count", "1")
-        assert told["message"]["points"]["shape"][1] == 2
-        flow = robot.json("hz", "people/tracks", "--for", "1")["people/people_tracker/tracks"]
+        assert told["message"]["positions"]["shape"][1] == 2
+        flow = robot.json("hz", "people/tracks", "--for", "1")["people/beacon_tracker/tracks"]
         assert flow["messages"] > 5 and flow["malformed"] == 0
         heard_by = {(edge["from"], edge["to"]) for edge in robot.json("graph")["edges"] if edge["received"]}
         assert {
-            ("platform/beacon_robot", "people/people_tracker"),
-            ("people/people_tracker", "avoider/polite"),
+            ("platform/beacon_robot", "people/beacon_tracker"),
+            ("people/beacon_tracker", "avoider/polite"),
         } <= heard_by
         since, said = len(heard.reasons), len(robot.said)
         kill(robot, "people")
         robot.wait_for("process nodes was ended by SIGKILL", after=said)
-        heard.wait_for_news("people_tracker")  # it is back; until then the avoider steers by the last tracks
+        heard.wait_for_news("beacon_tracker")  # it is back; until then the avoider steers by the last tracks
         heard.wait_for_news("polite")
         assert "improved_vfh is active" in robot.run("swap", "avoider", "improved_vfh").stdout
         heard.wait_for_driver("improved_vfh")
@@ -123,5 +123,5 @@ def test_a_required_tracker_stops_the_robot_with_its_name_until_it_is_back(
     with driving(people, monkeypatch, "node.people.required=true") as (robot, heard):
         since = len(heard.reasons)
         kill(robot, "people")
-        stopped = heard.wait_for("gone: people people_tracker", after=since)
+        stopped = heard.wait_for("gone: people beacon_tracker", after=since)
         heard.wait_for("", after=stopped)

@@ -16,7 +16,7 @@ from navloom.engine.build import assemble
 from navloom.engine.lockstep_builder import lockstep_of
 from navloom.engine.plugin_factory import make_plugins
 from navloom.geometry.footprints import rectangle
-from navloom.geometry.world import Box, position_at
+from navloom.geometry.world import Box
 from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.plugins import Discovery
@@ -179,7 +179,7 @@ def rays(effort: Effort, say: Say) -> Iterator[Row]:
     scene = peer_module("navloom_sensors_sim.scene", "navloom-sensors-sim")
     rng = np.random.default_rng(0)
     boxes = _boxes(rng, 50)
-    obstacles = scene.Scene(boxes, None, position_at, sweeps=False).obstacles
+    obstacles = scene.Scene(boxes, None, sweeps=False).obstacles
     ways = rng.normal(size=(9494, 3)) * [1.0, 1.0, 0.3]
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     origins, directions = np.tile([[0.0], [0.0], [0.4]], (1, len(ways))), np.ascontiguousarray(ways.T)

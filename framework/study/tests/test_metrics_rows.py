@@ -167,7 +167,7 @@ def test_a_goal_at_the_start_has_no_score() -> None:
 
 
 def test_metrics_have_names_units_and_say_when_they_are_undefined() -> None:
-    assert len({metric.name for metric in METRICS}) == len(METRICS) == 40
+    assert len({metric.name for metric in METRICS}) == len(METRICS) == 42
     nothing = measure(lost_trail("error", "killed", **LOST))
     for metric in METRICS:
         assert metric.unit and metric.about.endswith(".")

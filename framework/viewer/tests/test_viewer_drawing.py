@@ -14,6 +14,7 @@ from navloom.geometry.footprints import rectangle
 from navloom.messages import (
     AvoiderDiagnostics,
     AvoiderStatus,
+    Bodies,
     Command,
     Contact,
     GateStatus,
@@ -27,6 +28,7 @@ from navloom.messages import (
     RangeScan,
     StopReason,
     Sweep,
+    Tracks,
     Truth,
     Twist2D,
 )
@@ -107,6 +109,18 @@ def test_the_places_where_a_robot_may_be_are_arrows_until_one_is_left() -> None:
     assert np.array(component(first, "origins"))[:, :2].tolist() == [[1.0, 2.0], [3.0, 4.0]]
     assert np.array(component(first, "vectors")) == pytest.approx(np.array([(0.6, 0, 0), (0, 0.6, 0)]), abs=1e-6)
     assert component(first, "radii") == pytest.approx([0.08, 0.04]) and not len(component(last, "origins"))
+
+
+def test_tracks_are_drawn_where_they_are_with_the_way_of_their_next_second() -> None:
+    made, memory = drawing()
+    given = np.array([(1.0, 2.0), (3.0, 4.0)]), np.array([(0.5, 0.0), (0.0, -1.0)])
+    tracks = Tracks(0, np.array([1, 7]), *given, np.zeros((2, 4, 4)), np.array([0.3, 0.5]), np.array([0.0, 2.0]))
+    made.take(shown(tracks, role="people", tick=1))
+    (discs,), (arrows,) = memory.at("/run/r1/tracks"), memory.at("/run/r1/tracks/velocity")
+    assert component(discs, "labels") == ["1", "7"]
+    assert np.array(component(discs, "half_sizes")) == pytest.approx(np.array([(0.3, 0.3, 0.5), (0.5, 0.5, 0.5)]))
+    assert np.array(component(arrows, "origins"))[:, :2].tolist() == given[0].tolist()
+    assert np.array(component(arrows, "vectors"))[:, :2].tolist() == given[1].tolist()
 
 
 def test_every_entity_of_the_3d_view_has_a_frame_that_is_placed() -> None:
@@ -325,6 +339,20 @@ def test_the_drawn_track_is_that_of_the_truth() -> None:
     pieces = [component(piece, "strips")[0] for piece in memory.at("/run/r1/driven")]
     ends = [(strip[0][0], strip[-1][0]) for strip in pieces]
     assert np.array(ends) == pytest.approx(np.array([(0.1 * i, 0.1 * (i + 1)) for i in range(5)]), abs=1e-6)
+
+
+def test_what_moves_is_drawn_where_it_is_and_no_robot_with_it() -> None:
+    made, memory = drawing()
+    part = [(0, 1.0, 2.0, 0.25, 0.0, 0.0, 0.0, 1.8, 0.0), (1, 3.0, 0.0, 0.5, 0.2, 0.0, 0.0, 1.0, 0.0),
+            (2, 0.0, 0.0, 0.4, 0.4, 0.0, 0.0, 1.2, 0.0)]  # fmt: skip
+    poses = np.array([(1.0, 2.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+    bodies = Bodies(0, ("person", "cart", "r1"), poses, np.zeros((3, 3)), np.array(part), 1)
+    made.take(shown(bodies, "world", "bodies"))
+    (rounds,), (boxes,) = memory.at("/run/r1/bodies_round"), memory.at("/run/r1/bodies")
+    assert np.array(component(rounds, "centers")).tolist() == [[1.0, 2.0, pytest.approx(0.9)]]
+    assert np.array(component(boxes, "half_sizes")).tolist() == [[0.5, pytest.approx(0.2), 0.5]]
+    (names,) = memory.at("/run/r1/body_names")
+    assert component(names, "labels") == ["person", "cart"]
 
 
 def test_numbers_reach_the_sinks_together_with_their_ticks() -> None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import time
 import timeit
+from pathlib import Path
 
 import networkx as nx
 import numpy as np
 import pyastar2d
 import pytest
+from movingai_maps import MAPS, read_map, read_scenarios
 from navloom_astar import inflation, jump, search
 from navloom_astar.jump import JumpPointSearch
-from navloom_astar.search import DijkstraSearch, GridSearch, Way
+from navloom_astar.search import Cell, DijkstraSearch, GridSearch, Way
 from numpy.typing import NDArray
 from scipy import ndimage
 
 pytestmark = pytest.mark.benchmark
+Queries = list[tuple[Cell, Cell]]
 ROOT = 2.0**0.5
 
 
@@ -24,13 +28,13 @@ def free() -> NDArray[np.bool_]:
     return rooms_with(0.05)
 
 
-def rooms_with(clutter: float) -> NDArray[np.bool_]:
+def rooms_with(clutter: float, size: int = 512) -> NDArray[np.bool_]:
     """The connected part of the rooms, with a share of single cells occupied."""
     rng = np.random.default_rng(0)
-    rooms = np.ones((512, 512), dtype=np.bool_)
+    rooms = np.ones((size, size), dtype=np.bool_)
     rooms[::32] = rooms[:, ::32] = False
-    for row in range(0, 512, 32):
-        for column in range(0, 512, 32):
+    for row in range(0, size, 32):
+        for column in range(0, size, 32):
             across, up = rng.integers(2, 26, size=2)
             rooms[row, column + across : column + across + 5] = True
             rooms[row + up : row + up + 5, column] = True
@@ -40,10 +44,8 @@ def rooms_with(clutter: float) -> NDArray[np.bool_]:
 
 
 @pytest.fixture(scope="module")
-def queries(free) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    cells = np.argwhere(free)
-    picks = np.random.default_rng(1).integers(len(cells), size=(30, 2))
-    return [(tuple(cells[a].tolist()), tuple(cells[b].tolist())) for a, b in picks]
+def queries(free) -> Queries:
+    return queries_on(free, 30)
 
 
 def seconds(*runs) -> list[float]:
@@ -78,6 +80,82 @@ def test_three_times_as_fast_as_pyastar2d(free, queries, benchmark) -> None:
     benchmark.extra_info["pyastar2d_over_ours"] = slow / fast
     benchmark.extra_info["pyastar2d_with_prepared_map_over_ours"] = prepared / fast
     assert slow / fast >= 3.0
+
+
+def dense_grid(size: int, share: float, seed: int) -> NDArray[np.bool_]:
+    """(size, size) the largest connected part of a grid with a share of single cells occupied."""
+    free = np.random.default_rng(seed).random((size, size)) >= share
+    parts, _ = ndimage.label(free)
+    return parts == np.bincount(parts[free]).argmax()
+
+
+def queries_on(free: NDArray[np.bool_], count: int) -> Queries:
+    """Random starts and goals, (count, 2) cells."""
+    cells = np.argwhere(free)
+    picks = np.random.default_rng(1).integers(len(cells), size=(count, 2))
+    return [(tuple(cells[a].tolist()), tuple(cells[b].tolist())) for a, b in picks]
+
+
+def pyastar2d_over_ours(free: NDArray[np.bool_], queries: Queries) -> float:
+    """Ratio of the times; pyastar2d gets a map that is converted already."""
+    search.warm_up()
+    grid, weights = GridSearch(free.shape), np.where(free, np.float32(1), np.float32(np.inf))
+    ours, theirs = seconds(
+        lambda: [grid.shortest(free, *ends) for ends in queries],
+        lambda: [pyastar2d.astar_path(weights, *ends, allow_diagonal=True) for ends in queries],
+    )
+    return theirs / ours
+
+
+@pytest.mark.parametrize("size", [256, 512, 1024])
+@pytest.mark.parametrize("share", [0.2, 0.3, 0.4])
+def test_on_dense_random_grids_it_is_as_fast_as_pyastar2d(size: int, share: float, benchmark) -> None:
+    """pyastar2d cuts corners. At 40 % it has almost straight ways, where ours is a maze."""
+    free = dense_grid(size, share, seed=0)
+    ratio = benchmark.pedantic(pyastar2d_over_ours, (free, queries_on(free, 20)), rounds=1)
+    benchmark.extra_info["pyastar2d_over_ours"] = ratio
+    assert ratio >= 1.0
+
+
+@pytest.mark.skipif(not MAPS, reason="NAVLOOM_DATA with a folder movingai is not set")
+@pytest.mark.parametrize("path", MAPS, ids=lambda path: path.name.removesuffix(".map.gz"))
+def test_on_movingai_maps_it_is_as_fast_as_pyastar2d(path: Path, benchmark) -> None:
+    queries = [(start, goal) for _, start, goal, _ in read_scenarios(path)]
+    ratio = benchmark.pedantic(pyastar2d_over_ours, (read_map(path), queries), rounds=1)
+    benchmark.extra_info["pyastar2d_over_ours"] = ratio
+    assert ratio >= 1.0
+
+
+@pytest.mark.parametrize(("size", "share"), [(512, 0.4), (1024, 0.0), (1024, 0.4)])
+def test_a_repaired_search_takes_a_fifth_of_a_new_one(size: int, share: float, benchmark) -> None:
+    """The robot goes on by 10 cells, 0.5 m, and up to 5 boxes change within 100 cells of it."""
+    search.warm_up()
+    rng, free = np.random.default_rng(2), rooms_with(0.05, size) if share == 0.0 else dense_grid(size, share, 0)
+    ratios = []
+
+    def drive(start: Cell, goal: Cell) -> None:
+        known, kept, new = free.copy(), GridSearch(free.shape), GridSearch(free.shape)
+        way = kept.shortest(known, start, goal)
+        while isinstance(way, Way) and len(way.cells) > 100:
+            place = tuple(way.cells[10].tolist())
+            for row, column in (place + rng.integers(-100, 101, size=(int(rng.integers(1, 6)), 2))).clip(0, size - 1):
+                box = np.s_[row : row + int(rng.integers(1, 12)), column : column + int(rng.integers(1, 12))]
+                known[box] = free[box] & (rng.random() < 0.5)
+            known[place] = known[goal] = True
+            new._kept = None
+            begin = time.process_time()
+            way = kept.shortest(known, place, goal)
+            middle = time.process_time()
+            new.shortest(known, place, goal)
+            ratios.append((middle - begin) / (time.process_time() - middle))
+
+    def drives() -> None:
+        for ends in queries_on(free, 8):
+            drive(*ends)
+
+    benchmark.pedantic(drives, rounds=1)
+    benchmark.extra_info["repaired_over_new"] = float(np.median(ratios))
+    assert len(ratios) > 50 and np.median(ratios) <= 0.2
 
 
 def test_jumps_are_faster_than_astar_among_rooms_and_astar_than_dijkstra(free, queries, benchmark) -> None:

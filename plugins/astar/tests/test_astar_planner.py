@@ -18,7 +18,7 @@ from navloom import (
     Registry,
     RobotSpec,
 )
-from navloom_astar import inflation, navloom_register, raster, search
+from navloom_astar import expansion, inflation, navloom_register, raster
 from navloom_astar.adapter import AStar, Dijkstra, JumpPoint
 from navloom_astar.params import AstarParams
 from pydantic import ValidationError
@@ -196,6 +196,30 @@ def test_a_gap_is_squeezed_through_with_the_inscribed_radius_and_0_05_m() -> Non
         assert isinstance(answer, Path) is is_passed
 
 
+def room_with_a_door(width: int, detour: int) -> np.ndarray:
+    """(81, 121) cells of a wall in the middle, with a door `width` cells wide, and open `detour` cells from it."""
+    cells = np.zeros((81, 121))
+    cells[:, 58:63] = 100
+    cells[20 - width // 2 : 21 + width // 2, 58:63] = 0
+    cells[21 + detour :, 58:63] = 0
+    return cells
+
+
+@pytest.mark.parametrize("planner", [AStar, Dijkstra, JumpPoint])
+def test_a_door_is_used_where_the_detour_costs_more_than_the_passage(planner: type) -> None:
+    """A door of 1.1 m in a wall of 0.5 m, for a robot whose disc needs 1.13 m. Cells of 0.1 m.
+
+    In the middle of the door, 7 cells are nearer to the posts than the disc: 5 in the wall, and one before and behind
+    it, 0.552 m from the posts. The steps to the first and from the last count half, so 0.7 m cost 2.1 m more. The other
+    way is 25 rows up and down, 50 diagonal steps: 2.07 m longer. With 26 rows it is 2.15 m longer.
+    """
+    robot = RobotSpec(BOX, 1.2, 0.05, 0.3, 0.5, 0.4, 0.5, 1.0)
+    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
+    for detour, length in ((18, 8.0 + 5.0 * (math.sqrt(2.0) - 1.0)), (19, 8.0)):
+        path = planner(AstarParams(), context).plan(asked(room_with_a_door(11, detour), (2.05, 2.05), (10.05, 2.05)))
+        assert path.length == pytest.approx(length), detour
+
+
 def test_beside_the_way_through_a_gap_three_cells_are_left_to_smooth_it() -> None:
     """Cells of 0.02 m. The wall begins 0.55 m from the middle, so that five cells on each side are wide enough."""
     cells = np.zeros((161, 161))
@@ -227,7 +251,14 @@ def test_a_point_robot_is_not_inflated() -> None:
 
 def test_nothing_compiles_after_warm_up() -> None:
     AStar.warm_up()
-    kernels = [search._search, search._trace, inflation._grow, raster._draw]
+    kernels = [
+        expansion.expand,
+        expansion.way_down,
+        expansion.direct_way,
+        expansion.set_steps,
+        inflation._grow,
+        raster._draw,
+    ]
     before = [len(kernel.signatures) for kernel in kernels]
     cells = np.zeros((20, 20))
     cells[5:15, 10] = 100
@@ -236,7 +267,7 @@ def test_nothing_compiles_after_warm_up() -> None:
     for params in ({}, {"unknown": "cost"}, {"source": "segments", "raster": "supercover"}, {"inflation_radius": 0.3}):
         make(**params).plan(asked(cells, (0.25, 0.25), (1.75, 1.75), segments=wall))
         make(**params).plan(asked(cells, (0.25, 0.25), (1.75, 1.75)))
-    assert [len(kernel.signatures) for kernel in kernels] == before == [2, 1, 1, 1]
+    assert [len(kernel.signatures) for kernel in kernels] == before == [2, 2, 2, 1, 1, 1]
 
 
 @pytest.mark.parametrize(

@@ -218,7 +218,7 @@ def test_costs_are_renewed_when_the_room_for_them_is_used_up() -> None:
     free = np.ones((5, 5), dtype=np.bool_)
     grid = GridSearch((5, 5))
     first = grid.shortest(free, (0, 0), (4, 4))
-    grid._base = -search._LARGEST + 1  # the state after very many queries
+    grid._base, grid._kept = -search._LARGEST + 1, None  # the state after very many queries
     again = grid.shortest(free, (0, 0), (4, 4))
     assert grid._base > -1e9
     assert again.cells.tolist() == first.cells.tolist()

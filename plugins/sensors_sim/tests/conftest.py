@@ -23,8 +23,8 @@ from navloom import (
     SweepRequest,
     Twist2D,
     World,
-    position_at,
 )
+from navloom.geometry.moving_world import MovingWorld, moves, standing
 from navloom_sensors_sim.adapter import SensorsSim
 from navloom_sensors_sim.casting import Obstacles
 from navloom_sensors_sim.scene import Scene
@@ -61,12 +61,14 @@ class Bench:
         spec = RobotSpec(footprint, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
         self.streams: dict[str, np.random.Generator] = {}
         pose = Pose2D(start.x, start.y, start.heading)
+        there = standing(world)
         context = Context(
-            "main", 0.05, spec, lambda name: self._stream(seed, name), pose, sensors, world, disturbances=disturbances
+            "main", 0.05, spec, lambda name: self._stream(seed, name), pose, sensors, there, disturbances=disturbances
         )
+        self.moving = MovingWorld(world, (), 0.05) if moves(world) else None
         self.platform = SensorsSim(SensorsSim.Params(**params), context)
         self.ticks = 0
-        self.first = self.platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
+        self.first = self._advance(Twist2D(0.0, 0.0, 0.0), None)
 
     def _stream(self, seed: int, name: str) -> np.random.Generator:
         """The random stream of a name; the same name continues the same stream, as in the framework."""
@@ -77,8 +79,13 @@ class Bench:
         for k in range(count):
             self.ticks += 1
             asked = SweepRequest(request) if request and k == 0 else None
-            out = self.platform.advance(PlatformInput(Twist2D(vx, 0.0, wz), asked, self.ticks * TICK_NS))
+            out = self._advance(Twist2D(vx, 0.0, wz), asked)
         return out
+
+    def _advance(self, twist: Twist2D, asked: SweepRequest | None) -> PlatformOutput:
+        time_ns = self.ticks * TICK_NS
+        bodies = None if self.moving is None else self.moving.advance(time_ns, ())
+        return self.platform.advance(PlatformInput(twist, asked, time_ns, bodies))
 
 
 @pytest.fixture(scope="session")
@@ -133,6 +140,6 @@ def mujoco_world() -> Callable[..., tuple[mujoco.MjModel, mujoco.MjData, Obstacl
         model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{''.join(geoms)}</worldbody></mujoco>")
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        return model, data, Scene(ours, None, position_at, sweeps=False).obstacles
+        return model, data, Scene(ours, None, sweeps=False).obstacles
 
     return make

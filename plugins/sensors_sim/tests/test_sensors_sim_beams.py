@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom import Box, Cylinder, position_at
+from navloom import Box, Cylinder
 from navloom_sensors_sim.beams import _reading, cone_rays, fan, read_cones, ring_mounts
 from navloom_sensors_sim.scene import Scene
 
@@ -120,7 +120,7 @@ def test_crosstalk_shortens_one_of_two_neighbours(which, victim, footprint):
     uniforms = np.ones((8, 3))
     uniforms[0] = 0.0, which, 0.5
     ranges, options = np.empty(8), np.array([0.3, 4.0, 0.0, -1.0, 0.1, 0.0])
-    world = Scene([WALL], None, position_at, sweeps=False).obstacles
+    world = Scene([WALL], None, sweeps=False).obstacles
     read_cones(np.zeros(3), *rays, world, options, closed, np.zeros(8), uniforms, ranges)
     expected = [2.0, 2.0] + [INF] * 6
     expected[victim] = 1.15

@@ -7,7 +7,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from navloom import Box, Cylinder, Place, Raster, position_at
+from navloom import Box, Cylinder, Place, Raster
 from navloom_sensors_sim.casting import FLOOR, NOTHING, cast_rays
 from navloom_sensors_sim.incidence import cosine_of_incidence
 from navloom_sensors_sim.scene import Scene
@@ -16,7 +16,7 @@ AHEAD, UP, DOWN = [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
 
 
 def scene(*obstacles, raster=None):
-    return Scene(obstacles, raster, position_at, sweeps=False).obstacles
+    return Scene(obstacles, raster, sweeps=False).obstacles
 
 
 def cast(obstacles, origin, direction, floor=False):

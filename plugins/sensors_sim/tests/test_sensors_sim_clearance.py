@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom import Box, Cylinder, Place, Raster, position_at
+from navloom import Box, Cylinder, Place, Raster
 from navloom_sensors_sim.casting import NOTHING
 from navloom_sensors_sim.clearance import RASTER_CAP, footprint_gap
 from navloom_sensors_sim.scene import Scene
@@ -18,7 +18,7 @@ HEIGHT = 1.2
 
 
 def gap(*obstacles, pose=(0.0, 0.0, 0.0), raster=None, footprint=SQUARE):
-    return footprint_gap(pose, footprint, HEIGHT, Scene(obstacles, raster, position_at, sweeps=False).obstacles)
+    return footprint_gap(pose, footprint, HEIGHT, Scene(obstacles, raster, sweeps=False).obstacles)
 
 
 def test_nothing_to_meet():

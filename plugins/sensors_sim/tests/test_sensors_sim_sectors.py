@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom import Box, Cylinder, Place, Raster, position_at
+from navloom import Box, Cylinder, Place, Raster
 from navloom_sensors_sim.beams import fan, fan_step
 from navloom_sensors_sim.casting import NOTHING, Obstacles, cast_block, cast_fan, to_map
 from navloom_sensors_sim.params import LaserSettings
@@ -20,7 +20,7 @@ FANS = [(1, 2.0), (2, 1e-14), (3, TURN), (91, 1e-7), (181, math.pi), (257, TURN)
 
 def spans(*obstacles, at=(0.0, 0.0, 0.3), reach=10.0):
     """(n, 4) spans of 360 beams, 1° apart, the first at -180°."""
-    world = Scene(obstacles, None, position_at, sweeps=False).obstacles
+    world = Scene(obstacles, None, sweeps=False).obstacles
     out = np.full((len(obstacles), 4), -7)
     beam_spans(np.array(at), -math.pi, math.radians(1.0), 360, reach, world, out)
     return out
@@ -69,7 +69,7 @@ def test_sector_that_the_first_beam_cuts_is_met_at_both_ends():
     ids=lambda obstacle: f"{type(obstacle).__name__} {obstacle.name}",
 )
 def test_obstacles_that_no_beam_can_meet_have_no_span(obstacle):
-    scene = Scene((obstacle,), None, position_at, sweeps=False)
+    scene = Scene((obstacle,), None, sweeps=False)
     scene.update(0.0, swept=False)
     out = np.full((1, 4), -7)
     beam_spans(np.array([0.0, 0.0, 0.3]), -math.pi, math.radians(1.0), 360, 10.0, scene.obstacles, out)
@@ -116,7 +116,7 @@ def random_raster(rng, chance):
     if rng.random() >= chance:
         return np.zeros((0, 0), np.float32), np.zeros(7)
     raster = Raster("r", rng.random((40, 40)) < 0.01, 0.3, Place(*rng.uniform(-8.0, -4.0, 2), rng.uniform(-3, 3)))
-    obstacles = Scene((), raster, position_at, sweeps=False).obstacles
+    obstacles = Scene((), raster, sweeps=False).obstacles
     return obstacles.gaps, obstacles.raster
 
 

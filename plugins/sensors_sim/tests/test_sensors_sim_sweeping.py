@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom import Box, Place, position_at
+from navloom import Box, Place
 from navloom_sensors_sim.casting import FLOOR, NOTHING, cast_rays
 from navloom_sensors_sim.motion import arc
 from navloom_sensors_sim.scene import Scene
@@ -52,7 +52,7 @@ def test_frames_are_13_3_ms_apart():
 
 def test_hits_in_the_papers_world(paper_gates):
     """Girder A 230, girder B 177, floor 772, no return 1801 of 9494."""
-    world = Scene(paper_gates, None, position_at, sweeps=True)
+    world = Scene(paper_gates, None, sweeps=True)
     ways = sweep_directions(PITCHES, BEARINGS, "paper").transpose(0, 2, 1).reshape(-1, 3)
     ways = np.column_stack([-ways[:, 1], ways[:, 0], ways[:, 2]])  # the robot faces +y
     _, hits = cast_rays(np.tile([0.0, 0.0, 0.4], (9494, 1)), ways, world.obstacles)

@@ -22,6 +22,7 @@ import numpy as np
 from navloom.config.tables import RunTable
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
+from navloom.geometry.moving_world import MovingWorld, moves
 from navloom.geometry.world import World
 from navloom.messages import (
     MapUpdate,
@@ -115,11 +116,18 @@ def extras(**given: tuple[Extra[Any], Message | None]) -> Extras:
 
 
 def platform_input(
-    command: tuple[float, float] = (0.0, 0.0), time: float = 0.0, sweep_request: int | None = None
+    command: tuple[float, float] = (0.0, 0.0),
+    time: float = 0.0,
+    sweep_request: int | None = None,
+    world: World | None = None,
 ) -> PlatformInput:
-    """A command (m/s, rad/s) to drive with until a time, s, and the number of a requested sweep."""
+    """A command (m/s, rad/s) to drive with until a time, s, the number of a requested sweep, and what moves in a world.
+
+    The platform's context holds what stands in that world.
+    """
     request = None if sweep_request is None else SweepRequest(sweep_request)
-    return PlatformInput(Twist2D(command[0], 0.0, command[1]), request, ns(time))
+    bodies = MovingWorld(world, (), math.inf).advance(ns(time), ()) if world is not None and moves(world) else None
+    return PlatformInput(Twist2D(command[0], 0.0, command[1]), request, ns(time), bodies)
 
 
 def localizer_input(

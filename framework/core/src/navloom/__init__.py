@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
     from navloom.engine.nodes.node_plugin import *  # noqa: F403
     from navloom.errors import *  # noqa: F403
+    from navloom.geometry.actors import Actor as Actor
+    from navloom.geometry.actors import Body as Body
+    from navloom.geometry.actors import Course as Course
+    from navloom.geometry.actors import Walk as Walk
     from navloom.geometry.world import *  # noqa: F403
     from navloom.messages import *  # noqa: F403
     from navloom.plugins import *  # noqa: F403

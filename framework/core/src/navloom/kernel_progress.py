@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any, NamedTuple
 
 __all__ = ["Kernels", "expect_kernels", "kernels_so_far"]
@@ -32,16 +32,19 @@ _expected: list[Any] = []
 
 
 def expect_kernels(places: Iterable[str | type]) -> None:
-    """Count the kernels that are reached from modules, by name, and from the packages of plugins, by class."""
-    names: set[str] = set()
+    """Count the kernels that modules, by name, and classes of plugins refer to, directly or through what they call."""
+    left: list[Any] = []
     for place in places:
-        if isinstance(place, str):
-            names |= _reached(place, "navloom.navigation")
-        else:
-            for cls in place.__mro__:
-                if (package := cls.__module__.partition(".")[0]) not in ("navloom", "builtins", "abc", "typing"):
-                    names |= _reached(cls.__module__, package)
-    _expected[:] = [kernel for name in sorted(names) for kernel in _kernels_in(sys.modules[name])]
+        left += vars(sys.modules[place]).values() if isinstance(place, str) else place.__mro__
+    packages = {_package_of(thing) for thing in left if isinstance(thing, type)} - {"abc", "builtins", "typing"}
+    found: dict[int, Any] = {}
+    while left:
+        thing = left.pop()
+        package = _package_of(thing)
+        if id(thing) not in found and (package in packages or package.startswith("navloom")):
+            found[id(thing)] = thing
+            left += _named_in(thing)
+    _expected[:] = [thing for thing in found.values() if _is_kernel(thing) and not _is_inlined(thing)]
 
 
 def kernels_so_far(compiled: int) -> Kernels:
@@ -52,33 +55,33 @@ def kernels_so_far(compiled: int) -> Kernels:
         if id(kernel) not in ready:
             ready.add(id(kernel))
             # A kernel that is loaded from the cache contains those it calls, which are not loaded themselves.
-            function = kernel.py_func
-            named = [function.__globals__.get(name) for name in function.__code__.co_names]
-            left += [value for value in named if _is_kernel(value)]
+            left += [thing for thing in _named_in(kernel) if _is_kernel(thing)]
     return Kernels(compiled, sum(id(kernel) in ready for kernel in _expected), len(_expected))
 
 
-def _reached(start: str, package: str) -> set[str]:
-    """Modules that a module refers to, directly or not, within its package or another one of navloom's plugins."""
-    found, left = set[str](), [start]
-    while left:
-        name = left.pop()
-        if name in found or name not in sys.modules or not (name + ".").startswith((f"{package}.", "navloom_")):
-            continue
-        found.add(name)
-        for value in vars(sys.modules[name]).values():
-            left.append(value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None) or "")
-    return found
+def _named_in(thing: Any) -> list[Any]:
+    """What a class holds, or what the code of a function or kernel names."""
+    if isinstance(thing, type):
+        held = vars(thing).values()
+        return [*thing.__bases__, *(getattr(value, "__func__", getattr(value, "fget", value)) for value in held)]
+    function = getattr(thing, "py_func", thing)
+    codes: list[CodeType] = [function.__code__] if hasattr(function, "__code__") else []
+    named: list[Any] = []
+    for code in codes:  # grows: comprehensions and lambdas have code of their own
+        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+        found = [function.__globals__.get(name) for name in code.co_names]
+        named += found
+        named += [vars(one).get(name) for one in found if isinstance(one, ModuleType) for name in code.co_names]
+    return named
 
 
-def _kernels_in(module: ModuleType) -> list[Any]:
-    """The module's own kernels that are compiled by themselves, not within their callers."""
-    return [
-        value
-        for value in vars(module).values()
-        if _is_kernel(value) and value.py_func.__module__ == module.__name__
-        and value.targetoptions.get("inline") != "always"
-    ]  # fmt: skip
+def _package_of(thing: Any) -> str:
+    return str(getattr(thing, "__module__", None) or "").partition(".")[0]
+
+
+def _is_inlined(kernel: Any) -> bool:
+    """Whether a kernel is compiled within its callers instead of by itself."""
+    return bool(kernel.targetoptions.get("inline") == "always")
 
 
 def _is_kernel(value: Any) -> bool:

@@ -11,15 +11,16 @@ NAMES = {
         "Track"
     ),
     "navloom.errors": "NavloomError",
+    "navloom.geometry.actors": "Actor Body Course Walk",
     "navloom.geometry.world": "Box Cylinder Material Obstacle Place Raster World position_at read_only",
     "navloom.messages": (
-        "Array Avoidance AvoiderDiagnostics AvoiderStatus ClearRequest Command Contact Count Drive Envelope "
+        "Array Avoidance AvoiderDiagnostics AvoiderStatus Bodies ClearRequest Command Contact Count Drive Envelope "
         "Feedback GateStatus Goal GoalResult GoalState HandOver Heading Hypotheses InputRead MapUpdate Message "
         "MessageError Most Name NotNegative OUTCOMES OccupancyGrid Odometry OperatorRequest Outcome "
         "Parameters Path PlanFailure PlanRequest Point2D PortMark Pose2D PoseEstimate PoseTrack Positive "
         "RangeScan ReasonCode RecoveryRequest RecoveryStep Reference SCHEMAS Selection Stamp StepRecord "
-        "StepReport StopReason Sweep SweepRequest TrackingCommand Trajectory Truth Twist2D Unbounded Words "
-        "message"
+        "StepReport StopReason Sweep SweepRequest TrackingCommand Tracks Trajectory Truth Twist2D Unbounded "
+        "Words message"
     ),
     "navloom.plugins": ("Discovery HookSpecs MessageObserver PluginError PluginInfo Registry RunInfo hookimpl"),
     "navloom.roles": (

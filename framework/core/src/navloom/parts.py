@@ -26,6 +26,7 @@ PARTS = {
     "navloom_live": "navloom-live",
     "navloom_maps": "navloom-maps",
     "navloom_optimal": "navloom-optimal",
+    "navloom_orca": "navloom-orca",
     "navloom_recording": "navloom-recording",
     "navloom_study": "navloom-study",
     "navloom_viewer": "navloom-viewer",

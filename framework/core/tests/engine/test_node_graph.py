@@ -32,8 +32,8 @@ A, B = port("a", "out"), port("b", "out")
 def test_the_catalogue_steps_upstream_first() -> None:
     wired = {"platform": [LASER, SONARS], "mapper": [LASER], "avoider": [SONARS]}
     roles = [spec.role for spec in order(specs_of(wired))]
-    assert roles == ["operator", "platform", "localizer", "mapper", "goal", "planner", "reference", "controller",
-                     "avoider", "recovery", "gate"]  # fmt: skip
+    assert roles == ["operator", "world", "platform", "localizer", "mapper", "goal", "planner", "reference",
+                     "controller", "avoider", "recovery", "gate"]  # fmt: skip
 
 
 def test_a_cycle_without_a_delayed_edge_is_printed_edge_by_edge() -> None:

@@ -22,7 +22,8 @@ def test_a_node_is_wired_as_its_class_declares() -> None:
 
 def test_facts_about_roles_come_from_the_ports() -> None:
     known = FRAMEWORK
-    assert set(known.required_roles()) == {"platform", "localizer", "reference", "controller", "avoider", "goal"}
+    needed = {"world", "platform", "localizer", "reference", "controller", "avoider", "goal"}
+    assert set(known.required_roles()) == needed
     assert known.answer_ports("planner") == ("path", "failure") and known.answer_ports("recovery") == ("command",)
     assert known.warming_ports("recovery") == () and known.warming_ports("mapper") == ("map",)
     assert known.nodes["mapper"].patience > known.nodes["controller"].patience

@@ -179,14 +179,14 @@ def test_a_cached_kernel_of_another_signature_is_not_used(start: Start, tmp_path
 
 
 def test_a_cache_that_cannot_be_read_or_replaced_is_skipped_and_reported_once(
-    start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    start: Start, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     start()
     for path in [*files(tmp_path, ".nbi"), *files(tmp_path, ".nbc")]:
         path.unlink()
         path.mkdir()
     assert loaded(start()) == 0
-    said = capsys.readouterr().err.splitlines()
+    said = caplog.messages
     assert len(said) == 1 and "Is a directory; kernels are compiled, and again at the next start" in said[0]
     assert str(tmp_path / "cache") in said[0]
 
@@ -197,7 +197,7 @@ def test_a_file_in_the_place_of_the_cache_folder_stops_nothing(start: Start, tmp
 
 
 def test_a_full_disk_stops_nothing_and_is_reported_once(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     import errno
 
@@ -206,19 +206,19 @@ def test_a_full_disk_stops_nothing_and_is_reported_once(
 
     monkeypatch.setattr(Path, "write_bytes", full)
     assert loaded(start()) == 0
-    said = capsys.readouterr().err.splitlines()
+    said = caplog.messages
     assert len(said) == 1 and "cannot be written: No space left on device" in said[0]
     assert [path for path in (tmp_path / "cache").rglob("*") if path.is_file()] == []
 
 
 def test_no_folder_for_a_cache_stops_nothing(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     from numba.core import caching
 
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     assert loaded(start()) == 0
-    assert "there is no folder for the kernel cache" in capsys.readouterr().err
+    assert "there is no folder for the kernel cache" in caplog.text
 
 
 def test_processes_that_start_at_once_with_a_damaged_cache_compile_it_again(start: Start, tmp_path: Path) -> None:

@@ -37,10 +37,10 @@ LARGEST = 100_000
 """Most worlds or seeds of one range; more is a typing error."""
 KEPT = 64
 """Number of parsed worlds that are cached: more than are in use at a time."""
-RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>\?.*)?")
+RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>[@?].*)?")
 
 
-_LATER_FIELDS = {"reference_length", "is_mapped", "material"}
+_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors"}
 """Fields of worlds and obstacles that are younger than the first studies."""
 
 
@@ -187,7 +187,7 @@ def expanded(reference: str) -> list[str]:
     if not 0 <= last - first < LARGEST:
         raise ConfigError(f"--worlds {reference}: expected FIRST-LAST, rising, at most {LARGEST} worlds")
     numbers: Sequence[int] = range(first, last + 1)
-    if match["head"].startswith("barn:"):
+    if match["head"].startswith(("barn:", "dynabarn:")):
         numbers = _there(match["head"], numbers)
         if not numbers:
             raise ConfigError(f"--worlds {reference}: the file has no world of these numbers")
@@ -195,7 +195,8 @@ def expanded(reference: str) -> list[str]:
 
 
 def _there(head: str, numbers: Sequence[int]) -> list[int]:
-    held = set(part("navloom_maps.barn", head).barn_numbers(head.removeprefix("barn:").removesuffix("#"), Path.cwd()))
+    scheme, _, file = head.removesuffix("#").partition(":")
+    held = set(getattr(part(f"navloom_maps.{scheme}", head), f"{scheme}_numbers")(file, Path.cwd()))
     return [number for number in numbers if number in held]
 
 

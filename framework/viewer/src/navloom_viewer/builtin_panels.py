@@ -6,6 +6,7 @@ import math
 
 from navloom.messages import (
     AvoiderStatus,
+    Bodies,
     Command,
     Feedback,
     GateStatus,
@@ -22,6 +23,7 @@ from navloom.messages import (
     Selection,
     Sweep,
     TrackingCommand,
+    Tracks,
     Trajectory,
     Truth,
 )
@@ -34,6 +36,7 @@ __all__ = ["BUILT_IN"]
 ALL = math.inf
 BUILT_IN: tuple[Panel, ...] = (
     Panel("avoider", AvoiderStatus, draw_behaviour.avoider_status, ALL),
+    Panel("bodies", Bodies, draw_motion.bodies, 20.0),
     Panel("command", Command, draw_motion.command, 10.0),
     Panel("tracking", TrackingCommand, draw_motion.tracking_command, 10.0),
     Panel("goal", Feedback, draw_behaviour.feedback, ALL),
@@ -50,6 +53,7 @@ BUILT_IN: tuple[Panel, ...] = (
     Panel("reference", Reference, draw_motion.reference, 10.0),
     Panel("selection", Selection, draw_behaviour.selection, ALL),
     Panel("sweep", Sweep, draw_sensing.sweep, ALL),
+    Panel("tracks", Tracks, draw_sensing.tracks, 10.0),
     Panel("trajectory", Trajectory, draw_motion.trajectory, ALL),
     Panel("truth", Truth, draw_motion.truth, 20.0),
 )

@@ -13,6 +13,7 @@ __all__ = [
     "GREEN",
     "GREY",
     "PLAN",
+    "PURPLE",
     "STATES",
     "TRAJECTORY",
     "WHITE",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from navloom.messages import (
+    Bodies,
     Command,
     Hypotheses,
     Path,
@@ -17,12 +18,14 @@ from navloom.messages import (
     Trajectory,
     Truth,
 )
+from numpy.typing import NDArray
 
 from navloom_viewer.colours import PLAN, TRAJECTORY, WHITE, faded
 from navloom_viewer.panels import Change, Drawn, Seen
 from navloom_viewer.shapes import arc_of_twist, at_height, label, stripes
 
 __all__ = [
+    "bodies",
     "command",
     "hypotheses",
     "path",
@@ -34,6 +37,8 @@ __all__ = [
     "truth",
 ]
 
+MOVES = (255, 200, 160, 255)
+"""Colour of what moves by itself."""
 AHEAD = 2.0
 """Duration of driving for which a command is drawn, s."""
 SHADOW = 0.5
@@ -89,6 +94,35 @@ def hypotheses(message: Hypotheses, seen: Seen) -> Drawn:
         vectors=ahead, origins=at_height(poses[:, :2], 0.12), radii=0.02 + 0.08 * weights, colors=[colour] * len(poses)
     )
     yield seen.in_map("hypotheses"), arrows
+
+
+def bodies(message: Bodies, seen: Seen) -> Drawn:
+    """Draw what moves beside the robots, with its names, where it is."""
+    import rerun as rr
+
+    others = len(message.names) - message.robots
+    parts = message.parts[message.parts[:, 0] < others]
+    style: dict[str, Any] = {"colors": [MOVES], "fill_mode": rr.components.FillMode.TransparentFillMajorWireframe}
+    boxes, rounds = parts[parts[:, 4] > 0.0], parts[parts[:, 4] == 0.0]
+    turns = [rr.RotationAxisAngle([0.0, 0.0, 1.0], radians=yaw) for yaw in boxes[:, 5].tolist()]
+    halves = np.column_stack([boxes[:, 3:5], 0.5 * (boxes[:, 7] - boxes[:, 6])])
+    yield (
+        seen.in_map("bodies"),
+        rr.Boxes3D(centers=_middles(boxes), half_sizes=halves, rotation_axis_angles=turns, radii=0.006, **style),
+    )
+    lengths, radii = rounds[:, 7] - rounds[:, 6], rounds[:, 3]
+    yield (
+        seen.in_map("bodies_round"),
+        rr.Cylinders3D(lengths=lengths, radii=radii, centers=_middles(rounds), line_radii=0.006, **style),
+    )
+    heights = [parts[parts[:, 0] == number, 7].max() for number in range(others)]
+    tops = [(x, y, top + 0.25) for (x, y, _), top in zip(message.poses[:others].tolist(), heights, strict=True)]
+    yield seen.in_map("body_names"), label(tops, list(message.names[:others]), MOVES)
+
+
+def _middles(parts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(p, 3) middles of rows of `Bodies.parts`, m, map frame."""
+    return np.column_stack([parts[:, 1:3], 0.5 * (parts[:, 6] + parts[:, 7])])
 
 
 def truth(message: Truth, seen: Seen) -> Drawn:

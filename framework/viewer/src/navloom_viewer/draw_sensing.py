@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from navloom.geometry.echoes import beam_ends, poses_along
-from navloom.messages import MapUpdate, RangeScan, Sweep
+from navloom.messages import MapUpdate, RangeScan, Sweep, Tracks
 from numpy.typing import NDArray
 
-from navloom_viewer.colours import CLOUD, GREY, SKY, WHITE, faded
+from navloom_viewer.colours import CLOUD, GREY, PURPLE, SKY, WHITE, faded
 from navloom_viewer.panels import Drawn, Seen
 from navloom_viewer.shapes import at_height, cones, label, rgba_cells, stripes
 from navloom_viewer.sweep_classes import CLASSES, classify_sweep, sweep_points
 
-__all__ = ["BLENDED", "map_update", "range_scan", "sweep"]
+__all__ = ["BLENDED", "map_update", "range_scan", "sweep", "tracks"]
 
 FREE, OCCUPIED, UNKNOWN = (226, 228, 230), (12, 13, 16), (92, 104, 122)
 """Colours of cells: unknown lies between the others, so that neither looks like the dark background."""
@@ -24,6 +24,10 @@ BEAM_HEIGHT = 0.25
 """Height at which planar scans are drawn, m above the floor; messages do not contain the sensor's height."""
 OF_CLOUD = {"kept": 0.028, "behind": 0.014, "floor": 0.008, "overhead": 0.012, "below": 0.02}
 """Radius of the points of each class, m."""
+BODY = 0.5
+"""Half the height of what stands for a person, m."""
+UNSEEN = 0.3
+"""Age of the last echo from which a body is drawn faintly, s: longer than the time between scans."""
 
 
 def map_update(message: MapUpdate, seen: Seen) -> Drawn:
@@ -92,6 +96,20 @@ def range_scan(message: RangeScan, seen: Seen) -> Drawn:
         points = beam_ends(message.origins[hits], message.bearings[hits], message.ranges[hits])
         cloud = np.column_stack([points, np.full(len(points), BEAM_HEIGHT)]).astype(np.float32)
         yield seen.in_base(f"{seen.port}_returns"), rr.Points3D(cloud, radii=0.02, colors=[SKY])
+
+
+def tracks(message: Tracks, seen: Seen) -> Drawn:
+    """Draw each body as a disc with its number and the way of its next second; faint where it is not seen now."""
+    import rerun as rr
+
+    colour = seen.actor.colour if seen.actor.is_shadow or not seen.is_alone else PURPLE
+    colours = [faded(colour, 0.3 if unseen > UNSEEN else 0.8) for unseen in message.unseen]
+    centres = at_height(message.positions, BODY)
+    halves = np.column_stack([message.radii, message.radii, np.full(len(message.radii), BODY)])
+    labels = [str(number) for number in message.ids]
+    yield seen.in_map("tracks"), rr.Ellipsoids3D(centers=centres, half_sizes=halves, colors=colours, labels=labels)
+    ways = at_height(message.velocities, 0.0)
+    yield seen.in_map("tracks/velocity"), rr.Arrows3D(vectors=ways, origins=centres, radii=0.03, colors=colours)
 
 
 def _cell_colours(cells: NDArray[np.int8]) -> NDArray[np.uint8]:

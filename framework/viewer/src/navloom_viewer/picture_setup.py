@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from navloom.geometry.echoes import Geometry
+from navloom.geometry.moving_world import standing
 from navloom.geometry.world import World
 from navloom.messages import Pose2D
 from numpy.typing import NDArray
@@ -151,7 +152,10 @@ def facts_of(systems: Mapping[str, System], title: str) -> Facts:
     """The facts of assembled configs, by their displayed names; the world of the first one is drawn."""
     variants = tuple(_variant(name, system) for name, system in systems.items())
     first = next(iter(systems.values()))
-    return Facts(title, variants, first.world, first.config.run.period)
+    world = first.world
+    if world is not None and "world" in first.catalogue.nodes:
+        world = standing(world)  # what moves there is drawn from the messages of its node
+    return Facts(title, variants, world, first.config.run.period)
 
 
 def unknown_robot(name: str, roles: Mapping[str, str], shadows: tuple[tuple[str, str], ...] = ()) -> Variant:

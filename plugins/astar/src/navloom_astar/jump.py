@@ -23,19 +23,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_astar.search import (
-    _CHOICES,
-    _COUNTS,
-    _START,
-    Bools,
-    Cell,
-    Closed,
-    Ends,
-    GridSearch,
-    Index,
-    Way,
-    step_costs,
-)
+from navloom_astar.expansion import CHOICES, COUNTS, START, Index
+from navloom_astar.search import Bools, Cell, Closed, Ends, GridSearch, Way, step_costs
 
 __all__ = ["JumpPointSearch", "warm_up"]
 
@@ -53,6 +42,7 @@ class JumpPointSearch(GridSearch):
     def __init__(self, shape: tuple[int, int]) -> None:
         super().__init__(shape)
         self._parent = np.zeros(self.wall.size, dtype=np.int32)
+        self._arrival = np.empty(self.wall.size, dtype=np.uint8)
 
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
@@ -64,6 +54,7 @@ class JumpPointSearch(GridSearch):
         np.logical_not(free, out=self.wall[1:-1, 1:-1])
         q, p = step_costs(free.size)
         self._renew(2 * (free.size + 2) * p)
+        self._kept = None  # the costs are those of jump points
         stride = self.shape[1] + 2
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
         if not _search(self.wall, self._cost, self._arrival, self._parent, first, last, self._base, self._top, q, p):
@@ -82,7 +73,7 @@ def _search(
     stride, walls = np.int64(wall.shape[1]), wall.reshape(-1)
     offsets = np.array((1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, 1 - stride))
     goal_row, goal_column = goal // stride, goal % stride
-    cost[start], arrival[start], parent[start] = base, _START, start
+    cost[start], arrival[start], parent[start] = base, START, start
     heap: list[tuple[Index, Index, Index]] = [(np.int64(base), np.int64(base), np.int64(start))]
     while heap:
         sofar, cell = heapq.heappop(heap)[1:]
@@ -91,16 +82,16 @@ def _search(
         # An old entry: heapq cannot change one that is in the heap, so a shorter way adds another.
         if sofar > cost[cell]:
             continue
-        case: Index = 4 * _START
+        case: Index = 4 * START
         row, column = cell // stride, cell % stride
-        if arrival[cell] != _START:
+        if arrival[cell] != START:
             came = np.int64(arrival[cell])
             case = 4 * came
             if not came & 1:
                 before = cell - offsets[came]
                 case += walls[before + offsets[(came + 2) & 7]] + 2 * walls[before + offsets[(came - 2) & 7]]
-        for n in range(_COUNTS[case]):
-            k = _CHOICES[case, n]
+        for n in range(COUNTS[case]):
+            k = CHOICES[case, n]
             other = _slide(walls, cell, k, offsets, goal) if k & 1 else _run(walls, cell, k, offsets, goal)
             if other == _NONE:
                 continue

@@ -56,7 +56,7 @@ class AstarParams(Params):
     squeeze_margin: float | None = Field(
         0.05,
         ge=0.0,
-        description="if metres give no path, retry with the inscribed radius plus this, m; none: never",
+        description="metres: ground from the radius to the inscribed one plus this, m, costs 4 m per m; none: closed",
     )
     escape_start: float | None = Field(
         None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times (its reach + a cell)"

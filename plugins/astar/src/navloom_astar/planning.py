@@ -27,9 +27,12 @@ _OUT_OF_A_CORNER = 1.5
 The way out at a corner is up to sqrt(2) times as long as at a wall, and cells are coarse.
 """
 _SQUEEZE_COST = 3
-"""Extra cost of each metre through a passage narrower than the inflation, m per m."""
+"""Extra cost of each metre that is nearer to obstacles than the inflation allows, m per m.
+
+A robot that must fit its heading to a passage drives it slowly, and has no room to avoid anything there.
+"""
 _SMOOTHING_CELLS = 3
-"""Half width of the corridor around the way through such a passage, cells. The framework smooths the path within it."""
+"""Half width of the corridor around such a part of a way, cells. The framework smooths the path within it."""
 FailureKind = Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
 
 
@@ -51,7 +54,7 @@ class Settings:
         radius: Radius of the disc of "metres", m.
         unknown: Unknown cells are free, are obstacles, or have an extra cost of `unknown_cost` times their length.
         unknown_cost: Extra cost per length on unknown cells, no unit; rounded to eighths, up to 31.
-        squeeze: Smaller radius for "metres", m, used if there is no path with `radius`; None: never.
+        squeeze: Smaller radius for "metres", m. Ground between it and `radius` has an extra cost. None: it is closed.
         escape: Longest way out of the inflation from the start, m. None: 1.5 times the sum of its reach and one cell.
     """
 
@@ -183,17 +186,12 @@ class GridPlanner:
         ends = _ends(grid, start, goal)
         if isinstance(ends, Failure):
             return ends
-        reach = self._reach(grid.resolution, on_segments)
-        traversable = ~inflation.grow(occupied, reach)
-        answer = self._attempt(grid, occupied, traversable, reach, ends, (start, goal))
-        chosen = self._inflation(on_segments)
-        # Only if nothing wider leads to the goal.
-        if isinstance(answer, Failure) and chosen == "metres" and use.squeeze is not None and use.squeeze < use.radius:
-            reach = inflation.disc_reach(use.squeeze / grid.resolution)
-            wide, traversable = traversable, ~inflation.grow(occupied, reach)
-            squeezed = self._attempt(grid, occupied, traversable, reach, ends, (start, goal), wide)
-            answer = answer if isinstance(squeezed, Failure) else squeezed
-        return answer
+        reach, wide = self._reach(grid.resolution, on_segments), None
+        traversable = _outside(occupied, reach)
+        if self._inflation(on_segments) == "metres" and use.squeeze is not None and use.squeeze < use.radius:
+            reach, wide = inflation.disc_reach(use.squeeze / grid.resolution), traversable
+            traversable = _outside(occupied, reach)
+        return self._attempt(grid, occupied, traversable, reach, ends, (start, goal), wide)
 
     def _attempt(
         self,
@@ -203,9 +201,9 @@ class GridPlanner:
         reach: NDArray[np.int32],
         cells: tuple[Cell, Cell],
         ends: tuple[Spot, Spot],
-        wide: Bools | None = None,
+        wide: Bools | None,
     ) -> Found | Failure:
-        """Plan with one inflation. Leaving the cells of `wide`, if given, has an extra cost."""
+        """Plan on traversable cells. Those outside `wide`, if given, have an extra cost."""
         start, goal = ends
         if not traversable[cells[1]]:
             return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(grid, occupied, cells[1])}")
@@ -249,12 +247,12 @@ class GridPlanner:
             gap = math.dist((x, y), ends[1])
             reached = f"the nearest point to it that can be reached is {_at((x, y))}, {gap:.2f} m away"
             return NoPath((x, y), f"no free path to the goal {_at(ends[1])}: {reached}")
-        if wide is not None:
-            traversable = wide | (traversable & _near(answer.cells, traversable.shape))
-        _open_way(traversable, way)
         cells = np.concatenate([np.array(way[:-1], dtype=np.int64).reshape(-1, 2), answer.cells])
         points = np.concatenate([grid.centres(cells[:1]), grid.centres(cells)])[-max(2, len(cells)) :]
         points[0], points[-1] = ends
+        if wide is not None:
+            traversable = _with_passages(wide, traversable, grid.places(points) - 0.5)
+        _open_way(traversable, way)
         return Found(points, float(np.hypot(*np.diff(points, axis=0).T).sum()), traversable, grid)
 
     def _extra(self, grid: PlanningGrid, wide: Bools | None) -> NDArray[np.uint8] | None:
@@ -277,13 +275,28 @@ def _lowest(segments: Floats, otherwise: Spot) -> Spot:
     return float(low[0]), float(low[1])
 
 
-def _near(cells: NDArray[np.int64], shape: tuple[int, ...]) -> Bools:
-    """(rows, columns) corridor around a way, in which the framework may smooth it."""
-    on_way = np.zeros(shape, dtype=np.bool_)
-    on_way[cells[:, 0], cells[:, 1]] = True
-    turns = cells[:, ::-1].astype(np.float64)
-    raster.draw_segments(on_way, np.concatenate([turns[:-1], turns[1:]], axis=1))
-    return inflation.grow(on_way, inflation.square_reach(_SMOOTHING_CELLS))
+def _outside(occupied: Bools, reach: NDArray[np.int32]) -> Bools:
+    grown = inflation.grow(occupied, reach)
+    return np.logical_not(grown, out=grown)
+
+
+def _with_passages(wide: Bools, narrow: Bools, points: Floats) -> Bools:
+    """The cells of `wide`, and those of `narrow` around the parts of a polyline that are outside `wide`.
+
+    Args:
+        points: (n, 2) columns and rows of its corners; whole numbers are cell centres.
+    """
+    segments, touched = np.concatenate([points[:-1], points[1:]], axis=1), np.zeros(wide.shape, dtype=np.bool_)
+    raster.draw_segments(touched, segments, "supercover")
+    touched &= ~wide
+    if touched.any():
+        entered = np.zeros_like(wide)
+        raster.draw_segments(entered, segments)
+        # A cell of which only a corner is touched, beside a diagonal step, is no passage to smooth the path in.
+        entered &= touched
+        touched |= inflation.grow(entered, inflation.square_reach(_SMOOTHING_CELLS)) & narrow
+    touched |= wide
+    return touched
 
 
 def _ends(grid: PlanningGrid, start: Spot, goal: Spot) -> tuple[Cell, Cell] | Failure:

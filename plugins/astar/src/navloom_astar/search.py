@@ -1,6 +1,7 @@
 """A* on an 8-connected grid without corner cutting (Hart, Nilsson & Raphael 1968), optimal in exact arithmetic.
 
-Without the heuristic, the same search is Dijkstra's (1959).
+Without the heuristic, the same search is Dijkstra's (1959). It runs from the goal to the start, so that the costs that
+it finds are those from each cell to the goal.
 
 **Lengths** are a + b sqrt(2) cells, with a straight and b diagonal steps. They are compared as whole numbers q a + p b,
 where p/q is a convergent of sqrt(2). Two ways of different length would be ranked wrongly, or as equal, only if the
@@ -13,12 +14,18 @@ grids of up to 985 cells.)
 **Successors.** A step from a cell is pruned if another way from the cell's parent, around the cell, is shorter. A
 diagonal step is also pruned if another way is equally long and ends in a straight step. This is the neighbour pruning
 of Harabor & Grastien (2011) without their jumps. Straight steps are pruned only if they are strictly longer, so every
-cell keeps at least one shortest way without a pruned step. Extra costs break this argument: with them, all eight
-successors are tried.
+cell keeps at least one shortest way without a pruned step. The other way leads over neighbours of the cell, so with
+extra costs the argument holds where all neighbours cost the same. Elsewhere all eight successors are tried.
 
-**The open list** is a ring of buckets over f, about 0.1 to 0.2 cells wide, each last in, first out. A cell is reopened
-when a shorter way to it is found. The heuristic is consistent, so f never falls below the lower bound of the current
-bucket. Once that bound reaches the cost of the goal, no open cell can improve it.
+**The open list** is a ring of buckets over f, about 0.1 to 0.2 cells wide, each last in, first out. A cell is opened
+again when a shorter way to it is found; its old entry is skipped, since its cost is no longer the cell's. The
+heuristic is consistent, so f never falls below the lower bound of the current bucket. Once that bound is above the cost
+of the start, the costs of all cells on all shortest ways are final.
+
+**One of the shortest ways.** So the way does not depend on the order of the search: from the start on, each step is the
+first one, counted from the direction of the last, whose cost and the cost from its end sum to the cost of the cell. If
+the way is as short as on an empty grid, the search ends when it reaches the start, and the way is the first of those of
+that length, again by the direction of the last step.
 """
 
 from __future__ import annotations
@@ -26,14 +33,27 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from navloom_astar.expansion import (
+    direct_way,
+    expand,
+    far_index,
+    nearest,
+    new_open_list,
+    set_mixed,
+    set_steps,
+    way_down,
+)
+from navloom_astar.repair import changed_cells, reopened
 
 __all__ = ["EXTRA_UNIT", "Cell", "Closed", "DijkstraSearch", "Ends", "GridSearch", "Way", "step_costs", "warm_up"]
 
 Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
 Cell = tuple[int, int]
 """Row and column."""
 Index = int | np.int64
@@ -45,36 +65,8 @@ EXTRA_UNIT = 8
 """Parts per unit of extra cost: extra costs are whole eighths."""
 
 _LARGEST = 1 << 62
-_CLOSED = -1
-_START = 8
-"""Direction of arrival stored for the start, which has no parent."""
-_MOST_BUCKETS = 2048
-_ROW_STEP = np.array((0, 1, 1, 1, 0, -1, -1, -1))
-_COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
-"""Directions: even ones are straight, odd ones diagonal, anticlockwise."""
-
-
-def _successors() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Directions that are not pruned, and how many there are.
-
-    Returns:
-        (33, 8) and (33,), indexed by 4 x (direction from the parent) + 1 if a wall is left of the parent + 2 if a wall
-        is right of it.
-    """
-    table, counts = np.zeros((33, 8), dtype=np.int64), np.zeros(33, dtype=np.int64)
-    for case in range(33):
-        k, walls = divmod(case, 4)
-        if k == _START:
-            chosen = list(range(8))
-        elif k % 2:
-            chosen = [k - 1, k + 1, k]
-        else:
-            chosen = [k + 2, k + 1] * (walls & 1) + [k - 2, k - 1] * (walls >> 1) + [k]
-        table[case, : len(chosen)], counts[case] = np.array(chosen) % 8, len(chosen)
-    return table, counts
-
-
-_CHOICES, _COUNTS = _successors()
+_MOST_CHANGED, _MOST_FORGOTTEN = 0.05, 0.05
+"""Shares of a grid's cells that may change, and that may lose their costs by that, for a repair, not a new search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +119,42 @@ def step_costs(most: int) -> tuple[int, int]:
     return straight, diagonal
 
 
+class _Scale(NamedTuple):
+    """Whole numbers in which costs are counted: see `expansion.expand`.
+
+    `straight` and `diagonal` are the costs of a step, `q` and `p` those of each unit of extra cost at either end of it;
+    `span` is more than any way costs.
+    """
+
+    straight: int
+    diagonal: int
+    q: int
+    p: int
+    shift: int
+    buckets: int
+    span: int
+
+    @property
+    def octile(self) -> tuple[int, int]:
+        """Costs of a straight step, and of a diagonal one in its place: the octile distance."""
+        return self.straight, self.diagonal - self.straight
+
+
+def _scale(cells: int, extra: int | None) -> _Scale:
+    """The scale for a grid with that many cells and that largest extra cost, if there are any."""
+    parts, factor = (1, 1) if extra is None else (2 * EXTRA_UNIT, 2 * EXTRA_UNIT + 2 * extra)
+    q, p = step_costs(cells * factor)
+    shift = max(0, (parts * q // 2).bit_length() - 1)
+    buckets = 1 << ((2 * factor * p >> shift) + 2).bit_length()
+    return _Scale(q * parts, p * parts, q, p, shift, buckets, 2 * (cells + 2) * factor * p)
+
+
 class GridSearch:
     """A* on grids of one size. It reuses its work arrays without clearing them between queries.
 
-    The costs of a query are below all costs of earlier queries, so old values read as "not yet reached".
+    The costs of a query are below all costs of earlier queries, so old values read as "not yet reached". If the goal
+    is that of the last query and few cells have changed, the costs of that query are repaired instead; see `repair`.
+    The way is the same as that of a new search, cell by cell.
 
     Attributes:
         wall: (rows + 2, columns + 2) blocked cells of the last query, with a border of walls.
@@ -144,12 +168,11 @@ class GridSearch:
         padded = (shape[0] + 2, shape[1] + 2)
         size = padded[0] * padded[1]
         self.wall = np.ones(padded, dtype=np.bool_)
-        self.extra = np.zeros(padded, dtype=np.uint8)
+        self.extra, self._mixed, self._steps = (np.zeros(padded, dtype=np.uint8) for _ in range(3))
         self._cost = np.zeros(size, dtype=np.int64)
-        self._arrival = np.empty(size, dtype=np.uint8)
-        # Each bucket is a circular list of its cells; its head is an element past the last cell of the grid.
-        self._before, self._after = np.empty((2, size + _MOST_BUCKETS), dtype=np.int32)
-        self._base = self._top = 0
+        self._open = new_open_list(size)
+        self._base = self._top = self._used = 0
+        self._kept: tuple[int, _Scale] | None = None
 
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
@@ -170,27 +193,83 @@ class GridSearch:
             ValueError: The grid has another shape, or the start or goal is outside or not free.
         """
         self._check(free, start, goal, extra)
-        np.logical_not(free, out=self.wall[1:-1, 1:-1])
-        parts, factor = 1, 1
-        if extra is not None:
-            self.extra[1:-1, 1:-1] = extra
-            parts, factor = 2 * EXTRA_UNIT, 2 * EXTRA_UNIT + 2 * int(extra.max())
-        q, p = step_costs(free.size * factor)
-        self._renew(2 * (free.size + 2) * factor * p)
         stride = self.shape[1] + 2
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
-        shift = max(0, (parts * q // 5).bit_length() - 1)
-        buckets = 1 << ((2 * factor * p >> shift) + 2).bit_length()
-        ahead = (q * parts, (p - q) * parts) if self._looks_ahead else (0, 0)
-        weights = None if extra is None else self.extra.reshape(-1)
-        found = _search(self.wall, weights, self._cost, self._arrival, self._before, self._after, buckets, first, last,
-                        self._base, self._top, q * parts, p * parts, q, p, *ahead, shift)  # fmt: skip
-        if not found:
-            return self._nearest(goal)
-        cells, diagonal = _trace(self._arrival, stride, first, last)
+        scale, weights = _scale(free.size, None if extra is None else int(extra.max())), None
+        if extra is not None:
+            weights = self.extra
+        changed = self._changed(free, extra) if self._kept == (last, scale) else None
+        self._take(free, extra, changed)
+        self._kept = last, scale
+        if changed is None or not self._repair(scale, weights, last, first, changed):
+            self._search(scale, weights, last, first, self._looks_ahead)
+        if self._cost[first] >= self._top:
+            return Closed(self._nearest(scale, weights, first, last))
+        if self._cost[first] - self._base == far_index(first, last, stride, *scale.octile):
+            cells, diagonal = direct_way(self._steps, weights, first, last)
+        else:
+            cells, diagonal = way_down(self._steps, weights, self._cost, first, last, *scale[:4])
         straight = len(cells) - 1 - diagonal
         cost = straight + diagonal * math.sqrt(2.0) if extra is None else _cost_of(cells, extra)
         return Way(cells, straight, diagonal, cost)
+
+    def _search(self, scale: _Scale, extra: Bytes | None, source: int, target: int, looks_ahead: bool) -> None:
+        """Find the costs to the source from all cells on shortest ways to it."""
+        seeds, self._used = np.array([source]), -1
+        while True:
+            self._renew(scale.span)
+            self._cost[source] = self._base
+            if self._expand(scale, extra, seeds, source, target, looks_ahead):
+                return
+            self._open = new_open_list(2 * len(self._open[0]))
+
+    def _expand(
+        self, scale: _Scale, extra: Bytes | None, seeds: NDArray[np.int64], source: int, target: int, looks_ahead: bool
+    ) -> bool:
+        """Go on from open cells. Returns whether the open list was long enough."""
+        ahead = scale.octile if looks_ahead else (0, 0)
+        self._used = expand(self._steps, extra, self._mixed, self._cost, self._open, scale.buckets, seeds, source,
+                            target, *scale[:4], *ahead, scale.shift)  # fmt: skip
+        return self._used >= 0
+
+    def _nearest(self, scale: _Scale, extra: Bytes | None, first: int, last: int) -> Cell:
+        self._kept = None
+        self._renew(scale.span)
+        cells = nearest(self._steps, self._cost, self._base, first, last).tolist()
+        costs = []
+        for cell in cells if len(cells) > 1 else ():
+            self._search(scale, extra, cell, first, self._looks_ahead)
+            costs.append(int(self._cost[first]) - self._base)
+        row, column = divmod(min(zip(costs, cells, strict=True))[1] if costs else cells[0], self.shape[1] + 2)
+        return row - 1, column - 1
+
+    def _changed(self, free: Bools, extra: Bytes | None) -> NDArray[np.int64] | None:
+        cells = free.view(np.uint8), self.wall.view(np.uint8)
+        return changed_cells(*cells, extra, self.extra, int(_MOST_CHANGED * free.size))
+
+    def _take(self, free: Bools, extra: Bytes | None, changed: NDArray[np.int64] | None) -> None:
+        """Store a grid: all of it, or the box around the cells that have changed."""
+        if changed is None:
+            low, left, (high, right) = 1, 1, self.shape
+        elif len(changed):
+            low, high, left, right = changed[0, 0], changed[-1, 0], changed[:, 1].min(), changed[:, 1].max()
+        else:
+            return
+        here, there = np.s_[low : high + 1, left : right + 1], np.s_[low - 1 : high, left - 1 : right]
+        np.logical_not(free[there], out=self.wall[here])
+        # The steps of a cell depend on its neighbours.
+        box = max(low - 1, 1), min(high + 1, self.shape[0]) + 1, max(left - 1, 1), min(right + 1, self.shape[1]) + 1
+        set_steps(self.wall, self._steps, *box)
+        if extra is not None:
+            self.extra[here] = extra[there]
+            set_mixed(self.extra, self._mixed, *box)
+
+    def _repair(self, scale: _Scale, extra: Bytes | None, source: int, target: int, changed: NDArray[np.int64]) -> bool:
+        """Make the costs of the last search to the same goal those of this one. Returns whether that was possible."""
+        most = int(_MOST_FORGOTTEN * self._cost.size)
+        seeds = reopened(self._steps, extra, self._cost, self._open, self._used, changed, source, self._top, *scale[:4],
+                         most)  # fmt: skip
+        return seeds is not None and self._expand(scale, extra, seeds, source, target, self._looks_ahead)
 
     def _check(self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None) -> None:
         for name, array in (("free", free), ("extra", extra)):
@@ -207,16 +286,9 @@ class GridSearch:
             self._base = 0
         self._base, self._top = self._base - span, self._base
 
-    def _nearest(self, goal: Cell) -> Closed:
-        cost = self._cost.reshape(self.wall.shape)[1:-1, 1:-1]
-        rows, columns = np.nonzero(cost < self._top)
-        distances = (rows - goal[0]) ** 2 + (columns - goal[1]) ** 2
-        best = np.lexsort((columns, rows, cost[rows, columns], distances))[0]
-        return Closed((int(rows[best]), int(columns[best])))
-
 
 class DijkstraSearch(GridSearch):
-    """The same search without the heuristic (Dijkstra 1959): same costs, but it expands many more cells."""
+    """The same search without the heuristic (Dijkstra 1959): same ways, but it expands many more cells."""
 
     _looks_ahead = False
 
@@ -225,94 +297,6 @@ def _cost_of(cells: NDArray[np.int64], extra: NDArray[np.uint8]) -> float:
     lengths = np.where((np.diff(cells, axis=0) != 0).all(axis=1), math.sqrt(2.0), 1.0)
     ground = extra[cells[:, 0], cells[:, 1]] / EXTRA_UNIT
     return float((lengths * (1.0 + 0.5 * (ground[1:] + ground[:-1]))).sum())
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _search(
-    wall: Bools, extra: NDArray[np.uint8] | None, cost: NDArray[np.int64], arrival: NDArray[np.uint8],
-    before: NDArray[np.int32], after: NDArray[np.int32], buckets: int, start: Index, goal: int, base: int, top: int,
-    straight: int, diagonal: int, q: int, p: int, ahead_long: int, ahead_short: int, shift: int,
-) -> bool:  # fmt: skip
-    """Fill `cost` and `arrival` from the start until those of the goal are final. Returns whether it was reached.
-
-    The heuristic is `ahead_long` per cell along the longer side of the box from a cell to the goal, plus `ahead_short`
-    per cell along the shorter side. With q and p - q it is the octile distance; with 0 and 0 there is no heuristic.
-
-    `before` and `after` link the cells of a bucket, whose head is element `size + bucket`. A cell in no bucket has -1
-    in `before`. `held` is the next cell of the current bucket; it skips the list to save time.
-    """
-    mask, stride, size, walls = buckets - 1, wall.shape[1], wall.size, wall.reshape(-1)
-    offsets = _ROW_STEP * stride + _COLUMN_STEP
-    beside, beyond = offsets.copy(), offsets.copy()  # the cells beside a diagonal step
-    for n in range(1, 8, 2):
-        beside[n], beyond[n] = offsets[n - 1], offsets[(n + 1) & 7]
-    goal_row, goal_column = goal // stride, goal % stride
-    down, across = abs(start // stride - goal_row), abs(start % stride - goal_column)
-    bottom = base + ahead_long * max(down, across) + ahead_short * min(down, across)
-    for head in range(size, size + buckets):
-        before[head], after[head] = head, head
-    cost[start], arrival[start], before[start] = base, _START, _CLOSED
-    bucket, empty, held = 0, 0, start
-    while empty < buckets and bottom + (bucket << shift) < cost[goal]:
-        cell, held = held, 0
-        if cell == 0:
-            head = size + (bucket & mask)
-            cell = np.int64(after[head])
-            if cell == head:
-                bucket += 1
-                empty += 1
-                continue
-            empty, second = 0, after[cell]
-            after[head], before[second], before[cell] = second, head, _CLOSED
-        row = np.int64(np.uint32(cell) // np.uint32(stride))
-        case: Index = 4 * _START
-        column, sofar = cell - row * stride, cost[cell]
-        if extra is None and arrival[cell] != _START:
-            k = np.int64(arrival[cell])
-            case = 4 * k
-            if not k & 1:
-                parent = cell - offsets[k]
-                case += walls[parent + offsets[(k + 2) & 7]] + 2 * walls[parent + offsets[(k - 2) & 7]]
-        for n in range(_COUNTS[case]):
-            k = _CHOICES[np.uint64(case), np.uint64(n)]
-            other = np.uint64(cell + offsets[k])
-            if walls[other] or walls[np.uint64(cell + beside[k])] or walls[np.uint64(cell + beyond[k])]:
-                continue
-            reached, known = sofar + (diagonal if k & 1 else straight), cost[other]
-            if extra is not None:
-                reached += (p if k & 1 else q) * (np.int64(extra[cell]) + extra[other])
-            if reached >= known:
-                continue
-            if known < top and before[other] != _CLOSED:
-                after[before[other]], before[after[other]] = after[other], before[other]
-            cost[other], arrival[other] = reached, k
-            down, across = abs(row + _ROW_STEP[k] - goal_row), abs(column + _COLUMN_STEP[k] - goal_column)
-            ahead = ahead_long * max(down, across) + ahead_short * min(down, across)
-            place = (reached + ahead - bottom) >> shift
-            if place == bucket and n + 1 == _COUNTS[case]:
-                held, before[other] = np.int64(other), _CLOSED
-                continue
-            head = size + (place & mask)
-            second = after[head]
-            before[other], after[other], before[second], after[head] = head, second, other, other
-    is_reached: bool = cost[goal] < top
-    return is_reached
-
-
-@njit(cache=True, nogil=True)
-def _trace(arrival: NDArray[np.uint8], stride: int, start: int, goal: int) -> tuple[NDArray[np.int64], int]:
-    """(n, 2) rows and columns of the way from the start, not counting the border, and its number of diagonal steps."""
-    count, diagonal, cell = 1, 0, goal
-    while cell != start:
-        k = arrival[cell]
-        cell -= _ROW_STEP[k] * stride + _COLUMN_STEP[k]
-        count, diagonal = count + 1, diagonal + (k & 1)
-    way, cell = np.empty((count, 2), np.int64), goal
-    for n in range(count - 1, -1, -1):
-        way[n, 0], way[n, 1] = cell // stride - 1, cell % stride - 1
-        k = arrival[cell] & 7
-        cell -= _ROW_STEP[k] * stride + _COLUMN_STEP[k]
-    return way, diagonal
 
 
 def warm_up() -> None:

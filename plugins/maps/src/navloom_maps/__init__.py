@@ -1,24 +1,33 @@
 """Worlds of buildings: from map files of others (ROS map_server, MovingAI, BARN), and storeys drawn from a seed.
 
 Begin with `rosmap.py`: a YAML file and an image, read and written as nav2_map_server does; `images.py` reads it.
-`movingai.py` and `barn.py` read benchmark maps; `floor.py` makes storeys. They need pyyaml and
-pillow, which the core does not.
+`movingai.py`, `barn.py` and `dynabarn.py` read benchmark worlds, `people.py` recorded tracks; `floor.py` makes storeys.
+They need pyyaml and pillow, which the core does not.
 """
 
 from navloom import Registry, hookimpl
 
 from navloom_maps.barn import barn_world
+from navloom_maps.dynabarn import dynabarn_world
 from navloom_maps.floor import DEVELOPMENT_SEEDS, TEST_SEEDS, Floor, floor_of, floor_world, lookalikes
 from navloom_maps.movingai import movingai_world
+from navloom_maps.people import people_world
 from navloom_maps.rosmap import rosmap_world
 from navloom_maps.yaml_text import yaml_of
 
 __all__ = [
-    "DEVELOPMENT_SEEDS", "Floor", "SCHEMES", "TEST_SEEDS", "barn_world", "floor_of", "floor_world", "lookalikes",
-    "movingai_world", "navloom_register", "rosmap_world", "yaml_of",
+    "DEVELOPMENT_SEEDS", "Floor", "SCHEMES", "TEST_SEEDS", "barn_world", "dynabarn_world", "floor_of", "floor_world",
+    "lookalikes", "movingai_world", "navloom_register", "people_world", "rosmap_world", "yaml_of",
 ]  # fmt: skip
 
-SCHEMES = {"barn": barn_world, "floor": floor_world, "movingai": movingai_world, "rosmap": rosmap_world}
+SCHEMES = {
+    "barn": barn_world,
+    "dynabarn": dynabarn_world,
+    "floor": floor_world,
+    "movingai": movingai_world,
+    "people": people_world,
+    "rosmap": rosmap_world,
+}
 
 
 @hookimpl

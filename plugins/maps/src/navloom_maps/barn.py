@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 from navloom.geometry.world import Cylinder, Place, World
-from navloom.inputs import Arrays
-from navloom.worlds import WorldError, did_you_mean, file_of, readable
+from navloom.worlds import WorldError, file_of
 from numpy.typing import NDArray
+
+from navloom_maps.arrays import WorldArrays
 
 __all__ = ["barn_numbers", "barn_world"]
 
@@ -32,37 +33,32 @@ def barn_world(argument: str, base: Path) -> World:
     name, sharp, number = argument.partition("#")
     if not sharp or not number.isascii() or not number.isdigit():
         raise WorldError(f"barn:{argument}: {number!r} after '#', expected a world's number, as in barn:{name}#17")
-    path = file_of(name, base)
-    arrays = _Arrays(path)
-    offsets = arrays.read("cyl_off", (-1,)).astype(np.int64)
-    if not offsets.size:
-        raise WorldError(f"{path}: array 'cyl_off' is empty, expected one number more than there are worlds")
-    numbers = arrays.read("world", (len(offsets) - 1,)).astype(np.int64)
-    matches = np.flatnonzero(numbers == int(number)) if len(number) < 10 else np.zeros(0, dtype=np.int64)
-    if not matches.size:
-        there = ", ".join(str(n) for n in numbers[:400].tolist())
-        raise WorldError(f"{path}: there is no world {number}; the file has {there}")
+    arrays = WorldArrays(file_of(name, base))
+    place, first, last = arrays.span("world", "cyl_off", number)
     cylinders = arrays.read("cyl", (-1, 3))
-    first, last = offsets[matches[0] : matches[0] + 2].tolist()
     if not 0 <= first <= last <= len(cylinders):
-        raise WorldError(f"{path}: cylinders {first} to {last} of world {number}, expected 0 to {len(cylinders)}")
+        raise WorldError(
+            f"{arrays.path}: cylinders {first} to {last} of world {number}, expected 0 to {len(cylinders)}"
+        )
     if last - first > _MOST:
-        raise WorldError(f"{path}: {last - first} cylinders of world {number}, expected at most {_MOST}")
+        raise WorldError(f"{arrays.path}: {last - first} cylinders of world {number}, expected at most {_MOST}")
     reference = None
     if arrays.has("path_len_m"):
-        reference = float(arrays.read("path_len_m", (len(numbers),))[matches[0]])
+        reference = float(arrays.read("path_len_m", arrays.read("world", (-1,)).shape)[place])
         if reference <= 0.0:
-            raise WorldError(f"{path}: path_len_m of world {number} is {reference:g}, expected a length > 0 in metres")
+            raise WorldError(
+                f"{arrays.path}: path_len_m of world {number} is {reference:g}, expected a length > 0 in metres"
+            )
     return _world(f"barn:{argument}", cylinders[first:last], arrays, reference)
 
 
 def barn_numbers(name: str, base: Path) -> list[int]:
     """The numbers of a file's worlds, increasing. Raises WorldError if the file is missing or damaged."""
-    numbers: list[int] = _Arrays(file_of(name, base)).read("world", (-1,)).astype(np.int64).tolist()
+    numbers: list[int] = WorldArrays(file_of(name, base)).read("world", (-1,)).astype(np.int64).tolist()
     return sorted(numbers)
 
 
-def _world(name: str, cylinders: Floats, arrays: _Arrays, reference: float | None) -> World:
+def _world(name: str, cylinders: Floats, arrays: WorldArrays, reference: float | None) -> World:
     start = arrays.read("start", (3,))
     goal = arrays.read("goal", (2,))
     if cylinders.size and cylinders[:, 2].min() <= 0.0:
@@ -79,32 +75,3 @@ def _world(name: str, cylinders: Floats, arrays: _Arrays, reference: float | Non
         time_limit=float(arrays.read("time_limit", ())),
         reference_length=reference,
     )
-
-
-class _Arrays:
-    """The arrays of a file, with checks."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with readable(path):
-            self._arrays = Arrays(path, WorldError)
-
-    def has(self, name: str) -> bool:
-        return name in self._arrays.names
-
-    def read(self, name: str, shape: tuple[int, ...]) -> Floats:
-        """One array as float64; -1 in `shape` means any length.
-
-        Raises:
-            WorldError: The array is missing, damaged, of another shape, or contains anything but finite numbers.
-        """
-        if not self.has(name):
-            raise WorldError(f"{self.path}: array {name!r} is missing; {did_you_mean(name, self._arrays.names)}")
-        array = self._arrays.read(name)
-        fits = len(array.shape) == len(shape) and all(w in (-1, g) for w, g in zip(shape, array.shape, strict=True))
-        if not fits or array.dtype.kind not in "iuf":
-            raise WorldError(f"{self.path}: array {name!r} of {array.dtype} {array.shape}, expected numbers {shape}")
-        numbers = array.astype(np.float64)
-        if not (np.abs(numbers) <= 1e7).all():
-            raise WorldError(f"{self.path}: array {name!r} has a value beyond ±1e7, expected metres and seconds")
-        return numbers

@@ -23,7 +23,6 @@ from navloom import (
     Sweep,
     Truth,
     Twist2D,
-    position_at,
 )
 
 from navloom_sensors_sim.disturbing import Disturbances, Effect
@@ -71,7 +70,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         self._sensors = {sensor.name: self._sensor(sensor) for sensor in context.sensors if sensor.kind not in added}
         solids, raster = (context.world.obstacles, context.world.raster) if context.world is not None else ((), None)
         sweeps = any(sensor.kind == "pitched_laser" for sensor in context.sensors)
-        self._scene = Scene(solids, raster, position_at, sweeps)
+        self._scene = Scene(solids, raster, sweeps)
         place = (start.x, start.y, start.heading)
         self._robot = Robot(spec.footprint, spec.height, place, context.stream("odometry"), spec.drive)
         self.configure(self.params)
@@ -111,6 +110,9 @@ class SensorsSim(Platform[SensorsSimParams]):
         robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
         # Before the robot moves: obstacles and robot must be of the same time.
         scene.update(given.time_ns / 1e9, self._swept)
+        if given.bodies is not None:
+            parts = given.bodies.parts
+            scene.put(parts[parts[:, 0] != given.own_body], given.bodies.names)
         legs = self._orders.legs(begin_ns, given.time_ns, self._asked(given.command)) if time > 0.0 else ()
         effect = self._disturbances.act(given.time_ns, robot.pose)
         if effect.pose is not None:

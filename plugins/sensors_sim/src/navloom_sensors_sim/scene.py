@@ -1,9 +1,9 @@
-"""The world as arrays: which obstacles are present, and where, at a run time."""
+"""The world as arrays: which obstacles are present at a run time, and where the bodies are that move."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,62 +14,91 @@ from navloom_sensors_sim.casting import Obstacles
 
 __all__ = ["Scene"]
 
-PositionAt = Callable[[Any, bool, float], tuple[float, float]]
+Floats = NDArray[np.float64]
 
 
 class Scene:
     """Ground truth at one moment.
 
     Attributes:
-        obstacles: Arrays that the kernels read; `update` changes them in place.
+        obstacles: Arrays that the kernels read; `update` changes or replaces them.
         opaque: The same without glass, for lasers; the same object if there is no glass.
-        names: Name of each obstacle by its index: boxes, cylinders, raster.
+        names: Name of each obstacle by its index: boxes, cylinders, raster. Those that move come after the boxes and
+            after the cylinders that stand.
     """
 
-    def __init__(self, solids: Sequence[Any], raster: Any, position_at: PositionAt, sweeps: bool) -> None:
+    def __init__(self, solids: Sequence[Any], raster: Any, sweeps: bool) -> None:
         """Build the arrays of a world.
 
         Args:
             solids: Boxes and cylinders (those with a `radius`), with the attributes of navloom's Box and Cylinder.
             raster: An object with the attributes of navloom's Raster, or None.
-            position_at: Centre of a moving obstacle, m, by its waypoints, whether it loops, and the time, s.
             sweeps: Whether the robot has a pitched laser. If not, obstacles that appear after its first sweep are
                 present from the start.
         """
         boxes = [solid for solid in solids if not hasattr(solid, "radius")]
         cylinders = [solid for solid in solids if hasattr(solid, "radius")]
         solids = [*boxes, *cylinders]
-        self.names = tuple(o.name for o in solids) + ((raster.name,) if raster is not None else ())
-        self.obstacles = Obstacles(
+        self._named = ([o.name for o in boxes], [o.name for o in cylinders], [] if raster is None else [raster.name])
+        self.names = tuple(name for names in self._named for name in names)
+        self.obstacles = self._standing = Obstacles(
             np.array([_box_row(box) for box in boxes]).reshape(-1, 9),
             np.array([_cylinder_row(cylinder) for cylinder in cylinders]).reshape(-1, 6),
             *_raster_arrays(raster),
         )
-        self._sweeps, self._position_at = sweeps, position_at
-        self.opaque = _without_glass(self.obstacles, solids)
+        self._sweeps = sweeps
+        self.opaque = self._standing_opaque = _without_glass(self.obstacles, solids)
         arrays = (self.obstacles,) if self.opaque is self.obstacles else (self.obstacles, self.opaque)
         # Obstacles that can change, each with its row in the arrays, which is a view; glass stays absent for lasers.
         self._changing = [
             (o, row)
             for kind in arrays
             for o, row in zip(solids, _rows(kind), strict=True)
-            if (o.waypoints or o.appears_after_sweep or o.appears_at > 0.0)
-            and (kind is self.obstacles or o.material != "glass")
+            if (o.appears_after_sweep or o.appears_at > 0.0) and (kind is self.obstacles or o.material != "glass")
         ]
 
     def update(self, time: float, swept: bool) -> None:
-        """Update positions and presence for a run time, s; `swept`: whether the first sweep has ended."""
+        """Update presence for a run time, s; `swept`: whether the first sweep has ended."""
         for obstacle, row in self._changing:
-            if obstacle.waypoints:
-                row[:2] = self._position_at(obstacle.waypoints, obstacle.loops, time)
             if obstacle.appears_after_sweep:
                 row[-1] = swept or not self._sweeps
             else:
                 row[-1] = time >= obstacle.appears_at
 
+    def put(self, parts: Floats, names: Sequence[str]) -> None:
+        """Add what moves to what stands.
+
+        Args:
+            parts: (p, 9) cylinders and boxes, as in navloom's `Bodies`.
+            names: Names of the bodies that they belong to.
+        """
+        is_box, standing = parts[:, 4] > 0.0, self._standing
+        owners = [[names[int(number)] for number in parts[kind, 0]] for kind in (is_box, ~is_box)]
+        boxes, cylinders, raster = self._named
+        self.names = (*boxes, *owners[0], *cylinders, *owners[1], *raster)
+        self.obstacles = _joined(standing, parts[is_box], parts[~is_box])
+        self.opaque = self.obstacles
+        if self._standing_opaque is not standing or parts[:, 8].any():
+            # Absent, not left out: an index means the same obstacle to every sensor.
+            self.opaque = _joined(self._standing_opaque, parts[is_box], parts[~is_box], sees_glass=False)
+
     def name_of(self, index: int) -> str:
         """Name of an obstacle by its index, empty for none."""
         return self.names[index] if index >= 0 else ""
+
+
+def _joined(standing: Obstacles, boxes: Floats, cylinders: Floats, sees_glass: bool = True) -> Obstacles:
+    """Standing obstacles, and boxes and cylinders in rows of navloom's `Bodies.parts` after them."""
+    box_rows, cylinder_rows = np.empty((len(boxes), 9)), np.empty((len(cylinders), 6))
+    box_rows[:, :4], box_rows[:, 4:6] = boxes[:, 1:5], boxes[:, 6:8]
+    # A yaw of 0 has a sine of exactly 0, for which the kernels use a faster path.
+    box_rows[:, 6], box_rows[:, 7] = np.cos(boxes[:, 5]), np.sin(boxes[:, 5])
+    cylinder_rows[:, :3], cylinder_rows[:, 3:5] = cylinders[:, 1:4], cylinders[:, 6:8]
+    for rows, parts in ((box_rows, boxes), (cylinder_rows, cylinders)):
+        rows[:, -1] = True if sees_glass else parts[:, 8] == 0.0
+    return standing._replace(
+        boxes=np.concatenate([standing.boxes, box_rows]), cylinders=np.concatenate([standing.cylinders, cylinder_rows])
+    )
 
 
 def _without_glass(obstacles: Obstacles, solids: Sequence[Any]) -> Obstacles:

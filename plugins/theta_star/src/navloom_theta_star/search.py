@@ -25,7 +25,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch, Index
+from navloom_astar.expansion import Index
+from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch
 from numba import njit
 from numpy.typing import NDArray
 
@@ -97,6 +98,9 @@ class ThetaSearch:
         if isinstance(on_cells, Closed):
             return on_cells
         wall, weights = self._on_cells.wall, None if extra is None else self._on_cells.extra
+        if extra is not None and not _touches(extra, on_cells.cells):
+            # A* keeps out of the ground that costs more. So does this search, which then needs no integrals.
+            wall, weights = wall | (self._on_cells.extra > 0), None
         stride = self.shape[1] + 2
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
         centres = tuple((column + 0.5, row + 0.5) for row, column in (start, goal))
@@ -109,6 +113,14 @@ class ThetaSearch:
             length if weights is None else sum(ground_cost(weights, EXTRA_UNIT, *a, *b) for a, b in pairwise(corners))
         )
         return Taut(cells, length, cost, expanded)
+
+
+def _touches(extra: NDArray[np.uint8], cells: NDArray[np.int64]) -> bool:
+    """Whether a cell of a way, or one beside a diagonal step, has an extra cost."""
+    rows, columns = cells.T
+    return bool(
+        extra[rows, columns].any() or extra[rows[:-1], columns[1:]].any() or extra[rows[1:], columns[:-1]].any()
+    )
 
 
 class LazyThetaSearch(ThetaSearch):

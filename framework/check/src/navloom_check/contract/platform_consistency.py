@@ -228,7 +228,7 @@ def true_clearance(bench: Bench) -> Iterator[Finding]:
     )  # fmt: skip
     for given, world, command in rooms:
         context = context_of(bench, (), world=world)
-        outputs = outputs_of(bench, context, command, 80)
+        outputs = outputs_of(bench, context, command, 80, world=world)
         errors = []
         for step, out in enumerate(outputs):
             if out.truth is None:

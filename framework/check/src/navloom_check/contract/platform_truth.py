@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from navloom.geometry.echoes import poses_at
 from navloom.geometry.frames import transform
+from navloom.geometry.moving_world import standing
 from navloom.geometry.world import Box, World
 from navloom.messages import Pose2D, PoseTrack, RangeScan, Sweep
 from navloom.roles import Context, Disturbance, Platform, PlatformOutput, SensorSpec
@@ -79,21 +80,28 @@ def context_of(
     if not cls.is_simulated or cls.own_world(bench.subject.params) is not None:
         raise NotRun("it does not simulate the world that it is given")
     bench.sound()
-    return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=world or made_world())
+    stands = standing(world or made_world())
+    return builders.context(role="platform", start=start, period=PERIOD, sensors=sensors, world=stands)
 
 
 def outputs_of(
-    bench: Bench, context: Context, twist: tuple[float, float], steps: int, seed: int = 0, back: int = 0
+    bench: Bench,
+    context: Context,
+    twist: tuple[float, float],
+    steps: int,
+    seed: int = 0,
+    back: int = 0,
+    world: World | None = None,
 ) -> list[PlatformOutput]:
     """Outputs of the platform while it is commanded a speed, m/s, and a turn rate, rad/s, in the run of a seed.
 
-    In `back` further steps, it is commanded the opposite.
+    In `back` further steps, it is commanded the opposite. What moves in a world is told to it in each step.
     """
     commands = [(0.0, 0.0), *[twist] * (steps - 1), *[(-twist[0], -twist[1])] * back]
     with alike():
         player = Player(bench.subject, context, bench.seed + seed)
         return [
-            player.step(builders.platform_input(command, k * PERIOD, 1 if k == 3 else None))
+            player.step(builders.platform_input(command, k * PERIOD, 1 if k == 3 else None, world))
             for k, command in enumerate(commands)
         ]
 

@@ -15,6 +15,7 @@ from navloom.config.tables import (
     REQUIRED_ROLES,
     ROLE_TABLES,
     TAKEN,
+    WORLD_NODE,
     AlternativeTable,
     EventTable,
     GateTable,
@@ -170,11 +171,11 @@ class Config(OptionalTables):
             taken.add((table.role, table.instance))
 
     def _wrong_places(self) -> Iterator[str]:
-        taken, known = self._instances(), (*self.roles, *OWN_NODES)
+        taken, known = self._instances(), (*self.roles, *OWN_NODES, WORLD_NODE)
         for process, nodes in self.live.processes.items():
             for node in nodes:
                 role, dot, name = node.partition(".")
-                if role not in known or (dot and role in OWN_NODES):
+                if role not in known or (dot and role in (*OWN_NODES, WORLD_NODE)):
                     yield f'live: process {process} names "{node}", expected a role or role.instance of ' \
                           f"{', '.join(known)}"  # fmt: skip
                 elif dot and (role, name) not in taken:

@@ -41,6 +41,7 @@ __all__ = [
     "NavigationTable",
     "NodeTable",
     "OWN_NODES",
+    "WORLD_NODE",
     "OWN_PROCESS",
     "OffsetTable",
     "OpenTable",
@@ -66,7 +67,9 @@ ROLE_TABLES = ROLES.keys()
 REQUIRED_ROLES = tuple(role for role, cls in ROLES.items() if not cls.facts.is_optional)
 """Roles that every robot has; the others have a node only if the config has their table."""
 OWN_NODES = ("goal", "reference", "gate")
-TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
+WORLD_NODE = "world"
+"""The node of a simulated robot in a world where something moves; it runs with the platform unless it is placed."""
+TAKEN = (*ROLE_TABLES, *OWN_NODES, WORLD_NODE, "operator", "process")
 """Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
 """Process of the [[node]] tables that no process names, apart from those that drive the robot."""
@@ -293,7 +296,7 @@ class GateTable(Table):
 
 _OPTIONAL_KEYS = {
     "goal": ("heading_deg",), "set": ("name", "values"), "place": ("spread", "heading_spread_deg"),
-    "displace": ("over",), "slip": ("by", "over"),
+    "displace": ("over",), "slip": ("by", "over"), "actor": ("name",),
 }  # fmt: skip
 """Keys that an event may have beside those that it needs, by what it does."""
 
@@ -302,15 +305,17 @@ class EventTable(Table):
     """An operator's action at a given time, or what happens to a simulated robot then."""
 
     at: float = Field(ge=0.0, description="s after the first tick")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip"]
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume", "place", "relocalise", "displace", "slip", "actor"]
     x: float | None = None
     y: float | None = None
     heading_deg: Heading | None = None
     spread: Positive | None = Field(default=None, description="for place: as that of navigation.start")
     heading_spread_deg: HeadingSpread | None = Field(default=None, description="for place: as for navigation.start")
     role: str | None = None
-    name: str | None = Field(default=None, description="instance, for swap and set")
-    values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
+    name: str | None = Field(default=None, description="instance, for swap and set; of an actor")
+    values: dict[str, Any] = Field(
+        default_factory=dict, description="for set: the parameters to change; for actor: its table"
+    )
     by: OffsetTable | None = Field(default=None, description="for displace and slip: a motion, in the robot's frame")
     over: float = Field(default=0.0, ge=0.0, description="for displace and slip: s that it takes; 0: one tick")
 
@@ -319,9 +324,10 @@ class EventTable(Table):
         needed = {
             "swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",), "place": ("x", "y", "heading_deg"),
             "displace": ("by",) if self.by else ("x", "y", "heading_deg"),
+            "actor": ("values",),
         }.get(self.do, ())  # fmt: skip
         missing = [key for key in needed if getattr(self, key) is None]
-        if self.do == "set" and not self.values:
+        if self.do in ("set", "actor") and not self.values:
             missing.append("values")
         if self.do == "slip" and self.by is None and not self.over:
             missing.append("over or by")

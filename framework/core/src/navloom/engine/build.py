@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.config_errors import Gathered
 from navloom.config.schema import Config
-from navloom.config.tables import GOAL_TOLERANCE, MapTable, PlaceTable, RobotTable, RoleTable
+from navloom.config.tables import GOAL_TOLERANCE, EventTable, MapTable, PlaceTable, RobotTable, RoleTable
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.node_ports import Port
 from navloom.engine.parameter_changes import blamed_on_event, changed_params, set_events
@@ -21,14 +22,20 @@ from navloom.engine.plugin_instances import Part, catalogue_of_parts, connect, f
 from navloom.engine.starts import check_search, starts_of
 from navloom.engine.streams import OWN_PORTS, sensor_port
 from navloom.engine.system import System
+from navloom.geometry import moving_world
+from navloom.geometry.actors import Actor
 from navloom.geometry.footprints import FootprintError, disc, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.inputs.assignments import assignments
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
 from navloom.navigation.approach import SLOWEST, least_tolerance
+from navloom.parts import has_part
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles import ROLES, Platform, RobotSpec, Role, SensorSpec
+from navloom.worlds.actor_tables import ACTOR_KEYS, actor_of
+from navloom.worlds.toml_table import FileTable
+from navloom.worlds.world_errors import WorldError
 
 __all__ = ["assemble", "robot_spec"]
 
@@ -74,10 +81,12 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     config, problems = loaded.config, Gathered()
     discovery = discovery or Discovery(config.plugins.blocked)
     parts, world, robot = find_parts(config, discovery, problems), None, None
-    catalogue = catalogue_of_parts(config, parts, problems)
     platform_part = parts.get(("platform", config.platform.instance))
     with problems.gather():
         world = _world(loaded, discovery, platform_part)
+    # A simulator with a world of its own moves what moves there, and a real robot meets what is really there.
+    moves = config.world is not None and world is not None and moving_world.moves(world)
+    catalogue = catalogue_of_parts(config, parts, problems, moves and is_simulated(platform_part))
     with problems.gather():
         robot = robot_spec(config.robot)
     sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
@@ -115,6 +124,11 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
         check_search(system, discovery)
     problems.refuse(loaded.error)
     return system
+
+
+def is_simulated(platform: Part | None) -> bool:
+    """Whether a config's platform is a simulator."""
+    return platform is not None and issubclass(platform.cls, Platform) and platform.cls.is_simulated
 
 
 def _system(
@@ -159,13 +173,45 @@ def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World
     """The true world: the config's, or the platform's own."""
     own = None if platform is None else world_of_platform(platform)
     if loaded.config.world is None:
+        _refuse_actors(loaded.config, "there is no [world] in which it could appear")
         return own
     if own is not None:
         raise ConfigError(
             f"world.ref: is {loaded.config.world.ref!r}, but the platform {loaded.config.platform.plugin} brings a "
             "world of its own: leave [world] and --worlds out"
         )
-    return _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
+    world = _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
+    added = [_actor_of(number, event) for number, event in enumerate(loaded.config.event) if event.do == "actor"]
+    if added and not is_simulated(platform):
+        _refuse_actors(loaded.config, "the platform is a real robot")
+    taken = [obstacle.name for obstacle in world.obstacles] + [actor.name for actor in world.actors]
+    for name in [actor.name for actor in added]:
+        if name in taken:
+            raise ConfigError(f"event: an actor is named {name!r}, as another in the world: name it otherwise")
+        taken.append(name)
+    world = replace(world, actors=(*world.actors, *added)) if added else world
+    if loaded.config.robot.name in taken and moving_world.moves(world):
+        raise ConfigError(f"robot.name: is {loaded.config.robot.name!r}, as something in the world: name it otherwise")
+    if moving_world.walks(world) and not has_part("navloom_orca"):
+        raise ConfigError(f"world.ref: actors of {world.name} have goals, which needs navloom-orca: install it")
+    return world
+
+
+def _actor_of(number: int, event: EventTable) -> Actor:
+    """The actor that an event lets appear; its course begins then."""
+    try:
+        table = FileTable(Path(f"event.{number}.values"), "", event.values, ACTOR_KEYS)
+        if "appears_at" in table:
+            raise table.error("appears_at has no use in an event, which has at: leave it out")
+        return actor_of(table, event.name or f"actor {number}", event.at)
+    except WorldError as error:
+        raise ConfigError(str(error)) from None
+
+
+def _refuse_actors(config: Config, why: str) -> None:
+    for number, event in enumerate(config.event):
+        if event.do == "actor":
+            raise ConfigError(f'event.{number}.do: is "actor", but {why}: leave the event out')
 
 
 def _resolve(loaded: Loaded, discovery: Discovery, place: str, reference: str) -> World:
@@ -197,7 +243,7 @@ def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
     raster = world.raster
     # A raster that is rasterised again would shift every wall by up to half a cell.
     if raster is not None and not world.obstacles:
-        cells = np.where(raster.occupied, 100, 0).astype(np.int8)
+        cells = np.multiply(raster.occupied, 100, dtype=np.int8)
         return OccupancyGrid(cells, raster.resolution, Pose2D(raster.origin.x, raster.origin.y, raster.origin.heading))
     grid = world_to_grid(world, resolution, (0.0, height))
     return OccupancyGrid(grid.cells, grid.resolution, Pose2D(grid.origin.x, grid.origin.y, grid.origin.heading))

@@ -20,7 +20,8 @@ from navloom.engine.nodes.planner_node import PlannerNode
 from navloom.engine.nodes.platform_node import PlatformNode
 from navloom.engine.nodes.recovery_node import RecoveryNode
 from navloom.engine.nodes.reference_node import ReferenceNode
-from navloom.engine.streams import PortTable
+from navloom.engine.nodes.world_node import WorldNode
+from navloom.engine.streams import PlatformPorts, PortTable, WorldPorts
 from navloom.messages import Message
 from navloom.plugins import Discovery, PluginError
 from navloom.roles import ROLES
@@ -29,6 +30,7 @@ __all__ = ["FRAMEWORK", "NODES", "Catalogue", "catalogue_of"]
 
 NODES: tuple[type[Node], ...] = (
     OperatorNode,
+    WorldNode,
     PlatformNode,
     LocalizerNode,
     MapperNode,
@@ -50,10 +52,11 @@ class Catalogue(PortTable):
         strangers: Classes of the config's `[[node]]` tables, by name.
         required: Names of those without which the robot does not drive.
         roles: Roles that the robot has; those that it lacks are optional ones.
+        moves: Something moves in its simulated world: it has a node `world`.
 
     Attributes:
         nodes: Class of each node by name, in listed order.
-        absent: Optional roles that the robot lacks.
+        absent: Optional roles that the robot lacks, and `world` if nothing moves there.
         optional: Nodes whose failure does not end a goal.
     """
 
@@ -62,10 +65,11 @@ class Catalogue(PortTable):
         strangers: Mapping[str, type[NodePlugin]] = MappingProxyType({}),
         required: Collection[str] = (),
         roles: Collection[str] = ROLES.keys(),
+        moves: bool = False,
     ) -> None:
         # Per config and not per process: `compare` runs several configs in one.
         self.strangers = dict(strangers)
-        self.absent = frozenset(ROLES).difference(roles)
+        self.absent = frozenset([*ROLES, *(() if moves else ("world",))]).difference(roles)
         own = {node.role: node for node in NODES if node.role not in self.absent}
         # Strangers last: nodes that do not depend on each other step in listed order, and a new one must not move the
         # others.
@@ -96,12 +100,15 @@ class Catalogue(PortTable):
         return plugin is not None and plugin.is_patient
 
 
-FRAMEWORK = Catalogue()
-"""The nodes of a robot that has every role."""
+FRAMEWORK = Catalogue(moves=True)
+"""The nodes of a robot that has every role, in a world where something moves."""
 
 
 def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Catalogue, dict[str, str]]:
-    """The catalogue of a config's robot, and by name why a node is missing: its plugin is broken or not installed."""
+    """The catalogue of a config's robot, and by name why a node is missing: its plugin is broken or not installed.
+
+    Whether anything moves in its world is not looked up: the node `world` is in it.
+    """
     if not config.node and ROLES.keys() <= set(config.roles):
         return FRAMEWORK, {}
     discovery = discovery or Discovery(config.plugins.blocked)
@@ -114,7 +121,7 @@ def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Ca
             # Tools look at robots whose distributions they lack: a missing node must not hide the rest.
             missing[table.name] = str(error)
     required = [table.name for table in config.node if table.required and table.name in found]
-    return Catalogue(found, required, config.roles), missing
+    return Catalogue(found, required, config.roles, moves=True), missing
 
 
 def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
@@ -127,4 +134,4 @@ def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
 
 def carries_truth(kind: type[Message]) -> bool:
     """Whether messages of a class tell the ground truth, which no plugin may read."""
-    return any(port.carries is kind for port in FRAMEWORK.ports("platform") if port.name == "truth")
+    return kind in (PlatformPorts.truth.carries, WorldPorts.bodies.carries)

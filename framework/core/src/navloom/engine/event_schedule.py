@@ -32,6 +32,8 @@ def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[Operator
     for event in sorted(config.event, key=lambda event: event.at):
         # Rounded first: a time that is a whole number of ticks must not fall into the next one.
         tick = math.ceil(round((event.at + event.over) / config.run.period, 6))
+        if event.do == "actor":  # in the world from the start, see `engine.build`
+            continue
         if event.do == "displace" or event.do == "slip":
             requests.setdefault(tick, [])
             continue
@@ -77,7 +79,7 @@ def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
     if event.do == "goal":
         assert event.x is not None and event.y is not None
         return OperatorRequest("goal", goal_at(goals, event.x, event.y, event.heading_deg))
-    assert event.do != "displace" and event.do != "slip"
+    assert event.do != "displace" and event.do != "slip" and event.do != "actor"
     if event.do == "place":
         assert event.x is not None and event.y is not None
         spread, heading_spread = event.sigma or (None, None)

@@ -26,6 +26,8 @@ __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
 Keepers: TypeAlias = tuple[Callable[[int], None], ...]
+SIMULATED = ("platform", "world")
+"""Nodes whose steps no robot has to compute."""
 PROGRESS_INTERVAL_NS = 100_000_000
 """Shortest wall time between two reports of progress, ns; slower ticks are each reported."""
 
@@ -56,8 +58,8 @@ class RunLog:
         results: Result of each goal, in order.
         ticks: Number of ticks.
         tick_ns: Wall time of each tick.
-        control_ns, control_cpu_ns: Wall time and CPU time of each tick's steps of the active nodes except the platform;
-            empty if not measured.
+        control_ns, control_cpu_ns: Wall time and CPU time of each tick's steps of the active nodes except platform and
+            world; empty if not measured.
         step_ns: By role, wall time of each step of planner and mapper.
         spent_ns, computed_ns: By role and instance, wall time and CPU time of each step; empty for a live run.
         wall_ns: Wall time from the first tick to the last.
@@ -163,13 +165,13 @@ class Lockstep:
         yield log.spent_ns[one.role, one.name].append
         if one.active and one.role in log.step_ns:
             yield log.step_ns[one.role].append
-        if one.active and one.role != "platform":
+        if one.active and one.role not in SIMULATED:
             yield self._control_ns.append
 
     def _cpu_keepers(self, one: Stepper) -> Iterator[Callable[[int], None]]:
         """Functions that record the CPU time of each step of an instance, ns."""
         yield self.log.computed_ns[one.role, one.name].append
-        if one.active and one.role != "platform":
+        if one.active and one.role not in SIMULATED:
             yield self._control_cpu_ns.append
 
     def is_warm(self, role: str, name: str) -> bool:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+
+import numpy as np
 
 from navloom.engine.build import stride_of
 from navloom.engine.event_schedule import schedule
@@ -14,17 +17,22 @@ from navloom.engine.nodes.goal_node import GoalNode
 from navloom.engine.nodes.node_base import Node
 from navloom.engine.nodes.operator_node import OperatorNode
 from navloom.engine.nodes.reference_node import ReferenceNode
+from navloom.engine.nodes.world_node import WorldNode
 from navloom.engine.plugin_factory import configure, role_nodes
 from navloom.engine.stepper import Stepper
 from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.geometry.footprints import inscribed_radius
+from navloom.geometry.moving_world import Law, MovingWorld, RobotBody, walks
+from navloom.geometry.walls import walls_of
+from navloom.geometry.world import World
 from navloom.navigation.collision_monitor import CollisionMonitor, MonitorLimits
 from navloom.navigation.command_gate import CommandGate, GateLimits
 from navloom.navigation.goal_machine import GoalMachine
 from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.replanning import ReplanRules
+from navloom.parts import part
 from navloom.roles import FIXED
 
 __all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node"]
@@ -92,6 +100,8 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     """The framework's own node of a role; None for the role of a plugin."""
     if role == "operator":
         return OperatorNode()
+    if role == "world":
+        return WorldNode(_moving_world(system), system.true_start, round(is_live * system.config.run.period * 1e9))
     if role == "goal":
         return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)), system.catalogue.optional)
     if role == "reference":
@@ -99,6 +109,23 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "gate":
         return GateNode(CommandGate(gate_limits(system), gate_monitor(system)), _selected(system), is_warm)
     return None
+
+
+def _moving_world(system: System) -> MovingWorld:
+    """What moves in the world of a system."""
+    assert system.world is not None
+    robot, period = system.robot, system.config.run.period
+    bodies = [RobotBody(system.config.robot.name, robot.footprint, robot.height)]
+    return MovingWorld(system.world, bodies, period, _law(system.world, period) if walks(system.world) else None)
+
+
+def _law(world: World, period: float) -> Law:
+    """How the actors of a world give way to each other, to robots and to walls: reciprocal velocity obstacles."""
+    crowd, lines = part("navloom_orca.crowd", "an actor with goals"), walls_of(world)
+    law = partial(crowd.react, lines=lines, reaction=crowd.Reaction(period=period))
+    one = np.zeros((1, 2))
+    law(one, one, np.ones(1), one, np.ones(1), np.zeros((1, 1), dtype=np.bool_))  # no control tick compiles
+    return law
 
 
 def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:

@@ -21,6 +21,8 @@ from navloom.engine.plugin_instances import Part
 from navloom.engine.random_streams import stream_source
 from navloom.engine.stepper import fault_text
 from navloom.engine.system import System
+from navloom.geometry.moving_world import standing
+from navloom.geometry.world import World
 from navloom.kernel_progress import expect_kernels
 from navloom.messages.packing import writer_of
 from navloom.navigation import blocked_trajectory, collision_monitor, handover, trajectory, trajectory_projection
@@ -120,7 +122,7 @@ def _made(system: System, part: Part) -> Role:
         start=system.true_start if role == "platform" else system.start,
         sensors=system.sensors if role == "platform" else (),
         # The ground truth is for the simulator only; others would not find it on a real robot.
-        world=system.world if role == "platform" else None,
+        world=_simulated_world(system) if role == "platform" else None,
         disturbances=disturbances(config) if role == "platform" else (),
         map=system.map if role in ROLES and ROLES[role].facts.sees_map else None,
         start_sigma=system.start_sigma if role == "localizer" else None,
@@ -131,6 +133,12 @@ def _made(system: System, part: Part) -> Role:
     if role not in FIXED:  # a second platform might take the robot's ports from the first
         _try_set_events(system, part, context)
     return plugin
+
+
+def _simulated_world(system: System) -> World | None:
+    """The ground truth for the platform; without what moves there if a node tells it of that."""
+    world = system.world
+    return standing(world) if world is not None and "world" in system.catalogue.nodes else world
 
 
 def _try_set_events(system: System, part: Part, context: Context) -> None:
@@ -162,8 +170,9 @@ def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
 def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
     """A node for each plugin, or for those of some instances."""
     settings = NodeSettings(
-        system.config.navigation, system.robot, system.goal_tolerance, system.sensors, system.map_world
-    )
+        system.config.navigation, system.robot, system.goal_tolerance, system.sensors, system.map_world,
+        system.config.robot.name,
+    )  # fmt: skip
     nodes: dict[tuple[str, str], Any] = {}
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
         plugin = system.plugin(*key)

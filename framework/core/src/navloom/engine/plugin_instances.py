@@ -64,8 +64,13 @@ def find_parts(config: Config, discovery: Discovery, problems: Gathered) -> dict
     return parts
 
 
-def catalogue_of_parts(config: Config, parts: Mapping[tuple[str, str], Part], problems: Gathered) -> Catalogue:
-    """The nodes of the robot. An alternative of a node must publish the same streams."""
+def catalogue_of_parts(
+    config: Config, parts: Mapping[tuple[str, str], Part], problems: Gathered, moves: bool
+) -> Catalogue:
+    """The nodes of the robot, in whose simulated world something moves or not.
+
+    An alternative of a node must publish the same streams.
+    """
     strangers: dict[str, type[NodePlugin]] = {}
     for table in config.node:
         part = parts.get((table.name, table.instance))
@@ -77,7 +82,7 @@ def catalogue_of_parts(config: Config, parts: Mapping[tuple[str, str], Part], pr
         if active is not None:
             with problems.gather():
                 _check_streams(part, active)
-    return Catalogue(strangers, [table.name for table in config.node if table.required], config.roles)
+    return Catalogue(strangers, [table.name for table in config.node if table.required], config.roles, moves)
 
 
 def _check_streams(part: Part, active: type[NodePlugin]) -> None:

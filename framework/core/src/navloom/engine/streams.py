@@ -8,6 +8,7 @@ from typing import Any
 from navloom.engine.node_ports import Port, Ports, Quality
 from navloom.messages import (
     AvoiderStatus,
+    Bodies,
     ClearRequest,
     Command,
     Contact,
@@ -40,7 +41,7 @@ from navloom.messages import (
 
 __all__ = ["FRAMEWORK_PORTS", "OWN_PORTS", "PLAIN", "STATE", "STEP", "WORD", "AvoiderPorts", "ControllerPorts",
            "GatePorts", "GoalPorts", "LocalizerPorts", "MapperPorts", "OperatorPorts", "PlannerPorts", "PlatformPorts",
-           "PortTable", "RecoveryPorts", "ReferencePorts", "sensor_port", "sensor_quality"]  # fmt: skip
+           "PortTable", "RecoveryPorts", "ReferencePorts", "WorldPorts", "sensor_port", "sensor_quality"]  # fmt: skip
 
 STEP = "step"
 """Port of every node's step reports."""
@@ -69,6 +70,12 @@ class OperatorPorts(Ports, role="operator"):
 
     request = Port(OperatorRequest, WORD)
     command = Port(Command, URGENT)
+
+
+class WorldPorts(Ports, role="world"):
+    """What moves in the simulated world beside the robot: the ground truth, as that of the platform."""
+
+    bodies = Port(Bodies, STATE, required=True)
 
 
 class PlatformPorts(Ports, role="platform"):

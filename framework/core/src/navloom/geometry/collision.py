@@ -16,7 +16,7 @@ from navloom.geometry.frames import compose, inverse, transform
 from navloom.geometry.solids import box_corners, centre_at, is_present, overlaps
 from navloom.geometry.world import Box, Place, Raster, World
 
-__all__ = ["clearance", "overlap_depth", "unknown_remedy"]
+__all__ = ["clearance", "gaps_to_points", "overlap_depth", "unknown_remedy"]
 
 Floats = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def _distances(
         distances[is_box] = _to_quads(outline, corners)
     if not is_box.all():
         discs = [o for o in there if not isinstance(o, Box)]
-        gaps = _to_points(outline, np.array([centre_at(o, time) for o in discs])) - [o.radius for o in discs]
+        gaps = gaps_to_points(outline, np.array([centre_at(o, time) for o in discs])) - [o.radius for o in discs]
         distances[~is_box] = np.maximum(gaps, 0.0)
     yield from zip(distances.tolist(), (o.name for o in there), strict=True)
     if world.raster is not None and overlaps(world.raster.z, tall):
@@ -133,7 +133,7 @@ def _separated(polygons: Floats, others: Floats) -> NDArray[np.bool_]:
     return apart
 
 
-def _to_points(outline: Floats, points: Floats) -> Floats:
+def gaps_to_points(outline: Floats, points: Floats) -> Floats:
     """Distances between a convex polygon (n, 2), counter-clockwise, and points (k, 2): (k,), 0 inside."""
     ends = np.roll(outline, -1, axis=0)
     edges = ends - outline

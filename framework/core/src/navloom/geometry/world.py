@@ -11,6 +11,8 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.geometry.actors import Actor
+
 __all__ = ["Box", "Cylinder", "Material", "Obstacle", "Place", "Raster", "World", "position_at", "read_only"]
 
 A = TypeVar("A", bound=np.generic)
@@ -144,6 +146,7 @@ class World:
             extent of a map of the world.
         goal_tolerance, time_limit: Tolerance and time limit given with the world, m and s, or None.
         reference_length: Length of the path from start to goal given with the world, m, to which scores refer, or None.
+        actors: What moves by itself; obstacles with way points move too.
     """
 
     name: str
@@ -155,6 +158,7 @@ class World:
     goal_tolerance: float | None = None
     time_limit: float | None = None
     reference_length: float | None = None
+    actors: tuple[Actor, ...] = ()
 
 
 def position_at(waypoints: Sequence[Waypoint], loops: bool, time: float) -> tuple[float, float]:

@@ -35,6 +35,7 @@ from navloom.messages.mapping import (
     PlanRequest,
 )
 from navloom.messages.motion import (
+    Bodies,
     Command,
     Contact,
     GateStatus,
@@ -66,7 +67,7 @@ from navloom.messages.schema import (
     Words,
     message,
 )
-from navloom.messages.sensing import RangeScan, Sweep, SweepRequest
+from navloom.messages.sensing import RangeScan, Sweep, SweepRequest, Tracks
 from navloom.messages.steps import InputRead, Parameters, PortMark, StepReport
 from navloom.messages.stop_reasons import StopReason
 
@@ -77,6 +78,7 @@ __all__ = [
     "Avoidance",
     "AvoiderDiagnostics",
     "AvoiderStatus",
+    "Bodies",
     "ClearRequest",
     "Command",
     "Contact",
@@ -125,6 +127,7 @@ __all__ = [
     "Sweep",
     "SweepRequest",
     "TrackingCommand",
+    "Tracks",
     "Trajectory",
     "Truth",
     "Twist2D",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navloom.messages.schema import Array, Heading, Message, Most, Name, Stamp, Unbounded, Words, message
 from navloom.messages.stop_reasons import StopReason
 
-__all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
+__all__ = ["Bodies", "Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
            "Reference", "Selection", "TrackingCommand", "Trajectory", "Truth", "Twist2D"]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -102,6 +102,29 @@ class Truth(Message):
     clearance: Unbounded
     nearest: Words
     touching: bool
+
+
+@message()
+class Bodies(Message):
+    """What moves in the ground truth at one moment, for simulated platforms, metrics and viewers, never for a plugin.
+
+    Attributes:
+        stamp_ns: Run clock of the moment.
+        names: Name of each body: of the actors that are there, then of the robots.
+        poses: (n, 3) x, y, m, heading, rad, map frame.
+        velocities: (n, 3) x, y, m/s, map frame, and turn rate, rad/s.
+        parts: (p, 9) upright cylinders and boxes, map frame: number of its body; x, y of its centre, m; half its
+            length, or its radius, m; half its width, m, or 0 for a cylinder; yaw, rad; lowest and highest z, m; 1 if
+            light passes it.
+        robots: How many of the bodies are robots: the last ones.
+    """
+
+    stamp_ns: Stamp
+    names: Annotated[tuple[Name, ...], Most(4096)]
+    poses: Annotated[Floats, Array("float64", ("n", 3))]
+    velocities: Annotated[Floats, Array("float64", ("n", 3))]
+    parts: Annotated[Floats, Array("float64", ("p", 9))]
+    robots: int = 0
 
 
 @message()

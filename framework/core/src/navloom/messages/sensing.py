@@ -1,4 +1,4 @@
-"""Messages of range sensors."""
+"""Messages of range sensors, and of what is tracked by them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navloom.messages.schema import Array, Message, NotNegative, Stamp, message
 
-__all__ = ["RangeScan", "Sweep", "SweepRequest"]
+__all__ = ["RangeScan", "Sweep", "SweepRequest", "Tracks"]
 
 Floats = NDArray[np.float64]
 
@@ -88,3 +88,26 @@ class SweepRequest(Message):
     """
 
     request_id: int
+
+
+@message()
+class Tracks(Message):
+    """People and other bodies that move or may move, each followed from scan to scan, in the order of their ids.
+
+    Attributes:
+        stamp_ns: Run clock to which positions and velocities refer.
+        ids: (n,) number of each track, above 0; a track keeps it, and no other track of the run has it.
+        positions: (n, 2) centre of each body, m, map frame.
+        velocities: (n, 2) m/s, map frame.
+        covariances: (n, 4, 4) of x, y, vx, vy; m², m²/s, m²/s².
+        radii: (n,) of the disc that holds the body, m.
+        unseen: (n,) time since its last echo, s; 0 for a track that is seen.
+    """
+
+    stamp_ns: Stamp
+    ids: Annotated[NDArray[np.int64], Array("int64", ("n",))]
+    positions: Annotated[Floats, Array("float64", ("n", 2))]
+    velocities: Annotated[Floats, Array("float64", ("n", 2))]
+    covariances: Annotated[Floats, Array("float64", ("n", 4, 4))]
+    radii: Annotated[Floats, Array("float64", ("n",), at_least=0.0)]
+    unseen: Annotated[Floats, Array("float64", ("n",), at_least=0.0)]

@@ -56,6 +56,7 @@ SHIPPED = {
     ),
     "navloom-mcl": ("localizer.global_matching", "localizer.mcl"),
     "navloom-mppi": ("avoider.mppi",),
+    "navloom-people-tracker": ("node.people_tracker",),
     "navloom-recording": ("command.replay",),
     "navloom-recoveries": ("recovery.look_around", "recovery.retrace"),
     "navloom-ros": (

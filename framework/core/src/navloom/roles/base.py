@@ -173,7 +173,7 @@ class Context:
         start_sigma: For a Localizer: standard deviations of the start, of x and of y, m, and of the heading, rad, if
             it is a guess; `ANYWHERE` if it is not known, and then `start` says nothing; None for a start that is known.
         sensors: For a Platform: the sensors to provide.
-        world: For a Platform: the ground truth, or None.
+        world: For a Platform: the ground truth, or None; what moves there comes with each `PlatformInput`.
         disturbances: For a Platform that `takes_disturbances`: what happens to it from outside, by their beginning.
         map: For a Mapper or Localizer: the known map, or None.
         diagnostics_rate_hz: For an Avoider: rate of its diagnostics; infinite for every answer, 0 for none.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from navloom.geometry.world import World
-from navloom.messages import Contact, Message, Odometry, SweepRequest, Truth, Twist2D
+from navloom.messages import Bodies, Contact, Message, Odometry, SweepRequest, Truth, Twist2D
 from navloom.roles.base import P, Params, Role, SensorSpec
 from navloom.roles.claims import Claim
 from navloom.roles.facts import RoleFacts
@@ -24,11 +24,16 @@ class PlatformInput:
         command: Velocity to drive with until `time_ns`; zero if the gate was silent.
         sweep_request: A request for a stop-and-scan sweep, in one tick only; None otherwise.
         time_ns: Run clock to reach; the first call is for 0 and moves nothing.
+        bodies: What moves in the simulated world, this robot included; None where nothing else moves, and on a real
+            robot. `Context.world` holds what stands.
+        own_body: Number of this robot among the bodies; -1 if it is not one of them.
     """
 
     command: Twist2D
     sweep_request: SweepRequest | None
     time_ns: int
+    bodies: Bodies | None = None
+    own_body: int = -1
 
 
 @struct

@@ -28,7 +28,7 @@ from navloom.plugins.output_limit import LARGEST_OUTPUT, bounded_output
 from navloom.plugins.run_observers import Onlookers
 from navloom.plugins.thread_owners import keeping_alive, started_by, watched_threads
 from navloom.runs import localization_metrics, metric_functions
-from navloom.runs.episode_recorder import Recorder
+from navloom.runs.episode_recorder import Recorder, streams_of
 from navloom.runs.episode_trail import Trail, trail_of, ways_of
 from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
 
@@ -149,7 +149,7 @@ def run_episode(
 
     with bounded_output(owners, flooded), watched_threads(owners) as started:
         make_plugins(system, say)
-        recorder, watch = Recorder(reads=frozenset(reads)), ShadowWatch.of(system)
+        recorder, watch = Recorder(reads=streams_of(reads, loaded.config)), ShadowWatch.of(system)
         beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
         if onlookers is not None:
             beside += onlookers.begin(run_info(loaded, "lockstep"))

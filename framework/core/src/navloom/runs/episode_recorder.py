@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.config import Config
 from navloom.messages import (
+    Bodies,
     Command,
     Envelope,
     GateStatus,
@@ -31,7 +33,7 @@ from navloom.messages import (
     Truth,
 )
 
-__all__ = ["Recorder"]
+__all__ = ["Recorder", "streams_of"]
 
 
 @dataclass
@@ -66,6 +68,7 @@ class Recorder:
         began, missed: Run time of the first truth, s, and how many ticks the platform had made before it.
         reads: Streams that are kept as they are, `(role or node, port)`.
         streams: Their messages, each after its time, s, by stream.
+        bodies: What moved, in each tick; empty where nothing but the robot moves.
     """
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
@@ -84,6 +87,7 @@ class Recorder:
             ("gate", "status"),
             ("localizer", "pose"),
             ("operator", "request"),
+            ("world", "bodies"),
         }
     )
     wants_steps: bool = False
@@ -116,6 +120,7 @@ class Recorder:
     missed: int = 0
     reads: frozenset[tuple[str, str]] = frozenset()
     streams: dict[tuple[str, str], list[tuple[float, Message]]] = field(default_factory=dict)
+    bodies: list[Bodies] = field(default_factory=list)
     _touching: bool = False
     _least: float = math.inf
 
@@ -204,6 +209,9 @@ class Recorder:
     def _keep_recovery(self, request: RecoveryRequest, time: float) -> None:
         self.recoveries += request.active
 
+    def _keep_bodies(self, bodies: Bodies, time: float) -> None:
+        self.bodies.append(bodies)
+
     @property
     def saved_map(self) -> OccupancyGrid | None:
         """The map to write to a file: the mapper's known map, without what it saw; of other mappers their map."""
@@ -231,6 +239,12 @@ class Recorder:
         return self._least if math.isfinite(self._least) else None
 
 
+def streams_of(reads: Iterable[tuple[str, str]], config: Config) -> frozenset[tuple[str, str]]:
+    """Streams that metrics read, `(role or node, port)`, in a robot of a config: "node" is every [[node]] of it."""
+    nodes = [table.name for table in config.node]
+    return frozenset((name, port) for role, port in reads for name in (nodes if role == "node" else [role]))
+
+
 _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
     Truth: Recorder._keep_truth,
     PoseEstimate: Recorder._keep_estimate,
@@ -246,5 +260,6 @@ _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
     MapUpdate: Recorder._keep_map,
     OccupancyGrid: Recorder._keep_known,
     RecoveryRequest: Recorder._keep_recovery,
+    Bodies: Recorder._keep_bodies,
 }
 """Function that stores a message, by class: (recorder, message, run time, s)."""

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from navloom.engine.event_schedule import carried_at, goal_at
 from navloom.geometry.angles import wrap
-from navloom.geometry.collision import overlap_depth
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place, World
 from navloom.messages import Goal, GoalResult, Message
 from navloom.parts import has_part, part
+from navloom.runs.contacts import Evidence, Touch, signed_clearance, touches_of
 from navloom.runs.localization import Localization, beside_truth
+from navloom.runs.moving_bodies import MovingBodies, moving_bodies
+from navloom.runs.tracking import Tracking, tracking_of
 
 if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
@@ -79,6 +81,10 @@ class Trail:
         streams: Messages of the streams that a metric reads, `(role or node, port)`: each after its time, s. Without
             an entry where the robot does not have the stream, or the episode left no data.
         localization: The localizer's estimates beside the true poses; empty without ground truth.
+        footprint: (k, 2) outline of the robot, m, base frame; empty if it is not known.
+        bodies: The bodies that move in the ground truth.
+        tracking: The tracks of people beside them; empty without a tracker or ground truth.
+        contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
         vy: True speed to the left, m/s; an empty array means never.
     """
 
@@ -115,6 +121,10 @@ class Trail:
     carried: Bools = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     streams: Mapping[tuple[str, str], Sequence[tuple[float, Message]]] = field(default_factory=dict)
     localization: Localization = field(default_factory=Localization)
+    footprint: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    bodies: MovingBodies = field(default_factory=MovingBodies)
+    tracking: Tracking = field(default_factory=Tracking)
+    contacts: tuple[Touch, ...] = ()
     vy: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -181,7 +191,9 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     arrived = None
     if outcome == "succeeded" and goal is not None:
         arrived = _arrival(goal, recorder, *tolerances)
-    ways = ways_of(system)
+    ways, evidence = ways_of(system), _evidence(truth, recorder, system)
+    streams = {stream: tuple(kept) for stream, kept in recorder.streams.items() if kept}
+    bodies = moving_bodies(recorder.bodies, time)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -190,7 +202,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         vx=truth[:, 4],
         wz=np.array(recorder.turn_rates, dtype=np.float64),
         vy=np.array(recorder.side_speeds, dtype=np.float64),
-        clearance=_signed(truth, recorder, system),
+        clearance=signed_clearance(evidence, truth[:, 5], recorder.contacts),
         cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
         command_vx=_held(time, commands[:, 0], commands[:, 1]),
         command_wz=_held(time, commands[:, 0], commands[:, 2]),
@@ -215,8 +227,12 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         arrived=arrived,
         tick_cpu_ns=np.array(log.control_cpu_ns, dtype=np.int64),
         carried=carried_at(time, recorder.began - recorder.missed * config.run.period, config),
-        streams={stream: tuple(kept) for stream, kept in recorder.streams.items() if kept},
+        streams=streams,
         localization=_localization(truth, recorder),
+        footprint=system.robot.footprint,
+        bodies=bodies,
+        tracking=tracking_of(streams, bodies, truth[:, :3], system.world, system.robot.height),
+        contacts=touches_of(evidence, recorder.contacts),
     )
 
 
@@ -306,15 +322,11 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
     return world.reference_length if is_own else to_goal
 
 
-def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
-    """(n,) clearances, m; the negative depth of the overlap where the simulator reports contact."""
-    clearance = truth[:, 5].copy()
-    if system.world is not None:
-        for row, name in recorder.contacts:
-            time, x, y, heading = truth[row, :4].tolist()
-            depth = overlap_depth(system.robot.footprint, Place(x, y, heading), system.world, name, time)
-            clearance[row] = -depth if depth > 0.0 else 0.0
-    return clearance
+def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
+    """The drive whose contacts are judged."""
+    rates = np.array(recorder.turn_rates, dtype=np.float64)
+    motion = np.column_stack([truth[:, :5], rates, recorder.side_speeds]) if len(truth) else np.empty((0, 7))
+    return Evidence(motion, system.robot.footprint, system.robot.height, recorder.bodies, system.world)
 
 
 def _turned(goal: Goal, heading: float) -> float | None:
@@ -362,7 +374,9 @@ def _arrival(goal: Goal, recorder: Recorder, tolerance: float, heading_tolerance
 def _localization(truth: Floats, recorder: Recorder) -> Localization:
     poses = [(*pose, *trust) for pose, trust in zip(recorder.estimates, recorder.trust, strict=True)]
     estimates, odometry = np.array(poses).reshape(-1, 9), np.array(recorder.odometry).reshape(-1, 4)
-    return beside_truth(truth, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
+    moving = truth.copy()
+    moving[:, 4] = np.hypot(truth[:, 4], recorder.side_speeds)
+    return beside_truth(moving, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:

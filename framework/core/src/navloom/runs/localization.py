@@ -120,7 +120,7 @@ def beside_truth(truth: Floats, turn_rates: Floats, estimates: Floats, odometry:
     """The estimates of a run that are stamped with a tick of the ground truth.
 
     Args:
-        truth: (n, 5 or more) time, s, x, y, m, heading, rad, map frame, forward speed, m/s.
+        truth: (n, 5 or more) time, s, x, y, m, heading, rad, map frame, speed, m/s.
         turn_rates: (n,) rad/s.
         estimates: (k, 9) time, s, x, y, m, heading, rad, 1 while tracking, xx, xy, yy, m², and of the heading, rad².
         odometry: (m, 4) time, s, x, y, m, heading, rad, odometry frame.

@@ -27,6 +27,8 @@ __all__ = [
     "clearance_min",
     "clearance_p5",
     "collisions",
+    "others_contacts",
+    "own_contacts",
     "cross_track_max",
     "cross_track_rms",
     "danger_share",
@@ -233,6 +235,16 @@ def gate_limits(trail: Trail) -> float:
 def collisions(trail: Trail) -> float:
     """Number of contacts; at least 1 if the run ended in a collision, even without ground truth."""
     return float(max(trail.touches, trail.outcome == "collision"))
+
+
+def own_contacts(trail: Trail) -> float | None:
+    """Number of contacts that are the robot's own."""
+    return float(sum(touch.is_own for touch in trail.contacts)) if trail.has_truth else None
+
+
+def others_contacts(trail: Trail) -> float | None:
+    """Number of contacts that are the other's."""
+    return float(sum(not touch.is_own for touch in trail.contacts)) if trail.has_truth else None
 
 
 def _is_untold(trail: Trail) -> bool:

@@ -2,48 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from navloom.runs import localization_metrics, metric_functions
 from navloom.runs.episode_trail import Trail
+from navloom.runs.metric import NOT_NEGATIVE, SHARE, Metric
+from navloom.runs.people_metrics import PEOPLE_METRICS
 
 if TYPE_CHECKING:
     from navloom.plugins import Discovery
 
 __all__ = ["METRICS", "Metric", "all_metrics", "headlines", "measure", "timing"]
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A number that describes an episode.
-
-    Attributes:
-        name: Column of the table: lower case letters, digits and `_`.
-        unit: Printed unit: "m", "s", "1/m", "1" for shares and counts.
-        better: Which direction is better; None if neither is.
-        compute: Returns the number, or None if it is not defined for the episode.
-        about: One or two sentences: what it is, and when it is not defined.
-        bounds: Smallest and largest possible value, None for no bound; intervals are cut at them.
-        is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
-        reads: Streams of roles and nodes whose messages it needs, as `("people", "tracks")`: `trail.streams` has them.
-        is_detail: Another metric describes the same quantity: files have both, the tables of a report the other only.
-        role: Role that it judges; empty for the whole robot. Where methods differ in it, tables show a detail too.
-    """
-
-    name: str
-    unit: str
-    better: Literal["lower", "higher"] | None
-    compute: Callable[[Trail], float | None]
-    about: str
-    bounds: tuple[float | None, float | None] = (None, None)
-    is_share: bool = False
-    reads: tuple[tuple[str, str], ...] = ()
-    is_detail: bool = False
-    role: str = ""
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
@@ -116,8 +88,6 @@ def headlines(names: Sequence[str]) -> list[str]:
 
 _HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 _COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
-SHARE = (0.0, 1.0)
-NOT_NEGATIVE = (0.0, None)
 
 METRICS: tuple[Metric, ...] = (
     Metric(
@@ -222,6 +192,17 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "collisions", "1", "lower", metric_functions.collisions,
         "Number of contacts; at least 1 if the outcome is collision.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "own_contacts", "1", "lower", metric_functions.own_contacts,
+        "Contacts in which the robot's point moved faster than 0.05 m/s along the normal, or that would not have "
+        "happened had the robot stood for the last second. Undefined without ground truth.",
+        NOT_NEGATIVE,
+    ),
+    Metric(
+        "others_contacts", "1", "lower", metric_functions.others_contacts,
+        "All other contacts: what moves drove into the robot. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
@@ -332,4 +313,5 @@ METRICS: tuple[Metric, ...] = (
         "Median of the heading's standard deviation, while the localizer tracks. Undefined as `pose_error_rms`.",
         NOT_NEGATIVE, is_detail=True, role="localizer",
     ),
+    *PEOPLE_METRICS,
 )  # fmt: skip

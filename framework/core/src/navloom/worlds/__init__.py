@@ -1,6 +1,7 @@
 """The named worlds and the schemes that read worlds from files, as `toml:room.toml`.
 
-Begin with `tomlfile.py`, the format of a world file, or `trial_worlds.py`, small worlds in a few lines each.
+Begin with `tomlfile.py`, the format of a world file, or `trial_worlds.py`, small worlds in a few lines each;
+`moving_worlds.py` has those in which people walk, `actor_tables.py` the tables of what moves.
 They enter by the entry points that strangers use; `world_errors.py` gives every fault its file and place.
 Maps of ROS, MovingAI and BARN are read by the distribution `navloom-maps`.
 """
@@ -14,6 +15,15 @@ from navloom.geometry.world import World
 from navloom.misspelt import did_you_mean
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.registry import Registry
+from navloom.worlds.moving_worlds import (
+    blocked_door,
+    child_behind_box,
+    crossing,
+    door_opens,
+    group,
+    oncoming,
+    overtaking,
+)
 from navloom.worlds.paper_world import (
     paper_gates,
     paper_gates_blocked_b,
@@ -44,6 +54,13 @@ WORLDS: dict[str, Callable[[], World]] = {
         crossing_person,
         doorway,
         u_trap,
+        blocked_door,
+        child_behind_box,
+        crossing,
+        door_opens,
+        group,
+        oncoming,
+        overtaking,
     )
 }
 SCHEMES: dict[str, Callable[[str, Path], World]] = {

@@ -35,28 +35,33 @@ appears_at = 5.0                     # s; or appears = "after_sweep"
 waypoints = [[5.0, 0.5, 3.0], [9.0, 2.5, 3.0]]   # time, x, y of the centre
 loops = true
 ```
+
+What moves by itself is better an `[[actor]]`: see `actor_tables`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
+from navloom.geometry.actors import Actor
 from navloom.geometry.solids import box_corners
-from navloom.geometry.world import Box, Cylinder, Interval, Material, Obstacle, Place, Raster, Waypoint, World
+from navloom.geometry.world import Box, Cylinder, Interval, Material, Obstacle, Place, Raster, World
 from navloom.inputs.bounds import TEXT_MB
 from navloom.inputs.texts import toml_of
 from navloom.parts import part
+from navloom.worlds.actor_tables import ACTOR_KEYS, actor_of, waypoints_of
 from navloom.worlds.rasters import raster_bounds
 from navloom.worlds.toml_table import FileTable
 from navloom.worlds.world_errors import WorldError, file_of, read_bytes
 
 __all__ = ["toml_world"]
 
+T = TypeVar("T")
 _MARGIN = 1.0
 _TALL: Interval = (0.0, 2.4)
-_WORLD_KEYS = ("bounds", "start", "goal", "goal_tolerance", "time_limit", "raster", "box", "cylinder")
+_WORLD_KEYS = ("bounds", "start", "goal", "goal_tolerance", "time_limit", "raster", "box", "cylinder", "actor")
 _COMMON_KEYS = ("name", "x", "y", "z", "appears_at", "appears", "waypoints", "loops", "is_mapped", "material")
 _BOX_KEYS = (*_COMMON_KEYS, "yaw_deg")
 _CYLINDER_KEYS = (*_COMMON_KEYS, "radius")
@@ -77,12 +82,13 @@ def toml_world(argument: str, base: Path) -> World:
     table = FileTable(path, "", content, _WORLD_KEYS)
     boxes = _each(table, "box", _BOX_KEYS, _box)
     cylinders = _each(table, "cylinder", _CYLINDER_KEYS, _cylinder)
-    obstacles = (*boxes, *cylinders)
+    obstacles: tuple[Obstacle, ...] = (*boxes, *cylinders)
+    actors = _each(table, "actor", ACTOR_KEYS, actor_of)
     names: set[str] = set()
-    for obstacle in obstacles:
-        if obstacle.name in names:
-            raise table.error(f"two obstacles are named {obstacle.name!r}: rename one of them")
-        names.add(obstacle.name)
+    for name in [*(obstacle.name for obstacle in obstacles), *(actor.name for actor in actors)]:
+        if name in names:
+            raise table.error(f"two obstacles are named {name!r}: rename one of them")
+        names.add(name)
     raster = _raster(table) if "raster" in table else None
     start, goal = _place(table, "start"), _place(table, "goal")
     return World(
@@ -91,15 +97,14 @@ def toml_world(argument: str, base: Path) -> World:
         raster,
         start,
         goal,
-        _bounds(table, obstacles, raster, [p for p in (start, goal) if p is not None]),
+        _bounds(table, obstacles, actors, raster, [p for p in (start, goal) if p is not None]),
         table.number("goal_tolerance", least=0.0) if "goal_tolerance" in table else None,
         table.number("time_limit", least=0.0) if "time_limit" in table else None,
+        actors=tuple(actors),
     )
 
 
-def _each(
-    table: FileTable, key: str, known: tuple[str, ...], make: Callable[[FileTable, str], Obstacle]
-) -> list[Obstacle]:
+def _each(table: FileTable, key: str, known: tuple[str, ...], make: Callable[[FileTable, str], T]) -> list[T]:
     entries = table.value(key) if key in table else []
     if not isinstance(entries, list):
         raise table.error(f"{key}: expected [[{key}]], with double brackets")
@@ -139,7 +144,9 @@ def _common(table: FileTable) -> dict[str, Any]:
     after_sweep = table.choice("appears", ("at_start", "after_sweep")) == "after_sweep"
     if after_sweep and "appears_at" in table:
         raise table.error('appears_at and appears = "after_sweep" exclude each other: leave one out')
-    waypoints = _waypoints(table) if "waypoints" in table else ()
+    waypoints = waypoints_of(table) if "waypoints" in table else ()
+    if waypoints and after_sweep:
+        raise table.error('waypoints and appears = "after_sweep" exclude each other: take appears_at')
     loops = table.flag("loops")
     # The last time is the loop's period: run time is taken modulo it.
     if loops and not (waypoints and waypoints[-1][0] > 0.0):
@@ -152,20 +159,6 @@ def _common(table: FileTable) -> dict[str, Any]:
         "is_mapped": table.flag("is_mapped", default=True),
         "material": table.choice("material", get_args(Material)),
     }
-
-
-def _waypoints(table: FileTable) -> tuple[Waypoint, ...]:
-    rows = table.value("waypoints")
-    if not isinstance(rows, list) or not rows:
-        raise table.error("waypoints: expected [[time, x, y], ...]")
-    found: list[Waypoint] = []
-    for number, row in enumerate(rows, start=1):
-        place = f"{table.place}, waypoint {number}"
-        time, x, y = FileTable(table.path, place, {"point": row}, ("point",)).numbers("point", "[time, x, y]")
-        if time < 0.0 or (found and time <= found[-1][0]):
-            raise table.error(f"waypoint {number} at {time:g} s, expected times from 0 that rise")
-        found.append((time, x, y))
-    return tuple(found)
 
 
 def _place(table: FileTable, key: str) -> Place | None:
@@ -186,7 +179,11 @@ def _raster(table: FileTable) -> Raster:
 
 
 def _bounds(
-    table: FileTable, obstacles: tuple[Obstacle, ...], raster: Raster | None, places: list[Place]
+    table: FileTable,
+    obstacles: tuple[Obstacle, ...],
+    actors: list[Actor],
+    raster: Raster | None,
+    places: list[Place],
 ) -> tuple[float, float, float, float]:
     """The given bounds, or those of everything in the world with a margin of 1 m."""
     if "bounds" in table:
@@ -196,6 +193,8 @@ def _bounds(
             raise table.error(f"bounds = {given}, expected [lowest x, lowest y, highest x, highest y]")
         return x0, y0, x1, y1
     points = [(p.x, p.y) for p in places]
+    for actor in actors:
+        points += actor.places
     for obstacle in obstacles:
         points += [(x, y) for _, x, y in obstacle.waypoints]
         if isinstance(obstacle, Box):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from navloom.config import Loaded
+from navloom.config.tables import OWN_NODES, WORLD_NODE
 from navloom.engine.build import assemble
 from navloom.engine.event_schedule import schedule
 from navloom.engine.lockstep import RunLog
@@ -35,7 +36,7 @@ from navloom.messages import (
 )
 from navloom.plugins.run_observers import Onlookers
 from navloom.runs.episode import Episode, run_info
-from navloom.runs.episode_recorder import Recorder
+from navloom.runs.episode_recorder import Recorder, streams_of
 from navloom_recording.excerpt import repeating
 
 from navloom_live.drives.live_observers import LiveShow
@@ -114,6 +115,7 @@ class LiveRun:
     resumes: bool = False
 
     def __post_init__(self) -> None:
+        self.reads = streams_of(self.reads, self.loaded.config)
         self.recorder = Recorder(reads=self.reads)
         self.system: System = assemble(self.loaded)
         self._kept: KeptPose | None = None
@@ -414,7 +416,7 @@ class LiveRun:
         return self._chosen.get(role, self._default(role)) == name
 
     def _default(self, role: str) -> str:
-        return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
+        return "main" if role in (*OWN_NODES, WORLD_NODE) else self.loaded.config.role_table(role).instance
 
     def _learn_times(self, client: Client) -> None:
         """Query the durations of the active nodes' steps since the goal began; nodes that are gone are left out."""

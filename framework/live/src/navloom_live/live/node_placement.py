@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from navloom.config.schema import Config
-from navloom.config.tables import OWN_NODES, ROLE_TABLES
+from navloom.config.tables import OWN_NODES, ROLE_TABLES, WORLD_NODE
 from navloom.roles import ROLES
 
 from navloom_live.live.live_node import Source
@@ -32,6 +32,9 @@ def are_on_one_host(config: Config, *nodes: str) -> bool:
 def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:
     """Nodes of each process of a host, or of all hosts. An alternative runs with its role unless it is placed by name.
 
+    The node `world` runs with the platform unless it is placed: then both end together, and no robot drives on among
+    bodies that have stopped.
+
     Args:
         config: The config with its `[live]` table.
         sources: Every instance.
@@ -41,6 +44,7 @@ def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[
     shares: dict[str, list[Source]] = {process: [] for process in config.live.processes}
     for role, name in sources:
         if role != "operator":
-            shares[placed.get(f"{role}.{name}", placed[role])].append((role, name))
+            home = placed["platform"] if role == WORLD_NODE and role not in placed else placed[role]
+            shares[placed.get(f"{role}.{name}", home)].append((role, name))
     wanted = config.live.hosts[host] if host is not None else list(shares)
     return {process: tuple(share) for process, share in shares.items() if share and process in wanted}

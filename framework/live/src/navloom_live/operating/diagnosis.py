@@ -41,6 +41,7 @@ CLOCK_OFFSET_LIMIT = 0.5
 # Kept by hand: who waits for whom is decided in `engine/nodes`, and a change there must be repeated here.
 FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "platform": (),
+    "world": ("platform",),
     "localizer": ("platform",),
     "goal": ("platform",),
     "reference": ("platform", "localizer"),

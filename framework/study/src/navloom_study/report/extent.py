@@ -51,6 +51,9 @@ def _standing(world: World) -> Iterator[tuple[Floats, Floats]]:
         if obstacle.waypoints:
             corners = np.concatenate([corners, np.array(obstacle.waypoints)[:, 1:]])
         yield corners.min(axis=0)[None], corners.max(axis=0)[None]
+    for actor in world.actors:
+        places, radius = np.array(actor.places), actor.body.radius
+        yield places.min(axis=0)[None] - radius, places.max(axis=0)[None] + radius
     if world.raster is not None:
         raster = world.raster
         motion = np.array([raster.origin.x, raster.origin.y, raster.origin.heading])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from navloom_study.report.plotting import MM, new_figure, styled
 
-__all__ = ["add_legend", "draw_cells", "draw_footprints", "draw_lines", "draw_outlines", "outline_of", "plan_figure",
-           "write_beside"]  # fmt: skip
+__all__ = ["add_legend", "draw_cells", "draw_footprints", "draw_lines", "draw_outlines", "outline_of",
+           "outline_of_part", "plan_figure", "write_beside"]  # fmt: skip
 
 Floats = NDArray[np.float64]
 LABELS = 16.0
@@ -34,6 +34,8 @@ CELLS_TO_PIXEL = 1.4
 """Most cells drawn to a pixel of 100 dpi: √2 pixels of 200 dpi each, or a wall of one cell would have gaps."""
 ROW, SAMPLE, LETTER = 3.8, 13.0, 1.3
 """Of the legend: height of a row, width of a sample with its gaps, and width of a letter, mm."""
+_TURNS = np.linspace(0.0, math.tau, 36, endpoint=False)
+_CIRCLE = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 SIDES = ((1, 0, "left", "center"), (-1, 0, "right", "center"), (0, -1, "center", "top"), (0, 1, "center", "bottom"))
 
 
@@ -127,8 +129,16 @@ def outline_of(obstacle: Obstacle, time: float = 0.0) -> Floats:
     """(n, 2) corners of an obstacle at a run time, s: m, map frame. A disc is a polygon of 36 corners."""
     if isinstance(obstacle, Box):
         return box_corners(obstacle, time)
-    turns = np.linspace(0.0, math.tau, 36, endpoint=False)
-    return obstacle.radius * np.column_stack([np.cos(turns), np.sin(turns)]) + centre_at(obstacle, time)
+    return obstacle.radius * _CIRCLE + centre_at(obstacle, time)
+
+
+def outline_of_part(part: Sequence[float]) -> Floats:
+    """(n, 2) corners, m, map frame, of a row of `Bodies.parts`."""
+    _, x, y, half, side, yaw, *_ = part
+    if side > 0.0:
+        corners = np.array([(half, side), (-half, side), (-half, -side), (half, -side)])
+        return transform(np.array([x, y, yaw]), corners)
+    return half * _CIRCLE + (x, y)
 
 
 @styled()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +12,7 @@ from matplotlib.patches import Circle
 from matplotlib.transforms import Bbox
 from navloom.geometry.cells import places_of
 from navloom.geometry.frames import transform
+from navloom.geometry.moving_world import standing
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import Obstacle
 from navloom.messages import MapUpdate, OccupancyGrid
@@ -27,6 +29,7 @@ from navloom_study.report.plan_view import (
     draw_lines,
     draw_outlines,
     outline_of,
+    outline_of_part,
     plan_figure,
     write_beside,
 )
@@ -41,6 +44,9 @@ WIDTH = 180.0
 """Width of a picture, mm."""
 AROUND = 1.5
 """Margin around a run, m."""
+MOVING = "#666699"
+JUMP = 1.0
+"""A body that is farther than this from where it was a tick before has begun its course again, m."""
 MOST_TIMES = 9
 """Most times written along a track."""
 OUTLINE_EVERY = 2.0
@@ -121,11 +127,13 @@ def draw_run(episode: Episode) -> Figure:
     if recorder.map is not None:
         _draw_map(axes, recorder.map)
     _draw_obstacles(axes, episode)
+    _draw_bodies(axes, episode)
     draw_lines(axes, (path.points for path in recorder.plans), ORANGE, "plan")
     draw_lines(axes, (trajectory.samples[:, 1:3] for trajectory in recorder.trajectories), BLUE, "trajectory")
     every = max(1, round(OUTLINE_EVERY / system.config.run.period))
     poses = [row[1:4] for row in recorder.truth[::every]]
     _draw_track(axes, episode)
+    _draw_contacts(axes, episode)
     draw_footprints(axes, poses, system.robot.footprint, FOOTPRINT, f"robot every {OUTLINE_EVERY:g} s")
     _mark(axes, start.x, start.y)
     texts = [(start.x, start.y, "start", 0.0)]
@@ -166,12 +174,48 @@ def _draw_obstacles(axes: Any, episode: Episode) -> None:
     """Draw the true obstacles in the picture, at the end of the run; those above the robot dashed."""
     world, height, truth = episode.system.world, episode.system.robot.height, episode.recorder.truth
     outlines: dict[str, list[Floats]] = {name: [] for name in OBSTACLES}
-    for obstacle in () if world is None else world.obstacles:
+    moves = episode.recorder.bodies
+    for obstacle in () if world is None else standing(world).obstacles if moves else world.obstacles:
         outline = outline_of(obstacle, truth[-1][0] if truth else 0.0)
         if Bbox([outline.min(axis=0), outline.max(axis=0)]).overlaps(axes.viewLim):
             outlines[_called(obstacle, height)].append(outline)
     for name, (colour, style) in OBSTACLES.items():
         draw_outlines(axes, outlines[name], colour, name, **style)
+
+
+def _draw_bodies(axes: Any, episode: Episode) -> None:
+    """Draw where each body went that is not the robot, and its outline at the times of the robot's."""
+    seen, height = episode.recorder.bodies, episode.system.robot.height
+    ways: dict[str, list[list[tuple[float, float]]]] = {}
+    before: tuple[str, ...] = ()
+    for bodies in seen:
+        names = bodies.names[: len(bodies.names) - bodies.robots]
+        for name, (x, y, _) in zip(names, bodies.poses.tolist(), strict=False):
+            pieces = ways.setdefault(name, [])
+            # A body that was not there before, or that begins its course again elsewhere, begins another line.
+            if name not in before or math.dist(pieces[-1][-1], (x, y)) > JUMP:
+                pieces.append([])
+            pieces[-1].append((x, y))
+        before = names
+    lines = [np.array(piece) for pieces in ways.values() for piece in pieces]
+    draw_lines(axes, lines, MOVING, f"moving bodies, every {OUTLINE_EVERY:g} s", 0.8, linestyles=":", zorder=2.5)
+    every = max(1, round(OUTLINE_EVERY / episode.system.config.run.period))
+    outlines = [
+        outline_of_part(part)
+        for bodies in seen[::every]
+        for part in bodies.parts.tolist()
+        if part[0] < len(bodies.names) - bodies.robots and overlaps((part[6], part[7]), (0.0, height))
+    ]
+    draw_outlines(axes, outlines, MOVING, alpha=0.6, zorder=2.5)
+
+
+def _draw_contacts(axes: Any, episode: Episode) -> None:
+    """Mark each contact that began, by whose it is; without anything that moves, all are the robot's."""
+    for is_own, name, face in ((True, "contact of its own", VERMILION), (False, "the other's contact", "white")):
+        places = [(touch.x, touch.y) for touch in episode.trail.contacts if touch.is_own == is_own]
+        if places:
+            axes.plot(*np.array(places).T, "X", color=face, markersize=8, markeredgecolor=BLACK, markeredgewidth=0.8,
+                      label=name, zorder=7)  # fmt: skip
 
 
 def _called(obstacle: Obstacle, height: float) -> str:

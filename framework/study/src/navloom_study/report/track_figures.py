@@ -9,13 +9,21 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from navloom.geometry.actors import parts_of
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import World
 
 from navloom_study.episode_rows import Row
 from navloom_study.report.extent import extent_of
 from navloom_study.report.figures import PAIR, PANEL, line_of, nested_width, shortened
-from navloom_study.report.plan_view import draw_cells, draw_lines, draw_outlines, outline_of, plan_figure
+from navloom_study.report.plan_view import (
+    draw_cells,
+    draw_lines,
+    draw_outlines,
+    outline_of,
+    outline_of_part,
+    plan_figure,
+)
 from navloom_study.report.plotting import styled
 from navloom_study.report.study_files import StudyFiles
 from navloom_study.tracks import StoredWay
@@ -162,6 +170,13 @@ def draw_world(axes: Any, world: World, robot_height: float) -> None:
         shapes.setdefault((colour, face, "//////" if is_unmapped else None), []).append(outline_of(obstacle))
         if obstacle.waypoints:
             ways[colour].append(np.array(obstacle.waypoints)[:, 1:])
+    for actor in world.actors:
+        places = np.array(actor.places)
+        ways[WALL].append(places)
+        (x, y), still = actor.places[0], (0.0, 0.0, 0.0, 0.0)
+        (found,) = parts_of(actor.body, np.array([(x, y, *still)])).tolist()
+        parts = [part for part in found if overlaps((part[5], part[6]), (0.0, robot_height))]
+        shapes.setdefault((WALL, "none", None), []).extend(outline_of_part((0.0, *part)) for part in parts)
     for (colour, face, hatch), alike in shapes.items():
         draw_outlines(axes, alike, colour, facecolors=face, hatch=hatch)
     for colour, alike in ways.items():

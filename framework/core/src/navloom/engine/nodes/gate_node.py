@@ -18,6 +18,7 @@ from navloom.engine.streams import (
     OperatorPorts,
     PlatformPorts,
     RecoveryPorts,
+    WorldPorts,
 )
 from navloom.messages import (
     GateStatus,
@@ -63,6 +64,8 @@ class GateNode(Node):
     request = New(OperatorPorts.request)
     odometry = Offers(PlatformPorts.odometry)
     contact = Latest(PlatformPorts.contact)
+    # Only when it was made: a robot must not drive on among bodies that have stopped with their node.
+    bodies = Offers(WorldPorts.bodies)
     # The avoider's own sensors: one that the active avoider does not read need not stop the robot.
     required = SensorOffers(Message, of="avoider")
     scans = Sensors(RangeScan)
@@ -256,6 +259,8 @@ class GateNode(Node):
             # The extrapolated clock may lag behind a message that has just arrived.
             newest = max(newest, self.now_ns)
         stamps = {name: _stamp_ns(one) for name, one in self.required.items()}
+        if self.bodies.when is not None:
+            stamps["bodies"] = _stamp_ns(self.bodies)
         is_touching = contact is not None and contact.touching
         self._waiting = self.find_waiting()
         return Sensed(newest, is_touching, stamps, self.is_silent, self.gone, self._waiting, self.late)

@@ -47,6 +47,7 @@ class NodeSettings:
         tolerance: How near to its goal the robot must come, m.
         sensors: The config's sensors.
         map_world: The world of the known map; None without one.
+        name: Name of the robot.
     """
 
     navigation: NavigationTable
@@ -54,6 +55,7 @@ class NodeSettings:
     tolerance: float
     sensors: tuple[SensorSpec, ...]
     map_world: World | None = None
+    name: str = ""
 
 
 class Node(ABC):

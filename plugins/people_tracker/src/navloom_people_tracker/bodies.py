@@ -1,0 +1,182 @@
+"""Bodies in one scan: what may be a person, a trolley or a robot, made of groups of echoes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_people_tracker.clusters import ARC, segments, shapes
+
+__all__ = ["SIGMA_LEGS", "Bodies", "Widths", "bodies_in"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+LEG = 0.35
+"""Widest group of echoes that may be a leg, m: trousers and coats included."""
+THINNEST = 0.08
+"""Width below which a group is no leg, m: poles and table legs come and go between the beams."""
+STRIDE = 0.6
+"""Largest distance between the legs of one person, m: at a brisk walk the ankles are up to 0.6 m apart."""
+GAP = 0.15
+"""Largest gap between neighbouring echoes of one group, m: less than there is between two people who pass."""
+REACH = 0.35
+"""Largest distance between a group and the track that it may belong to, m: half a stride."""
+LEAST_FRESH = 3
+"""Fewest echoes of something that moves before something wide: two may be the noise of an edge."""
+SIGMA_DISC, SIGMA_LEGS, SIGMA_LEG = 0.06, 0.1, 0.15
+"""Standard deviation of the centre of a disc, of a pair of legs and of a single leg, m."""
+
+
+class Widths(Protocol):
+    """The largest body, m, for what moves and for what may stand."""
+
+    @property
+    def widest(self) -> float: ...
+    @property
+    def widest_still(self) -> float: ...
+
+
+@dataclass
+class Bodies:
+    """Bodies in one scan, one row each.
+
+    Attributes:
+        places: (n, 2) centres, m.
+        radii: (n,) m.
+        sigmas: (n,) standard deviation of the centres, m.
+        surfaces: (n, 2) an echo of each, m.
+        echoes: (n,) number of them.
+        fresh: (n,) share of its echoes where nothing was before.
+        is_in_free: (n,) whether most of its echoes are where a map is free.
+        legs: (n,) number of legs, 1 or 2; 0 for another body.
+        sight: (n, 2) unit vector from the sensor.
+    """
+
+    places: Floats
+    radii: Floats
+    sigmas: Floats
+    surfaces: Floats
+    echoes: Floats
+    fresh: Floats
+    is_in_free: Bools
+    legs: Ints
+    sight: Floats
+
+    @classmethod
+    def of(cls, rows: Floats, sensor: tuple[float, float]) -> Bodies:
+        """Bodies of single groups, whose rows are those of `clusters.shapes`."""
+        legs = (rows[:, 4] < LEG).astype(np.int64)
+        away = rows[:, :2] - np.array(sensor)
+        sight = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)[:, None]
+        sigmas = np.where(legs > 0, SIGMA_LEG, SIGMA_DISC)
+        return cls(rows[:, :2], rows[:, 2], sigmas, rows[:, 5:7], rows[:, 3], rows[:, 7], rows[:, 8] > 0.5, legs, sight)
+
+    def rows(self, kept: Bools | Ints) -> Bodies:
+        """Some of the bodies."""
+        return Bodies(*[getattr(self, name)[kept] for name in self.__dataclass_fields__])
+
+    def centred(self, radii: Floats) -> Floats:
+        """(n, 2) centres, m, of bodies whose radius (n,), m, is known: what is hidden in part looks smaller."""
+        missing = np.where(self.legs > 0, 0.0, np.maximum(radii - self.radii, 0.0))
+        return self.places + ARC * missing[:, None] * self.sight
+
+
+def bodies_in(
+    points: Floats, marks: Bools, sensor: tuple[float, float], step: float, expected: Floats, widths: Widths
+) -> Bodies:
+    """Bodies in a scan.
+
+    Args:
+        points: (n, 2) echoes that no map explains, by their bearing from the sensor, m.
+        marks: (n, 2) whether each is where nothing was before, and whether it is where a map is free.
+        sensor: Its place, m, same frame. step: Angle between neighbouring beams, rad.
+        expected: (k, 2) where published tracks are expected, m.
+        widths: The largest body.
+    """
+    labels, rows = _grouped(points, marks, sensor, step)
+    # A person before a wall, without a map: of something wide, only what moves may be a body.
+    is_wide = rows[:, 4] > widths.widest_still
+    if is_wide.any():
+        kept = ~is_wide[labels] | marks[:, 0]
+        of_wide = is_wide[labels[kept]]
+        points, marks = points[kept], marks[kept]
+        labels, rows = _grouped(points, marks, sensor, step)
+        from_wide = np.bincount(labels[of_wide], minlength=len(rows)) > 0
+        dropped = (from_wide & (rows[:, 3] < LEAST_FRESH)) | (rows[:, 4] > widths.widest)
+    else:
+        dropped = rows[:, 4] > widths.widest
+    labels, count = _split(points, labels, rows, expected)
+    rows = np.concatenate([rows, np.zeros((count - len(rows), 9))])
+    if count > len(dropped):
+        shapes(points, marks, labels, *sensor, step, rows)
+        dropped = np.append(dropped, np.zeros(count - len(dropped), np.bool_))
+    far = np.hypot(rows[:, 0] - sensor[0], rows[:, 1] - sensor[1])
+    dropped |= (rows[:, 3] + 1.0) * step * far < THINNEST  # the beams beside the echoes pass it
+    found = Bodies.of(rows[~dropped & (rows[:, 3] > 0.0)], sensor)
+    return _paired(found, expected)
+
+
+def _grouped(points: Floats, marks: Bools, sensor: tuple[float, float], step: float) -> tuple[Ints, Floats]:
+    labels = np.zeros(len(points), np.int64)
+    far = np.hypot(points[:, 0] - sensor[0], points[:, 1] - sensor[1])
+    rows = np.empty((segments(points, far, step, GAP, labels), 9))
+    shapes(points, marks, labels, *sensor, step, rows)
+    return labels, rows
+
+
+def _split(points: Floats, labels: Ints, rows: Floats, expected: Floats) -> tuple[Ints, int]:
+    """Groups of echoes, and how many; a group with two tracks or more is divided between them."""
+    count = len(rows)
+    if len(expected) < 2 or not count:
+        return labels, count
+    away = np.hypot(rows[:, None, 0] - expected[None, :, 0], rows[:, None, 1] - expected[None, :, 1])
+    holds = away < 0.5 * rows[:, 4:5] + 0.1
+    for group in np.flatnonzero((holds.sum(axis=1) > 1) & (rows[:, 4] >= LEG)):
+        own = np.flatnonzero(labels == group)
+        those = expected[holds[group]]
+        nearest = np.hypot(
+            points[own, None, 0] - those[None, :, 0], points[own, None, 1] - those[None, :, 1]
+        ).argmin(axis=1)  # fmt: skip
+        for number in range(1, len(those)):
+            labels[own[nearest == number]] = count
+            count += 1
+    return labels, count
+
+
+def _paired(found: Bodies, expected: Floats) -> Bodies:
+    """Bodies whose legs are paired, the nearest ones first, but not the legs of two tracks."""
+    legs = np.flatnonzero(found.legs > 0)
+    if len(legs) < 2:
+        return found
+    places = found.places[legs]
+    away = np.hypot(places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1])
+    first, second = np.nonzero(np.triu(away < STRIDE, 1))
+    owner = np.full(len(legs), -1)
+    if len(expected):
+        to = np.hypot(places[:, None, 0] - expected[None, :, 0], places[:, None, 1] - expected[None, :, 1])
+        owner = np.where(to.min(axis=1) < REACH, to.argmin(axis=1), -1)
+    apart = (owner[first] >= 0) & (owner[second] >= 0) & (owner[first] != owner[second])
+    same = (owner[first] >= 0) & (owner[first] == owner[second])
+    allowed = ~apart
+    first, second, same = first[allowed], second[allowed], same[allowed]
+    order = np.lexsort([away[first, second], ~same])
+    taken, pairs = set[int](), []
+    for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True):
+        if i not in taken and j not in taken:
+            taken.update((i, j))
+            pairs.append((i, j))
+    if not pairs:
+        return found
+    rows = np.array(pairs)
+    ones, others = legs[rows[:, 0]], legs[rows[:, 1]]
+    found.radii[ones] = 0.5 * away[rows[:, 0], rows[:, 1]] + np.maximum(found.radii[ones], found.radii[others])
+    found.places[ones] = 0.5 * (found.places[ones] + found.places[others])
+    found.echoes[ones] += found.echoes[others]
+    found.fresh[ones] = np.maximum(found.fresh[ones], found.fresh[others])
+    found.sigmas[ones], found.legs[ones] = SIGMA_LEGS, 2
+    return found.rows(np.delete(np.arange(len(found.legs)), others))

@@ -1,0 +1,283 @@
+"""Follows bodies from scan to scan: which of them move, when a track begins, and when it ends."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_people_tracker.bodies import SIGMA_LEGS, Bodies, Widths, bodies_in
+from navloom_people_tracker.kalman import assign, measure, predict, rest
+from navloom_people_tracker.tracks import Tracks, begun
+from navloom_people_tracker.views import View, are_fresh, cover, looked_through, view_of
+
+__all__ = ["Settings", "Tracker"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+VIEW_EVERY, VIEWS = 0.3, 14
+"""Time between the scans that are kept as views, s, and how many are: the oldest is 4 s old."""
+MARK_EVERY = 0.1
+"""Time between the marks of a track, s."""
+LEAST_AGE = 0.3
+"""Least age of a view or mark that tells what moved, s: at 0.5 m/s a body has moved by more than the noise then."""
+STOOD = 0.8
+"""Age of a view, s, from which an echo at a place says that a body stands there: a slow one has left it by then."""
+DRIFT = 0.04
+"""Error of the odometry, m/m and rad/rad: wheels slip."""
+EVIDENCE_LASTS, EVIDENCE_NEEDED, EVIDENCE_KEPT = 0.5, 0.2, 0.05
+"""How long evidence of motion lasts, how much begins a motion, and how much less ends it, s."""
+LEAST_ECHOES = 2
+"""Fewest echoes of a body whose motion is seen."""
+LEAST_MARKS = 4
+"""Fewest places from which a velocity is told."""
+TRAVEL, LEAST_SPEED = 0.2, 0.15
+"""Least way of a track that moves within the time of its marks, m, and its least speed, m/s: shapes flicker by less."""
+STEADY = 0.82
+"""Share of the variance of the places that a straight motion explains: of a single jump it explains at most 0.75."""
+REST_AFTER = 0.4
+"""Age from which a track without evidence of motion rests, s: longer than evidence takes to come."""
+REST_SIGMA = 0.05
+"""Standard deviation of the speed of a body that rests, m/s."""
+THROUGH, THROUGH_TENTATIVE = 0.4, 0.2
+"""How long beams pass through the place of a track before it ends, s; and of a tentative one."""
+BESIDE = 1.0
+"""How long echoes at the place of a track may belong to something else before it ends, s."""
+ABSORBS = 0.7
+"""Distance from a published track with legs within which a leg begins no track of its own, m."""
+
+
+class Settings(Widths, Protocol):
+    """The settings of a tracker; see the parameters of the node."""
+
+    @property
+    def acceleration(self) -> float: ...
+    @property
+    def longest_unseen(self) -> float: ...
+    @property
+    def still_after(self) -> float: ...
+    @property
+    def range_sigma(self) -> float: ...
+
+
+class Tracker:
+    """Tracks of the bodies that move, and of those that stand where a map has nothing.
+
+    Attributes:
+        tracks: All tracks, tentative ones too.
+        time: Time of the last scan, s.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.tracks = begun(Bodies.of(np.empty((0, 9)), (0.0, 0.0)), 0.0)
+        self.time = math.nan
+        self._count = 0
+        self._views: dict[str, deque[View]] = {}
+        self._marked = -math.inf
+        self._pose: Floats | None = None
+        self._way = np.zeros(2)
+
+    def published(self, time: float) -> Tracks:
+        """The tracks with a number, predicted to a time, s."""
+        found = self.tracks.rows(self.tracks.ids > 0)
+        ahead = max(0.0, time - self.time) if len(found.ids) else 0.0
+        found.means, found.covariances = predict(
+            found.means, found.covariances, ahead, self.settings.acceleration
+        )  # fmt: skip
+        return found
+
+    def see(self, time: float, sensor: str, pose: Floats, beams: Floats, step: float, mapped: Ints) -> None:
+        """Take a scan.
+
+        Args:
+            time: Its stamp, s. A scan that is older than the previous one counts as one of that time.
+            sensor: Its name.
+            pose: (3,) of the robot, m, rad, odometry frame.
+            beams: (n, 5) as those of `views.place_beams`, odometry frame; at least one.
+            step: Angle between neighbouring beams, rad.
+            mapped: (n,) 1 for an echo that is not looked at, as a map explains it; 0 where a map is free, else -1.
+        """
+        since = 0.0 if math.isnan(self.time) else max(0.0, time - self.time)
+        self.time = time if math.isnan(self.time) else max(self.time, time)
+        self._drive(pose)
+        driven, turned = self._way.tolist()
+        tracks, view = self.tracks, view_of(self.time, (driven, turned), beams, max(90, round(math.tau / step)))
+        tracks.means, tracks.covariances = predict(
+            tracks.means, tracks.covariances, since, self.settings.acceleration
+        )  # fmt: skip
+        bodies = self._bodies(sensor, view, beams, step, mapped)
+        rows, columns = self._matched(bodies)
+        self._correct(rows, bodies.rows(columns))
+        self._judge_motion(rows, bodies.rows(columns), view, since)
+        self._name()
+        is_kept = self._kept(rows, view, since)
+        self._begin(bodies, rows, columns, is_kept)
+        self._remember(sensor, view)
+
+    def _drive(self, pose: Floats) -> None:
+        if self._pose is not None:
+            moved = pose - self._pose
+            self._way += (math.hypot(moved[0], moved[1]), abs(math.remainder(moved[2], math.tau)))
+        self._pose = np.array(pose)
+
+    def _margins(self, ways: Floats) -> Floats:
+        """(n, 2) margins of `looked_through` since the robot had gone some ways, (n, 2) m and rad."""
+        gone = np.abs(self._way - ways)
+        # Readings differ by their noise, and the places by the drift of the odometry.
+        return np.column_stack([0.06 + 3.0 * self.settings.range_sigma + DRIFT * gone[:, 0], 0.01 + DRIFT * gone[:, 1]])
+
+    def _bodies(self, sensor: str, view: View, beams: Floats, step: float, mapped: Ints) -> Bodies:
+        looked_at = np.flatnonzero((beams[:, 4] > 0.0) & (mapped < 1))
+        around = np.arctan2(beams[looked_at, 3] - view.y, beams[looked_at, 2] - view.x)
+        looked_at = looked_at[np.argsort(around, kind="stable")]
+        points = np.ascontiguousarray(beams[looked_at, 2:4])
+        expected = self.tracks.means[self.tracks.ids > 0, :2]
+        marks = np.column_stack([self._fresh(sensor, points), mapped[looked_at] == 0])
+        return bodies_in(points, marks, (view.x, view.y), step, expected, self.settings)
+
+    def _fresh(self, sensor: str, points: Floats) -> Bools:
+        """(n,) whether an earlier view looked through the place of each echo, and none shows that something stood."""
+        fresh = np.zeros(len(points), np.bool_)
+        views = [view for view in self._views.get(sensor, ()) if self.time - view.time >= LEAST_AGE]
+        if not views or self.time - views[0].time < STOOD:
+            return fresh  # what stands is not known yet
+        eyes = np.array([(view.x, view.y, view.driven, view.turned, view.time) for view in views])
+        are_old = self.time - eyes[:, 4] >= STOOD
+        nears = np.stack([view.near for view in views])
+        are_fresh(nears, eyes[:, :2], self._margins(eyes[:, 2:4]), are_old, points, fresh)
+        return fresh
+
+    def _matched(self, bodies: Bodies) -> tuple[Ints, Ints]:
+        """Rows of tracks and of their bodies; the published tracks choose first."""
+        tracks, free = self.tracks, np.arange(len(bodies.places))
+        rows, columns = [], []
+        for own in (np.flatnonzero(tracks.ids > 0), np.flatnonzero(tracks.ids == 0)):
+            given = bodies.places[free], bodies.sigmas[free]
+            found, taken = assign(tracks.means[own], tracks.covariances[own], *given)
+            rows.append(own[found])
+            columns.append(free[taken])
+            free = np.delete(free, taken)
+        return np.concatenate(rows), np.concatenate(columns)
+
+    def _correct(self, rows: Ints, bodies: Bodies) -> None:
+        tracks = self.tracks
+        given = bodies.centred(tracks.radii[rows]), bodies.sigmas
+        tracks.means[rows], tracks.covariances[rows] = measure(tracks.means[rows], tracks.covariances[rows], *given)
+        grown = bodies.radii - tracks.radii[rows]
+        # What is hidden in part looks narrower than it is.
+        tracks.radii[rows] += np.where(grown > 0.0, 0.3, 0.03) * grown
+        tracks.places[rows], tracks.seen[rows] = given[0], self.time
+        tracks.is_in_free[rows] = bodies.is_in_free
+        tracks.through[rows] = tracks.beside[rows] = 0.0
+        if self.time - self._marked >= MARK_EVERY - 1e-9:
+            self._marked = self.time
+            tracks.marks[:, 1:] = tracks.marks[:, :-1].copy()
+            tracks.marks[:, 0] = np.nan
+            tracks.marks[rows, 0, :2] = bodies.surfaces
+            tracks.marks[rows, 0, 2:4] = given[0]
+            tracks.marks[rows, 0, 4:] = (self.time, *self._way)
+
+    def _judge_motion(self, rows: Ints, bodies: Bodies, view: View, since: float) -> None:
+        """Begin and end motions: by what came into free space, what left its place, and how steadily the track went."""
+        tracks = self.tracks
+        ages = self.time - tracks.marks[:, :, 4]
+        said, marks = np.empty(ages.size, np.int64), tracks.marks.reshape(-1, 7)
+        looked_through(view.near, view.x, view.y, marks[:, :2], self._margins(marks[:, 5:]), said)
+        moves: Bools = np.asarray(((said.reshape(ages.shape) > 0) & (ages >= LEAST_AGE)).any(axis=1))
+        moves[rows[bodies.fresh >= 0.5]] = True
+        # A pole that is thinner than the beams are apart comes and goes.
+        moves[rows[bodies.echoes < LEAST_ECHOES]] = False
+        is_seen = np.zeros(len(moves), np.bool_)
+        is_seen[rows] = True
+        tracks.evidence[is_seen] *= math.exp(-since / EVIDENCE_LASTS)
+        tracks.evidence[is_seen & moves] += since
+        velocities, spans, is_steady = straight_motion(tracks.marks[:, :, 2:5])
+        speeds = np.hypot(velocities[:, 0], velocities[:, 1])
+        is_far = (speeds * spans > TRAVEL) & (speeds > LEAST_SPEED)
+        starts = is_seen & ~tracks.is_moving & is_far & is_steady & (tracks.evidence > EVIDENCE_NEEDED)
+        stops = tracks.is_moving & is_seen & ~(is_far & (tracks.evidence > EVIDENCE_KEPT))
+        tracks.is_moving = (tracks.is_moving | starts) & ~stops
+        self._start(np.flatnonzero(starts), velocities, spans)
+        rests = np.flatnonzero(is_seen & ~tracks.is_moving & (self.time - tracks.born > REST_AFTER))
+        rests = rests[tracks.evidence[rests] < EVIDENCE_KEPT]
+        tracks.means[rests], tracks.covariances[rests] = rest(
+            tracks.means[rests], tracks.covariances[rests], REST_SIGMA
+        )  # fmt: skip
+
+    def _start(self, rows: Ints, velocities: Floats, spans: Floats) -> None:
+        """Give tracks that begin to move the velocity of their marks: at rest, the filter held them back."""
+        tracks, variance = self.tracks, SIGMA_LEGS**2
+        tracks.means[rows, :2], tracks.means[rows, 2:] = tracks.places[rows], velocities[rows]
+        tracks.covariances[rows] = 0.0
+        for place, speed in ((0, 2), (1, 3)):
+            tracks.covariances[rows, place, place] = variance
+            tracks.covariances[rows, place, speed] = tracks.covariances[rows, speed, place] = variance / spans[rows]
+            tracks.covariances[rows, speed, speed] = 2.0 * variance / spans[rows] ** 2
+
+    def _name(self) -> None:
+        """Number the tentative tracks that move, and those that have stood for a while where a map has nothing."""
+        tracks = self.tracks
+        stands = tracks.is_in_free & (self.time - tracks.born >= self.settings.still_after)
+        is_due = tracks.is_moving | (stands & (2.0 * tracks.radii <= self.settings.widest_still))
+        for row in np.flatnonzero(is_due & (tracks.ids == 0)):
+            self._count += 1
+            tracks.ids[row] = self._count
+
+    def _kept(self, rows: Ints, view: View, since: float) -> Bools:
+        """(n,) which tracks go on: not those whose place is seen to be empty, or that were unseen for too long."""
+        tracks = self.tracks
+        is_missing = np.ones(len(tracks.ids), np.bool_)
+        is_missing[rows] = False
+        missing = np.flatnonzero(is_missing)
+        said = np.empty(len(missing), np.int64)
+        cover(view.near, view.x, view.y, tracks.means[missing, :2], tracks.radii[missing], said)
+        tracks.through[missing[said > 0]] += since
+        tracks.beside[missing[said == 0]] += since
+        is_named = tracks.ids > 0
+        is_empty = tracks.through >= np.where(is_named, THROUGH, THROUGH_TENTATIVE)
+        is_old = self.time - tracks.seen > np.where(is_named, self.settings.longest_unseen, THROUGH)
+        return ~(is_empty | is_old | (tracks.beside > BESIDE))
+
+    def _begin(self, bodies: Bodies, rows: Ints, columns: Ints, is_kept: Bools) -> None:
+        """Begin tentative tracks of the bodies without one, and drop those that end."""
+        tracks = self.tracks
+        new = bodies.rows(np.delete(np.arange(len(bodies.places)), columns))
+        hosts = tracks.means[rows[(tracks.ids[rows] > 0) & (bodies.legs[columns] > 0)], :2]
+        if len(hosts) and len(new.places):
+            away = np.hypot(*(new.places[:, None] - hosts[None]).transpose(2, 0, 1)).min(axis=1)
+            new = new.rows((new.legs == 0) | (away > ABSORBS))
+        self.tracks = tracks.rows(is_kept).joined(begun(new, self.time))
+
+    def _remember(self, sensor: str, view: View) -> None:
+        views = self._views.setdefault(sensor, deque(maxlen=VIEWS))
+        if views and len(views[0].near) != len(view.near):
+            views.clear()  # a scanner that was set to other beams
+        if not views or view.time - views[-1].time >= VIEW_EVERY - 1e-9:
+            views.append(view)
+
+
+def straight_motion(marks: Floats) -> tuple[Floats, Floats, Bools]:
+    """Velocities (n, 2), m/s, of least squares through places; the times (n,), s, they span; whether they are steady.
+
+    Args:
+        marks: (n, k, 3) x, y, m, and time, s, the newest first; NaN for none. Of fewer than `LEAST_MARKS`, none is
+            steady.
+    """
+    known = np.isfinite(marks[:, :, 2])
+    count = known.sum(axis=1)
+    given = np.where(known[:, :, None], marks, 0.0)
+    middle = given.sum(axis=1) / np.maximum(count, 1)[:, None]
+    apart = np.where(known[:, :, None], given - middle[:, None], 0.0)
+    spread = np.maximum((apart[:, :, 2] ** 2).sum(axis=1), 1e-12)
+    velocities = (apart[:, :, :2] * apart[:, :, 2:]).sum(axis=1) / spread[:, None]
+    explained = (velocities**2).sum(axis=1) * spread
+    variance = (apart[:, :, :2] ** 2).sum(axis=(1, 2))
+    is_steady = (count >= LEAST_MARKS) & (explained > STEADY * variance)
+    spans = np.where(known, apart[:, :, 2], -np.inf).max(axis=1) - np.where(known, apart[:, :, 2], np.inf).min(axis=1)
+    return velocities, np.where(count > 1, spans, 0.0), is_steady

@@ -1,0 +1,75 @@
+"""The node in whole runs: its tracks beside the bodies of the simulator, with a map and without one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from navloom.config import load_config
+from navloom.runs.episode import Episode, run_episode
+from navloom.runs.metrics import measure
+from navloom_people_tracker.map_frame import in_map
+
+ROBOT = """
+[robot]
+footprint = { length = 0.5, width = 0.5 }
+[world]
+ref = "crossing_person"
+[[sensor]]
+name = "laser"
+kind = "laser_2d"
+beams = 360
+field_of_view_deg = 359.0
+x = 0.1
+[avoider]
+plugin = "dwa"
+[[node]]
+name = "people"
+plugin = "people_tracker"
+"""
+MAPPED = '[mapper]\nplugin = "known_map"\n'
+SEEN = '[mapper]\nplugin = "scan_grid"\n'
+
+
+def drive(folder: Path, text: str, *changes: str) -> Episode:
+    path = folder / "robot.toml"
+    path.write_text(ROBOT + text, "utf-8")
+    return run_episode(load_config(str(path), changes), reads=[("node", "tracks")])
+
+
+@pytest.mark.parametrize(("mapper", "most"), [(MAPPED, 0.1), (SEEN, 0.6)])
+def test_a_person_who_crosses_is_tracked_and_nothing_else(tmp_path: Path, mapper: str, most: float) -> None:
+    """Without a map, the person has no track for the 5 s in which it stands."""
+    found = measure(drive(tmp_path, mapper).trail)
+    assert found["false_tracks"] == 0.0 and float(found["track_ospa"] or 0.0) < most
+    assert float(found["track_speed_rms"] or 9.0) < 0.2 and float(found["track_ospa_location"] or 9.0) < 0.05
+
+
+def test_a_second_laser_changes_neither_the_number_nor_the_place(tmp_path: Path) -> None:
+    second = '[[sensor]]\nname = "rear"\nkind = "laser_2d"\nbeams = 180\nheading_deg = 90.0\n'
+    trail = drive(tmp_path, MAPPED + second, "run.stop_after=12").trail
+    assert {tuple(one.ids.tolist()) for one in trail.tracking.moments if one.time > 2.0} == {(1,)}
+    assert measure(trail)["track_ospa_location"] < 0.05
+
+
+def test_sonars_alone_give_no_tracks(tmp_path: Path) -> None:
+    sonars = 'sensor=[{ name = "sonars", kind = "sonar_ring", layout = "p3dx" }]'
+    trail = drive(tmp_path, MAPPED, sonars, "run.stop_after=3").trail
+    assert len(trail.tracking.moments) > 50 and not any(len(one.ids) for one in trail.tracking.moments)
+
+
+def test_a_heading_error_of_the_pose_widens_far_tracks_across_the_line_of_sight() -> None:
+    """0.1 rad at 5 m ahead is 0.5 m to the side; at 1 m/s along x it is 0.1 m/s to the side."""
+    means, nothing = np.array([[5.0, 0.0, 1.0, 0.0]]), np.zeros((1, 4, 4))
+    _, covariances = in_map(means, nothing, np.zeros(3), np.zeros(3), np.diag([0.0, 0.0, 0.01]))
+    assert covariances[0] == pytest.approx(np.outer([0.0, 0.5, 0.0, 0.1], [0.0, 0.5, 0.0, 0.1]))
+
+
+def test_a_turned_odometry_frame_turns_places_and_velocities() -> None:
+    means = np.array([[2.0, 0.0, 1.0, 0.0]])
+    found, covariances = in_map(
+        means, np.diag([1.0, 2.0, 3.0, 4.0])[None], np.array([1.0, 1.0, np.pi / 2]), np.zeros(3), np.zeros((3, 3))
+    )
+    assert found[0] == pytest.approx([1.0, 3.0, 0.0, 1.0])
+    assert np.diag(covariances[0]) == pytest.approx([2.0, 1.0, 4.0, 3.0])

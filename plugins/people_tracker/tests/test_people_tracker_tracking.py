@@ -1,0 +1,137 @@
+"""People in made scenes: what a track says of them, what hides them, and that nothing that stands gets a velocity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from navloom.runs.ospa import ospa
+from numpy.typing import NDArray
+from tracker_scenes import Floats, Scene, room, tracked, walker, wanderer
+
+FREE = lambda points: np.zeros(len(points), np.int64)  # noqa: E731  # a map without walls
+
+
+@pytest.mark.parametrize("legs", [True, False])
+@pytest.mark.parametrize(
+    ("place", "velocity"),
+    [((1.5, 0.3), (0.8, 0.0)), ((5.0, 0.3), (-0.8, 0.0)), ((3.0, -3.0), (0.0, 1.2)), ((-4.0, 2.0), (0.5, -0.5))],
+)
+def test_one_person_is_one_track_with_its_place_and_velocity(
+    place: tuple[float, float], velocity: tuple[float, float], legs: bool
+) -> None:
+    scene = Scene(walls=room(6.0), people=[walker(*place, *velocity)], legs=legs)
+    for time, tracks in tracked(scene, 3.5):
+        if time >= 2.0:
+            assert tracks.ids.tolist() == [1]
+            true = (place[0] + velocity[0] * time, place[1] + velocity[1] * time, *velocity)
+            assert (
+                np.abs(tracks.means[0, :2] - true[:2]).max() < 0.2
+                and np.abs(tracks.means[0, 2:] - true[2:]).max() < 0.35
+            )
+
+
+def test_the_error_of_a_track_is_within_what_its_covariance_says() -> None:
+    inside = []
+    for time, tracks in tracked(Scene(walls=room(6.0), people=[walker(3.0, -3.0, 0.0, 1.0)]), 5.0):
+        if time >= 2.0:
+            error = tracks.means[0] - (3.0, -3.0 + time, 0.0, 1.0)
+            inside.append(error @ np.linalg.inv(tracks.covariances[0]) @ error < 13.3)  # 99 % of chi², 4
+    assert np.mean(inside) > 0.9
+
+
+def test_a_person_keeps_its_number_behind_a_pillar_and_is_unsure_there() -> None:
+    pillar = np.array([(2.0, 0.0, 0.35)])
+    scene = Scene(walls=room(6.0), discs=pillar, people=[walker(4.0, -3.0, 0.0, 1.0)])
+    unseen, sigma = 0.0, []
+    for time, tracks in tracked(scene, 5.5):
+        if time >= 1.5:
+            assert tracks.ids.tolist() == [1], time
+            unseen = max(unseen, time - tracks.seen[0])
+            sigma.append(math.sqrt(tracks.covariances[0, 1, 1]))
+    assert unseen > 0.5 and max(sigma) > 3.0 * min(sigma)
+
+
+def test_a_person_who_is_gone_has_no_track_half_a_second_later() -> None:
+    scene = Scene(walls=room(6.0), people=[lambda time: (3.0, -3.0 + time) if time < 3.0 else (100.0, 0.0)])
+    counts = {round(time, 1): len(tracks.ids) for time, tracks in tracked(scene, 4.0)}
+    assert counts[2.9] == 1 and counts[3.6] == 0
+
+
+def test_a_person_who_stops_stands_and_one_who_goes_on_has_a_velocity_again() -> None:
+    def person(time: float) -> tuple[float, float]:
+        return (3.0, -2.0 + min(time, 3.0) + max(0.0, time - 6.0))
+
+    scene = Scene(walls=room(6.0), people=[person], legs=False)
+    speeds = {round(time, 1): np.hypot(*tracks.means[:, 2:].T).tolist() for time, tracks in tracked(scene, 9.0)}
+    assert speeds[2.9][0] == pytest.approx(1.0, abs=0.2)
+    assert speeds[5.5][0] < 0.1 and speeds[8.0][0] == pytest.approx(1.0, abs=0.2)
+
+
+def test_who_stands_is_tracked_where_a_map_is_free_and_not_without_a_map() -> None:
+    scene = Scene(discs=np.array([(2.0, 0.0, 0.25), (-2.0, 1.0, 0.8)]))  # the second one is too wide for a person
+    *_, (_, with_map) = tracked(scene, 2.0, FREE)
+    *_, (_, without) = tracked(scene, 2.0)
+    assert with_map.means[:, :2].round(1).tolist() == [[2.0, 0.0]] and np.abs(with_map.means[:, 2:]).max() < 0.05
+    assert not len(without.ids)
+
+
+@pytest.mark.parametrize(
+    ("legs", "count", "most"), [(True, 1, 0.1), (True, 5, 0.15), (True, 20, 0.2), (False, 1, 0.1), (False, 20, 0.4)]
+)
+def test_the_tracks_of_a_crowd_are_near_it(legs: bool, count: int, most: float) -> None:
+    rng = np.random.default_rng(count)
+    scene = Scene(walls=room(6.5), people=[wanderer(rng, 5.5) for _ in range(count)], legs=legs, seed=count)
+    found = []
+    for time, tracks in tracked(scene, 10.0):
+        truth = np.array([person(time) for person in scene.people])
+        if time > 2.0:
+            found.append(ospa(truth[np.hypot(*truth.T) < 8.0], tracks.means[:, :2], 1.0).total)
+    assert np.mean(found) < most
+
+
+def clutter(seed: int) -> Floats:
+    """(n, 3) discs from poles to pillars around the origin, m."""
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-5.5, 5.5, (25, 2)), rng.choice([0.02, 0.04, 0.06, 0.1, 0.2, 0.4], 25)])
+    kept: NDArray[np.bool_] = np.hypot(discs[:, 0], discs[:, 1]) > 1.5 + discs[:, 2]
+    return np.asarray(discs[kept])
+
+
+ROBOTS: dict[str, Callable[[float], tuple[float, float, float]]] = {
+    "turns": lambda time: (0.0, 0.0, time),
+    "circles": lambda time: (0.8 * math.sin(time / 2), 0.8 * math.cos(time / 2) - 0.8, -time / 2),
+    "goes to and fro": lambda time: (0.9 * math.sin(0.8 * time), 0.0, 0.3 * math.sin(time)),
+}
+
+
+@pytest.mark.parametrize("beams", [180, 360, 720])
+@pytest.mark.parametrize("drift", [0.0, 0.03])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_no_wall_or_pole_moves_when_the_robot_does(robot: str, drift: float, beams: int) -> None:
+    scene = Scene(walls=room(6.0), discs=clutter(beams), robot=ROBOTS[robot], beams=beams, sigma=0.02, drift=drift)
+    speeds = [np.hypot(*tracks.means[:, 2:].T).max(initial=0.0) for _, tracks in tracked(scene, 8.0)]
+    assert max(speeds) <= 0.3
+
+
+def test_the_beams_of_a_slow_scanner_are_placed_by_their_own_times() -> None:
+    scene = Scene(walls=room(5.0), discs=clutter(3), robot=ROBOTS["turns"], scan_time=0.08, beams=180)
+    assert not any(len(tracks.ids) for _, tracks in tracked(scene, 4.0))
+
+
+def test_a_turning_robot_still_sees_who_walks() -> None:
+    scene = Scene(
+        walls=room(6.0), discs=clutter(5), people=[walker(2.0, -2.0, 0.0, 1.0)], robot=ROBOTS["turns"], drift=0.02
+    )
+    *_, (time, tracks) = tracked(scene, 3.0)
+    assert len(tracks.ids) == 1 and tracks.means[0, 3] == pytest.approx(1.0, abs=0.3), time
+
+
+def test_two_runs_give_the_same_bits() -> None:
+    def last() -> bytes:
+        *_, (_, tracks) = tracked(Scene(walls=room(6.0), people=[walker(3.0, -2.0, 0.0, 1.0)]), 2.0)
+        return tracks.means.tobytes() + tracks.covariances.tobytes()
+
+    assert last() == last()

@@ -23,8 +23,10 @@ Ints = NDArray[np.int64]
 
 _MOST_POSES = 240
 """Poses of a path that are joined, at most: the time grows with the square."""
-_GAIN = 1e-3
+_GAIN = 0.01
 """Least gain of a change, cells."""
+_SWEEPS = 12
+"""Most sweeps over all poses with shifts of one size."""
 
 
 def shortened(
@@ -46,7 +48,7 @@ def shortened(
     for number in range(rounds):
         before = cost_of(moves, motion.reverse, motion.switch, motion.turn)
         rows = split(moves, max(spacing / (1 + number % 2), np.abs(moves[:, 1]).sum() / _MOST_POSES))
-        pieces = _joined(poses_after(start, rows), rows, ground, body, motion, costs)
+        pieces = _links(_joined(poses_after(start, rows), rows, ground, body, motion, costs))
         _shift(start, pieces, ground, body, motion, costs, 2.0 * spacing)
         moves = merged(pieces.reshape(-1, 3))
         if before - cost_of(moves, motion.reverse, motion.switch, motion.turn) < 1e-3 * before and number % 2:
@@ -80,6 +82,25 @@ def merged(moves: Floats) -> Floats:
         else:
             rows.append([curvature, length, angle])
     return np.array(rows).reshape(-1, 3)
+
+
+def _links(pieces: Floats) -> Floats:
+    """The same chain (n, MOVES, 3) with successive parts of one move as one link.
+
+    Poses within a move would creep along it, hundreds of them for seconds.
+    """
+    links: list[Floats] = []
+    for piece in pieces:
+        moves = merged(piece)
+        both = merged(np.concatenate([links[-1], moves])) if links else moves
+        if links and len(both) == len(links[-1]) == 1:
+            links[-1] = both
+        elif len(moves):
+            links.append(moves)
+    chain = np.zeros((len(links), MOVES, 3))
+    for link, moves in zip(chain, links, strict=True):
+        link[: len(moves)] = moves
+    return chain
 
 
 @compiled
@@ -147,12 +168,12 @@ def _shift(
     for n in range(count):
         keys[n + 1] = poses_after(keys[n], pieces[n])[MOVES]
     one, two, pose = np.zeros((MOVES, 3)), np.zeros((MOVES, 3)), np.empty(3)
-    both = np.zeros((2 * MOVES, 3))
+    both, sweeps = np.zeros((2 * MOVES, 3)), 0
     while reach > 0.06:
-        has_gained = False
+        has_gained, sweeps = False, sweeps + 1
         for n in range(1, count):
             for direction in range(6):
-                while True:
+                for _ in range(_SWEEPS):
                     offset = reach if direction % 2 == 0 else -reach
                     cosine, sine = math.cos(keys[n, 2]), math.sin(keys[n, 2])
                     pose[0], pose[1], pose[2] = keys[n, 0], keys[n, 1], keys[n, 2]
@@ -175,5 +196,5 @@ def _shift(
                     if not is_curve_free(keys[n - 1], one, ground, body) or not is_curve_free(pose, two, ground, body):
                         break
                     keys[n], pieces[n - 1], pieces[n], has_gained = pose, one, two, True
-        if not has_gained:
-            reach *= 0.5
+        if not has_gained or sweeps >= _SWEEPS:
+            reach, sweeps = 0.5 * reach, 0

@@ -9,7 +9,7 @@ from navloom_astar.planning import GoalOccupied, NoPath, OutsideMap, StartOccupi
 from navloom_hybrid_astar.clearance import body_of, ground_of, is_free
 from navloom_hybrid_astar.flood import distances_to
 from navloom_hybrid_astar.motion import cost_of, poses_after
-from navloom_hybrid_astar.planning import Driven, HybridPlanner, Settings
+from navloom_hybrid_astar.planning import Driven, HybridPlanner, Settings, sampled
 from navloom_hybrid_astar.smoothing import merged, split
 
 BAR = np.array([(0.6, -0.2), (0.6, 0.2), (-0.6, 0.2), (-0.6, -0.2)])
@@ -238,6 +238,11 @@ def test_split_moves_lead_to_the_same_place_and_merge_again():
     assert np.abs(parts[:, 1]).max() <= 0.4
     assert poses_after(np.zeros(3), parts)[-1] == pytest.approx(poses_after(np.zeros(3), moves)[-1])
     assert merged(parts) == pytest.approx(moves)
+
+
+def test_a_move_that_is_only_rounding_gives_no_point():
+    moves = np.array([(0.0, 1.0, 0.0), (0.5, -1e-7, 0.0), (0.0, 1.0, 0.0)])
+    assert sampled(np.zeros(3), moves) == pytest.approx(np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0)]), abs=1e-6)
 
 
 def test_costs_are_those_of_the_moves():

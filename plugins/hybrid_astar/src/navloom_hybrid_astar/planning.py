@@ -28,6 +28,8 @@ _BEYOND = 5.0
 """How far the flood goes on behind the start, m, see `flood.distances_to`."""
 _TURN = math.radians(20.0)
 """Largest turn in place between two points of a path, rad: the shorter way round must be the right one."""
+_ROUNDING = 1e-3
+"""Way, cells, and turn, rad, up to which two points of a path are one."""
 _DEPTH = 2.0
 """How far the inscribed disc may be in an obstacle at the start, cells. A cell is occupied as a whole by an echo
 anywhere in it, so a robot beside a wall may be that deep in its cells."""
@@ -174,7 +176,7 @@ class HybridPlanner:
             why = "the search is at its bound" if expanded >= use.most else "the robot cannot turn so sharply"
             return self._no_path(grid, (int(nearest[1]), int(nearest[0])), ends[0], f"{why}, {expanded} expansions")
         moves = smoothing.shortened(first, moves, ground, body, motion, edge, use.rounds)
-        poses = sampled(first, moves, resolution)
+        poses = sampled(first, moves)
         places = np.array([grid.corner(y, x) for x, y in poses[:, :2].tolist()])  # corner() takes fractions too
         headings = (poses[:, 2] + grid.origin[2] + np.pi) % (2.0 * np.pi) - np.pi
         return Driven(places, headings, float(np.abs(moves[:, 1]).sum()) * resolution, expanded)
@@ -186,13 +188,17 @@ class HybridPlanner:
         return NoPath((x, y), f"no free path to the goal {_at((gx, gy))}: {why}; {reached}")
 
 
-def sampled(first: Floats, moves: Floats, resolution: float) -> Floats:
+def sampled(first: Floats, moves: Floats) -> Floats:
     """(n, 3) poses along a path, cells and rad: one to a cell, and the ends of all moves; none twice."""
     rows = []
     for curvature, length, angle in smoothing.split(moves, 1.0).tolist():
         count = max(1, math.ceil(abs(angle) / _TURN))
         rows += [(curvature, length / count, angle / count)] * count
     poses = poses_after(first, np.array(rows).reshape(-1, 3))
+    # The direction of a segment that is only rounding would say nothing.
+    steps = np.abs(np.diff(poses, axis=0))
+    poses = poses[np.append((steps[:, :2].sum(axis=1) > _ROUNDING) | (steps[:, 2] > _ROUNDING), True)]
+    poses[0] = first
     return poses if len(poses) > 1 else np.concatenate([poses, poses])
 
 

@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom.geometry.compiled import compiled
-from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
+from navloom_astar.inflation import circumscribed_radius, inscribed_radius
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from navloom_hybrid_astar.compiled import compiled
 
 __all__ = [
     "SWEEP",

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
+
+from navloom_hybrid_astar.compiled import compiled
 
 __all__ = ["MOVES", "Costs", "cheapest_curve", "wrapped"]
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
+
+from navloom_hybrid_astar.compiled import compiled
 
 __all__ = ["UNIT", "distances_to"]
 

@@ -7,10 +7,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
 from navloom_hybrid_astar.clearance import Body, Ground, advanced, is_free_along
+from navloom_hybrid_astar.compiled import compiled
 from navloom_hybrid_astar.curves import Costs, cheapest_curve
 
 __all__ = ["Motion", "cost_of", "curve_between", "direction_at", "is_curve_free", "poses_after"]

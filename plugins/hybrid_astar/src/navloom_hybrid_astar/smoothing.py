@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom.geometry.compiled import compiled
 from numpy.typing import NDArray
 
 from navloom_hybrid_astar.clearance import Body, Ground, is_free
+from navloom_hybrid_astar.compiled import compiled
 from navloom_hybrid_astar.curves import MOVES, Costs
 from navloom_hybrid_astar.motion import Motion, cost_of, curve_between, direction_at, is_curve_free, poses_after
 

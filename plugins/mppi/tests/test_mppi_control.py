@@ -1,6 +1,7 @@
 """Single ticks and short drives of an ideal robot."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -51,6 +52,15 @@ def test_the_same_seed_gives_the_same_commands_and_another_does_not():
 
     assert commands(1) == commands(1)
     assert commands(1) != commands(2)
+
+
+def test_a_goal_behind_the_end_of_a_wall_is_driven_to_around_it():
+    """The way is 3.4 m, within `goal_within`; straight, the goal is 1.4 m away, and a wall of posts is in between."""
+    corners = [(0.0, 0.0), (1.3, 0.3), (1.3, 1.1), (0.0, 1.4)]
+    path = np.vstack([np.linspace(a, b, 30) for a, b in pairwise(corners)])
+    wall = [(x, 0.7) for x in np.arange(-2.0, 0.61, 0.15)]
+    driven = drive_to(method_of(goal_within=4.0), path, 15.0, wall, near=0.2)
+    assert math.hypot(driven[-1, 0], driven[-1, 1] - 1.4) < 0.2
 
 
 def test_no_command_is_given_from_which_the_robot_cannot_stop():

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
-from navloom_mppi.nearest import body_points, fill_nearest
+from navloom_mppi.nearest import body_points, fill_nearest, gap_beside
 from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
 
@@ -205,13 +205,15 @@ class PathIntegral:
         occupied = float((self.distance[rows, columns] * self.cell / CHAMFER < self.inner).mean())
         arc = arc_of(path)
         lead = path[min(len(path) - 1, int(np.searchsorted(arc, self.inner + p.soft)))]
+        goal = (float(path[-1, 0]), float(path[-1, 1]))
+        # Towards a goal behind a corner, the robot would drive to the wall in between, and wait there.
+        is_near_goal = arc[-1] < self.goal_within and not len(outside) and gap_beside(obstacles, goal) >= self.inner
         is_beside = math.hypot(*lead) > STOPPED_BELOW[0]
         bearing = math.atan2(lead[1], lead[0]) if is_beside and given.turn_to is None else 0.0
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
-            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < self.goal_within),
-            (float(lead[0]), float(lead[1])),
+            goal, bool(is_near_goal), (float(lead[0]), float(lead[1])),
             abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
             bodies_ahead(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mppi_scenes import HERE, drive_to, laser, line, method_of
 from navloom_avoidance.robot import Robot
-from navloom_mppi.control import Given, near_goal, weights_by_critic
+from navloom_mppi.control import Given, weights_by_critic
 from navloom_mppi.critics import COLLISION, CRITICS
 from navloom_mppi.params import MppiParams
 
@@ -149,17 +149,6 @@ def test_weights_are_per_what_the_robot_can_do():
     assert weights[0.5]["path_follow"] == pytest.approx(20.0)
     assert weights[2.0]["twirling"] == pytest.approx(0.2)
     assert weights[2.0]["control"] == 0.015
-
-
-@pytest.mark.parametrize(
-    ("speed", "braking", "lag", "within"),
-    # Half an edge of 0.3 m: corners 0.424 m away. 2 m/s and 2 m/s²: 2 * 0.2 + 1; 0.3 m/s stops within the footprint.
-    [(2.0, 2.0, 0.1, 1.4), (0.3, 1.0, 0.05, 2.0 * math.hypot(0.3, 0.3))],
-)
-def test_the_robot_heads_straight_for_a_goal_within_its_stopping_distance(speed, braking, lag, within):
-    square = 0.3 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    robot = Robot(square, speed, 3.0, 1.0, braking, motor_lag=lag, dead_time=0.05)
-    assert near_goal(robot, 0.05) == pytest.approx(within)
 
 
 def test_the_reason_names_roll_outs_and_the_dearest_critics():

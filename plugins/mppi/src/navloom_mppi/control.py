@@ -20,7 +20,7 @@ from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
-from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
+from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, turn_first
 from navloom_mppi.nearest import body_points, fill_nearest, gap_beside
 from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
@@ -125,6 +125,8 @@ class PathIntegral:
         self.by_critic = weights_by_critic(p, robot)
         given: float | None = p.goal_within
         self.goal_within = near_goal(robot, period) if given is None else given
+        beyond: float | None = p.turn_beyond_deg
+        self.turn_beyond = turn_first(robot, p.step * p.steps) if beyond is None else math.radians(beyond)
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
         self.ends = np.zeros(self.samples)
@@ -214,7 +216,7 @@ class PathIntegral:
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
             goal, bool(is_near_goal), (float(lead[0]), float(lead[1])),
-            abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
+            abs(bearing) > self.turn_beyond, occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
             bodies_ahead(
                 given.bodies.within(given.pose[:2], self.bodies_reach), given.pose, self.times, self.edges,
@@ -361,17 +363,6 @@ def weights_by_critic(params: MppiParams, robot: Robot) -> Floats:
     }  # fmt: skip
     named = {name: p.gamma if name == "control" else getattr(p, name) for name in CRITICS}
     return np.array([weight * per_unit.get(name, 1.0) for name, weight in named.items()])
-
-
-def near_goal(robot: Robot, period: float) -> float:
-    """Distance from the goal, m, within which the robot heads straight for it.
-
-    From there the highest speed just stops in time: a tick, the dead time and the lag later, it brakes. Nearer than a
-    corner of the footprint, the way that is left of the nose no longer leads there, for a robot however slow.
-    """
-    late = period + robot.dead_time + robot.motor_lag
-    stop = robot.max_linear * late + robot.max_linear**2 / (2.0 * robot.max_deceleration)
-    return max(stop, 2.0 * float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max()))
 
 
 def is_stopped(v: float, w: float) -> bool:

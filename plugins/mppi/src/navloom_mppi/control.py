@@ -208,15 +208,16 @@ class PathIntegral:
         arc = arc_of(path)
         lead = path[min(len(path) - 1, int(np.searchsorted(arc, self.inner + p.soft)))]
         goal = (float(path[-1, 0]), float(path[-1, 1]))
-        # Towards a goal behind a corner, the robot would drive to the wall in between, and wait there.
-        is_near_goal = arc[-1] < self.goal_within and not len(outside) and gap_beside(obstacles, goal) >= self.inner
         is_beside = math.hypot(*lead) > STOPPED_BELOW[0]
         bearing = math.atan2(lead[1], lead[0]) if is_beside and given.turn_to is None else 0.0
+        turns_away = abs(bearing) > self.turn_beyond
+        # Straight towards a goal behind a corner, the robot would drive to the wall in between, and wait there.
+        is_near_goal = bool(arc[-1] < self.goal_within) and not turns_away and not len(outside)
+        is_near_goal = is_near_goal and gap_beside(obstacles, goal) >= self.inner
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
-            goal, bool(is_near_goal), (float(lead[0]), float(lead[1])),
-            abs(bearing) > self.turn_beyond, occupied <= OCCUPIED,
+            goal, is_near_goal, (float(lead[0]), float(lead[1])), turns_away, occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
             bodies_ahead(
                 given.bodies.within(given.pose[:2], self.bodies_reach), given.pose, self.times, self.edges,

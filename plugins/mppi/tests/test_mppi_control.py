@@ -63,6 +63,18 @@ def test_a_goal_behind_the_end_of_a_wall_is_driven_to_around_it():
     assert math.hypot(driven[-1, 0], driven[-1, 1] - 1.4) < 0.2
 
 
+@pytest.mark.parametrize(
+    ("change", "left", "is_near"), [(45.0, 2.0, False), (45.0, 0.4, True), (180.0, 2.0, True), (math.inf, 2.0, True)]
+)
+def test_a_robot_that_turns_slowly_heads_for_the_goal_only_when_it_faces_it(change, left, is_near):
+    """A goal 30° to the left: in 1.4 - 0.5 s, 45°/s² turn it by 18°, 180°/s² by 32°. Its nose is at 0.54 m."""
+    body = np.array([[0.45, 0.3], [-0.45, 0.3], [-0.45, -0.3], [0.45, -0.3]])
+    limits = {"motor_lag": 0.3, "dead_time": 0.2, "max_angular_acceleration": math.radians(change)}
+    method = method_of(robot=Robot(body, 1.5, math.radians(40.0), 0.4, 0.5, **limits))
+    method.step([], None, given(line(left * math.cos(math.pi / 6), left * math.sin(math.pi / 6))))
+    assert method.scene.is_near_goal is is_near
+
+
 def test_no_command_is_given_from_which_the_robot_cannot_stop():
     """An echo 2 cm beyond the margin of the front at 1 m/s: it brakes on the arc that it drives."""
     method = method_of()

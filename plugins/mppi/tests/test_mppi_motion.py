@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navloom_avoidance.robot import Robot
 from navloom_mppi.critics import CRITICS
-from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, ramp, turn_first
+from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, ramp, turn_within
 from navloom_mppi.rollout import drive, knots_of
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
@@ -133,12 +133,12 @@ def test_the_robot_heads_straight_for_a_goal_within_its_stopping_distance(speed,
         # Of 1.4 - 0.5 s, it takes 0.5 s to reach 45°/s, and turns by 11.25° meanwhile; then 0.4 s at 45°/s.
         (45.0, 90.0, 0.3, 0.2, 11.25 + 18.0),
         (90.0, 50.0, 0.3, 0.1, 25.0),  # 90°/s is not reached in 1 s
-        (180.0, math.inf, 0.1, 0.05, 60.0),
+        (180.0, math.inf, 0.1, 0.05, 225.0),
         (40.0, math.inf, 0.4, 0.0, 40.0),
-        (90.0, 50.0, 1.0, 0.5, 0.0),  # when half a roll-out is over, it does not even begin to turn
+        (90.0, 50.0, 1.0, 0.5, 0.0),  # by then, it does not even begin to turn
     ],
 )
-def test_a_robot_turns_first_beyond_what_half_a_roll_out_turns_it_by(fastest, change, lag, dead_time, bearing):
+def test_the_angle_a_robot_turns_by_in_1_4_s_from_standing(fastest, change, lag, dead_time, bearing):
     limits = {"motor_lag": lag, "dead_time": dead_time, "max_angular_acceleration": math.radians(change)}
     robot = Robot(np.eye(2), 1.0, math.radians(fastest), 1.0, 1.0, **limits)
-    assert math.degrees(turn_first(robot, 2.8)) == pytest.approx(bearing, abs=1e-6)
+    assert math.degrees(turn_within(robot, 1.4)) == pytest.approx(bearing, abs=1e-6)

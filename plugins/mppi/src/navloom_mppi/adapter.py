@@ -30,7 +30,7 @@ from navloom_dwa.view import cost_by_direction, in_map, points_picture
 from navloom_mppi import warming
 from navloom_mppi.control import Decision, Given, PathIntegral
 from navloom_mppi.critics import COLLISION, CRITICS
-from navloom_mppi.motion import near_goal, turn_first
+from navloom_mppi.motion import near_goal
 from navloom_mppi.params import ROBUST, MppiParams
 
 __all__ = ["Mppi"]
@@ -56,11 +56,8 @@ class Mppi(Avoider[MppiParams]):
     @classmethod
     def derived(cls, params: MppiParams, robot: RobotSpec, period: float) -> Mapping[str, Derived]:
         source = "footprint, max_linear, max_deceleration, motor_lag, dead_time and period"
-        turns = "max_angular, max_angular_acceleration, max_acceleration, half_track, motor_lag and dead_time"
-        beyond = math.degrees(turn_first(Robot.of(robot), params.step * params.steps))
         return {
             "goal_within": Derived(near_goal(Robot.of(robot), period), source),
-            "turn_beyond_deg": Derived(beyond, turns),
             "turning_radius": Derived(robot.turn_radius, "drive"),
         }
 

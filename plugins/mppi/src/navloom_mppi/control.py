@@ -20,7 +20,7 @@ from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
-from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, turn_first
+from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, turn_within
 from navloom_mppi.nearest import body_points, fill_nearest, gap_beside
 from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
@@ -125,8 +125,9 @@ class PathIntegral:
         self.by_critic = weights_by_critic(p, robot)
         given: float | None = p.goal_within
         self.goal_within = near_goal(robot, period) if given is None else given
-        beyond: float | None = p.turn_beyond_deg
-        self.turn_beyond = turn_first(robot, p.step * p.steps) if beyond is None else math.radians(beyond)
+        self.turn_beyond = math.radians(p.turn_beyond_deg)
+        # Where a turn takes longer, no roll-out gets to the way after it, and nothing pays for turning at a door post.
+        self.turn_near_goal = min(self.turn_beyond, turn_within(robot, 0.5 * p.step * p.steps))
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
         self.ends = np.zeros(self.samples)
@@ -210,9 +211,12 @@ class PathIntegral:
         goal = (float(path[-1, 0]), float(path[-1, 1]))
         is_beside = math.hypot(*lead) > STOPPED_BELOW[0]
         bearing = math.atan2(lead[1], lead[0]) if is_beside and given.turn_to is None else 0.0
-        turns_away = abs(bearing) > self.turn_beyond
+        is_near_goal = bool(arc[-1] < self.goal_within)
+        turns_away = abs(bearing) > (self.turn_near_goal if is_near_goal else self.turn_beyond)
         # Straight towards a goal behind a corner, the robot would drive to the wall in between, and wait there.
-        is_near_goal = bool(arc[-1] < self.goal_within) and not turns_away and not len(outside)
+        # Within its nose of the goal, the way that is left of the nose no longer leads there.
+        turns_first = turns_away and arc[-1] > self.nose
+        is_near_goal = is_near_goal and not turns_first and not len(outside)
         is_near_goal = is_near_goal and gap_beside(obstacles, goal) >= self.inner
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 State = tuple[float, float, float, float, float, float, float]
 """x, y, m, and heading, rad; speed, m/s, and turn rate, rad/s; commanded speed and turn rate."""
-TURN_FIRST = math.radians(60.0)
-"""Bearing of the path ahead beyond which even a quick robot turns before it drives on, rad."""
 
 
 class Motion(NamedTuple):
@@ -80,18 +78,11 @@ def near_goal(robot: Robot, period: float) -> float:
     return max(stop, 2.0 * float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max()))
 
 
-def turn_first(robot: Robot, duration: float) -> float:
-    """Bearing of the path ahead, rad, beyond which the robot turns before it drives on; at most TURN_FIRST.
-
-    What it can turn by, from standing, in half a roll-out. Where a turn takes longer, no roll-out gets to the way
-    after it, so that nothing pays for turning beside an obstacle.
-
-    Args:
-        robot: The robot's properties. duration: Of a roll-out, s.
-    """
-    time = max(1.0e-9, 0.5 * duration - robot.dead_time - robot.motor_lag)
+def turn_within(robot: Robot, duration: float) -> float:
+    """Angle, rad, by which the robot can turn in a time, s, from standing, after its dead time and lag."""
+    time = max(1.0e-9, duration - robot.dead_time - robot.motor_lag)
     reached = min(robot.max_angular, turn_change_of(robot) * time)
-    return min(TURN_FIRST, reached * (time - 0.5 * reached / turn_change_of(robot)))
+    return reached * (time - 0.5 * reached / turn_change_of(robot))
 
 
 @njit(cache=True, nogil=True)

@@ -48,12 +48,11 @@ class MppiParams(Params):
         description="Distance from the goal at which its critic replaces those of the path, m; left out: the stopping "
         "distance, or twice the distance of the farthest corner.",
     )
-    turn_beyond_deg: Derivable[float] = Field(
-        LEFT_OUT,
-        ge=0.0,
+    turn_beyond_deg: float = Field(
+        60.0,
+        gt=0.0,
         le=180.0,
-        description="Bearing of the path ahead beyond which the path angle critic acts, degrees; left out: what the "
-        "robot turns by in half a roll-out, at most 60.",
+        description="Bearing of the path ahead beyond which the path angle critic acts, degrees.",
     )
     soft: float = Field(0.3, gt=0.0, le=3.0, description="Width beyond the margin over which obstacles cost, m.")
     soft_weight: float = Field(

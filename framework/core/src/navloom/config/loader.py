@@ -248,6 +248,11 @@ def text_of(reference: str) -> str:
     return _read(reference)[0]
 
 
+def is_fleet(reference: str) -> bool:
+    """Whether a config, by path or shipped name, has members. Raises ConfigError if it cannot be read."""
+    return bool(tables_of(toml_of(text_of(reference), reference, ConfigError), "member"))
+
+
 def _read(reference: str) -> tuple[str, Path]:
     shipped = shipped_configs()
     if reference in shipped:

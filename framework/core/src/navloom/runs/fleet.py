@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from time import perf_counter_ns
@@ -90,6 +90,7 @@ def run_fleet(
     traces: Mapping[str, IO[bytes]] | None = None,
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
+    reads: Iterable[tuple[str, str]] = (),
 ) -> Fleet:
     """Run the configs of a fleet's members in one world, each until its last goal has ended and the robot stands.
 
@@ -101,6 +102,7 @@ def run_fleet(
         traces: File for the trace of each member, by name.
         say: Receives progress of the preparation.
         progress: Called with the run time so far and the longest possible one, s.
+        reads: Streams that metrics need, `(role or node, port)`, of each member.
 
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
@@ -111,7 +113,7 @@ def run_fleet(
         for name, drive in drives.items():
             within.enter_context(drive)
             make_plugins(drive.system, say)
-            drive.connect((), (traces or {}).get(name))
+            drive.connect((), (traces or {}).get(name), reads=reads)
         world = _World(list(drives.values()))
         wall_ns = _run(drives, world, progress)
     episodes = {name: drive.episode() for name, drive in drives.items()}

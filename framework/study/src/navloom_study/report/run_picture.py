@@ -18,6 +18,7 @@ from navloom.geometry.world import Obstacle
 from navloom.messages import MapUpdate, OccupancyGrid
 from navloom.palette import OKABE_ITO
 from navloom.runs.episode import Episode
+from navloom.runs.fleet import Fleet
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
@@ -35,7 +36,7 @@ from navloom_study.report.plan_view import (
 )
 from navloom_study.report.plotting import styled
 
-__all__ = ["draw_map_update", "draw_poses", "draw_run"]
+__all__ = ["draw_fleet", "draw_map_update", "draw_poses", "draw_run"]
 
 Floats = NDArray[np.float64]
 BLUE, VERMILION, GREEN, PINK, ORANGE, SKY = OKABE_ITO[:6]
@@ -143,6 +144,34 @@ def draw_run(episode: Episode) -> Figure:
     for time, x, y in _times(episode):
         axes.plot(x, y, "o", color=BLACK, markersize=3.5, markerfacecolor="none", markeredgewidth=0.6, zorder=4)
         texts.append((x, y, f"{time:.3g} s", 0.0))
+    add_legend(figure, axes)
+    write_beside(axes, texts)
+    return figure
+
+
+@styled()
+def draw_fleet(fleet: Fleet) -> Figure:
+    """Draw the true track of each member of a finished fleet, with starts, goals, contacts and the true obstacles."""
+    episodes = fleet.episodes
+    systems = [episode.system for episode in episodes.values()]
+    starts = np.array([(system.true_start.x, system.true_start.y) for system in systems])
+    points = [starts, *(episode.recorder.driven for episode in episodes.values())]
+    figure, axes = plan_figure(WIDTH, extent_of(np.concatenate(points), systems[0].world, AROUND))
+    longest = max(episodes.values(), key=lambda episode: episode.log.ticks)
+    _draw_obstacles(axes, longest)
+    _draw_bodies(axes, longest)
+    texts = []
+    for number, (name, episode) in enumerate(episodes.items()):
+        recorder, system, colour = episode.recorder, episode.system, OKABE_ITO[number % len(OKABE_ITO)]
+        draw_lines(axes, [recorder.driven], colour, name if len(episodes) <= len(OKABE_ITO) else "", 1.6, zorder=3)
+        every = max(1, round(OUTLINE_EVERY / system.config.run.period))
+        draw_footprints(axes, (row[1:4] for row in recorder.truth[::every]), system.robot.footprint, colour, "")
+        _draw_contacts(axes, episode)
+        _mark(axes, *starts[number])
+        texts.append((*starts[number], name, 0.0))
+        if system.goal is not None:
+            place = (system.goal.x, system.goal.y)
+            axes.add_patch(Circle(place, system.goal_tolerance, fill=False, edgecolor=colour, zorder=3))
     add_legend(figure, axes)
     write_beside(axes, texts)
     return figure

@@ -1,0 +1,130 @@
+"""Fleets: robots in one world that see and touch each other, and that drive as alone where the others are far away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from navloom.config import ConfigError, load_config
+from navloom.engine.build import assemble
+from navloom.runs.episode import run_episode
+from navloom.runs.fleet import Fleet, load_fleet, run_fleet
+
+HEAD = '[run]\nstop_after = {seconds}\nseed = 3\n\n[world]\nref = "empty"\n'
+MEMBER = """
+[[member]]
+name = "{name}"
+config = "building"
+start = {{ x = {x}, y = 0.0, heading_deg = {heading} }}
+set = {{ {set} }}
+"""
+STANDS = "event = [{ at = 0.0, do = 'stop' }], navigation.goal = { x = 0.0, y = 3.0 }"
+BLIND = "gate.monitor = false, navigation.handover = 'never', navigation.replan_when_blocked = false"
+
+
+def member(name: str, x: float, heading: float, changes: str = STANDS) -> str:
+    return MEMBER.format(name=name, x=x, heading=heading, set=changes)
+
+
+@pytest.fixture
+def fleet_of(tmp_path: Path):
+    def load(*members: str, seconds: float = 1.0):
+        path = tmp_path / "fleet.toml"
+        path.write_text(HEAD.format(seconds=seconds) + "".join(members))
+        return load_fleet(str(path))
+
+    return load
+
+
+def drive(members, **given) -> Fleet:
+    return run_fleet(members, **given)
+
+
+def test_each_sees_the_other_where_it_is(fleet_of) -> None:
+    """Robots of 0.5 m, 3 m apart: a gap of 2.5 m; the beam ahead ends at the other's front, 3 - 0.25 m away."""
+    fleet = drive(fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0)), reads=[("platform", "laser")])
+    for name, other in (("a", "b"), ("b", "a")):
+        recorder = fleet.episodes[name].recorder
+        assert (recorder.nearest, recorder.min_clearance) == (other, pytest.approx(2.5))
+        ahead = [scan.ranges[135] for _, scan in recorder.streams["platform", "laser"]]
+        assert np.mean(ahead) == pytest.approx(2.75, abs=0.03)
+        assert recorder.bodies[-1].names == ("a", "b") and recorder.bodies[-1].robots == 2
+
+
+def test_who_drives_blindly_touches_the_one_that_stands(fleet_of) -> None:
+    """The contact is the driver's own, and the other's contact for the robot that stands."""
+    goal = "navigation.goal = { x = 4.0, y = 0.0 }"
+    fleet = drive(fleet_of(member("a", 0.0, 0.0, f"{BLIND}, {goal}"), member("b", 1.5, 180.0), seconds=6.0))
+    (ours,), (theirs,) = (fleet.episodes[name].trail.contacts for name in "ab")
+    assert (ours.name, ours.is_own) == ("b", True)
+    assert (theirs.name, theirs.is_own) == ("a", False)
+
+
+FAR = [
+    member("a", 0.0, 0.0, "navigation.goal = { x = 2.0, y = 0.0 }"),
+    member("b", 60.0, 0.0, "navigation.goal = { x = 62.0, y = 0.0 }"),
+]
+
+
+@pytest.fixture
+def far_apart(fleet_of) -> Fleet:
+    return drive(fleet_of(*FAR, seconds=3.0))
+
+
+def test_out_of_reach_it_drives_as_alone(fleet_of, far_apart) -> None:
+    (alone,) = fleet_of(FAR[0], seconds=3.0)
+    hashed = drive([alone]).episodes["a"].log.trace_sha256
+    assert far_apart.episodes["a"].log.trace_sha256 == hashed
+    # Also as the config by itself, whose world has no node, and whose gate reads no stamp of it.
+    single = run_episode(load_config(
+        "building",
+        ["run.stop_after=3.0", f"run.seed={alone.config.run.seed}", "robot.name=a", "world.ref=empty",
+         "navigation.start={x=0.0,y=0.0,heading_deg=0.0}", "navigation.goal={x=2.0,y=0.0}"],
+    ))  # fmt: skip
+    assert single.recorder.truth == far_apart.episodes["a"].recorder.truth
+    assert single.log.trace_sha256 == hashed
+
+
+def test_a_fleet_is_repeatable_and_its_hash_covers_each_member(fleet_of, far_apart) -> None:
+    again = drive(fleet_of(*FAR, seconds=3.0))
+    assert again.trace_sha256 == far_apart.trace_sha256
+    moved = FAR[1].replace("62.0", "61.5")
+    other = drive(fleet_of(FAR[0], moved, seconds=3.0))
+    assert other.episodes["a"].log.trace_sha256 == again.episodes["a"].log.trace_sha256
+    assert other.trace_sha256 != again.trace_sha256
+
+
+def test_one_that_has_arrived_stands_in_the_way_of_the_others(fleet_of) -> None:
+    """a is at its goal from the start and ends early; b drives blindly into it, and only b has that contact."""
+    fleet = drive(
+        fleet_of(
+            member("a", 0.0, 0.0, "navigation.goal = { x = 0.05, y = 0.0 }"),
+            member("b", 2.0, 180.0, f"{BLIND}, navigation.goal = {{ x = -2.0, y = 0.0 }}"),
+            seconds=8.0,
+        )
+    )
+    ended = fleet.episodes["a"]
+    assert ended.result.outcome == "succeeded" and ended.log.ticks < fleet.episodes["b"].log.ticks
+    assert [touch.name for touch in fleet.episodes["b"].trail.contacts] == ["a"]
+    last = fleet.episodes["b"].recorder.bodies[-1]
+    assert last.poses[0, :2] == pytest.approx(ended.recorder.driven[-1])
+    assert last.velocities[0].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_members_that_touch_at_their_starts_are_refused(fleet_of) -> None:
+    with pytest.raises(ConfigError, match="member a: start: touches b there"):
+        drive(fleet_of(member("a", 0.0, 0.0), member("b", 0.4, 0.0)))
+
+
+def test_equal_robots_have_different_noise(fleet_of) -> None:
+    first, second = fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0))
+    assert first.config.run.seed != second.config.run.seed
+    (alone,) = fleet_of(member("b", 3.0, 0.0))
+    assert alone.config.run.seed == second.config.run.seed
+
+
+def test_no_other_command_takes_a_fleet_for_one_robot(fleet_of, tmp_path: Path) -> None:
+    fleet_of(*FAR)
+    with pytest.raises(ConfigError, match="member: several robots, which only `navloom run` drives"):
+        assemble(load_config(str(tmp_path / "fleet.toml")))

@@ -11,7 +11,17 @@ from navloom.engine.build import assemble
 from navloom.runs.episode import run_episode
 from navloom.runs.fleet import Fleet, load_fleet, run_fleet
 
-HEAD = '[run]\nstop_after = {seconds}\nseed = 3\n\n[world]\nref = "empty"\n'
+HEAD = '[run]\nstop_after = {seconds}\nseed = 3\n\n[world]\nref = "{world}"\n'
+HALLS = """
+bounds = [-5.0, -5.0, 70.0, 5.0]
+[[box]]
+x = [-3.0, 5.0]
+y = [-2.0, -1.0]
+[[box]]
+x = [57.0, 65.0]
+y = [-2.0, -1.0]
+"""
+"""Two walls, 52 m apart: the laser reaches 20 m, and the true clearance of each robot is that to its wall."""
 MEMBER = """
 [[member]]
 name = "{name}"
@@ -20,7 +30,7 @@ start = {{ x = {x}, y = 0.0, heading_deg = {heading} }}
 set = {{ {set} }}
 """
 STANDS = "event = [{ at = 0.0, do = 'stop' }], navigation.goal = { x = 0.0, y = 3.0 }"
-BLIND = "gate.monitor = false, navigation.handover = 'never', navigation.replan_when_blocked = false"
+BLIND = "mapper.plugin = 'known_map', gate.monitor = false, navigation.handover = 'never'"
 
 
 def member(name: str, x: float, heading: float, changes: str = STANDS) -> str:
@@ -29,9 +39,10 @@ def member(name: str, x: float, heading: float, changes: str = STANDS) -> str:
 
 @pytest.fixture
 def fleet_of(tmp_path: Path):
-    def load(*members: str, seconds: float = 1.0):
+    def load(*members: str, seconds: float = 1.0, world: str = "empty"):
         path = tmp_path / "fleet.toml"
-        path.write_text(HEAD.format(seconds=seconds) + "".join(members))
+        (tmp_path / "halls.toml").write_text(HALLS)
+        path.write_text(HEAD.format(seconds=seconds, world=world) + "".join(members))
         return load_fleet(str(path))
 
     return load
@@ -56,9 +67,10 @@ def test_who_drives_blindly_touches_the_one_that_stands(fleet_of) -> None:
     """The contact is the driver's own, and the other's contact for the robot that stands."""
     goal = "navigation.goal = { x = 4.0, y = 0.0 }"
     fleet = drive(fleet_of(member("a", 0.0, 0.0, f"{BLIND}, {goal}"), member("b", 1.5, 180.0), seconds=6.0))
-    (ours,), (theirs,) = (fleet.episodes[name].trail.contacts for name in "ab")
-    assert (ours.name, ours.is_own) == ("b", True)
-    assert (theirs.name, theirs.is_own) == ("a", False)
+    ours, theirs = (fleet.episodes[name].trail.contacts for name in "ab")
+    assert {(touch.name, touch.is_own) for touch in ours} == {("b", True)}
+    assert {(touch.name, touch.is_own) for touch in theirs} == {("a", False)}
+    assert [touch.time for touch in ours] == [touch.time for touch in theirs]
 
 
 FAR = [
@@ -67,19 +79,23 @@ FAR = [
 ]
 
 
+IN_HALLS = {"seconds": 3.0, "world": "halls.toml"}
+
+
 @pytest.fixture
 def far_apart(fleet_of) -> Fleet:
-    return drive(fleet_of(*FAR, seconds=3.0))
+    return drive(fleet_of(*FAR, **IN_HALLS))
 
 
-def test_out_of_reach_it_drives_as_alone(fleet_of, far_apart) -> None:
-    (alone,) = fleet_of(FAR[0], seconds=3.0)
+def test_out_of_reach_it_drives_as_alone(fleet_of, far_apart, tmp_path: Path) -> None:
+    (alone,) = fleet_of(FAR[0], **IN_HALLS)
     hashed = drive([alone]).episodes["a"].log.trace_sha256
     assert far_apart.episodes["a"].log.trace_sha256 == hashed
     # Also as the config by itself, whose world has no node, and whose gate reads no stamp of it.
     single = run_episode(load_config(
         "building",
-        ["run.stop_after=3.0", f"run.seed={alone.config.run.seed}", "robot.name=a", "world.ref=empty",
+        ["run.stop_after=3.0", f"run.seed={alone.config.run.seed}", "robot.name=a",
+         f"world.ref={tmp_path / 'halls.toml'}",
          "navigation.start={x=0.0,y=0.0,heading_deg=0.0}", "navigation.goal={x=2.0,y=0.0}"],
     ))  # fmt: skip
     assert single.recorder.truth == far_apart.episodes["a"].recorder.truth
@@ -87,10 +103,10 @@ def test_out_of_reach_it_drives_as_alone(fleet_of, far_apart) -> None:
 
 
 def test_a_fleet_is_repeatable_and_its_hash_covers_each_member(fleet_of, far_apart) -> None:
-    again = drive(fleet_of(*FAR, seconds=3.0))
+    again = drive(fleet_of(*FAR, **IN_HALLS))
     assert again.trace_sha256 == far_apart.trace_sha256
     moved = FAR[1].replace("62.0", "61.5")
-    other = drive(fleet_of(FAR[0], moved, seconds=3.0))
+    other = drive(fleet_of(FAR[0], moved, **IN_HALLS))
     assert other.episodes["a"].log.trace_sha256 == again.episodes["a"].log.trace_sha256
     assert other.trace_sha256 != again.trace_sha256
 
@@ -100,13 +116,13 @@ def test_one_that_has_arrived_stands_in_the_way_of_the_others(fleet_of) -> None:
     fleet = drive(
         fleet_of(
             member("a", 0.0, 0.0, "navigation.goal = { x = 0.05, y = 0.0 }"),
-            member("b", 2.0, 180.0, f"{BLIND}, navigation.goal = {{ x = -2.0, y = 0.0 }}"),
+            member("b", 2.0, 180.0, BLIND + ", navigation.goal = { x = -2.0, y = 0.0 }"),
             seconds=8.0,
         )
     )
     ended = fleet.episodes["a"]
     assert ended.result.outcome == "succeeded" and ended.log.ticks < fleet.episodes["b"].log.ticks
-    assert [touch.name for touch in fleet.episodes["b"].trail.contacts] == ["a"]
+    assert {(touch.name, touch.is_own) for touch in fleet.episodes["b"].trail.contacts} == {("a", True)}
     last = fleet.episodes["b"].recorder.bodies[-1]
     assert last.poses[0, :2] == pytest.approx(ended.recorder.driven[-1])
     assert last.velocities[0].tolist() == [0.0, 0.0, 0.0]

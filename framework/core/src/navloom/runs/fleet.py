@@ -117,6 +117,7 @@ def run_fleet(
         world = _World(list(drives.values()))
         wall_ns = _run(drives, world, progress)
     episodes = {name: drive.episode() for name, drive in drives.items()}
+    _share_contacts(episodes)
     hashed = hashlib.sha256(world.trace.sha256().encode())
     for name in sorted(episodes):
         hashed.update(f"\n{name} {episodes[name].log.trace_sha256}".encode())
@@ -190,6 +191,20 @@ def _mover(drive: Drive, is_driving: bool) -> Mover:
     if truth is None:
         return Mover(start.x, start.y, start.heading)
     return mover_of(truth) if is_driving else replace(mover_of(truth), vx=0.0, vy=0.0, wz=0.0)
+
+
+def _share_contacts(episodes: Mapping[str, Episode]) -> None:
+    """Give each member the contacts of those that drove into it: they stay where they were, short of its outline."""
+    reported = {name: list(episode.recorder.contacts) for name, episode in episodes.items()}
+    for name, episode in episodes.items():
+        recorder, rows = episode.recorder, {row for row, _ in reported[name]}
+        for other, contacts in reported.items():
+            for row, touched in contacts:
+                if touched == name and row not in rows and row < len(recorder.truth):
+                    rows.add(row)
+                    recorder.contacts.append((row, other))
+        recorder.contacts.sort(key=lambda contact: contact[0])
+        recorder.touches = sum(row - 1 not in rows for row in rows)
 
 
 def _check_world(drives: Mapping[str, Drive]) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.config import ConfigError, load_config
-from navloom.engine.build import assemble
 from navloom.runs.episode import run_episode
 from navloom.runs.fleet import Fleet, load_fleet, run_fleet
 
@@ -143,4 +142,40 @@ def test_equal_robots_have_different_noise(fleet_of) -> None:
 def test_no_other_command_takes_a_fleet_for_one_robot(fleet_of, tmp_path: Path) -> None:
     fleet_of(*FAR)
     with pytest.raises(ConfigError, match="member: several robots, which only `navloom run` drives"):
-        assemble(load_config(str(tmp_path / "fleet.toml")))
+        load_config(str(tmp_path / "fleet.toml"))
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ('[[member]]\nconfig = "building"', "member.0.name: is missing"),
+        ('[[member]]\nname = "a"\nstrat = 1', "member a: member.0.strat"),
+        ('[[member]]\nname = "a"\nconfig = "bilding"', "bilding.*no such file"),
+        ('[[member]]\nname = "a"\nconfig = "building"\nset = 3', "member a: member.0.set"),
+        ('[[member]]\nname = "a"\nset = { robot.hight = 1.0 }', "member a: robot.hight"),
+        ('[[member]]\nname = "a"\n[[member]]\nname = "a"', r"two tables \[\[member\]\] are named"),
+        (
+            '[[member]]\nname = "a"\n[[member]]\nname = "b"\nset = { run.period = 0.1 }',
+            "member b: run.period: is another one than that of a",
+        ),
+    ],
+)
+def test_members_that_do_not_fit_are_refused(tmp_path: Path, tables: str, said: str) -> None:
+    path = tmp_path / "fleet.toml"
+    path.write_text(tables)
+    with pytest.raises(ConfigError, match=said):
+        load_fleet(str(path))
+
+
+def test_the_fleet_s_tables_lie_over_a_member_s_config_and_its_own_over_both(tmp_path: Path) -> None:
+    (tmp_path / "one.toml").write_text('[planner]\nplugin = "astar"\ninflation_margin = 0.2\n[robot]\nheight = 0.5\n')
+    path = tmp_path / "fleet.toml"
+    path.write_text(
+        '[robot]\nheight = 0.7\n[world]\nref = "here.toml"\n[[member]]\nname = "a"\nconfig = "one.toml"\n'
+        'set = { robot.wheel_radius = 0.11 }\n[[member]]\nname = "b"\nset = { run.seed = 5 }\n'
+    )
+    first, second = load_fleet(str(path), ["robot.realm=yard"])
+    assert (first.config.robot.height, first.config.robot.wheel_radius, first.config.robot.name) == (0.7, 0.11, "a")
+    assert first.config.planner.params == {"inflation_margin": 0.2}
+    assert first.base_of("world.ref") == second.base_of("world.ref") == tmp_path
+    assert (second.config.robot.realm, second.config.run.seed) == ("yard", 5)

@@ -51,14 +51,14 @@ def run(
     from navloom.cli.fleet_run import run_members
     from navloom.cli.written_files import Written, record_of, rerun_of
     from navloom.config import ConfigError
-    from navloom.config.loader import is_fleet
+    from navloom.config.loader import members_of
     from navloom.plugins import Discovery
     from navloom.plugins.run_observers import Onlookers
     from navloom.runs.episode import run_episode
     from navloom.runs.result_folder import ResultFolder
 
     where = view.asked()
-    if is_fleet(given.config):
+    if members_of(given.config):
         if record is not None or where is not None:
             raise ConfigError(
                 f"{given.config}: a fleet is neither recorded nor shown: leave --record and the viewer out"

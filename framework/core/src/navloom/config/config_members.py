@@ -47,7 +47,7 @@ def named_member(tables: Collection[Mapping[str, Any]], name: str, config: str) 
 
 def settings_of_member(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Place and value of each override of a member."""
-    yield from settings_of(table.get("set", {}))
+    yield from settings_of(given) if isinstance(given := table.get("set", {}), Mapping) else ()
     if "start" in table:
         yield "navigation.start", table["start"]
     yield "robot.name", table["name"]

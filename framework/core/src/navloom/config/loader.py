@@ -139,6 +139,10 @@ def load_config(
     tree = toml_of(text, reference, ConfigError)
     split_presets(tree)
     sources, dropped, fleet_base, name = _sources_of(tree), list[str](), None, reference
+    if not member and tables_of(tree, "member"):
+        raise ConfigError(
+            f"{reference}: member: several robots, which only `navloom run` drives: name the config of one robot"
+        )
     if member:
         name, text, fleet_base = f"{reference}: member {member}", "", base
         tree, base, sources = _tree_of_member(tree, base, member, reference, dropped)
@@ -174,7 +178,7 @@ def _tree_of_member(
     table = named_member(tables_of(fleet, "member"), name, reference)
     tree = {key: value for key, value in fleet.items() if key != "member"}
     sources = _sources_of(tree)
-    if (config := table.get("config")) is not None:
+    if isinstance(config := table.get("config"), str):
         common, inner = tree, config if config in shipped_configs() else str(base / config)
         text, base = _read(inner)
         tree = toml_of(text, inner, ConfigError)
@@ -184,6 +188,8 @@ def _tree_of_member(
         sources = _sources_of(tree)
         _lay(tree, settings_of(common), "fleet", reference, sources, dropped)
     _lay(tree, settings_of_member(table), f"member {name}", reference, sources, dropped)
+    # The check of the whole config looks at these tables too.
+    tree["member"] = fleet["member"]
     return tree, base, sources
 
 
@@ -248,9 +254,13 @@ def text_of(reference: str) -> str:
     return _read(reference)[0]
 
 
-def is_fleet(reference: str) -> bool:
-    """Whether a config, by path or shipped name, has members. Raises ConfigError if it cannot be read."""
-    return bool(tables_of(toml_of(text_of(reference), reference, ConfigError), "member"))
+def members_of(reference: str) -> list[str]:
+    """Names of the members of a config, by path or shipped name; none if it is of one robot. Raises ConfigError."""
+    tables = tables_of(toml_of(text_of(reference), reference, ConfigError), "member")
+    for number, table in enumerate(tables):
+        if not isinstance(table.get("name"), str):
+            raise ConfigError(f'{reference}: member.{number}.name: is missing or no text; give one, as in name = "a"')
+    return [table["name"] for table in tables]
 
 
 def _read(reference: str) -> tuple[str, Path]:

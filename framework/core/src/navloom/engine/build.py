@@ -79,8 +79,6 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
         ConfigError: Something in the file does not fit; one line a problem. PluginError: a plugin cannot be used.
     """
     config, problems = loaded.config, Gathered()
-    if config.member:
-        raise loaded.error("member: several robots, which only `navloom run` drives: name the config of one robot")
     discovery = discovery or Discovery(config.plugins.blocked)
     parts, world, robot = find_parts(config, discovery, problems), None, None
     platform_part = parts.get(("platform", config.platform.instance))

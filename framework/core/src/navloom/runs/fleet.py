@@ -10,6 +10,7 @@ from time import perf_counter_ns
 from typing import IO, Any
 
 from navloom.config import ConfigError, Loaded, load_config
+from navloom.config.loader import members_of
 from navloom.engine.build import is_simulated
 from navloom.engine.lockstep import PROGRESS_INTERVAL_NS
 from navloom.engine.lockstep_builder import moving_world_of
@@ -63,7 +64,7 @@ def load_fleet(
     Raises:
         ConfigError: A member's config does not fit, or the members do not share a world and a period.
     """
-    names = [table.name for table in load_config(reference).config.member]
+    names = members_of(reference)
     members = [load_config(reference, overrides, seed, shadows, method, name) for name in names]
     for loaded in members[1:]:
         for (place, value), (_, other) in zip(_shared(loaded), _shared(members[0]), strict=True):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from navloom.cli import main
 from navloom.config import ConfigError, load_config
 from navloom.runs.episode import run_episode
 from navloom.runs.fleet import Fleet, load_fleet, run_fleet
@@ -179,3 +181,24 @@ def test_the_fleet_s_tables_lie_over_a_member_s_config_and_its_own_over_both(tmp
     assert first.config.planner.params == {"inflation_margin": 0.2}
     assert first.base_of("world.ref") == second.base_of("world.ref") == tmp_path
     assert (second.config.robot.realm, second.config.run.seed) == ("yard", 5)
+
+
+def test_run_prints_a_row_a_member_and_refuses_a_recording(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], fleet_of, tmp_path: Path
+) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+
+    def run(*options: str) -> tuple[object, str, str]:
+        monkeypatch.setattr(sys, "argv", ["navloom", "run", str(tmp_path / "fleet.toml"), *options])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        return ended.value.code, out, err
+
+    code, out, _ = run()
+    head, first, second, last, *_ = out.splitlines()
+    assert (code, head.split()[:2]) == (1, ["member", "outcome"])
+    assert [row.split()[:2] for row in (first, second)] == [["a", "stopped"], ["b", "stopped"]]
+    assert last.startswith("0 of 2 reached their goals; 0 collisions; robot time 1 s in ")
+    code, _, err = run("--record", str(tmp_path / "run.mcap"))
+    assert code == 2 and "a fleet is neither recorded nor shown" in err

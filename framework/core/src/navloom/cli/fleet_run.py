@@ -18,6 +18,7 @@ from navloom.parts import has_part, part
 
 if TYPE_CHECKING:
     from navloom.runs.fleet import Fleet
+    from navloom.runs.result_folder import OutFolder
 
 __all__ = ["run_members"]
 
@@ -28,7 +29,6 @@ COLUMNS = {
     "min_clearance_m": "minimum clearance, m",
     "collisions": "collisions",
     "gate_stops": "gate stops",
-    "reason": "reason",
 }
 
 
@@ -44,9 +44,8 @@ def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
     from navloom.runs.result_folder import OutFolder, ResultFolder
 
     members = load_fleet(given.config, given.set_ or (), given.seed, given.shadow or (), given.method)
-    for loaded in members:
-        for notice in loaded.notices():
-            say_so(notice)
+    for notice in dict.fromkeys(notice for loaded in members for notice in loaded.notices()):
+        say_so(notice)
     with ExitStack() as within:
         folder = within.enter_context(OutFolder(out, ("result.json", PICTURE)))
         own = {one.member: within.enter_context(ResultFolder(out and out / one.member)) for one in members}
@@ -65,18 +64,26 @@ def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
     for name, episode in fleet.episodes.items():
         tell_faults(episode, summary["members"][name])
     if as_json:
-        print_json(summary)
+        print_json({**summary, "written": {"out": [str(path) for path in _files(folder, *own.values())]}})
     else:
         _print(fleet, summary)
     are_whole = [tell_out(held, as_json) for held in (folder, *own.values())]
     return all(are_whole) and all(map(is_reached, summary["members"].values()))
 
 
+def _files(*folders: OutFolder) -> list[Path]:
+    return [held.folder / name for held in folders if held.folder is not None for name in held.names]
+
+
 def _print(fleet: Fleet, summary: dict[str, Any]) -> None:
     """Print a row for each member, and what the fleet has as a whole."""
-    rows = [[name, member["outcome"], *(member[key] for key in COLUMNS)] for name, member in summary["members"].items()]
-    print_table(("member", "outcome", *COLUMNS.values()), rows)
+    rows = []
+    for name, member in summary["members"].items():
+        # By the truth, which may be another than what the robot believes.
+        trail = fleet.episodes[name].trail
+        rows.append([name, trail.outcome, *(member[key] for key in COLUMNS), trail.reason])
+    print_table(("member", "outcome", *COLUMNS.values(), "reason"), rows)
     typer.echo(
-        f"{summary['succeeded']} of {len(rows)} succeeded; {summary['collisions']} collisions; robot time "
+        f"{summary['reached']} of {len(rows)} reached their goals; {summary['collisions']} collisions; robot time "
         f"{summary['sim_time_s']:.4g} s in {summary['wall_s']:.4g} s; trace {summary['trace_sha256']}"
     )

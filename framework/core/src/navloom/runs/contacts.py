@@ -190,8 +190,6 @@ def _would_touch(drive: Evidence, times: Sequence[float], place: int, row: int, 
     """Whether a body would have touched the robot had it stood for the last second, up to a second later."""
     time = float(drive.truth[row, 0])
     stood = drive.truth[_row_before(drive, time - STOOD)]
-    if np.array_equal(stood[1:4], drive.truth[row, 1:4]):
-        return True
     outline = transform(stood[1:4], drive.footprint)
 
     def touches(parts: Floats) -> bool:

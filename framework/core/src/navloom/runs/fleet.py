@@ -46,7 +46,7 @@ class Fleet:
             "trace_sha256": self.trace_sha256,
             "wall_s": self.wall_ns * 1e-9,
             "sim_time_s": max(member["sim_time_s"] for member in members.values()),
-            "succeeded": sum(member["outcome"] == "succeeded" for member in members.values()),
+            "reached": sum(episode.trail.succeeded for episode in self.episodes.values()),
             "collisions": sum(member["collisions"] for member in members.values()),
             "members": members,
         }

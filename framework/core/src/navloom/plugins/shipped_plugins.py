@@ -16,6 +16,7 @@ SHIPPED = {
     "navloom-check": ("command.check",),
     "navloom-dwa": ("avoider.dwa",),
     "navloom-hoang2013": ("command.paper",),
+    "navloom-hybrid-astar": ("planner.hybrid_astar",),
     "navloom-improved-vfh": ("avoider.improved_vfh",),
     "navloom-ipabd": (
         "mapper.ipabd",

@@ -202,3 +202,17 @@ def test_run_prints_a_row_a_member_and_refuses_a_recording(
     assert last.startswith("0 of 2 reached their goals; 0 collisions; robot time 1 s in ")
     code, _, err = run("--record", str(tmp_path / "run.mcap"))
     assert code == 2 and "a fleet is neither recorded nor shown" in err
+
+
+def test_two_that_drive_blindly_at_each_other_both_have_a_contact_of_their_own(fleet_of) -> None:
+    """Robots of 0.5 m from x = 0 and x = 3 m, equally fast: they meet at x = 1.5 m, to within a tick of 25 mm each."""
+    fleet = drive(
+        fleet_of(
+            member("a", 0.0, 0.0, BLIND + ", navigation.goal = { x = 4.0, y = 0.0 }"),
+            member("b", 3.0, 180.0, BLIND + ", navigation.goal = { x = -1.0, y = 0.0 }"),
+            seconds=6.0,
+        )
+    )
+    for name, other in (("a", "b"), ("b", "a")):
+        (touch,) = fleet.episodes[name].trail.contacts
+        assert (touch.name, touch.is_own, touch.x) == (other, True, pytest.approx(1.5, abs=0.025))

@@ -50,8 +50,10 @@ SHIPPED = {
     "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
     "navloom-maps": (
         "scheme.barn",
+        "scheme.dynabarn",
         "scheme.floor",
         "scheme.movingai",
+        "scheme.people",
         "scheme.rosmap",
     ),
     "navloom-mcl": ("localizer.global_matching", "localizer.mcl"),

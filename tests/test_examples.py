@@ -229,6 +229,23 @@ def test_both_avoiders_drive_and_the_shadow_says_what_it_would_have_done() -> No
     assert forces["differing_share"] > 0.5 and not drivers.spells("forces")
 
 
+@runs("circle_swap.toml")
+def test_four_robots_swap_places_without_contact(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    config, out = str(EXAMPLES / "circle_swap.toml"), str(tmp_path / "out")
+    monkeypatch.setattr(sys, "argv", ["navloom", "run", config, "--json", "--out", out])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    result = json.loads(capsys.readouterr().out)
+    assert (result["reached"], result["collisions"]) == (4, 0)
+    assert list(result["members"]) == ["east", "north", "west", "south"]
+    assert {"run.png", "result.json", "trace.bin"} <= {Path(file).name for file in result["written"]["out"]}
+    own = json.loads((tmp_path / "out" / "east" / "result.json").read_text())
+    assert own["trace_sha256"] == result["members"]["east"]["trace_sha256"]
+
+
 @runs("study.py")
 def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
     head, *rows = script("study.py", "1")

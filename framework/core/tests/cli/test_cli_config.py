@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from navloom.config import ConfigError, load_config, shipped_configs
-from navloom.config.loader import leaves
+from navloom.config.config_tree import leaves
 from navloom.engine.build import assemble
 from navloom.engine.task_checks import check_live, check_task
 from navloom.plugins import PluginError

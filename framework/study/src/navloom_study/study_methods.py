@@ -10,7 +10,7 @@ from typing import Any
 
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.config_methods import ALONE, settings_of
-from navloom.config.loader import leaves
+from navloom.config.config_tree import leaves
 from navloom.config.tables import ROLE_TABLES, AlternativeTable
 from navloom.engine.system import System
 from navloom.plugins import Discovery

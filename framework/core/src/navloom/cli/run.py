@@ -46,16 +46,25 @@ def run(
 ) -> None:
     """Run a config in simulated time, in one process (lockstep).
 
-    Repeatable bit for bit. Exit 0: the goal was reached.
+    Repeatable bit for bit. Exit 0: the goal was reached. A config with [[member]] drives several robots in one world.
     """
+    from navloom.cli.fleet_run import run_members
     from navloom.cli.written_files import Written, record_of, rerun_of
+    from navloom.config import ConfigError
+    from navloom.config.loader import members_of
     from navloom.plugins import Discovery
     from navloom.plugins.run_observers import Onlookers
     from navloom.runs.episode import run_episode
     from navloom.runs.result_folder import ResultFolder
 
-    loaded = given.load(say_so)
     where = view.asked()
+    if members_of(given.config):
+        if record is not None or where is not None:
+            raise ConfigError(
+                f"{given.config}: a fleet is neither recorded nor shown: leave --record and the viewer out"
+            )
+        raise typer.Exit(0 if run_members(given, out, as_json) else 1)
+    loaded = given.load(say_so)
     discovery = Discovery(loaded.config.plugins.blocked)
     with (
         _watched(loaded, where) as watch,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import islice
@@ -16,14 +15,16 @@ from typing import Any
 from pydantic import ValidationError
 
 from navloom.config.config_errors import ConfigError, check_params, problems_of
+from navloom.config.config_members import named_member, seed_of_member, settings_of_member
 from navloom.config.config_methods import ALTERNATIVE_INSTEAD, named_method, settings_of
-from navloom.config.config_presets import instance_of, params_of, split_preset
+from navloom.config.config_presets import instance_of, params_of
+from navloom.config.config_tree import Source, assign, leaves, split_presets, tables_of
 from navloom.config.schema import Config
 from navloom.config.tables import DEFAULT_PLUGINS, REQUIRED_ROLES, ROLE_TABLES
 from navloom.config.toml_lines import line_of
 from navloom.inputs.assignments import brief, read_assignment
 from navloom.inputs.bounds import TEXT_MB, read_file
-from navloom.inputs.texts import shortened, toml_of
+from navloom.inputs.texts import toml_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import close_to, nearest
 from navloom.roles import FIXED
@@ -32,13 +33,8 @@ from navloom.roles.presets import named_plugin
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
 
-ARRAYS = ("sensor", "node", "alternative", "event", "method")
-"""Places of arrays of tables."""
 SHOWN = 50
 """Most problems that one error lists."""
-
-Source = str
-"""Where a value came from: default, file, method NAME, --set, --shadow or kept pose."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +48,8 @@ class Loaded:
         sources: Source of each value, by dotted place; places that are not listed have their default.
         dropped: Places of the file's parameters that were dropped because a method or `--set` names another plugin.
         text: Text of the file; empty for none.
+        member: Name of the `[[member]]` that it is for; empty for a robot alone.
+        fleet_base: Folder for relative paths in the fleet's file; None for a robot alone.
     """
 
     config: Config
@@ -60,6 +58,8 @@ class Loaded:
     sources: dict[str, Source]
     dropped: tuple[str, ...]
     text: str = field(default="", repr=False, compare=False)
+    member: str = ""
+    fleet_base: Path | None = None
 
     def error(self, *problems: str) -> ConfigError:
         """An error with one line per problem, each with its line in the file, or its `--set`."""
@@ -79,8 +79,11 @@ class Loaded:
         return any(known == place or known.startswith(f"{place}.") for known in self.sources)
 
     def base_of(self, place: str) -> Path:
-        """Folder for relative paths in a value: the file's, or the current one for `--set`."""
-        return Path.cwd() if self.sources.get(place) == "--set" else self.base
+        """Folder for relative paths in a value: that of the file that gives it, or the current one for `--set`."""
+        source = self.sources.get(place, "")
+        if self.fleet_base is not None and source.startswith(("fleet", "member ")):
+            return self.fleet_base
+        return Path.cwd() if source == "--set" else self.base
 
     def sha256(self) -> str:
         """Hash of all values, defaults included; independent of their sources."""
@@ -115,6 +118,7 @@ def load_config(
     seed: int | None = None,
     shadows: Iterable[str] = (),
     method: str = "",
+    member: str = "",
 ) -> Loaded:
     """Read a config by path or shipped name, apply its method, then `a.b=value` overrides, add shadows, and check it.
 
@@ -124,6 +128,7 @@ def load_config(
         seed: Value of `--seed`.
         shadows: Values of `--shadow`, as `avoider=vff,vfh@printed`.
         method: Name of the `[[method]]` that applies; empty for none.
+        member: Name of the `[[member]]` whose config is wanted; empty for that of the file itself.
 
     Raises:
         ConfigError: The file is missing or not TOML, or a value does not fit.
@@ -132,24 +137,60 @@ def load_config(
         raise ConfigError(f"--seed {seed}: expected a whole number of 0 to {2**63 - 1}")
     text, base = _read(reference)
     tree = toml_of(text, reference, ConfigError)
-    _split_presets(tree)
-    sources: dict[str, Source] = {place: "file" for place, _ in leaves({**tree, "method": {}})}
-    dropped: list[str] = []
+    split_presets(tree)
+    sources, dropped, fleet_base, name = _sources_of(tree), list[str](), None, reference
+    if not member and tables_of(tree, "member"):
+        raise ConfigError(
+            f"{reference}: member: several robots, which only `navloom run` drives: name the config of one robot"
+        )
+    if member:
+        name, text, fleet_base = f"{reference}: member {member}", "", base
+        tree, base, sources = _tree_of_member(tree, base, member, reference, dropped)
     if method:
-        _apply_method(tree, method, reference, sources, dropped)
+        _lay(tree, settings_of(named_method(tables_of(tree, "method"), method, reference)), f"method {method}",
+             reference, sources, dropped)  # fmt: skip
     changes = list(overrides) + ([f"run.seed={seed}"] if seed is not None else [])
     # A change of plugin drops the old one's parameters, so it must come before the new one's parameters.
     for change in sorted(changes, key=lambda text: not text.partition("=")[0].endswith(".plugin")):
         _override(tree, change, sources, dropped)
-    _split_presets(tree)
-    for text in shadows:
-        _add_shadows(tree, text, sources)
+    split_presets(tree)
+    for added in shadows:
+        _add_shadows(tree, added, sources)
+    run = tree.setdefault("run", {}) if member and sources.get("run.seed") != f"member {member}" else None
+    if isinstance(run, dict) and isinstance(run.get("seed", 0), int):
+        run["seed"] = seed_of_member(run.get("seed", 0), member)
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
         problems = [*problems_of(error, Config, given=tree), *_problems_of_params(tree)]
-        raise _located(problems, reference, text, sources) from None
-    return Loaded(config, reference, base, sources, tuple(dropped), text)
+        raise _located(problems, name, text, sources) from None
+    return Loaded(config, name, base, sources, tuple(dropped), text, member, fleet_base)
+
+
+def _sources_of(tree: dict[str, Any]) -> dict[str, Source]:
+    return {place: "file" for place, _ in leaves({**tree, "method": {}, "member": {}})}
+
+
+def _tree_of_member(
+    fleet: dict[str, Any], base: Path, name: str, reference: str, dropped: list[str]
+) -> tuple[dict[str, Any], Path, dict[str, Source]]:
+    """The tree of a member's config before `--set`, the folder of its file, and the sources of its values."""
+    table = named_member(tables_of(fleet, "member"), name, reference)
+    tree = {key: value for key, value in fleet.items() if key != "member"}
+    sources = _sources_of(tree)
+    if isinstance(config := table.get("config"), str):
+        common, inner = tree, config if config in shipped_configs() else str(base / config)
+        text, base = _read(inner)
+        tree = toml_of(text, inner, ConfigError)
+        if "member" in tree:
+            raise ConfigError(f"{reference}: member {name}: config: {inner} is a fleet itself; name that of one robot")
+        split_presets(tree)
+        sources = _sources_of(tree)
+        _lay(tree, settings_of(common), "fleet", reference, sources, dropped)
+    _lay(tree, settings_of_member(table), f"member {name}", reference, sources, dropped)
+    # The check of the whole config looks at these tables too.
+    tree["member"] = fleet["member"]
+    return tree, base, sources
 
 
 def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, Source]) -> ConfigError:
@@ -175,7 +216,7 @@ def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, S
 
 def _place_of_method(text: str, method: str, place: str) -> str:
     """Where a method of the file, as in `method mppi`, gives the value of a place."""
-    tables = _tables(toml_of(text, "", ConfigError), "method") if text else []
+    tables = tables_of(toml_of(text, "", ConfigError), "method") if text else []
     number = next((n for n, table in enumerate(tables) if f"method {table.get('name')}" == method), 0)
     return f"method.{number}.set.{place}"
 
@@ -186,10 +227,11 @@ def _problems_of_params(tree: dict[str, Any]) -> list[str]:
     tables: list[tuple[str, Any, Any]] = [
         (role, role, tree.get(role, {})) for role in ROLE_TABLES if role in REQUIRED_ROLES or role in tree
     ]
-    nodes = [table for table in _tables(tree, "node") if isinstance(table.get("name"), str)]
+    nodes = [table for table in tables_of(tree, "node") if isinstance(table.get("name"), str)]
     tables += [(f"node.{number}", table["name"], table) for number, table in enumerate(nodes)]
     tables += [
-        (f"alternative.{number}", table.get("role"), table) for number, table in enumerate(_tables(tree, "alternative"))
+        (f"alternative.{number}", table.get("role"), table)
+        for number, table in enumerate(tables_of(tree, "alternative"))
     ]
     roles = {*ROLE_TABLES, *(table["name"] for table in nodes)}
     discovery = Discovery()
@@ -207,15 +249,18 @@ def _problems_of_params(tree: dict[str, Any]) -> list[str]:
     return found
 
 
-def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    """The tables of an array; empty if it is none."""
-    tables = tree.get(name)
-    return tables if isinstance(tables, list) and all(isinstance(table, dict) for table in tables) else []
-
-
 def text_of(reference: str) -> str:
     """Text of a config, by path or shipped name, unchecked. Raises ConfigError if it cannot be read."""
     return _read(reference)[0]
+
+
+def members_of(reference: str) -> list[str]:
+    """Names of the members of a config, by path or shipped name; none if it is of one robot. Raises ConfigError."""
+    tables = tables_of(toml_of(text_of(reference), reference, ConfigError), "member")
+    for number, table in enumerate(tables):
+        if not isinstance(table.get("name"), str):
+            raise ConfigError(f'{reference}: member.{number}.name: is missing or no text; give one, as in name = "a"')
+    return [table["name"] for table in tables]
 
 
 def _read(reference: str) -> tuple[str, Path]:
@@ -237,107 +282,48 @@ def _read(reference: str) -> tuple[str, Path]:
         raise ConfigError(f"config {reference!r} cannot be read: {error}") from None
 
 
-def leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value of a tree with its dotted place; tables in arrays are numbered from 0."""
-    if isinstance(tree, dict):
-        for key, value in tree.items():
-            yield from leaves(value, f"{place}.{key}" if place else key)
-    elif isinstance(tree, list) and tree and all(isinstance(entry, dict) for entry in tree):
-        for number, entry in enumerate(tree):
-            yield from leaves(entry, f"{place}.{number}")
-    else:
-        yield place, tree
-
-
 def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dropped: list[str]) -> None:
     place, value = parse_override(change)
+    if place.partition(".")[0] == "member":
+        raise ConfigError(
+            f"--set {brief(change)}: --set holds for every member; give one its own value by `set` in its [[member]]"
+        )
     if place.partition(".")[0] == "method":
         raise ConfigError(
             f"--set {brief(change)}: --set applies after a method; choose one with --method NAME, or set the value "
             "itself, as in --set navigation.handover=always"
         )
-    _assign(tree, place.split("."), value, ("--set", f"--set {brief(change)}"), sources, dropped)
+    assign(tree, place.split("."), value, ("--set", f"--set {brief(change)}"), sources, dropped)
 
 
-def _apply_method(
-    tree: dict[str, Any], name: str, reference: str, sources: dict[str, Source], dropped: list[str]
-) -> None:
-    """Apply the overrides of a `[[method]]`; the check of the whole config refuses those that no method may set."""
-    given = named_method(_tables(tree, "method"), name, reference)
-    # As with `--set`: a change of plugin drops the old one's parameters, so it comes first.
-    for place, value in sorted(settings_of(given), key=lambda entry: not entry[0].endswith(".plugin")):
-        said = f"{reference}: method {name}: {brief(place)}"
-        _assign(tree, place.split("."), value, (f"method {name}", said), sources, dropped)
-    _split_presets(tree)
-
-
-def _assign(
+def _lay(
     tree: dict[str, Any],
-    keys: list[str],
-    value: Any,
-    given_by: tuple[Source, str],
+    settings: Iterable[tuple[str, Any]],
+    source: Source,
+    reference: str,
     sources: dict[str, Source],
     dropped: list[str],
 ) -> None:
-    """Set a value of the tree.
-
-    Args:
-        tree: The config.
-        keys: Place of the value; tables in arrays by number, name or plugin.
-        value: The value.
-        given_by: Its source, and the beginning of a message about it.
-        sources: Source of each value, to be updated.
-        dropped: Receives the places of parameters that a change of plugin drops.
-    """
-    table, (source, said) = tree, given_by
-    for depth, key in enumerate(keys[:-1]):
-        table = _enter(table, key, ".".join(keys[: depth + 1]), said)
-    if not isinstance(table, dict):
-        raise ConfigError(f"{said}: {'.'.join(keys[:-1])} is a list; name one of its tables")
-    where = ".".join(_numbered(tree, keys))
-    of_instance = (len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] in ("alternative", "node")
-    if keys[-1] == "plugin" and of_instance and isinstance(value, str):
-        value, preset = named_plugin(value)
-        if (table.get("plugin"), table.get("preset")) != (value, preset):
-            for old in [key for key in table if key not in RESERVED_KEYS or key == "preset"]:
-                dropped.append(f"{where.removesuffix('.plugin')}.{old}")
-                del table[old]
-                sources.pop(dropped[-1], None)
-        if preset is not None:
-            table["preset"] = preset
-            sources[f"{where.removesuffix('plugin')}preset"] = source
-    for old in [place for place in sources if place == where or place.startswith(where + ".")]:
-        del sources[old]
-    if value == "default":  # as if the file did not give it, so that it may follow from the robot
-        table.pop(keys[-1], None)
-        return
-    table[keys[-1]] = value
-    for leaf, _ in leaves(value, where):
-        sources[leaf] = source
-
-
-def _split_presets(tree: dict[str, Any]) -> None:
-    """Give the preset in `plugin = "vfh@printed"` a key of its own; a table that names two is left for the check."""
-    places = [tree.get(role) for role in ROLE_TABLES] + _tables(tree, "node") + _tables(tree, "alternative")
-    for table in places:
-        if isinstance(table, dict):
-            with suppress(ValueError):
-                table.update(split_preset(table))
+    """Lay the values of a method, a fleet or a member over a config; its check refuses those that it may not have."""
+    # As with `--set`: a change of plugin drops the old one's parameters, so it comes first.
+    for place, value in sorted(settings, key=lambda entry: not entry[0].endswith(".plugin")):
+        assign(tree, place.split("."), value, (source, f"{reference}: {source}: {brief(place)}"), sources, dropped)
+    split_presets(tree)
 
 
 def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) -> None:
     """Add an alternative in shadow for each name of `avoider=vff,vfh@printed`; one that the config has runs too."""
     role, wanted = parse_shadows(text)
-    nodes = [str(table.get("name")) for table in _tables(tree, "node")]
+    nodes = [str(table.get("name")) for table in tables_of(tree, "node")]
     known = [known for known in (*ROLE_TABLES, *nodes) if known not in FIXED]
     if role == "method" and role not in known:
         raise ConfigError(f"--shadow {brief(text)}: {ALTERNATIVE_INSTEAD}")
     if role not in known:
         raise ConfigError(f"--shadow {brief(text)}: no role {role!r} that can be shadowed{nearest(role, known)}")
     tables = tree.setdefault("alternative", [])
-    if not isinstance(tables, list) or tables != _tables(tree, "alternative"):
+    if not isinstance(tables, list) or tables != tables_of(tree, "alternative"):
         return  # the check of the whole config refuses it
-    active = next((table for table in _tables(tree, "node") if table.get("name") == role), None) or tree.get(role, {})
+    active = next((table for table in tables_of(tree, "node") if table.get("name") == role), None) or tree.get(role, {})
     if isinstance(active, dict) and (name := instance_of({"plugin": DEFAULT_PLUGINS.get(role), **active})) in wanted:
         raise ConfigError(f"--shadow {brief(text)}: {name} is the active {role}; name others, or another preset of it")
     for name in wanted:
@@ -345,7 +331,7 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
         number = next(own, None)
         if number is None:
             number = len(tables)
-            is_method = name in [table.get("name") for table in _tables(tree, "method")]
+            is_method = name in [table.get("name") for table in tables_of(tree, "method")]
             if is_method and name not in Discovery().names(role):
                 raise ConfigError(f"--shadow {brief(text)}: {name} is a [[method]]: {ALTERNATIVE_INSTEAD}")
             plugin, preset = named_plugin(name)
@@ -354,35 +340,6 @@ def _add_shadows(tree: dict[str, Any], text: str, sources: dict[str, Source]) ->
         for leaf, _ in leaves(tables[number], f"alternative.{number}"):
             sources.setdefault(leaf, "--shadow")
         sources[f"alternative.{number}.shadow"] = "--shadow"
-
-
-def _enter(table: Any, key: str, place: str, said: str) -> Any:
-    """The table below a key; in an array of tables, the one with that number, `name` or `plugin`."""
-    if isinstance(table, list):
-        for number, entry in enumerate(table):
-            if key in (str(number), entry.get("name"), entry.get("plugin")):
-                return entry
-        known = [str(entry.get("name", number)) for number, entry in enumerate(table)]
-        hint = nearest(key, known) if known else f"; the config has no [[{place.partition('.')[0]}]]"
-        raise ConfigError(f"{said}: there is no {brief(place)}{hint}")
-    inner = table.setdefault(key, [] if place in ARRAYS else {})
-    if not isinstance(inner, (dict, list)):
-        raise ConfigError(f"{said}: {brief(place)} is the value {shortened(inner)}, not a table")
-    return inner
-
-
-def _numbered(tree: Any, keys: list[str]) -> list[str]:
-    """The keys, with names of tables in arrays replaced by their numbers."""
-    out: list[str] = []
-    for key in keys:
-        if isinstance(tree, list):
-            number = next(i for i, entry in enumerate(tree) if key in (str(i), entry.get("name"), entry.get("plugin")))
-            out.append(str(number))
-            tree = tree[number]
-        else:
-            out.append(key)
-            tree = tree.get(key) if isinstance(tree, dict) else None
-    return out
 
 
 def parse_shadows(text: str) -> tuple[str, list[str]]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model, model_validator
 
+from navloom.config.config_members import MemberTable
 from navloom.config.config_methods import ALTERNATIVE_INSTEAD, MethodTable, problems_of_method
 from navloom.config.tables import (
     DEFAULT_PLUGINS,
@@ -69,6 +70,8 @@ class Config(OptionalTables):
     alternative: list[AlternativeTable] = Field(default_factory=list)
     # Not among the values in effect: a method that is not chosen must change no hash and no recording.
     method: list[MethodTable] = Field(default_factory=list, exclude=True)
+    # Each member's values in effect are those of its own config.
+    member: list[MemberTable] = Field(default_factory=list, exclude=True)
     navigation: NavigationTable = NavigationTable()
     gate: GateTable = GateTable()
     event: list[EventTable] = Field(default_factory=list)
@@ -123,6 +126,7 @@ class Config(OptionalTables):
             *self._wrong_places(),
             *self._wrong_events(),
             *self._wrong_methods(),
+            *self._wrong_members(),
         ]
         # All at once, so that a file is put right in one go.
         if problems:
@@ -204,6 +208,12 @@ class Config(OptionalTables):
             yield from problems_of_method(f"method.{number}.set", table.set, type(self).model_fields)
         if names and any(table.name == "method" for table in self.node):
             yield 'node: one is named "method", as are the tables [[method]] in `--vary`; choose another name'
+
+    def _wrong_members(self) -> Iterator[str]:
+        names = [table.name for table in self.member]
+        for number, table in enumerate(self.member):
+            if table.name in names[:number]:
+                yield f'member.{number}.name: two tables [[member]] are named "{table.name}"'
 
     @property
     def roles(self) -> list[str]:

@@ -85,7 +85,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     with problems.gather():
         world = _world(loaded, discovery, platform_part)
     # A simulator with a world of its own moves what moves there, and a real robot meets what is really there.
-    moves = config.world is not None and world is not None and moving_world.moves(world)
+    moves = config.world is not None and world is not None and (bool(loaded.member) or moving_world.moves(world))
     catalogue = catalogue_of_parts(config, parts, problems, moves and is_simulated(platform_part))
     with problems.gather():
         robot = robot_spec(config.robot)
@@ -193,7 +193,7 @@ def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World
             raise ConfigError(f"event: an actor is named {name!r}, as another in the world: name it otherwise")
         taken.append(name)
     world = replace(world, actors=(*world.actors, *added)) if added else world
-    if loaded.config.robot.name in taken and moving_world.moves(world):
+    if loaded.config.robot.name in taken and (moving_world.moves(world) or loaded.member):
         raise ConfigError(f"robot.name: is {loaded.config.robot.name!r}, as something in the world: name it otherwise")
     if moving_world.walks(world) and not has_part("navloom_orca"):
         raise ConfigError(f"world.ref: actors of {world.name} have goals, which needs navloom-orca: install it")

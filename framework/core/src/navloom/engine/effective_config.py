@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from navloom.config.loader import leaves
+from navloom.config.config_tree import leaves
 from navloom.config.tables import MapTable, NodeTable
 from navloom.engine.plugin_factory import blamed_on_part
 from navloom.engine.system import System

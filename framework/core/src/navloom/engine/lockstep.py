@@ -191,27 +191,36 @@ class Lockstep:
         """
         # Wall time for the log only; nodes get the run clock.
         started, told = perf_counter_ns(), 0
-        odometry = self._active["platform"].slots["odometry"]
         try:
             for number in range(ticks):
-                before = perf_counter_ns()
-                self._control_ns.clear()
-                self._control_cpu_ns.clear()
-                self._step(number)
+                is_over = self.tick(number)
                 now = perf_counter_ns()
-                self.log.tick_ns.append(now - before)
-                self.log.control_ns.append(sum(self._control_ns))
-                self.log.control_cpu_ns.append(sum(self._control_cpu_ns))
                 if progress is not None and now - told >= PROGRESS_INTERVAL_NS:
                     told = now
                     progress(number)
-                measured = odometry.message.twist if isinstance(odometry.message, Odometry) else None
-                if self._ending.is_over(number, self._goal.machine.is_idle, self.gate.gate.is_moving, measured):
+                if is_over:
                     break
         finally:
             # Also after an exception or Ctrl-C: the trace up to there shows what led to it.
             self.trace.flush()
-        self.log.wall_ns = perf_counter_ns() - started
+        return self.finish(perf_counter_ns() - started)
+
+    def tick(self, number: int) -> bool:
+        """Make one tick. Returns whether the last goal has ended and the robot stands."""
+        before = perf_counter_ns()
+        self._control_ns.clear()
+        self._control_cpu_ns.clear()
+        self._step(number)
+        self.log.tick_ns.append(perf_counter_ns() - before)
+        self.log.control_ns.append(sum(self._control_ns))
+        self.log.control_cpu_ns.append(sum(self._control_cpu_ns))
+        odometry = self._active["platform"].slots["odometry"].message
+        measured = odometry.twist if isinstance(odometry, Odometry) else None
+        return self._ending.is_over(number, self._goal.machine.is_idle, self.gate.gate.is_moving, measured)
+
+    def finish(self, wall_ns: int) -> RunLog:
+        """Complete the log after the last tick; `wall_ns`: wall time of all ticks."""
+        self.log.wall_ns = wall_ns
         self.log.ticks = len(self.log.tick_ns)
         self.log.trace_sha256 = self.trace.sha256()
         return self.log

@@ -35,7 +35,7 @@ from navloom.navigation.replanning import ReplanRules
 from navloom.parts import part
 from navloom.roles import FIXED
 
-__all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node"]
+__all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "moving_world_of", "own_node"]
 
 
 def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: TraceWriter | None = None) -> Lockstep:
@@ -101,7 +101,8 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "operator":
         return OperatorNode()
     if role == "world":
-        return WorldNode(_moving_world(system), system.true_start, round(is_live * system.config.run.period * 1e9))
+        world = None if system.loaded.member else moving_world_of([system])
+        return WorldNode(world, system.true_start, round(is_live * system.config.run.period * 1e9))
     if role == "goal":
         return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)), system.catalogue.optional)
     if role == "reference":
@@ -111,12 +112,12 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     return None
 
 
-def _moving_world(system: System) -> MovingWorld:
-    """What moves in the world of a system."""
-    assert system.world is not None
-    robot, period = system.robot, system.config.run.period
-    bodies = [RobotBody(system.config.robot.name, robot.footprint, robot.height)]
-    return MovingWorld(system.world, bodies, period, _law(system.world, period) if walks(system.world) else None)
+def moving_world_of(systems: Sequence[System]) -> MovingWorld:
+    """What moves in the world that systems share: its actors, and the robots."""
+    world, period = systems[0].world, systems[0].config.run.period
+    assert world is not None
+    bodies = [RobotBody(system.config.robot.name, system.robot.footprint, system.robot.height) for system in systems]
+    return MovingWorld(world, bodies, period, _law(world, period) if walks(world) else None)
 
 
 def _law(world: World, period: float) -> Law:
@@ -138,7 +139,7 @@ def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:
     }
     part = system.parts.get((spec.role, name))
     if part is None:
-        return Stepper(spec, node, name, slots)
+        return Stepper(spec, node, name, slots, enabled=not (spec.role == "world" and system.loaded.member))
     period = system.config.run.period
     active = name == system.config.role_table(spec.role).instance
     return Stepper(

@@ -198,6 +198,14 @@ def _would_touch(drive: Evidence, times: Sequence[float], place: int, row: int, 
     first, last = bisect_left(times, float(stood[0]) - 1e-6), bisect_left(times, time + STOOD + 1e-6)
     if any(touches(_parts_of(bodies, name, drive.height)) for bodies in drive.bodies[first:last]):
         return True
+    # A robot that this one blocks stays where its tick began; it would have gone on, at most at twice its speed.
+    at, tick = drive.bodies[place], time - float(drive.truth[max(row - 1, 0), 0])
+    number = at.names.index(name)
+    if number >= len(at.names) - at.robots:
+        parts = _parts_of(at, name, drive.height).copy()
+        parts[:, 1:3] += 2.0 * tick * at.velocities[number, :2]
+        if touches(parts):
+            return True
     # Where the run ended with the contact, the body goes on as it did.
     end = drive.bodies[last - 1]
     if name not in end.names or times[last - 1] >= time + STOOD - 1e-6:

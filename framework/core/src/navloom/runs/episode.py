@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import IO, Any, Literal
@@ -32,7 +34,7 @@ from navloom.runs.episode_recorder import Recorder, streams_of
 from navloom.runs.episode_trail import Trail, trail_of, ways_of
 from navloom.runs.shadow_comparison import Disagreement, ShadowWatch
 
-__all__ = ["Episode", "run_episode", "run_info"]
+__all__ = ["Drive", "Episode", "run_episode", "run_info"]
 
 POSE_ERRORS = {
     "rms": localization_metrics.pose_error_rms,
@@ -139,32 +141,80 @@ def run_episode(
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
     """
-    system = assemble(loaded, discovery)
-    check_task(system)
-    owners, found = Owners({source: part.cls for source, part in system.parts.items()}), RunWarnings.of(system)
-
-    def flooded(owned: Owned) -> None:
-        limit = LARGEST_OUTPUT // 1024
-        found.add("output", owned.source, f"printed more than {limit} kB: the rest is left out ({owned.place})")
-
-    with bounded_output(owners, flooded), watched_threads(owners) as started:
+    drive = Drive(loaded, discovery)
+    system = drive.system
+    with drive:
         make_plugins(system, say)
-        recorder, watch = Recorder(reads=streams_of(reads, loaded.config)), ShadowWatch.of(system)
-        beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
-        if onlookers is not None:
-            beside += onlookers.begin(run_info(loaded, "lockstep"))
-        executor = lockstep_of(system, beside, TraceWriter(trace))
-        run = loaded.config.run
-        ticks = system.longest_run
-        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
-        executor.inspector = StepInspector(found, looks_at)
-        log = executor.run(ticks, tell)
-    _warn(found, system, executor)
-    for thread in keeping_alive(started):
-        owned = started_by(thread)
-        if owned is not None:
-            run_warnings.staying_thread(found, owned, thread.name)
-    return Episode(system, log, recorder, [] if watch is None else watch.finish(), found.listed())
+        begun = [] if onlookers is None else onlookers.begin(run_info(loaded, "lockstep"))
+        executor = drive.connect([*observers, *begun], trace, looks_at, reads)
+        period = loaded.config.run.period
+        executor.run(
+            system.longest_run,
+            None if progress is None else (lambda tick: progress(tick * period, system.time_limit)),
+        )
+    return drive.episode()
+
+
+class Drive(AbstractContextManager["Drive"]):
+    """One robot that is driven in lockstep; within a `with` statement, what its plugins print and start is watched.
+
+    Args:
+        loaded: Its config.
+        discovery: Plugins; default the installed ones.
+
+    Raises:
+        ConfigError, PluginError: The config does not fit.
+
+    Attributes:
+        system: Its system.
+        executor: Its executor, once it is connected.
+    """
+
+    executor: Lockstep
+
+    def __init__(self, loaded: Loaded, discovery: Discovery | None = None) -> None:
+        self.system = assemble(loaded, discovery)
+        check_task(self.system)
+        self._found = RunWarnings.of(self.system)
+        self._within, self._started = ExitStack(), list[threading.Thread]()
+
+    def __enter__(self) -> Drive:
+        owners = Owners({source: part.cls for source, part in self.system.parts.items()})
+        self._within.enter_context(bounded_output(owners, self._flooded))
+        self._started = self._within.enter_context(watched_threads(owners))
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._within.close()
+
+    def _flooded(self, owned: Owned) -> None:
+        limit = LARGEST_OUTPUT // 1024
+        self._found.add("output", owned.source, f"printed more than {limit} kB: the rest is left out ({owned.place})")
+
+    def connect(
+        self,
+        observers: Sequence[Observer],
+        trace: IO[bytes] | None = None,
+        looks_at: Callable[[int], bool] = some_ticks,
+        reads: Iterable[tuple[str, str]] = (),
+    ) -> Lockstep:
+        """Make the executor, once the plugins are made. For the arguments see `run_episode`."""
+        system = self.system
+        self._recorder, self._watch = Recorder(reads=streams_of(reads, system.config)), ShadowWatch.of(system)
+        shadows: list[Observer] = [] if self._watch is None else [self._watch]
+        self.executor = lockstep_of(system, [self._recorder, *shadows, *observers], TraceWriter(trace))
+        self.executor.inspector = StepInspector(self._found, looks_at)
+        return self.executor
+
+    def episode(self) -> Episode:
+        """The finished run."""
+        _warn(self._found, self.system, self.executor)
+        for thread in keeping_alive(self._started):
+            owned = started_by(thread)
+            if owned is not None:
+                run_warnings.staying_thread(self._found, owned, thread.name)
+        shadows = [] if self._watch is None else self._watch.finish()
+        return Episode(self.system, self.executor.log, self._recorder, shadows, self._found.listed())
 
 
 def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +19,7 @@ from navloom.geometry.world import Obstacle
 from navloom.messages import MapUpdate, OccupancyGrid
 from navloom.palette import OKABE_ITO
 from navloom.runs.episode import Episode
+from navloom.runs.fleet import Fleet
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
@@ -35,7 +37,7 @@ from navloom_study.report.plan_view import (
 )
 from navloom_study.report.plotting import styled
 
-__all__ = ["draw_map_update", "draw_poses", "draw_run"]
+__all__ = ["draw_fleet", "draw_map_update", "draw_poses", "draw_run"]
 
 Floats = NDArray[np.float64]
 BLUE, VERMILION, GREEN, PINK, ORANGE, SKY = OKABE_ITO[:6]
@@ -133,7 +135,7 @@ def draw_run(episode: Episode) -> Figure:
     every = max(1, round(OUTLINE_EVERY / system.config.run.period))
     poses = [row[1:4] for row in recorder.truth[::every]]
     _draw_track(axes, episode)
-    _draw_contacts(axes, episode)
+    _draw_contacts(axes, [episode])
     draw_footprints(axes, poses, system.robot.footprint, FOOTPRINT, f"robot every {OUTLINE_EVERY:g} s")
     _mark(axes, start.x, start.y)
     texts = [(start.x, start.y, "start", 0.0)]
@@ -143,6 +145,34 @@ def draw_run(episode: Episode) -> Figure:
     for time, x, y in _times(episode):
         axes.plot(x, y, "o", color=BLACK, markersize=3.5, markerfacecolor="none", markeredgewidth=0.6, zorder=4)
         texts.append((x, y, f"{time:.3g} s", 0.0))
+    add_legend(figure, axes)
+    write_beside(axes, texts)
+    return figure
+
+
+@styled()
+def draw_fleet(fleet: Fleet) -> Figure:
+    """Draw the true track of each member of a finished fleet, with starts, goals, contacts and the true obstacles."""
+    episodes = fleet.episodes
+    systems = [episode.system for episode in episodes.values()]
+    starts = np.array([(system.true_start.x, system.true_start.y) for system in systems])
+    points = [starts, *(episode.recorder.driven for episode in episodes.values())]
+    figure, axes = plan_figure(WIDTH, extent_of(np.concatenate(points), systems[0].world, AROUND))
+    longest = max(episodes.values(), key=lambda episode: episode.log.ticks)
+    _draw_obstacles(axes, longest)
+    _draw_bodies(axes, longest)
+    texts = []
+    for number, (name, episode) in enumerate(episodes.items()):
+        recorder, system, colour = episode.recorder, episode.system, OKABE_ITO[number % len(OKABE_ITO)]
+        draw_lines(axes, [recorder.driven], colour, name if len(episodes) <= len(OKABE_ITO) else "", 1.6, zorder=3)
+        every = max(1, round(OUTLINE_EVERY / system.config.run.period))
+        draw_footprints(axes, (row[1:4] for row in recorder.truth[::every]), system.robot.footprint, colour, "")
+        _mark(axes, *starts[number])
+        texts.append((*starts[number], name, 0.0))
+        if system.goal is not None:
+            place = (system.goal.x, system.goal.y)
+            axes.add_patch(Circle(place, system.goal_tolerance, fill=False, edgecolor=colour, zorder=3))
+    _draw_contacts(axes, episodes.values())
     add_legend(figure, axes)
     write_beside(axes, texts)
     return figure
@@ -209,10 +239,11 @@ def _draw_bodies(axes: Any, episode: Episode) -> None:
     draw_outlines(axes, outlines, MOVING, alpha=0.6, zorder=2.5)
 
 
-def _draw_contacts(axes: Any, episode: Episode) -> None:
+def _draw_contacts(axes: Any, episodes: Iterable[Episode]) -> None:
     """Mark each contact that began, by whose it is; without anything that moves, all are the robot's."""
+    touches = [touch for episode in episodes for touch in episode.trail.contacts]
     for is_own, name, face in ((True, "contact of its own", VERMILION), (False, "the other's contact", "white")):
-        places = [(touch.x, touch.y) for touch in episode.trail.contacts if touch.is_own == is_own]
+        places = [(touch.x, touch.y) for touch in touches if touch.is_own == is_own]
         if places:
             axes.plot(*np.array(places).T, "X", color=face, markersize=8, markeredgecolor=BLACK, markeredgewidth=0.8,
                       label=name, zorder=7)  # fmt: skip

@@ -8,7 +8,13 @@ from navloom.engine.streams import PlatformPorts, WorldPorts
 from navloom.geometry.moving_world import Mover, MovingWorld
 from navloom.messages import Pose2D, Truth, Twist2D
 
-__all__ = ["WorldNode"]
+__all__ = ["WorldNode", "mover_of"]
+
+
+def mover_of(truth: Truth) -> Mover:
+    """A robot as the others meet it."""
+    pose, twist = truth.pose, truth.twist
+    return Mover(pose.x, pose.y, pose.heading, twist.vx, twist.vy, twist.wz)
 
 
 class WorldNode(Node):
@@ -17,7 +23,7 @@ class WorldNode(Node):
     Only a robot that is simulated in a world where something moves has this node.
 
     Args:
-        world: The world.
+        world: The world; None in a member of a fleet, which steps one world for all and puts what it says on `bodies`.
         start: True start of the robot, map frame, before its first truth.
         lead_ns: Time from its tick to the moment of which it tells, ns. In lockstep 0, as it steps first in the tick.
             Live one period: there it steps when the platform has, whose next tick reads it.
@@ -30,12 +36,11 @@ class WorldNode(Node):
     cause = odometry  # and not the truth, which may be dropped between hosts
     bodies = Output(WorldPorts.bodies)
 
-    def __init__(self, world: MovingWorld, start: Pose2D, lead_ns: int = 0) -> None:
+    def __init__(self, world: MovingWorld | None, start: Pose2D, lead_ns: int = 0) -> None:
         self.world, self.lead_ns = world, lead_ns
         self._start = Truth(start, Twist2D(0.0, 0.0, 0.0), 0.0, "", False)
 
     def step(self, tick: Tick) -> None:
-        truth = self.truth.value or self._start
-        pose, twist = truth.pose, truth.twist
-        robot = Mover(pose.x, pose.y, pose.heading, twist.vx, twist.vy, twist.wz)
+        assert self.world is not None
+        robot = mover_of(self.truth.value or self._start)
         self.bodies.put(self.world.advance(tick.time_ns + self.lead_ns, [robot]))

@@ -1,0 +1,89 @@
+"""`navloom run` of a config with `[[member]]`: several robots in one world."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack, redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from navloom.cli.options import RunOptions
+from navloom.cli.output import print_json, print_table, say_so, stage
+from navloom.cli.run_summary import is_reached, tell_faults
+from navloom.cli.written_files import PICTURE, tell_out
+from navloom.parts import has_part, part
+
+if TYPE_CHECKING:
+    from navloom.runs.fleet import Fleet
+    from navloom.runs.result_folder import OutFolder
+
+__all__ = ["run_members"]
+
+COLUMNS = {
+    "sim_time_s": "robot time, s",
+    "path_length_m": "driven, m",
+    "goal_error_m": "from the goal, m",
+    "min_clearance_m": "minimum clearance, m",
+    "collisions": "collisions",
+    "gate_stops": "gate stops",
+}
+
+
+def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
+    """Run a fleet, and print a row for each member. Returns whether each reached its goal and each file is whole.
+
+    Args:
+        given: The config and its changes.
+        out: Folder for result.json, run.png, and a folder for each member, with what a robot alone gets.
+        as_json: Print one JSON object.
+    """
+    from navloom.runs.fleet import load_fleet, run_fleet
+    from navloom.runs.result_folder import OutFolder, ResultFolder
+
+    members = load_fleet(given.config, given.set_ or (), given.seed, given.shadow or (), given.method)
+    for notice in dict.fromkeys(notice for loaded in members for notice in loaded.notices()):
+        say_so(notice)
+    with ExitStack() as within:
+        folder = within.enter_context(OutFolder(out, ("result.json", PICTURE)))
+        own = {one.member: within.enter_context(ResultFolder(out and out / one.member)) for one in members}
+        say, progress = within.enter_context(stage(as_json))
+        with redirect_stdout(sys.stderr):  # plugins may print
+            traces = {name: held.trace for name, held in own.items() if held.trace is not None}
+            fleet = run_fleet(members, traces=traces, say=say, progress=progress)
+        summary = fleet.summary()
+        for name, episode in fleet.episodes.items():
+            own[name].keep(episode, summary["members"][name])
+        folder.write({"result.json": json.dumps(summary, indent=2) + "\n"})
+        if out is not None and has_part("navloom_study"):
+            report = "navloom_study.report"
+            picture = part(f"{report}.run_picture").draw_fleet(fleet)
+            folder.write({PICTURE: part(f"{report}.plotting").png_of(picture)})
+    for name, episode in fleet.episodes.items():
+        tell_faults(episode, summary["members"][name])
+    if as_json:
+        print_json({**summary, "written": {"out": [str(path) for path in _files(folder, *own.values())]}})
+    else:
+        _print(fleet, summary)
+    are_whole = [tell_out(held, as_json) for held in (folder, *own.values())]
+    return all(are_whole) and all(map(is_reached, summary["members"].values()))
+
+
+def _files(*folders: OutFolder) -> list[Path]:
+    return [held.folder / name for held in folders if held.folder is not None for name in held.names]
+
+
+def _print(fleet: Fleet, summary: dict[str, Any]) -> None:
+    """Print a row for each member, and what the fleet has as a whole."""
+    rows = []
+    for name, member in summary["members"].items():
+        # By the truth, which may be another than what the robot believes.
+        trail = fleet.episodes[name].trail
+        rows.append([name, trail.outcome, *(member[key] for key in COLUMNS), trail.reason])
+    print_table(("member", "outcome", *COLUMNS.values(), "reason"), rows)
+    typer.echo(
+        f"{summary['reached']} of {len(rows)} reached their goals; {summary['collisions']} collisions; robot time "
+        f"{summary['sim_time_s']:.4g} s in {summary['wall_s']:.4g} s; trace {summary['trace_sha256']}"
+    )

@@ -33,7 +33,7 @@ from navloom_scan_localizer.smoothing import SmoothPose
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.tracking import PoseTracker
-from navloom_scan_localizer.unaided import UnaidedMotion, hold_unseen
+from navloom_scan_localizer.unaided import UnaidedMotion, are_unanimous, hold_unseen
 
 __all__ = ["ScanMatching", "ScanOdometry"]
 
@@ -42,6 +42,15 @@ _COVERED = 0.5
 
 _LOST_TURN_DEG = 30.0
 """Standard deviation of the heading from which the pose is lost, degrees."""
+
+_CAUTIOUS_FOR = 10.0
+"""How long scans are matched with settled surfaces alone after a body that moves was seen, s."""
+
+_HELD = 0.05
+"""Standard deviation of a fit without a prior, m and rad, up to which scans show the whole pose: half of `_WIDE`'s."""
+
+_SECTOR = math.radians(30.0)
+"""Width of a sector of a scan, rad: most bodies are in one alone, and the walls of a room in all of them."""
 
 _WIDE = np.diag([0.1**2, 0.1**2, math.radians(10.0) ** 2])
 """Covariance of the motion between two scans that wheels may have missed, m² and rad²."""
@@ -178,9 +187,9 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._surface.follow(pose.x, pose.y)
         self._tracker.field = self._surface.field
         self._tracker.place(place)
-        self._key, self._scans = place, 0
+        self._key, self._scans, self._moved_at, self._is_cautious = place, 0, -math.inf, False
         self._motion.place(place)
-        self._drift = np.zeros((3, 3))
+        self._drift, self._unseen = np.zeros((3, 3)), np.zeros((3, 3))
 
     @classmethod
     def warm_up(cls) -> None:
@@ -194,6 +203,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         twist = odometry.twist
         if motion.is_possible:
             motion.see_odometry(_row(odometry.pose), _row(twist))
+        before = tracker.pose
         if motion.is_certain:
             twist = Twist2D(*motion.velocity.tolist())
             tracker.settings = self._unaided
@@ -213,14 +223,19 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             if motion.is_possible:
                 points, twist = self._correct_unaided(given, points, twist)
             else:
-                tracker.correct(points)
+                tracker.correct(self._standing(points))
             # In an order that is not certain, scans would teach the surfaces their own distortion.
             can_wait = is_due and (tracker.share or 0.0) > _COVERED
         elif given.scans:
             motion.stop()
+        if len(points):
+            self._watch(given, twist, points)
+            twist = twist if motion.is_certain else odometry.twist
         if len(points) and not can_wait and (motion.is_certain or not motion.witnesses):
             self._learn(points)
-        covariance = tracker.covariance + self._drift
+        if self._is_cautious:
+            self._keep_unseen(before)
+        covariance = tracker.covariance + self._drift + self._unseen
         sigma, limit = position_sigma(covariance, self.params.lost_sigma), self.params.lost_sigma
         is_lost = sigma > limit
         why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
@@ -234,6 +249,64 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         pose = Pose2D(*tracker.pose.tolist())
         state: Literal["tracking", "lost"] = "lost" if is_lost else "tracking"
         return PoseEstimate(odometry.stamp_ns, pose, twist, covariance, state, why)
+
+    def _watch(self, given: LocalizerInput, twist: Twist2D, points: NDArray[np.float64]) -> None:
+        """Look for bodies that move; while there are any, the next scan is matched with settled surfaces alone.
+
+        Args:
+            points: (n, 4), see `_near`.
+        """
+        time, surface, tracker, motion = self._stamp_ns / 1e9, self._surface, self._tracker, self._motion
+        is_moving = surface.has_moving(points, tracker.pose, time)
+        if is_moving:
+            self._moved_at = time
+        self._is_cautious = time - self._moved_at < _CAUTIOUS_FOR
+        if motion.is_certain and not motion.is_proven:
+            tracker.field = surface.settled()
+            self._prove(points, is_moving)
+        tracker.field = surface.settled() if self._is_cautious else self._surface.field
+        trail = None if motion.is_certain else self._trail
+        silent = silent_of(range_scans(given.scans), given.odometry.stamp_ns, twist, self.params, trail)
+        self._surface.look(np.concatenate((points, *silent)), len(points), tracker.pose, time)
+
+    def _prove(self, points: NDArray[np.float64], is_moving: bool) -> None:
+        """Take it back that odometry is missing if a body moves before surfaces that stand still show the motion.
+
+        Args:
+            points: (n, 4), see `_near`. is_moving: Whether bodies that move are among them.
+        """
+        tracker, motion = self._tracker, self._motion
+        if self._is_held(points):
+            motion.is_proven = math.dist(motion.start[:2], tracker.pose[:2]) > self.params.reach
+        elif is_moving:
+            motion.is_certain, moved_at = False, self._moved_at
+            self.place(Pose2D(*motion.start.tolist()))
+            self._moved_at = moved_at
+
+    def _is_held(self, points: NDArray[np.float64]) -> bool:
+        """Whether walls that stand still show the whole pose to points, (n, 4)."""
+        tracker = self._tracker
+        walls = self._surface.standing(points, tracker.pose, only_wide=True)
+        _, fused, inliers = tracker.fit(walls, tracker.pose, tracker.covariance + _WIDE)
+        return inliers >= self.params.least_inliers and float(inverse(fused).diagonal().max()) < _HELD**2
+
+    def _standing(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those of the points, (n, 4), with which the pose may be corrected: all, unless there are bodies that move."""
+        tracker = self._tracker
+        return self._surface.standing(points, tracker.pose) if self._is_cautious else points
+
+    def _keep_unseen(self, before: NDArray[np.float64]) -> None:
+        """Keep the errors of steps that no scan has corrected: the surfaces that are seen next carry them.
+
+        Args:
+            before: (3,) pose before the step, map frame.
+        """
+        tracker, step = self._tracker, self._tracker.pose - before
+        moved = np.array([[1.0, 0.0, -step[1]], [0.0, 1.0, step[0]], [0.0, 0.0, 1.0]])
+        self._unseen = moved @ self._unseen @ moved.T
+        if not tracker.inliers:
+            self._unseen = self._unseen + tracker.covariance
+            tracker.covariance = 1e-6 * np.eye(3)
 
     def _near(self, given: LocalizerInput, twist: Twist2D, order: float | None = None) -> NDArray[np.float64]:
         """The points of all scans within `max_range`, (n, 4), see `echoes_of`, in that order or that of the sweep."""
@@ -255,26 +328,40 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         if not motion.is_certain:
             # While a scan has shown motion, the robot is no longer near the pose at which the tracker holds it.
             guess = motion.pose_at(time) if motion.witnesses else tracker.pose
-            pose, fused, inliers = tracker.fit(points, guess, tracker.covariance + _WIDE)
+            pose, fused, inliers = tracker.fit(self._standing(points), guess, tracker.covariance + _WIDE)
             if inliers >= self.params.least_inliers:
-                motion.see_pose(pose, inverse(fused), time)
+                is_away = motion.is_away(pose, inverse(fused))
+                is_witness = is_away and (not self._is_cautious or self._is_held(points))
+                motion.see_pose(pose, time, is_witness and self._is_shown_by_all(self._standing(points), guess))
             if not motion.is_certain:
-                tracker.correct(points)
+                tracker.correct(self._standing(points))
                 return points, twist
             tracker.pose = guess
             tracker.covariance += _WIDE
         prior, covariance = tracker.pose, tracker.covariance
-        if not tracker.correct(points):
+        if not tracker.correct(self._standing(points)):
             motion.stop()
             return points, twist
         # The first fit shows the velocity during the scan; with it, the second is exact.
         pose, _ = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
         points = self._near(given, Twist2D(*motion.velocity_at(pose, time).tolist()))
         tracker.pose, tracker.covariance = prior, covariance
-        tracker.correct(points)
+        tracker.correct(self._standing(points))
         tracker.pose, tracker.covariance = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
-        motion.see_pose(tracker.pose, tracker.covariance, time)
+        motion.see_pose(tracker.pose, time, True)
         return points, Twist2D(*motion.velocity.tolist())
+
+    def _is_shown_by_all(self, points: NDArray[np.float64], guess: NDArray[np.float64]) -> bool:
+        """Whether points, (n, 4), in every other sector and those between show the same motion from a guess, (3,)."""
+        bearings = np.arctan2(points[:, 3], points[:, 2])
+        is_even = np.floor(bearings / _SECTOR) % 2.0 == 0.0
+        poses = []
+        for beams in (points[is_even], points[~is_even]):
+            pose, fused, inliers = self._tracker.fit(beams, guess, self._tracker.covariance + _WIDE)
+            if inliers < self.params.least_inliers or not self._motion.is_away(pose, inverse(fused)):
+                return False
+            poses += [pose, inverse(fused)]
+        return are_unanimous(*poses)
 
     def _learn(self, points: NDArray[np.float64]) -> None:
         """Add a scan to the surfaces if the robot has moved enough since the last one that was added."""

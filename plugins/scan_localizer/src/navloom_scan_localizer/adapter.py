@@ -176,20 +176,28 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
         self._aided, self._unaided = p.settings(), p.unaided()
         self._tracker, self._stamp_ns = PoseTracker(self._aided, self._surface.field, np.zeros(3)), 0
+        # What the pose is if every narrow thing in view moves.
+        self._wary = PoseTracker(self._aided, self._surface.field, np.zeros(3))
         self._trail = OdometryTrail(p.max_age, self.context.period)
         self._motion, self._sweep = UnaidedMotion(), Sweep()
         self.place(start)
 
     def place(self, pose: Pose2D) -> None:
         """Move the estimate to a pose and forget all surfaces."""
-        p, place = self.params, np.array([pose.x, pose.y, pose.heading])
-        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
-        self._surface.follow(pose.x, pose.y)
-        self._tracker.field = self._surface.field
+        place = np.array([pose.x, pose.y, pose.heading])
         self._tracker.place(place)
-        self._key, self._scans, self._moved_at, self._is_cautious = place, 0, -math.inf, False
+        self._wary.place(place)
+        self._forget_surfaces()
+        self._moved_at, self._is_cautious = -math.inf, False
         self._motion.place(place)
         self._drift, self._unseen = np.zeros((3, 3)), np.zeros((3, 3))
+
+    def _forget_surfaces(self) -> None:
+        p, pose = self.params, self._tracker.pose
+        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
+        self._surface.follow(float(pose[0]), float(pose[1]))
+        self._tracker.field = self._surface.field
+        self._key, self._scans = pose.copy(), 0
 
     @classmethod
     def warm_up(cls) -> None:
@@ -212,6 +220,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         else:
             tracker.settings = self._aided
             _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
+            _predict(self._wary, odometry, self._stamp_ns, round(1e9 * self.context.period))
             self._trail.add(odometry.stamp_ns, tracker.odometry)
         self._stamp_ns = odometry.stamp_ns
         points, can_wait = self._near(given, twist), False
@@ -256,15 +265,27 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         Args:
             points: (n, 4), see `_near`.
         """
-        time, surface, tracker, motion = self._stamp_ns / 1e9, self._surface, self._tracker, self._motion
-        is_moving = surface.has_moving(points, tracker.pose, time)
+        time, tracker, wary, motion = self._stamp_ns / 1e9, self._tracker, self._wary, self._motion
+        settled, was_cautious = self._surface.settled(), self._is_cautious
+        is_moving = self._surface.has_moving(points, tracker.pose, time)
+        if not was_cautious and not motion.is_possible:
+            wary.field = settled
+            wary.correct(self._surface.standing(points, wary.pose))
+            is_moving = is_moving or not are_unanimous(wary.pose, wary.covariance, tracker.pose, tracker.covariance)
         if is_moving:
             self._moved_at = time
         self._is_cautious = time - self._moved_at < _CAUTIOUS_FOR
         if motion.is_certain and not motion.is_proven:
-            tracker.field = surface.settled()
+            tracker.field = settled
             self._prove(points, is_moving)
-        tracker.field = surface.settled() if self._is_cautious else self._surface.field
+        if self._is_cautious and not was_cautious and not motion.is_possible:
+            # Until now the bodies may have pulled the pose, and the surfaces with it.
+            tracker.pose, tracker.covariance = wary.pose.copy(), wary.covariance.copy()
+            self._forget_surfaces()
+            settled = self._surface.settled()
+        elif was_cautious or motion.is_certain:
+            wary.pose, wary.covariance = tracker.pose.copy(), tracker.covariance.copy()
+        tracker.field = settled if self._is_cautious else self._surface.field
         trail = None if motion.is_certain else self._trail
         silent = silent_of(range_scans(given.scans), given.odometry.stamp_ns, twist, self.params, trail)
         self._surface.look(np.concatenate((points, *silent)), len(points), tracker.pose, time)

@@ -37,7 +37,7 @@ _WIDE, _SETTLED_NARROW = 2.0, 3.0
 """Width from which a thing is a wall and no body, m; age from which a narrower one stands still, s: bodies that turn
 round come back to where they were."""
 _MOSTLY = 0.75
-"""Share of a thing's echoes that must be on settled surfaces: the side to which a body moves is always on new ones."""
+"""Share of a narrow thing's echoes that must be on settled surfaces: the side to which a body moves is on new ones."""
 _GAP = 0.5
 """Distance of neighbouring echoes from which they belong to two things, m."""
 
@@ -220,19 +220,19 @@ def _has_moving(through, frame, beams, pose, since):  # type: ignore[no-untyped-
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mark_standing(age, frame, beams, pose, settled, kept):  # type: ignore[no-untyped-def]
     """Fill `kept`, (n,), for beams whose group of neighbouring echoes is mostly at nodes that are old enough."""
-    c, s, spacing, begin, old, older = math.cos(pose[2]), math.sin(pose[2]), frame[4], 0, 0, 0
+    c, s, spacing, begin, old = math.cos(pose[2]), math.sin(pose[2]), frame[4], 0, 0
     rows, columns = age.shape
     for i in range(beams.shape[0] + 1):
         is_end = i == beams.shape[0]
         if i and (is_end or math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP):
             width = math.hypot(beams[i - 1, 0] - beams[begin, 0], beams[i - 1, 1] - beams[begin, 1])
-            kept[begin:i] = (old if width >= _WIDE else older) >= _MOSTLY * (i - begin)
-            begin, old, older = i, 0, 0
+            kept[begin:i] = width >= _WIDE or old >= _MOSTLY * (i - begin)
+            begin, old = i, 0
         if not is_end:
             x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
             column, row = math.floor((x - frame[0]) / spacing + 0.5), math.floor((y - frame[1]) / spacing + 0.5)
             if 0 <= row < rows and 0 <= column < columns:
-                old, older = old + (age[row, column] >= _SETTLED), older + (age[row, column] >= settled)
+                old += age[row, column] >= settled
 
 
 def warm_up() -> None:

@@ -34,7 +34,12 @@ READERS = ("orca", "dwa", "mppi")
 OTHERS = ("improved_vfh", "vfh", "vfh_plus", "vfh_star", "vfh_swept", "vff")
 METHODS: dict[str, list[str]] = {
     "standing": ["event=[{at=0,do='stop'}]"],
-    "blind": ["navigation.handover=never", "navigation.replan_period=0", "navigation.speed=[2.0,2.0]", "gate.monitor=false"],
+    "blind": [
+        "navigation.handover=never",
+        "navigation.replan_period=0",
+        "navigation.speed=[2.0,2.0]",
+        "gate.monitor=false",
+    ],
     **{name: [f"avoider.plugin={name}"] for name in (*READERS, *OTHERS)},
     **{f"{name}+tracks": [f"avoider.plugin={name}", TRACKERS] for name in READERS},
 }
@@ -62,7 +67,9 @@ def drive(work: tuple[str, str, list[str]]) -> dict[str, Any]:
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """Shares with their exact 95 % intervals (Clopper and Pearson 1934), a line a method."""
-    lines = ["| method | runs | arrived | own contact | other's contact | false arrival | other ends | time if arrived, s |"]
+    lines = [
+        "| method | runs | arrived | own contact | other's contact | false arrival | other ends | time if arrived, s |"
+    ]
     lines.append("|---" * 8 + "|")
     for method in METHODS:
         found = [row for row in rows if row["method"] == method and "error" not in row]

@@ -152,7 +152,10 @@ def test_barn_without_ir_sim_gives_our_figures(
     monkeypatch.setattr(bench_barn, "CONFIGS", ("building",))
     reference = bench_barn.reference_of(str(barn_file), tmp_path)
     assert reference == f"barn:{barn_file}#5"
-    rows = list(bench_barn.barn(Effort(1, True), lambda text: None, reference))
+    bare = tmp_path / "python"  # without any package
+    bare.write_text(f'#!/bin/sh\nexec {sys.executable} -S "$@"\n')
+    bare.chmod(0o755)
+    rows = list(bench_barn.barn(Effort(1, True), lambda text: None, reference, str(bare)))
     assert [row.name for row in rows] == ["BARN tick, simulator (building)", "BARN tick, closed loop (building)"]
     assert all(row.ours > 0.0 and row.theirs is None and "pip install ir-sim" in row.note for row in rows)
 

@@ -80,7 +80,8 @@ def test_true_tracks_are_the_bodies_of_the_simulator_and_named_by_who_reads_them
     truth = '[[sensor]]\nname = "told"\nkind = "true_tracks"\n'
     path = tmp_path / "robot.toml"
     path.write_text(ROBOT + MAPPED + truth, "utf-8")
-    episode = run_episode(load_config(str(path), ("run.stop_after=8",)), reads=[("platform", "told")])
+    chosen = 'avoider.inputs={tracks="platform.told"}'
+    episode = run_episode(load_config(str(path), ("run.stop_after=8", chosen)), reads=[("platform", "told")])
     messages = [message for _, message in episode.recorder.streams["platform", "told"] if isinstance(message, Tracks)]
     bodies = episode.trail.bodies
     assert len(messages) > 100 and {tuple(message.ids.tolist()) for message in messages} == {(1,)}

@@ -56,6 +56,5 @@ def test_events_are_checked_in_order_of_time() -> None:
     later = '{ at = 20.0, do = "set", role = "mapper", values = { floor_tolerance = 2.0 } }'
     sooner = '{ at = 10.0, do = "set", role = "mapper", values = { z_limit = 3.0 } }'
     system = paper(f"event=[{later}, {sooner}]")
-    assert (
-        system.plugin("mapper", "ipabd@printed").params == system.parts[("mapper", "ipabd@printed")].params
-    )  # they were only checked
+    made = system.plugin("mapper", "ipabd@printed").params
+    assert made == paper().plugin("mapper", "ipabd@printed").params  # they were only checked

@@ -13,7 +13,7 @@ from navloom.roles import LocalizerInput, Params
 
 
 def test_it_continues_from_the_pose_that_an_operator_sets() -> None:
-    context: Any = SimpleNamespace(start=Pose2D(1.0, 0.0, 0.0))
+    context: Any = SimpleNamespace(start=Pose2D(1.0, 0.0, 0.0), robot=None, period=0.05)
     localizer = OdometryLocalizer(Params(), context)
 
     def at(x: float, y: float, heading: float) -> tuple[float, float, float]:

@@ -256,4 +256,4 @@ def warm_up() -> None:
     """Compile the kernels, with and without extra costs."""
     free = np.ones((2, 2), dtype=np.bool_)
     ThetaSearch((2, 2)).shortest(free, (0, 0), (1, 1))
-    ThetaSearch((2, 2)).shortest(free, (0, 0), (1, 1), np.zeros((2, 2), dtype=np.uint8))
+    ThetaSearch((2, 2)).shortest(free, (0, 0), (1, 1), np.ones((2, 2), dtype=np.uint8))

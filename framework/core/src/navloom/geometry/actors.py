@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Actor", "Body", "BodyKind", "Course", "Keys", "Motion", "Part", "Walk", "parts_of"]
+__all__ = ["Actor", "Body", "Course", "Walk"]
 
 BodyKind = Literal["disc", "box", "legs", "trolley"]
 Keys = Literal["linear", "spline", "gazebo"]

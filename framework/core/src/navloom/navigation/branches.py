@@ -22,6 +22,8 @@ Slows = Callable[[Floats], Floats]
 
 CORNER = math.radians(30.0)
 """Turn of the way of a holonomic robot, rad, at which it stops: the direction of its velocity changes at once."""
+IN_PLACE = math.radians(5.0)
+"""Turn at a repeated point of a path, rad, for which a robot stops."""
 SWING = 0.1
 """Length over which steered wheels may take the angle of the next part, in turn radii: a path's curvature jumps."""
 SWINGING = 0.02
@@ -91,7 +93,8 @@ def branches_of(
         backs = np.zeros(len(legs), np.bool_)
     else:
         backs = np.cos(direction - turned.mean(axis=1)) < 0.0
-        is_cusp = backs[1:] != backs[:-1]
+        # A heading that differs between two legs is a turn in place: the robot stops for it as at a cusp.
+        is_cusp = (backs[1:] != backs[:-1]) | (np.abs(_wrapped(turned[1:, 0] - turned[:-1, 1])) > IN_PLACE)
     branches: list[Branch] = []
     begin, steered = 0.0, None
     parts = np.split(np.arange(len(legs)), np.flatnonzero(is_cusp) + 1)

@@ -16,6 +16,7 @@ SHIPPED = {
     "navloom-check": ("command.check",),
     "navloom-dwa": ("avoider.dwa",),
     "navloom-hoang2013": ("command.paper",),
+    "navloom-hybrid-astar": ("planner.hybrid_astar",),
     "navloom-improved-vfh": ("avoider.improved_vfh",),
     "navloom-ipabd": (
         "mapper.ipabd",
@@ -49,8 +50,10 @@ SHIPPED = {
     "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
     "navloom-maps": (
         "scheme.barn",
+        "scheme.dynabarn",
         "scheme.floor",
         "scheme.movingai",
+        "scheme.people",
         "scheme.rosmap",
     ),
     "navloom-mcl": ("localizer.global_matching", "localizer.mcl"),

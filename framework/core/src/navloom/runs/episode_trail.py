@@ -375,7 +375,8 @@ def _localization(truth: Floats, recorder: Recorder) -> Localization:
     poses = [(*pose, *trust) for pose, trust in zip(recorder.estimates, recorder.trust, strict=True)]
     estimates, odometry = np.array(poses).reshape(-1, 9), np.array(recorder.odometry).reshape(-1, 4)
     moving = truth.copy()
-    moving[:, 4] = np.hypot(truth[:, 4], recorder.side_speeds)
+    if len(truth):
+        moving[:, 4] = np.hypot(truth[:, 4], recorder.side_speeds)
     return beside_truth(moving, np.array(recorder.turn_rates, dtype=np.float64), estimates, odometry)
 
 

@@ -6,12 +6,12 @@ Signal Processing 56 (2008), eq. (3) and section II.D.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from navloom.geometry.compiled import compiled
 
 __all__ = ["Ospa", "assignment", "ospa"]
 
@@ -62,13 +62,19 @@ def assignment(costs: Floats) -> Ints:
         costs: (m, n), finite.
     """
     if costs.shape[0] <= costs.shape[1]:
-        return _assigned(np.ascontiguousarray(costs))
-    columns, rows = _assigned(np.ascontiguousarray(costs.T)), np.full(costs.shape[0], -1)
+        return _kernel()(np.ascontiguousarray(costs))
+    columns, rows = _kernel()(np.ascontiguousarray(costs.T)), np.full(costs.shape[0], -1)
     rows[columns] = np.arange(len(columns))
     return rows
 
 
-@compiled
+@cache
+def _kernel() -> Callable[[Floats], Ints]:
+    from navloom.geometry.compiled import compiled  # numba takes half a second, and most readers need no assignment
+
+    return compiled(_assigned)
+
+
 def _assigned(costs: Floats) -> Ints:
     """Column of each row; no more rows than columns. Potentials of rows and columns make all reduced costs >= 0."""
     m, n = costs.shape

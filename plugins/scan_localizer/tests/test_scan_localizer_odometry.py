@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from navloom import Context, LocalizerInput, Odometry, Pose2D, RangeScan, RobotSpec, Twist2D
-from navloom_scan_localizer.odometry_adapter import ScanOdometry
 from navloom_scan_localizer.params import ScanOdometryParams
+from navloom_scan_localizer.scan_odometry.adapter import ScanOdometry
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.unaided import hold_unseen

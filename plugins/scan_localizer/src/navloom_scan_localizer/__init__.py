@@ -7,7 +7,7 @@ from navloom import Registry, hookimpl
 def navloom_register(registry: Registry) -> None:
     """Add the localizers `scan_matching` and `scan_odometry`."""
     from navloom_scan_localizer.adapter import ScanMatching
-    from navloom_scan_localizer.odometry_adapter import ScanOdometry
+    from navloom_scan_localizer.scan_odometry.adapter import ScanOdometry
 
     registry.add(ScanMatching)
     registry.add(ScanOdometry)

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from navloom_scan_localizer.ambiguity import Ambiguity
 from navloom_scan_localizer.judging import Judge
 from navloom_scan_localizer.params import ScanMatchingParams
-from navloom_scan_localizer.prediction import predict
 from navloom_scan_localizer.smoothing import SmoothPose
 from navloom_scan_localizer.tracking import PoseTracker
 
@@ -92,7 +91,9 @@ class ScanMatching(Localizer[ScanMatchingParams]):
             if old is None or not is_same_map(old, given.known):
                 self._take_field()
         odometry = given.odometry
-        self._passed = predict(self._tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
+        pose, period_ns = odometry.pose, round(1e9 * self.context.period)
+        row = np.array([pose.x, pose.y, pose.heading])
+        self._passed = self._tracker.predict_since(self._stamp_ns, row, odometry.stamp_ns, period_ns)
         self._stamp_ns = odometry.stamp_ns
         self._trail.add(odometry.stamp_ns, self._tracker.odometry)
 

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from navloom_scan_localizer import surface
 from navloom_scan_localizer.judging import position_sigma
 from navloom_scan_localizer.params import ScanOdometryParams
-from navloom_scan_localizer.prediction import predict, row
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.tracking import PoseTracker
@@ -105,7 +104,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         odometry, tracker, motion = given.odometry, self._tracker, self._motion
         twist = odometry.twist
         if motion.is_possible:
-            motion.see_odometry(row(odometry.pose), row(twist))
+            motion.see_odometry(_row(odometry.pose), _row(twist))
         before = tracker.pose
         if motion.is_certain:
             twist = Twist2D(*motion.velocity.tolist())
@@ -114,8 +113,9 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             tracker.advance(motion.velocity * passed, passed)
         else:
             tracker.settings = self._aided
-            predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
-            predict(self._wary, odometry, self._stamp_ns, round(1e9 * self.context.period))
+            for estimate in (tracker, self._wary):
+                period_ns = round(1e9 * self.context.period)
+                estimate.predict_since(self._stamp_ns, _row(odometry.pose), odometry.stamp_ns, period_ns)
             self._trail.add(odometry.stamp_ns, tracker.odometry)
         self._stamp_ns = odometry.stamp_ns
         points, can_wait = self._near(given, twist), False
@@ -294,3 +294,10 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self._surface.follow(float(pose[0]), float(pose[1]))
         self._surface.add(points, pose)
         self._key, self._scans = pose.copy(), self._scans + 1
+
+
+def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
+    """(3,) x, y, heading of a pose, or vx, vy, wz of a velocity."""
+    if isinstance(given, Pose2D):
+        return np.array([given.x, given.y, given.heading])
+    return np.array([given.vx, given.vy, given.wz])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom import Bodies, Latest, NodePlugin, Params
+from navloom import Bodies, Latest, NodePlugin, Params, Tracks
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
 from navloom.engine.plugin_factory import make_plugins
@@ -77,6 +77,42 @@ def test_no_plugin_may_read_what_moves() -> None:
 
     with pytest.raises(ConfigError, match="watcher reads Bodies: no plugin may read the ground truth"):
         assemble(load_config("building", [CROSSING, "node=[{name='watcher',plugin='watcher'}]"]), Discovered())
+
+
+TOLD = "sensor=[{name='laser',kind='laser_2d'},{name='told',kind='true_tracks'}]"
+PEOPLE = "node=[{name='people',plugin='people_tracker'}]"
+
+
+@pytest.mark.parametrize(
+    ("changes", "read"),
+    [
+        ([], []),
+        (["avoider.inputs.tracks=platform.told"], ["platform"]),
+        ([PEOPLE], ["people"]),
+        ([PEOPLE, "avoider.inputs.tracks=platform.told"], ["platform"]),
+    ],
+)
+def test_tracks_from_truth_are_read_only_by_name(changes: list[str], read: list[str]) -> None:
+    """A row of a study without its own tracker must not read the truth that another row is to be compared with."""
+    system = assemble(load_config("explore", [CROSSING, "avoider.plugin=orca", TOLD, *changes]), Discovery())
+    inputs = system.wiring["avoider", "orca"].inputs
+    assert [given.role for given in inputs if given.name == "extra.tracks"] == read
+
+
+def test_what_needs_tracks_and_finds_only_the_truth_is_told_so() -> None:
+    class Watcher(NodePlugin[Params]):
+        name = "watcher"
+        seen = Latest(Tracks, triggers=True)
+
+        def step(self, tick) -> None:
+            pass
+
+    class Discovered(Discovery):
+        def node(self, name):
+            return Watcher if name == "watcher" else super().node(name)
+
+    with pytest.raises(ConfigError, match=r'only platform.told publishes it.*inputs = { seen = "platform.told" }'):
+        assemble(load_config("explore", [CROSSING, TOLD, "node=[{name='watcher',plugin='watcher'}]"]), Discovered())
 
 
 def test_a_replay_is_the_same_bit_for_bit(tmp_path: Path) -> None:

@@ -1,12 +1,13 @@
 """Single ticks and short drives of an ideal robot."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from mppi_scenes import HERE, drive_to, laser, line, method_of
 from navloom_avoidance.robot import Robot
-from navloom_mppi.control import Given, near_goal, weights_by_critic
+from navloom_mppi.control import Given, weights_by_critic
 from navloom_mppi.critics import COLLISION, CRITICS
 from navloom_mppi.params import MppiParams
 
@@ -51,6 +52,27 @@ def test_the_same_seed_gives_the_same_commands_and_another_does_not():
 
     assert commands(1) == commands(1)
     assert commands(1) != commands(2)
+
+
+def test_a_goal_behind_the_end_of_a_wall_is_driven_to_around_it():
+    """The way is 3.4 m, within `goal_within`; straight, the goal is 1.4 m away, and a wall of posts is in between."""
+    corners = [(0.0, 0.0), (1.3, 0.3), (1.3, 1.1), (0.0, 1.4)]
+    path = np.vstack([np.linspace(a, b, 30) for a, b in pairwise(corners)])
+    wall = [(x, 0.7) for x in np.arange(-2.0, 0.61, 0.15)]
+    driven = drive_to(method_of(goal_within=4.0), path, 15.0, wall, near=0.2)
+    assert math.hypot(driven[-1, 0], driven[-1, 1] - 1.4) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("change", "left", "is_near"), [(45.0, 2.0, False), (45.0, 0.4, True), (180.0, 2.0, True), (math.inf, 2.0, True)]
+)
+def test_a_robot_that_turns_slowly_heads_for_the_goal_only_when_it_faces_it(change, left, is_near):
+    """A goal 30° to the left: in 1.4 - 0.5 s, 45°/s² turn it by 18°, 180°/s² by 32°. Its nose is at 0.54 m."""
+    body = np.array([[0.45, 0.3], [-0.45, 0.3], [-0.45, -0.3], [0.45, -0.3]])
+    limits = {"motor_lag": 0.3, "dead_time": 0.2, "max_angular_acceleration": math.radians(change)}
+    method = method_of(robot=Robot(body, 1.5, math.radians(40.0), 0.4, 0.5, **limits))
+    method.step([], None, given(line(left * math.cos(math.pi / 6), left * math.sin(math.pi / 6))))
+    assert method.scene.is_near_goal is is_near
 
 
 def test_no_command_is_given_from_which_the_robot_cannot_stop():
@@ -139,17 +161,6 @@ def test_weights_are_per_what_the_robot_can_do():
     assert weights[0.5]["path_follow"] == pytest.approx(20.0)
     assert weights[2.0]["twirling"] == pytest.approx(0.2)
     assert weights[2.0]["control"] == 0.015
-
-
-@pytest.mark.parametrize(
-    ("speed", "braking", "lag", "within"),
-    # Half an edge of 0.3 m: corners 0.424 m away. 2 m/s and 2 m/s²: 2 * 0.2 + 1; 0.3 m/s stops within the footprint.
-    [(2.0, 2.0, 0.1, 1.4), (0.3, 1.0, 0.05, 2.0 * math.hypot(0.3, 0.3))],
-)
-def test_the_robot_heads_straight_for_a_goal_within_its_stopping_distance(speed, braking, lag, within):
-    square = 0.3 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    robot = Robot(square, speed, 3.0, 1.0, braking, motor_lag=lag, dead_time=0.05)
-    assert near_goal(robot, 0.05) == pytest.approx(within)
 
 
 def test_the_reason_names_roll_outs_and_the_dearest_critics():

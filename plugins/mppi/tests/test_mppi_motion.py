@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navloom_avoidance.robot import Robot
 from navloom_mppi.critics import CRITICS
-from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, ramp
+from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, ramp, turn_within
 from navloom_mppi.rollout import drive, knots_of
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
@@ -114,3 +114,31 @@ def test_the_control_cost_is_that_of_williams():
 @pytest.mark.parametrize(("steps", "hold", "knots"), [(56, 7, 9), (56, 1, 57), (57, 7, 10), (8, 50, 2)])
 def test_every_step_is_between_two_knots(steps, hold, knots):
     assert knots_of(steps, hold) == knots
+
+
+@pytest.mark.parametrize(
+    ("speed", "braking", "lag", "within"),
+    # Half an edge of 0.3 m: corners 0.424 m away. 2 m/s and 2 m/s²: 2 * 0.2 + 1; 0.3 m/s stops within the footprint.
+    [(2.0, 2.0, 0.1, 1.4), (0.3, 1.0, 0.05, 2.0 * math.hypot(0.3, 0.3))],
+)
+def test_the_robot_heads_straight_for_a_goal_within_its_stopping_distance(speed, braking, lag, within):
+    square = 0.3 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    robot = Robot(square, speed, 3.0, 1.0, braking, motor_lag=lag, dead_time=0.05)
+    assert near_goal(robot, 0.05) == pytest.approx(within)
+
+
+@pytest.mark.parametrize(
+    ("fastest", "change", "lag", "dead_time", "bearing"),
+    [
+        # Of 1.4 - 0.5 s, it takes 0.5 s to reach 45°/s, and turns by 11.25° meanwhile; then 0.4 s at 45°/s.
+        (45.0, 90.0, 0.3, 0.2, 11.25 + 18.0),
+        (90.0, 50.0, 0.3, 0.1, 25.0),  # 90°/s is not reached in 1 s
+        (180.0, math.inf, 0.1, 0.05, 225.0),
+        (40.0, math.inf, 0.4, 0.0, 40.0),
+        (90.0, 50.0, 1.0, 0.5, 0.0),  # by then, it does not even begin to turn
+    ],
+)
+def test_the_angle_a_robot_turns_by_in_1_4_s_from_standing(fastest, change, lag, dead_time, bearing):
+    limits = {"motor_lag": lag, "dead_time": dead_time, "max_angular_acceleration": math.radians(change)}
+    robot = Robot(np.eye(2), 1.0, math.radians(fastest), 1.0, 1.0, **limits)
+    assert math.degrees(turn_within(robot, 1.4)) == pytest.approx(bearing, abs=1e-6)

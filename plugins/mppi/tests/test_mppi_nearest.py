@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_mppi.nearest import body_points, fill_nearest
+from navloom_mppi.nearest import body_points, fill_nearest, gap_beside
 
 SIZE, CELL = 40, 0.1
 
@@ -30,6 +30,18 @@ def test_within_reach_it_is_the_nearest_of_all(points, reach):
 
 def test_without_obstacles_there_is_none():
     assert (filled(np.zeros((0, 3)), 1.0)[0] == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("point", "gap"), [((1.0, 0.5), 0.5), ((-1.0, 0.0), 1.0), ((4.0, 2.0), 2.0 * 2**0.5), ((0.0, -0.2), 0.2)]
+)
+def test_the_gap_beside_a_straight_way_is_measured_to_it_and_to_its_ends(point, gap):
+    assert gap_beside(np.array([[*point, 0.05], [9.0, 9.0, 0.05]]), (2.0, 0.0)) == pytest.approx(gap)
+
+
+def test_a_way_of_no_length_is_a_point_and_without_obstacles_the_gap_is_infinite():
+    assert gap_beside(np.array([[3.0, 4.0, 0.0]]), (0.0, 0.0)) == pytest.approx(5.0)
+    assert gap_beside(np.zeros((0, 3)), (2.0, 0.0)) == np.inf
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,9 @@ import time
 
 import numpy as np
 import pytest
+from navloom.geometry.actors import Actor, Body, Walk
+from navloom.geometry.moving_world import MovingWorld
+from navloom.geometry.world import World
 from navloom_orca.crowd import Reaction, react
 from orca_scenes import crowd_of
 from test_orca_avoidance import PERIOD, bodies, given, laser, method_of
@@ -32,6 +35,31 @@ def test_four_times_the_crowd_costs_less_than_eight_times_as_much(benchmark):
     benchmark.extra_info |= {"cpu_ms_p50_at_400": np.median(few), "cpu_ms_p50_at_1600": np.median(many)}
     benchmark.extra_info["cpu_ms_p50_at_100"] = np.median(of(100, 5.0))
     assert np.median(many) < 8.0 * np.median(few)
+
+
+@pytest.mark.benchmark
+def test_a_world_of_100_actors_costs_less_than_four_times_their_law(benchmark):
+    """Goals, walking, bodies and the message take no longer than what the law needs, with room for noise."""
+    rng, side, laws = np.random.default_rng(3), 22.0, []
+    starts = [
+        (x, y) for x in np.linspace(1.0, side - 1.0, 10).tolist() for y in np.linspace(1.0, side - 1.0, 10).tolist()
+    ]
+    goals = [tuple((x, y) for x, y in rng.uniform(1.0, side - 1.0, (20, 2)).tolist()) for _ in starts]
+    actors = tuple(
+        Actor(f"person {k}", Walk(start, way, loops=True), Body("legs", 0.44, 0.44))
+        for k, (start, way) in enumerate(zip(starts, goals, strict=True))
+    )
+
+    def law(*given):
+        begin = time.process_time()
+        found = react(*given, reaction=Reaction(period=PERIOD))
+        laws.append(1e3 * (time.process_time() - begin))
+        return found
+
+    world = MovingWorld(World("w", actors=actors), (), PERIOD, law)
+    ticks = benchmark.pedantic(spent, (lambda k: world.advance(round(k * PERIOD * 1e9), ()), 400), rounds=1)
+    benchmark.extra_info |= {"cpu_ms_p50": np.median(ticks), "cpu_ms_p50_of_the_law": np.median(laws)}
+    assert np.median(ticks) < 4.0 * np.median(laws)
 
 
 @pytest.mark.benchmark

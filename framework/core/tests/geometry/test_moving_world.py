@@ -147,3 +147,29 @@ def test_an_actor_of_a_flow_begins_again() -> None:
     world = MovingWorld(World("w", actors=(Actor("p", walk),)), (), 0.05, walk_straight)
     xs = [world.advance(tick * S // 20, ()).poses[0, 0] for tick in range(40)]
     assert max(xs) < 1.0 and min(np.diff(xs)) < -0.6 and np.count_nonzero(np.diff(xs) < 0.0) == 2
+
+
+def test_one_of_a_flow_enters_again_when_nothing_is_near_its_entry() -> None:
+    """A robot 0.6 m wide and long stands at the entry, and leaves after 3 s: the body is 0.25 m, the room 0.5 m."""
+    walk = Walk((1.0, 0.0), ((2.0, 0.0),), speed=1.0, flows=True, entry=(0.0, 0.0))
+    world = MovingWorld(World("w", actors=(Actor("p", walk),)), [ROBOT], 0.05, walk_straight)
+    seen = [world.advance(tick * S // 20, [Mover(0.0, 0.0 if tick < 60 else 5.0, 0.0)]) for tick in range(80)]
+    there = [bodies.names == ("p", "r1") for bodies in seen]
+    # 0.7 m at 1 m/s until it is within 0.3 m of its goal.
+    assert there.index(False) == pytest.approx(14, abs=1) and there[there.index(False) :].index(
+        True
+    ) == 60 - there.index(False)
+    assert seen[60].poses[0, :2].tolist() == [0.0, 0.0] and seen[60].velocities[0].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_an_actor_with_goals_that_loop_goes_to_the_first_again() -> None:
+    walk = Walk((0.0, 0.0), ((2.0, 0.0), (2.0, 2.0)), speed=1.0, loops=True)
+    world = MovingWorld(World("w", actors=(Actor("p", walk),)), (), 0.05, walk_straight)
+    ys = [world.advance(tick * S // 20, ()).poses[0, 1] for tick in range(90)]
+    assert max(ys) == pytest.approx(1.7, abs=0.1) and ys[-1] < 1.2
+
+
+def test_the_names_are_the_same_tuple_while_the_same_bodies_are_there() -> None:
+    """So that the message does not check the text of each in every tick."""
+    world = MovingWorld(World("w", (WALKER,)), (), 0.05)
+    assert world.advance(2 * S, ()).names is world.advance(3 * S, ()).names

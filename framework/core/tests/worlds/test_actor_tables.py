@@ -48,6 +48,15 @@ def test_goals_make_an_actor_that_gives_way(tmp_path: Path) -> None:
     assert made.course == Walk((0.0, 0.0), ((8.0, 0.0),), 1.0, 1.5, flows=True, sees_robots=False)
 
 
+def test_one_of_a_flow_may_begin_again_elsewhere(tmp_path: Path) -> None:
+    made = actor(tmp_path, "[[actor]]\nstart = [0, 0]\ngoals = [[8, 0]]\nflows = true\nentry = [-2, 1]")
+    assert made.course.entry == (-2.0, 1.0) and (-2.0, 1.0) in made.places
+
+
+def test_goals_may_loop(tmp_path: Path) -> None:
+    assert actor(tmp_path, "[[actor]]\nstart = [0, 0]\ngoals = [[8, 0], [0, 0]]\nloops = true").course.loops
+
+
 def test_the_bounds_hold_the_courses(tmp_path: Path) -> None:
     (tmp_path / "w.toml").write_text(PLACES, "utf-8")
     assert toml_world("w.toml", tmp_path).bounds == (-1.0, -1.0, 3.0, 2.0)
@@ -58,6 +67,8 @@ def test_the_bounds_hold_the_courses(tmp_path: Path) -> None:
     [
         ("[[actor]]", "no course, expected one of waypoints, way and goals"),
         (PLACES + "goals = [[1, 1]]", "way and goals, expected one of"),
+        ("[[actor]]\nstart = [0, 0]\ngoals = [[1, 1]]\nentry = [1, 1]", "entry has no use without flows = true"),
+        ("[[actor]]\nstart = [0, 0]\ngoals = [[1, 1]]\nflows = true\nloops = true", "flows and loops, expected one"),
         (PLACES + "sees_robots = false", "sees_robots has no use beside waypoints or way"),
         (PLACES + "speed = [1.0]", "speed: 1 of them, expected one speed for each piece of the way: 2"),
         (PLACES + "speed = 0.0", "speed = 0, expected a speed > 0"),

@@ -14,6 +14,7 @@ from navloom.worlds import WorldError, options_of, seed_of
 
 from navloom_maps.floor_plan import CELL, LEAST_SIZE, FloorPlan, Room, most_corridors, plan_floor
 from navloom_maps.furniture import Glass, furnish, glaze, solids_of
+from navloom_maps.option_values import share_of
 
 __all__ = ["DEVELOPMENT_SEEDS", "TEST_SEEDS", "Floor", "floor_of", "floor_world", "lookalikes"]
 
@@ -77,7 +78,7 @@ def floor_of(argument: str) -> Floor:
     seed = seed_of("floor", name)
     width, height = _size(reference, options["size"])
     corridors = _corridors(reference, options["corridors"], height) if options["corridors"] else None
-    shares = {key: _share(reference, key, options[key]) for key in ("lookalike", "furniture", "unmapped", "glass")}
+    shares = {key: share_of(reference, key, options[key]) for key in ("lookalike", "furniture", "unmapped", "glass")}
     # Streams of their own: another density of furniture or glass must not change the walls.
     walls, furniture, glass = (np.random.default_rng((seed, number)).random for number in range(3))
     plan = plan_floor(walls, width, height, corridors, shares["lookalike"])
@@ -171,15 +172,3 @@ def _corridors(reference: str, text: str, height: int) -> int:
     if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= most):
         raise WorldError(f"{reference}: corridors={text}: expected a number from 1 to {most} for this size")
     return int(text)
-
-
-def _share(reference: str, key: str, text: str) -> float:
-    """An option's number from 0 to 1."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    # Negated, so that NaN is refused too.
-    if not 0.0 <= value <= 1.0:
-        raise WorldError(f"{reference}: {key}={text}: expected a share from 0 to 1")
-    return value

@@ -28,8 +28,9 @@ from navloom_dwa.adapter import split_scans
 from navloom_dwa.view import cost_by_direction, in_map, points_picture
 
 from navloom_mppi import warming
-from navloom_mppi.control import Decision, Given, PathIntegral, near_goal
+from navloom_mppi.control import Decision, Given, PathIntegral
 from navloom_mppi.critics import COLLISION, CRITICS
+from navloom_mppi.motion import near_goal
 from navloom_mppi.params import ROBUST, MppiParams
 
 __all__ = ["Mppi"]

@@ -20,8 +20,8 @@ from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
 from navloom_mppi.critics import COLLISION, CRITICS, Scene
-from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of
-from navloom_mppi.nearest import body_points, fill_nearest
+from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, turn_within
+from navloom_mppi.nearest import body_points, fill_nearest, gap_beside
 from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
 from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
 
@@ -125,6 +125,9 @@ class PathIntegral:
         self.by_critic = weights_by_critic(p, robot)
         given: float | None = p.goal_within
         self.goal_within = near_goal(robot, period) if given is None else given
+        self.turn_beyond = math.radians(p.turn_beyond_deg)
+        # Where a turn takes longer, no roll-out gets to the way after it, and nothing pays for turning at a door post.
+        self.turn_near_goal = min(self.turn_beyond, turn_within(robot, 0.5 * p.step * p.steps))
         self.samples = 2 * math.ceil(p.samples / 2)
         self.parts, self.track = np.zeros((self.samples, len(CRITICS))), np.zeros((p.steps, 5))
         self.ends = np.zeros(self.samples)
@@ -205,14 +208,20 @@ class PathIntegral:
         occupied = float((self.distance[rows, columns] * self.cell / CHAMFER < self.inner).mean())
         arc = arc_of(path)
         lead = path[min(len(path) - 1, int(np.searchsorted(arc, self.inner + p.soft)))]
+        goal = (float(path[-1, 0]), float(path[-1, 1]))
         is_beside = math.hypot(*lead) > STOPPED_BELOW[0]
         bearing = math.atan2(lead[1], lead[0]) if is_beside and given.turn_to is None else 0.0
+        is_near_goal = bool(arc[-1] < self.goal_within)
+        turns_away = abs(bearing) > (self.turn_near_goal if is_near_goal else self.turn_beyond)
+        # Straight towards a goal behind a corner, the robot would drive to the wall in between, and wait there.
+        # Within its nose of the goal, the way that is left of the nose no longer leads there.
+        turns_first = turns_away and arc[-1] > self.nose
+        is_near_goal = is_near_goal and not turns_first and not len(outside)
+        is_near_goal = is_near_goal and gap_beside(obstacles, goal) >= self.inner
         self.scene = Scene(
             obstacles, self._nearest, 1.0 / NEAR_CELL, self.nose, self.body, self.edges, p.soft,
             self._cost_to_go, self._path_distance, self.origin, self.cell,
-            (float(path[-1, 0]), float(path[-1, 1])), bool(arc[-1] < self.goal_within),
-            (float(lead[0]), float(lead[1])),
-            abs(bearing) > math.radians(p.turn_beyond_deg), occupied <= OCCUPIED,
+            goal, is_near_goal, (float(lead[0]), float(lead[1])), turns_away, occupied <= OCCUPIED,
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
             bodies_ahead(
                 given.bodies.within(given.pose[:2], self.bodies_reach), given.pose, self.times, self.edges,
@@ -359,17 +368,6 @@ def weights_by_critic(params: MppiParams, robot: Robot) -> Floats:
     }  # fmt: skip
     named = {name: p.gamma if name == "control" else getattr(p, name) for name in CRITICS}
     return np.array([weight * per_unit.get(name, 1.0) for name, weight in named.items()])
-
-
-def near_goal(robot: Robot, period: float) -> float:
-    """Distance from the goal, m, within which the robot heads straight for it.
-
-    From there the highest speed just stops in time: a tick, the dead time and the lag later, it brakes. Nearer than a
-    corner of the footprint, the way that is left of the nose no longer leads there, for a robot however slow.
-    """
-    late = period + robot.dead_time + robot.motor_lag
-    stop = robot.max_linear * late + robot.max_linear**2 / (2.0 * robot.max_deceleration)
-    return max(stop, 2.0 * float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max()))
 
 
 def is_stopped(v: float, w: float) -> bool:

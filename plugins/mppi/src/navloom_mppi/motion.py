@@ -43,22 +43,46 @@ class Motion(NamedTuple):
 def motion_of(robot: Robot, step: float, reverse: float, turning_radius: float) -> Motion:
     """Motion of a robot.
 
-    Without a limit of the turn acceleration, its wheels limit it: a rim that gains `max_acceleration` turns the robot
-    by max_acceleration / half_track.
-
     Args:
         robot: The robot's properties.
         step: Of a roll-out, s.
         reverse: Highest speed backwards, m/s.
         turning_radius: m; 0 for a differential drive, which turns in place.
     """
-    by_wheels = robot.max_acceleration / robot.half_track if robot.half_track > 0.0 else math.inf
     return Motion(
         step, -min(reverse, robot.max_linear), robot.max_linear, robot.max_angular,
-        robot.max_acceleration, robot.max_deceleration, min(robot.max_angular_acceleration, by_wheels),
+        robot.max_acceleration, robot.max_deceleration, turn_change_of(robot),
         math.exp(-step / robot.motor_lag) if robot.motor_lag > 0.0 else 0.0,
         1.0 / turning_radius if turning_radius > 0.0 else math.inf,
     )  # fmt: skip
+
+
+def turn_change_of(robot: Robot) -> float:
+    """Greatest change of the turn rate, rad/s²; may be infinite.
+
+    Without a limit of it, the wheels limit it: a rim that gains `max_acceleration` turns the robot by
+    max_acceleration / half_track.
+    """
+    by_wheels = robot.max_acceleration / robot.half_track if robot.half_track > 0.0 else math.inf
+    return min(robot.max_angular_acceleration, by_wheels)
+
+
+def near_goal(robot: Robot, period: float) -> float:
+    """Distance from the goal, m, within which the robot heads straight for it.
+
+    From there the highest speed just stops in time: a tick, the dead time and the lag later, it brakes. Nearer than a
+    corner of the footprint, the way that is left of the nose no longer leads there, for a robot however slow.
+    """
+    late = period + robot.dead_time + robot.motor_lag
+    stop = robot.max_linear * late + robot.max_linear**2 / (2.0 * robot.max_deceleration)
+    return max(stop, 2.0 * float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max()))
+
+
+def turn_within(robot: Robot, duration: float) -> float:
+    """Angle, rad, by which the robot can turn in a time, s, from standing, after its dead time and lag."""
+    time = max(1.0e-9, duration - robot.dead_time - robot.motor_lag)
+    reached = min(robot.max_angular, turn_change_of(robot) * time)
+    return reached * (time - 0.5 * reached / turn_change_of(robot))
 
 
 @njit(cache=True, nogil=True)

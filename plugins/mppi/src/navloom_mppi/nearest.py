@@ -53,6 +53,14 @@ def _stamp(squares: NDArray[np.float32], nearest: Numbers, number: int, x: float
         nearest[k] = one if is_nearer else nearest[k]
 
 
+def gap_beside(obstacles: Floats, point: tuple[float, float]) -> float:
+    """Distance, m, from the straight line between base and point, m, to the nearest of the obstacles (n, >= 2), m."""
+    end = np.array(point)
+    along = (obstacles[:, :2] @ end / max(float(end @ end), 1.0e-9)).clip(0.0, 1.0)
+    off = obstacles[:, :2] - along[:, None] * end
+    return float(np.hypot(off[:, 0], off[:, 1]).min(initial=np.inf))
+
+
 def body_points(footprint: Floats) -> tuple[Floats, float]:
     """Points along the footprint's longer side whose discs cover it: a long body needs several look-ups.
 

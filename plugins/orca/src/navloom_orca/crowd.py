@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom_orca.half_planes import put_agent, put_line
-from navloom_orca.neighbours import fill_cells, insert
+from navloom_orca.neighbours import cell_width, fill_cells, insert, nearest_seen
 from navloom_orca.programme import best_velocity
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ def step(
 ) -> None:  # fmt: skip
     """React with arrays that are C-contiguous and of at least one agent; found (n, 2) is filled in; see react()."""
     n, most = positions.shape[0], min(reaction.most, positions.shape[0])
-    left, low, side, columns, rows, first, order = fill_cells(positions, reaction.reach)
+    cells = fill_cells(positions, cell_width(positions, reaction.reach))
     others, squares = np.empty(most, np.int64), np.empty(most)
     walls, gaps = np.empty(lines.shape[0], np.int64), np.empty(lines.shape[0])
     planes, scratch = np.empty((most + lines.shape[0], 4)), np.empty((most + lines.shape[0], 4))
@@ -80,17 +80,7 @@ def step(
         x, y, velocity = positions[i, 0], positions[i, 1], (velocities[i, 0], velocities[i, 1])
         reach = radii[i] + reaction.line_horizon * max_speeds[i]
         hard = put_lines(lines, x, y, velocity, radii[i], reach, reaction.line_horizon, walls, gaps, planes)
-        column, line, count = int((x - left) / side), int((y - low) / side), 0
-        for row in range(max(0, line - 1), min(rows, line + 2)):
-            begin, end = row * columns + max(0, column - 1), row * columns + min(columns, column + 2)
-            for k in range(first[begin], first[end]):
-                j = order[k]
-                if j == i or not sees[i, j]:
-                    continue
-                dx, dy = positions[j, 0] - x, positions[j, 1] - y
-                square = dx * dx + dy * dy
-                if square < reaction.reach * reaction.reach:
-                    count = insert(others, squares, count, j, square)
+        count = nearest_seen(positions, i, sees, reaction.reach, cells, others, squares)
         for k in range(count):
             j = others[k]
             put_agent(

@@ -64,6 +64,7 @@ class SensorsSim(Platform[SensorsSimParams]):
 
     name = "sensors_sim"
     sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan, "true_tracks": Tracks}
+    true_kinds = frozenset({"true_tracks"})
     sensor_settings = {kind: settings for kind, (settings, _) in _SENSORS.items()}
     is_simulated = True
     takes_disturbances = True

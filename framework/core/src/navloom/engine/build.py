@@ -96,14 +96,17 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
             _explains(table, place, role)
     ports: dict[str, Port[Any]] = {}
     if platform_part is not None and len(sensors) == len(config.sensor):
-        assert issubclass(platform_part.cls, Platform)
+        cls = platform_part.cls
+        assert issubclass(cls, Platform)
         ports = {
-            table.name: sensor_port(table.name, platform_part.cls.sensor_kinds[table.kind], table.time_offset)
+            table.name: sensor_port(
+                table.name, cls.sensor_kinds[table.kind], table.time_offset, table.kind in cls.true_kinds
+            )
             for table in config.sensor
         }
         for part in parts.values():
             with problems.gather():
-                part.sensors = sensors_of(part, platform_part.cls, sensors)
+                part.sensors = sensors_of(part, cls, sensors)
     if len(parts) == len(config.role_tables()):
         for part in parts.values():
             with problems.gather():

@@ -66,9 +66,10 @@ class Port(Generic[M]):
 
     Attributes:
         offset_ns: What readers add to the stamps of its messages, ns: the sensor's `time_offset`.
+        is_truth: It tells the truth of a simulator: only an input that names it reads it.
     """
 
-    __slots__ = ("answers", "carries", "name", "offset_ns", "quality", "required", "retained", "role")
+    __slots__ = ("answers", "carries", "is_truth", "name", "offset_ns", "quality", "required", "retained", "role")
 
     def __init__(
         self,
@@ -83,6 +84,7 @@ class Port(Generic[M]):
         self.retained, self.required, self.answers = retained, required, answers
         self.role = self.name = ""
         self.offset_ns = 0
+        self.is_truth = False
 
     def __str__(self) -> str:
         return f"{self.role}.{self.name}"

@@ -137,7 +137,7 @@ def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]
     return {
         name: _port_of(part, name, carries, chosen.get(name), ports)
         for name, carries in wanted.items()
-        if name not in optional or name in chosen or _ports_of(part, carries, ports)
+        if name not in optional or name in chosen or _ports_of(part, carries, ports, is_named=False)
     }
 
 
@@ -161,7 +161,7 @@ def _port_of(
         raise ConfigError(
             f"{part.place}.plugin: {part.cls.name} reads {carries.__name__}: no plugin may read the ground truth"
         )
-    found = _ports_of(part, carries, ports)
+    found = _ports_of(part, carries, ports, is_named=chosen is not None)
     place, words = f"{part.place}.inputs.{name}", f"{part.cls.name} reads {carries.__name__}"
     listed = ", ".join(found)
     if chosen is not None:
@@ -170,6 +170,12 @@ def _port_of(
             raise ConfigError(f'{place}: is "{chosen}", expected a stream of {carries.__name__}{known}')
         return found[chosen]
     if not found:
+        if truths := _ports_of(part, carries, ports, is_named=True):
+            port = next(iter(truths))
+            raise ConfigError(
+                f"{place}: {words}, and only {port} publishes it, which tells the truth of the simulator: "
+                f'add a node, or name it, as in inputs = {{ {name} = "{port}" }}'
+            )
         raise ConfigError(f"{place}: {words}, and no [[node]] or [[sensor]] publishes it: add one that does")
     if len(found) > 1:
         example = f'inputs = {{ {name} = "{next(iter(found))}" }}'
@@ -177,10 +183,14 @@ def _port_of(
     return next(iter(found.values()))
 
 
-def _ports_of(part: Part, carries: type[Message], ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]:
-    """The ports of a message class that a plugin may read, by their names."""
+def _ports_of(part: Part, carries: type[Message], ports: Sequence[Port[Any]], is_named: bool) -> dict[str, Port[Any]]:
+    """The ports of a message class that a plugin may read, by their names: one that tells the truth only if named."""
     # Not its own role: an alternative that reads its active instance would follow it.
-    return {str(port): port for port in ports if issubclass(port.carries, carries) and port.role != part.role}
+    return {
+        str(port): port
+        for port in ports
+        if issubclass(port.carries, carries) and port.role != part.role and (is_named or not port.is_truth)
+    }
 
 
 def streams_of(cls: type[Role]) -> dict[str, dict[str, str]]:

@@ -187,8 +187,9 @@ def sensor_quality(kind: type[Message]) -> Quality:
     return SENSORS.get(kind, PLAIN)
 
 
-def sensor_port(name: str, kind: type[Message], time_offset: float = 0.0) -> Port[Any]:
+def sensor_port(name: str, kind: type[Message], time_offset: float = 0.0, is_truth: bool = False) -> Port[Any]:
     """The platform's port of a sensor that the config names, with what its readers add to its stamps, s."""
     port = Port(kind, sensor_quality(kind))
     port.role, port.name, port.offset_ns = "platform", name, round(1e9 * time_offset)
+    port.is_truth = is_truth
     return port

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate, pairwise
 from typing import Literal, NamedTuple
 
@@ -181,7 +181,10 @@ class Walk:
         goals: x, y of each, m, in order.
         speed: At which it walks if nothing is in the way, m/s.
         most: Its highest speed, m/s.
-        flows: After the last goal it begins again at its start: one of a flow. Otherwise it stays there.
+        loops: After the last goal it goes to the first again.
+        flows: After the last goal it leaves, and begins again at its entry as soon as that is free: one of a flow.
+            Without either it stays at the last goal.
+        entry: x, y of the place where one of a flow begins again, m; by default its start.
         sees_robots: It gives way to robots too. In crowds, half of the people do not.
     """
 
@@ -191,6 +194,8 @@ class Walk:
     most: float = 1.8
     flows: bool = False
     sees_robots: bool = True
+    loops: bool = False
+    entry: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -213,19 +218,14 @@ class Actor:
     def places(self) -> list[tuple[float, float]]:
         """Places that it goes to, m, map frame, its first one first."""
         course = self.course
-        return [course.start, *course.goals] if isinstance(course, Walk) else [(x, y) for _, x, y in course.points]
+        if isinstance(course, Walk):
+            return [course.start, *course.goals, *([course.entry] if course.entry else [])]
+        return [(x, y) for _, x, y in course.points]
 
 
-def parts_of(body: Body, motions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The cylinders and boxes of one body in several places.
-
-    Args:
-        body: The body.
-        motions: (n, 6) rows of `Motion`.
-
-    Returns:
-        (n, p, 8) rows of `Part`.
-    """
+@lru_cache(maxsize=256)
+def _shape(body: Body) -> NDArray[np.float64]:
+    """(p, 6) of each part, m: ahead and left of the body, half length or radius, half width, lowest and highest z."""
     (low, high), half, side = body.z, 0.5 * body.length, 0.5 * body.width
     if body.kind == "disc":
         shapes = [(0.0, 0.0, half, 0.0, low, high)]
@@ -241,17 +241,30 @@ def parts_of(body: Body, motions: NDArray[np.float64]) -> NDArray[np.float64]:
         shapes = [(0.0, HIP, LEG_RADIUS, 0.0, low, top), (0.0, -HIP, LEG_RADIUS, 0.0, low, top)]
         shapes += [(0.0, 0.0, half, 0.0, top, high)]
     # Without an upper part where the body ends below it.
-    places = np.array([shape for shape in shapes if shape[4] < shape[5]])
-    x, y, heading, _, _, walked = motions.T[:, :, None]
-    ahead, left = np.broadcast_to(places[:, 0], (len(motions), len(places))).copy(), places[:, 1]
+    return np.array([shape for shape in shapes if shape[4] < shape[5]])
+
+
+def parts_of(body: Body, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cylinders and boxes of one body in several places.
+
+    Args:
+        body: The body.
+        motions: (n, 6) rows of `Motion`.
+
+    Returns:
+        (n, p, 8) rows of `Part`.
+    """
+    places, (x, y, heading, _, _, walked) = _shape(body), motions.T
+    c, s = np.cos(heading), np.sin(heading)
+    parts = np.empty((len(motions), len(places), 8))
+    parts[:, :, 2:4], parts[:, :, 5:7], parts[:, :, 7] = places[:, 2:4], places[:, 4:6], body.is_glass
+    swings: list[float | NDArray[np.float64]] = [0.0] * len(places)
     if body.kind == "legs":
         # One foot rests on the floor while the other swings ahead at twice the speed of the body.
-        swing = STEP * (0.5 - np.abs(1.0 - np.fmod(walked[:, 0] / STEP, 2.0)))
-        ahead[:, 0], ahead[:, 1] = -swing, swing
-    c, s = np.cos(heading), np.sin(heading)
-    parts = np.empty((*ahead.shape, 8))
-    parts[..., 0], parts[..., 1] = x + c * ahead - s * left, y + s * ahead + c * left
-    parts[..., 2:4], parts[..., 5:7] = places[:, 2:4], places[:, 4:6]
-    parts[..., 4] = np.where(places[:, 3] > 0.0, heading, 0.0)
-    parts[..., 7] = body.is_glass
+        swing = STEP * (0.5 - np.abs(1.0 - np.fmod(walked / STEP, 2.0)))
+        swings[:2] = -swing, swing
+    for k, (ahead, left, _, side, _, _) in enumerate(places.tolist()):
+        ahead += swings[k]
+        parts[:, k, 0], parts[:, k, 1] = x + c * ahead - s * left, y + s * ahead + c * left
+        parts[:, k, 4] = heading if side > 0.0 else 0.0
     return parts

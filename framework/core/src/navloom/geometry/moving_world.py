@@ -14,17 +14,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.geometry.actors import Actor, Body, Course, Motion, Part, Walk, parts_of
+from navloom.geometry.actors import Actor, Body, Course, Part, Walk, parts_of
+from navloom.geometry.crowd import Crowd
 from navloom.geometry.world import Box, Obstacle, World
 from navloom.messages import Bodies
 
-__bodies_ = ["Law", "Mover", "MovingWorld", "RobotBody", "actors_of", "moves", "standing", "walks"]
+__all__ = ["Law", "Mover", "MovingWorld", "RobotBody", "actors_of", "moves", "standing", "walks"]
 
 Floats = NDArray[np.float64]
-ARRIVED = 0.3
-"""A walking actor is at a goal within this distance, m."""
-TURNS = 0.05
-"""A walking actor that is slower keeps its heading, m/s."""
 
 
 class Law(Protocol):
@@ -131,71 +128,6 @@ def _actor(obstacle: Obstacle) -> Actor:
     return Actor(obstacle.name, course, body, obstacle.appears_at)
 
 
-class _Crowd:
-    """The actors that give way: state of each, by its number.
-
-    Args:
-        actors: Those of a world on a `Walk`.
-
-    Attributes:
-        actors: The actors.
-        places, velocities: (k, 2) m and m/s, map frame.
-        radii, max_speeds: (k,) m and m/s.
-        sees_robots: (k,) whether each gives way to robots.
-    """
-
-    def __init__(self, actors: Sequence[Actor]) -> None:
-        self.actors = list(actors)
-        walks = [actor.course for actor in actors if isinstance(actor.course, Walk)]
-        self.places = np.array([walk.start for walk in walks], dtype=np.float64).reshape(-1, 2)
-        self.velocities = np.zeros_like(self.places)
-        self.radii = np.array([actor.body.radius for actor in actors])
-        self.max_speeds = np.array([walk.most for walk in walks])
-        self.sees_robots = np.array([walk.sees_robots for walk in walks], dtype=np.bool_)
-        self._starts, self._speeds = self.places.copy(), np.array([walk.speed for walk in walks])
-        self._flows = np.array([walk.flows for walk in walks], dtype=np.bool_)
-        self._appear = np.array([actor.appears_at for actor in actors])
-        self._counts = np.array([len(walk.goals) for walk in walks], dtype=np.int64)
-        self._goals = np.zeros((len(walks), max(self._counts, default=0), 2))
-        for walk, row in zip(walks, self._goals, strict=True):
-            row[: len(walk.goals)] = walk.goals
-        self._next, self._walked = np.zeros(len(walks), dtype=np.int64), np.zeros(len(walks))
-        ahead = self._goals[:, 0] - self.places if len(walks) else self.places
-        self._headings = np.arctan2(ahead[:, 1], ahead[:, 0])
-
-    def there(self, time: float) -> NDArray[np.int64]:
-        """Numbers of those that have appeared at a run time, s."""
-        return np.flatnonzero(self._appear <= time)
-
-    def preferred(self, who: NDArray[np.int64], step: float) -> Floats:
-        """(k, 2) velocities towards their next goals, m/s, that do not overshoot them in a step of a duration, s."""
-        goals, has_goal = self._next[who], self._next[who] < self._counts[who]
-        ways = self._goals[who, np.minimum(goals, self._counts[who] - 1)] - self.places[who]
-        distances = np.hypot(ways[:, 0], ways[:, 1])
-        speeds = np.where(has_goal, np.minimum(self._speeds[who], distances / step), 0.0)
-        return ways * (speeds / np.maximum(distances, 1e-9))[:, None]
-
-    def go(self, who: NDArray[np.int64], velocities: Floats, step: float) -> None:
-        """Walk for a step, s, at velocities, (k, 2), m/s; those that reach a goal take the next one."""
-        self.velocities[who] = velocities
-        self.places[who] += step * velocities
-        speeds = np.hypot(velocities[:, 0], velocities[:, 1])
-        self._walked[who] += step * speeds
-        turns = who[speeds > TURNS]
-        self._headings[turns] = np.arctan2(self.velocities[turns, 1], self.velocities[turns, 0])
-        has_goal = who[self._next[who] < self._counts[who]]
-        ways = self._goals[has_goal, self._next[has_goal]] - self.places[has_goal]
-        self._next[has_goal[np.hypot(ways[:, 0], ways[:, 1]) < ARRIVED]] += 1
-        anew = who[(self._next[who] >= self._counts[who]) & self._flows[who]]
-        self.places[anew], self._next[anew] = self._starts[anew], 0
-
-    def motions(self, who: NDArray[np.int64]) -> list[tuple[Actor, Motion]]:
-        """Where they are."""
-        columns = (self.places[who], self._headings[who, None], self.velocities[who], self._walked[who, None])
-        rows = np.concatenate(columns, axis=1).tolist()
-        return [(self.actors[k], Motion(*row)) for k, row in zip(who.tolist(), rows, strict=True)]
-
-
 class MovingWorld:
     """The actors of a world over time.
 
@@ -209,70 +141,92 @@ class MovingWorld:
     def __init__(self, world: World, robots: Sequence[RobotBody], period: float, law: Law | None = None) -> None:
         actors = actors_of(world)
         self._timed = [(actor, actor.course) for actor in actors if isinstance(actor.course, Course)]
-        self._crowd = _Crowd([actor for actor in actors if isinstance(actor.course, Walk)])
+        walking = [actor for actor in actors if isinstance(actor.course, Walk)]
+        self._crowd = Crowd(walking)
+        # An actor's number is its place among those on a course, and then those that walk.
+        self._actors = [*[actor for actor, _ in self._timed], *walking]
+        kinds: dict[Body, int] = {}
+        self._kinds = np.array([kinds.setdefault(actor.body, len(kinds)) for actor in self._actors], dtype=np.int64)
+        self._shapes = list(kinds)
+        self._radii = np.array([actor.body.radius for actor in self._actors])
         self._robots, self._period, self._law = tuple(robots), period, law
         self._reach = [float(np.hypot(*robot.footprint.T).max()) for robot in robots]
         self._time = 0.0
+        self._named: tuple[list[int], tuple[str, ...]] = ([], tuple(robot.name for robot in robots))
 
     def advance(self, time_ns: int, robots: Sequence[Mover]) -> Bodies:
         """Everything that moves at a run time, with the robots where they were before it."""
         time = time_ns / 1e9
-        there = [
-            (actor, motion)
-            for actor, course in self._timed
+        found = [
+            (number, motion)
+            for number, (actor, course) in enumerate(self._timed)
             if time >= actor.appears_at and (motion := course.at(time)) is not None
         ]
-        if self._crowd.actors:
-            self._walk(time, there, robots)
-            there += self._crowd.motions(self._crowd.there(time))
+        numbers = np.array([number for number, _ in found], dtype=np.int64)
+        motions = np.array([motion for _, motion in found]).reshape(-1, 6)
+        if self._crowd.is_there.size:
+            others = self._others(numbers, motions, robots)
+            self._walk(time, others)
+            self._crowd.enter(time, others)
+            who = np.flatnonzero(self._crowd.is_there)
+            numbers = np.concatenate([numbers, who + len(self._timed)])
+            motions = np.concatenate([motions, self._crowd.motions(who)])
         self._time = time
-        return self._bodies(time_ns, there, robots)
+        return self._bodies(time_ns, numbers, motions, robots)
 
-    def _walk(self, time: float, there: Sequence[tuple[Actor, Motion]], robots: Sequence[Mover]) -> None:
-        """Let the actors that give way walk until a run time, s."""
-        crowd, who = self._crowd, self._crowd.there(self._time)
+    def _others(self, numbers: NDArray[np.int64], motions: Floats, robots: Sequence[Mover]) -> Floats:
+        """(m, 5) x, y, m, velocity, m/s, map frame, and radius, m, of actors on a course, then of the robots."""
+        timed = np.column_stack([motions[:, [0, 1, 3, 4]], self._radii[numbers]])
+        seen = [(r.x, r.y, *r.velocity[:2], reach) for r, reach in zip(robots, self._reach, strict=True)]
+        return np.concatenate([timed, np.array(seen).reshape(-1, 5)])
+
+    def _walk(self, time: float, others: Floats) -> None:
+        """Let the actors that give way walk until a run time, s, among others that do not; see `_others`."""
+        crowd = self._crowd
         steps = math.ceil(round((time - self._time) / self._period, 6))
-        if not len(who) or self._law is None or steps <= 0:
+        if self._law is None or steps <= 0:
             return
         # After a pause, as of a process that restarts, they go on from where they were: no more than a second.
         step, steps = (time - self._time) / steps, min(steps, math.ceil(1.0 / self._period))
-        timed = [(m.x, m.y, m.vx, m.vy, a.body.radius) for a, m in there]
-        seen = [(r.x, r.y, *r.velocity[:2], reach) for r, reach in zip(robots, self._reach, strict=True)]
-        others = np.array([*timed, *seen]).reshape(-1, 5)
-        count, total = len(who), len(who) + len(others)
-        sees = np.zeros((total, total), dtype=np.bool_)
-        sees[:count] = True
-        sees[:count, total - len(seen) :] = crowd.sees_robots[who, None]
-        radii = np.concatenate([crowd.radii[who], others[:, 4]])
-        max_speeds = np.concatenate([crowd.max_speeds[who], np.hypot(others[:, 2], others[:, 3])])
         for _ in range(steps):
-            positions = np.concatenate([crowd.places[who], others[:, :2]])
-            velocities = np.concatenate([crowd.velocities[who], others[:, 2:4]])
-            preferred = np.concatenate([crowd.preferred(who, step), others[:, 2:4]])
-            crowd.go(who, self._law(positions, velocities, radii, preferred, max_speeds, sees)[:count], step)
+            who = np.flatnonzero(crowd.is_there)
+            count, total = len(who), len(who) + len(others)
+            if not count:
+                return
+            sees = np.zeros((total, total), dtype=np.bool_)
+            sees[:count] = True
+            sees[:count, total - len(self._robots) :] = crowd.sees_robots[who, None]
+            state = np.empty((total, 8))
+            state[count:, :4], state[count:, 4:6], state[count:, 6] = others[:, :4], others[:, 2:4], others[:, 4]
+            state[count:, 7] = np.hypot(others[:, 2], others[:, 3])
+            state[:count, :2], state[:count, 2:4] = crowd.places[who], crowd.velocities[who]
+            state[:count, 4:6] = crowd.preferred(who, step)
+            state[:count, 6], state[:count, 7] = crowd.radii[who], crowd.max_speeds[who]
+            given = (state[:, :2], state[:, 2:4], state[:, 6], state[:, 4:6], state[:, 7])
+            crowd.go(who, self._law(*given, sees)[:count], step)
 
-    def _bodies(self, time_ns: int, there: Sequence[tuple[Actor, Motion]], robots: Sequence[Mover]) -> Bodies:
-        motions = np.array([motion for _, motion in there]).reshape(-1, 6)
-        alike: dict[Body, list[int]] = {}
-        for number, (actor, _) in enumerate(there):
-            alike.setdefault(actor.body, []).append(number)
+    def _bodies(self, time_ns: int, numbers: NDArray[np.int64], motions: Floats, robots: Sequence[Mover]) -> Bodies:
+        kinds, count = self._kinds[numbers], len(numbers)
         parts = [np.zeros((0, 9))]
-        for body, numbers in alike.items():
-            placed = parts_of(body, motions[numbers])
-            owners = np.repeat(np.array(numbers, dtype=np.float64), placed.shape[1])
-            parts.append(np.column_stack([owners, placed.reshape(-1, 8)]))
-        rows = np.concatenate(parts)
-        if len(alike) > 1:
-            rows = rows[np.argsort(rows[:, 0], kind="stable")]
-        own = [(len(there) + k, *r.part(m.x, m.y, m.heading))
+        for kind in np.unique(kinds).tolist():
+            rows = np.flatnonzero(kinds == kind)
+            placed = parts_of(self._shapes[kind], motions[rows])
+            parts.append(np.column_stack([np.repeat(rows, placed.shape[1]), placed.reshape(-1, 8)]))
+        found = np.concatenate(parts)
+        if len(parts) > 2:
+            found = found[np.argsort(found[:, 0], kind="stable")]
+        own = [(count + k, *r.part(m.x, m.y, m.heading))
                for k, (r, m) in enumerate(zip(self._robots, robots, strict=True))]  # fmt: skip
-        velocities = np.zeros((len(there), 3))
-        velocities[:, :2] = motions[:, 3:5]
-        return Bodies(
-            time_ns,
-            (*[actor.name for actor, _ in there], *[robot.name for robot in self._robots]),
-            np.concatenate([motions[:, :3], np.array([(m.x, m.y, m.heading) for m in robots]).reshape(-1, 3)]),
-            np.concatenate([velocities, np.array([m.velocity for m in robots]).reshape(-1, 3)]),
-            np.concatenate([rows, np.array(own).reshape(-1, 9)]),
-            len(robots),
-        )
+        poses, velocities = np.empty((count + len(robots), 3)), np.zeros((count + len(robots), 3))
+        poses[:count], velocities[:count, :2] = motions[:, :3], motions[:, 3:5]
+        poses[count:] = np.array([(m.x, m.y, m.heading) for m in robots]).reshape(-1, 3)
+        velocities[count:] = np.array([m.velocity for m in robots]).reshape(-1, 3)
+        found = np.concatenate([found, np.array(own).reshape(-1, 9)])
+        return Bodies(time_ns, self._names(numbers.tolist()), poses, velocities, found, len(robots))
+
+    def _names(self, numbers: list[int]) -> tuple[str, ...]:
+        """The names of actors, then of the robots: the same tuple as long as the same actors are there."""
+        if numbers != self._named[0]:
+            names = (*[self._actors[k].name for k in numbers], *[robot.name for robot in self._robots])
+            self._named = (numbers, names)
+        return self._named[1]

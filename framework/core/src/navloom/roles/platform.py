@@ -60,6 +60,8 @@ class Platform(Role[P]):
     Class attributes:
         sensor_kinds: Message class of each kind of sensor that it provides.
         sensor_settings: By kind, the model of a sensor's other keys, so that they are checked early.
+        true_kinds: Kinds that tell the truth of a simulator; an input reads one only if
+            the config's `inputs` names the sensor.
         is_simulated: It can run in simulated time, which a real platform cannot.
         takes_disturbances: It is moved, and its wheels slip, as `Context.disturbances` says: the events `displace` and
             `slip` of a config. Only a simulator can; a config with such events and another platform is refused.
@@ -76,6 +78,7 @@ class Platform(Role[P]):
     )
     sensor_kinds: ClassVar[Mapping[str, type[Message]]] = {}
     sensor_settings: ClassVar[Mapping[str, type[Params]]] = {}
+    true_kinds: ClassVar[frozenset[str]] = frozenset()
     is_simulated: ClassVar[bool] = False
     takes_disturbances: ClassVar[bool] = False
 

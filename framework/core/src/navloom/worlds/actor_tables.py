@@ -23,7 +23,8 @@ start = [0.0, 0.0]
 goals = [[8.0, 0.0], [8.0, 5.0]]
 speed = 1.3                          # m/s, if nothing is in the way
 max_speed = 1.8
-flows = true                         # after the last goal it begins again at its start
+flows = true                         # after the last goal it leaves, and begins again; or loops = true: its goals again
+entry = [0.0, -2.0]                  # where one that flows begins again, once nothing is near; default: its start
 sees_robots = false                  # it does not give way to robots
 ```
 """
@@ -41,7 +42,7 @@ from navloom.worlds.toml_table import FileTable
 __all__ = ["ACTOR_KEYS", "actor_of", "way_points", "waypoints_of"]
 
 _COURSE_KEYS = ("waypoints", "way", "speed", "waits", "keys", "loops", "leaves", "phase", "heading_deg")
-_WALK_KEYS = ("start", "goals", "speed", "max_speed", "flows", "sees_robots")
+_WALK_KEYS = ("start", "goals", "speed", "max_speed", "flows", "entry", "loops", "sees_robots")
 ACTOR_KEYS = tuple(dict.fromkeys(("name", "body", "size", "z", "appears_at", *_COURSE_KEYS, *_WALK_KEYS)))
 _SIZES: dict[BodyKind, tuple[tuple[float, float], float]] = {
     "disc": ((0.5, 0.5), 1.8), "box": ((0.6, 0.6), 1.0), "legs": ((0.44, 0.44), 1.75), "trolley": ((0.9, 0.55), 1.0),
@@ -75,7 +76,8 @@ def actor_of(table: FileTable, name: str, appears_at: float = 0.0) -> Actor:
             raise table.error(f'size = [{length:g}, {width:g}], expected twice the diameter of the round body "{kind}"')
     body = Body(kind, length, width, table.interval("z", (0.0, height)))
     appears_at = table.number("appears_at", appears_at, least=0.0)
-    others = [key for key in (_WALK_KEYS if _is_scripted(table) else _COURSE_KEYS) if key in table and key != "speed"]
+    of_others = _WALK_KEYS if _is_scripted(table) else _COURSE_KEYS
+    others = [key for key in of_others if key in table and key not in ("speed", "loops")]
     if others:
         known = "waypoints or way" if _is_scripted(table) else "goals"
         raise table.error(f"{others[0]} has no use beside {known}: leave it out")
@@ -97,7 +99,15 @@ def _walk(table: FileTable) -> Walk:
     if most < speed:
         raise table.error(f"max_speed = {most:g}, expected at least speed = {speed:g}")
     goals = tuple((a, b) for a, b in _rows(table, "goals", "[x, y]"))
-    return Walk((x, y), goals, speed, most, table.flag("flows"), table.flag("sees_robots", default=True))
+    flows, loops, entry = table.flag("flows"), table.flag("loops"), None
+    if flows and loops:
+        raise table.error("flows and loops, expected one of them: it leaves after its last goal, or goes on")
+    if "entry" in table:
+        if not flows:
+            raise table.error("entry has no use without flows = true: leave it out")
+        a, b = table.numbers("entry", "[x, y]")
+        entry = (a, b)
+    return Walk((x, y), goals, speed, most, flows, table.flag("sees_robots", default=True), loops, entry)
 
 
 def _course(table: FileTable, appears_at: float) -> Course:

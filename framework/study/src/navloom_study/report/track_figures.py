@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from navloom.geometry.actors import parts_of
+from navloom.geometry.actors import Walk, parts_of
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import World
 
@@ -171,8 +171,8 @@ def draw_world(axes: Any, world: World, robot_height: float) -> None:
         if obstacle.waypoints:
             ways[colour].append(np.array(obstacle.waypoints)[:, 1:])
     for actor in world.actors:
-        places = np.array(actor.places)
-        ways[WALL].append(places)
+        # Of one that gives way, where it sets out for: where it comes depends on the others.
+        ways[WALL].append(np.array(actor.places[: 2 if isinstance(actor.course, Walk) else None]))
         (x, y), still = actor.places[0], (0.0, 0.0, 0.0, 0.0)
         (found,) = parts_of(actor.body, np.array([(x, y, *still)])).tolist()
         parts = [part for part in found if overlaps((part[5], part[6]), (0.0, robot_height))]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from navloom import Context, LocalizerInput, Odometry, Pose2D, RangeScan, RobotSpec, Twist2D
-from navloom_scan_localizer.adapter import ScanOdometry
 from navloom_scan_localizer.params import ScanOdometryParams
+from navloom_scan_localizer.scan_odometry.adapter import ScanOdometry
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.unaided import hold_unseen
@@ -111,6 +111,31 @@ def test_a_robot_whose_place_is_too_uncertain_is_lost():
     localizer.reset()
     still = Odometry(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
     assert localizer.localize(LocalizerInput(still, (), None)).state == "tracking"
+
+
+def test_only_neighbouring_echoes_where_space_was_free_are_a_body_that_moves():
+    """The wall stands 3 m ahead; then there are echoes 1.5 m ahead, at first less than 0.15 m wide: a post."""
+    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(4), 3.0, 0.0)
+    surface.look(wall, len(wall), np.zeros(3), 1.0)
+    assert not surface.has_moving(wall, np.zeros(3), 1.05)
+    for width, is_body in ((8, False), (40, True)):
+        near = wall.copy()
+        near[60 : 60 + width, :2] *= 0.5
+        assert surface.has_moving(near, np.zeros(3), 1.05) is is_body
+    # Space is no longer free 10 s later: a thing may have been put there.
+    assert not surface.has_moving(near, np.zeros(3), 12.0)
+
+
+def test_a_surface_settles_when_it_has_been_seen_for_a_second_and_not_looked_through():
+    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(5), 2.0, 0.0)
+    surface.add(wall, np.zeros(3))
+    for time, settles in ((1.0, False), (1.9, False), (2.1, True)):
+        surface.look(wall, len(wall), np.zeros(3), time)
+        assert np.isfinite(surface.settled().values).any() == settles
+    farther = wall.copy()
+    farther[:, :2] *= 1.8
+    surface.look(farther, len(farther), np.zeros(3), 2.2)
+    assert not np.isfinite(surface.settled().values).any()
 
 
 # --- a small robot: 360 beams over a revolution, 7.5 revolutions a second ---------------------------------------------

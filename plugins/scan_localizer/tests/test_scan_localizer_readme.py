@@ -5,8 +5,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from navloom_scan_localizer.adapter import ScanMatching, ScanOdometry
+from navloom_scan_localizer.adapter import ScanMatching
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
+from navloom_scan_localizer.scan_odometry.adapter import ScanOdometry
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

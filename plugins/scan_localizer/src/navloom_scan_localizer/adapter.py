@@ -1,9 +1,6 @@
-"""Scan matching, against a map or against recently seen surfaces, as navloom localizers."""
+"""Scan matching against a map, as a navloom localizer."""
 
 from __future__ import annotations
-
-import math
-from typing import Literal
 
 import numpy as np
 from navloom import (
@@ -15,36 +12,20 @@ from navloom import (
     Pose2D,
     PoseEstimate,
     RangeScan,
-    Twist2D,
 )
 from navloom_scans import beams, matching, search, sight, small
 from navloom_scans.maps import field_of_map, is_same_map
-from navloom_scans.poses import relative
 from navloom_scans.readings import beams_of, echoes_of, range_scans, silent_of
-from navloom_scans.small import inverse
 from navloom_scans.trail import OdometryTrail
 from numpy.typing import NDArray
 
-from navloom_scan_localizer import surface
 from navloom_scan_localizer.ambiguity import Ambiguity
-from navloom_scan_localizer.judging import Judge, position_sigma
-from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
+from navloom_scan_localizer.judging import Judge
+from navloom_scan_localizer.params import ScanMatchingParams
 from navloom_scan_localizer.smoothing import SmoothPose
-from navloom_scan_localizer.surface import LocalSurface
-from navloom_scan_localizer.sweep import Sweep
 from navloom_scan_localizer.tracking import PoseTracker
-from navloom_scan_localizer.unaided import UnaidedMotion, hold_unseen
 
-__all__ = ["ScanMatching", "ScanOdometry"]
-
-_COVERED = 0.5
-"""Share of a scan's echoes on known surfaces with which the next scans can do without it."""
-
-_LOST_TURN_DEG = 30.0
-"""Standard deviation of the heading from which the pose is lost, degrees."""
-
-_WIDE = np.diag([0.1**2, 0.1**2, math.radians(10.0) ** 2])
-"""Covariance of the motion between two scans that wheels may have missed, m² and rad²."""
+__all__ = ["ScanMatching"]
 
 
 class ScanMatching(Localizer[ScanMatchingParams]):
@@ -110,7 +91,9 @@ class ScanMatching(Localizer[ScanMatchingParams]):
             if old is None or not is_same_map(old, given.known):
                 self._take_field()
         odometry = given.odometry
-        self._passed = _predict(self._tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
+        pose, period_ns = odometry.pose, round(1e9 * self.context.period)
+        row = np.array([pose.x, pose.y, pose.heading])
+        self._passed = self._tracker.predict_since(self._stamp_ns, row, odometry.stamp_ns, period_ns)
         self._stamp_ns = odometry.stamp_ns
         self._trail.add(odometry.stamp_ns, self._tracker.odometry)
 
@@ -147,163 +130,3 @@ class ScanMatching(Localizer[ScanMatchingParams]):
     def _take_field(self) -> None:
         """Match the known map, as the parameters read it, from now on."""
         self._field = self._tracker.field = field_of_map(self._known, self.params)
-
-
-class ScanOdometry(Localizer[ScanOdometryParams]):
-    """Corrects wheel odometry by matching each scan against the surfaces seen by earlier scans."""
-
-    name = "scan_odometry"
-    claims = {Claim.CORRECTS_DRIFT}
-    accepts = (RangeScan,)
-    needs_sensor = True
-
-    def __init__(self, params: ScanOdometryParams, context: Context) -> None:
-        super().__init__(params, context)
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the start pose and forget all surfaces; odometry has to begin there too."""
-        p, start = self.params, self.context.start
-        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
-        self._aided, self._unaided = p.settings(), p.unaided()
-        self._tracker, self._stamp_ns = PoseTracker(self._aided, self._surface.field, np.zeros(3)), 0
-        self._trail = OdometryTrail(p.max_age, self.context.period)
-        self._motion, self._sweep = UnaidedMotion(), Sweep()
-        self.place(start)
-
-    def place(self, pose: Pose2D) -> None:
-        """Move the estimate to a pose and forget all surfaces."""
-        p, place = self.params, np.array([pose.x, pose.y, pose.heading])
-        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
-        self._surface.follow(pose.x, pose.y)
-        self._tracker.field = self._surface.field
-        self._tracker.place(place)
-        self._key, self._scans = place, 0
-        self._motion.place(place)
-        self._drift = np.zeros((3, 3))
-
-    @classmethod
-    def warm_up(cls) -> None:
-        beams.warm_up()
-        matching.warm_up()
-        surface.warm_up()
-        small.warm_up()
-
-    def localize(self, given: LocalizerInput) -> PoseEstimate:
-        odometry, tracker, motion = given.odometry, self._tracker, self._motion
-        twist = odometry.twist
-        if motion.is_possible:
-            motion.see_odometry(_row(odometry.pose), _row(twist))
-        if motion.is_certain:
-            twist = Twist2D(*motion.velocity.tolist())
-            tracker.settings = self._unaided
-            passed = (odometry.stamp_ns - self._stamp_ns) / 1e9
-            tracker.advance(motion.velocity * passed, passed)
-        else:
-            tracker.settings = self._aided
-            _predict(tracker, odometry, self._stamp_ns, round(1e9 * self.context.period))
-            self._trail.add(odometry.stamp_ns, tracker.odometry)
-        self._stamp_ns = odometry.stamp_ns
-        points, can_wait = self._near(given, twist), False
-        # The first scan has nothing to be matched with.
-        if len(points) and self._scans:
-            if is_due := self._sweep.is_due(twist.wz, [scan.time_offsets for scan in range_scans(given.scans)]):
-                self._sweep.compare(lambda order: tracker.cost_of(self._near(given, twist, order)))
-                points = self._near(given, twist)
-            if motion.is_possible:
-                points, twist = self._correct_unaided(given, points, twist)
-            else:
-                tracker.correct(points)
-            # In an order that is not certain, scans would teach the surfaces their own distortion.
-            can_wait = is_due and (tracker.share or 0.0) > _COVERED
-        elif given.scans:
-            motion.stop()
-        if len(points) and not can_wait and (motion.is_certain or not motion.witnesses):
-            self._learn(points)
-        covariance = tracker.covariance + self._drift
-        sigma, limit = position_sigma(covariance, self.params.lost_sigma), self.params.lost_sigma
-        is_lost = sigma > limit
-        why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
-        turn_deg = math.degrees(math.sqrt(covariance[2, 2]))
-        if not is_lost and turn_deg > _LOST_TURN_DEG:
-            is_lost = True
-            why = f"the heading has a standard deviation of {turn_deg:.0f}°, more than {_LOST_TURN_DEG:g}°"
-        if is_lost and motion.is_certain:
-            # Scans that fit again do not tell how far the robot went unseen.
-            self._drift, tracker.covariance = covariance, 1e-6 * np.eye(3)
-        pose = Pose2D(*tracker.pose.tolist())
-        state: Literal["tracking", "lost"] = "lost" if is_lost else "tracking"
-        return PoseEstimate(odometry.stamp_ns, pose, twist, covariance, state, why)
-
-    def _near(self, given: LocalizerInput, twist: Twist2D, order: float | None = None) -> NDArray[np.float64]:
-        """The points of all scans within `max_range`, (n, 4), see `echoes_of`, in that order or that of the sweep."""
-        trail = None if self._motion.is_certain else self._trail
-        order = self._sweep.order if order is None else order
-        points = echoes_of(range_scans(given.scans), given.odometry.stamp_ns, twist, self.params, trail, order)
-        joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
-        return joined[: beams.keep_near(joined, self.params.max_range)]
-
-    def _correct_unaided(
-        self, given: LocalizerInput, points: NDArray[np.float64], twist: Twist2D
-    ) -> tuple[NDArray[np.float64], Twist2D]:
-        """Correct the pose by points, (n, 4), while odometry is or may be missing.
-
-        Returns:
-            The points, moved by the velocity that the scans show; and this velocity.
-        """
-        tracker, motion, time = self._tracker, self._motion, self._stamp_ns / 1e9
-        if not motion.is_certain:
-            # While a scan has shown motion, the robot is no longer near the pose at which the tracker holds it.
-            guess = motion.pose_at(time) if motion.witnesses else tracker.pose
-            pose, fused, inliers = tracker.fit(points, guess, tracker.covariance + _WIDE)
-            if inliers >= self.params.least_inliers:
-                motion.see_pose(pose, inverse(fused), time)
-            if not motion.is_certain:
-                tracker.correct(points)
-                return points, twist
-            tracker.pose = guess
-            tracker.covariance += _WIDE
-        prior, covariance = tracker.pose, tracker.covariance
-        if not tracker.correct(points):
-            motion.stop()
-            return points, twist
-        # The first fit shows the velocity during the scan; with it, the second is exact.
-        pose, _ = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
-        points = self._near(given, Twist2D(*motion.velocity_at(pose, time).tolist()))
-        tracker.pose, tracker.covariance = prior, covariance
-        tracker.correct(points)
-        tracker.pose, tracker.covariance = hold_unseen(tracker.pose, tracker.covariance, prior, covariance)
-        motion.see_pose(tracker.pose, tracker.covariance, time)
-        return points, Twist2D(*motion.velocity.tolist())
-
-    def _learn(self, points: NDArray[np.float64]) -> None:
-        """Add a scan to the surfaces if the robot has moved enough since the last one that was added."""
-        p, pose = self.params, self._tracker.pose
-        step = relative(self._key, pose)
-        way = math.hypot(step[0], step[1])
-        # Adding each scan of a standing robot would average its noise into the surface, and weigh one view too much.
-        if self._scans >= p.first_scans and way < p.key_way and abs(step[2]) < math.radians(p.key_turn_deg):
-            return
-        turn = math.radians(p.drift_deg) ** 2 * way
-        # An error of the heading moves the robot about the start, in proportion to its distance.
-        across = np.array([self.context.start.y - pose[1], pose[0] - self.context.start.x, 1.0])
-        self._drift += np.diag([p.drift**2 * way, p.drift**2 * way, 0.0]) + 0.25 * turn * np.outer(across, across)
-        self._surface.follow(float(pose[0]), float(pose[1]))
-        self._surface.add(points, pose)
-        self._key, self._scans = pose.copy(), self._scans + 1
-
-
-def _predict(tracker: PoseTracker, odometry: Odometry, since_ns: int, period_ns: int) -> float:
-    """Move the pose by the odometry since a stamp; the time since then, s."""
-    # Before the first step, a tick at most has passed, whatever the run clock shows: a robot may have run for days.
-    since_ns = since_ns or max(0, odometry.stamp_ns - period_ns)
-    passed = (odometry.stamp_ns - since_ns) / 1e9
-    tracker.predict(_row(odometry.pose), passed)
-    return passed
-
-
-def _row(given: Pose2D | Twist2D) -> NDArray[np.float64]:
-    """(3,) x, y, heading of a pose, or vx, vy, wz of a velocity."""
-    if isinstance(given, Pose2D):
-        return np.array([given.x, given.y, given.heading])
-    return np.array([given.vx, given.vy, given.wz])

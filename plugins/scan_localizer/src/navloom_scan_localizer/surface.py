@@ -1,7 +1,10 @@
-"""Recently seen surfaces, as a signed distance averaged over many scans.
+"""Recently seen surfaces, as a signed distance averaged over many scans, and free space.
 
 Curless and Levoy 1996, in the plane: each beam measures how far the lattice nodes near its end are before or behind the
 surface. The zero of the mean over many beams locates the surface far more precisely than one noisy reading.
+
+What stands in space that beams have looked through has moved there: Wang and Thorpe 2002, "Simultaneous localization
+and mapping with detection and tracking of moving objects".
 """
 
 from __future__ import annotations
@@ -19,6 +22,24 @@ Floats = NDArray[np.float64]
 
 _CLEARING = 0.2
 """Weight of a beam that passes through a node, relative to one that ends near it: it may only graze a thin post."""
+
+_AHEAD = 0.1
+"""How much farther than `before` from its end a beam looks through a node, m: several times the noise of a range."""
+_ROUND = 2
+"""Nodes round an echo that must have been free as well: beams that graze a wall look through those before it only."""
+_FREE_FOR = 10.0
+"""How long space counts as free after a beam looked through it, s: longer than a body takes to cross the view."""
+_LEAST_ECHOES, _LEAST_WIDTH = 5, 0.15
+"""Neighbouring echoes in free space, and their width, m, from which they are a body that moves and no thin post."""
+_SETTLED = 1.0
+"""Age from which a surface stands still, s: a body that moves at 0.3 m/s or more leaves its own `before` in it."""
+_WIDE, _SETTLED_NARROW = 2.0, 3.0
+"""Width from which a thing is a wall and no body, m; age from which a narrower one stands still, s: bodies that turn
+round come back to where they were."""
+_MOSTLY = 0.75
+"""Share of a narrow thing's echoes that must be on settled surfaces: the side to which a body moves is on new ones."""
+_GAP = 0.5
+"""Distance of neighbouring echoes from which they belong to two things, m."""
 
 
 class LocalSurface:
@@ -48,6 +69,10 @@ class LocalSurface:
         shown = self._values.view()
         shown.flags.writeable = False
         self.field = DistanceField(shown, self._frame)
+        self._age = self._values
+        # When beams first and last ended near a node, since one looked through it, and when one last did, s.
+        self._first, self._last, self._through = np.full((3, count, count), np.float32(-np.inf))
+        self._first[:] = np.inf
 
     def follow(self, x: float, y: float) -> None:
         """Move the lattice by whole nodes if a point, m, map frame, is far from its middle."""
@@ -58,6 +83,35 @@ class LocalSurface:
         self._frame[:2] += self.spacing * columns, self.spacing * rows
         _shift(self._values, rows, columns, np.float32(np.nan))
         _shift(self._weights, rows, columns, np.float32(0.0))
+        _shift(self._first, rows, columns, np.float32(np.inf))
+        _shift(self._last, rows, columns, np.float32(-np.inf))
+        _shift(self._through, rows, columns, np.float32(-np.inf))
+
+    def settled(self) -> DistanceField:
+        """The field of the surfaces alone that stand still."""
+        self._age = self._last - self._first
+        values = np.where(self._age >= _SETTLED, self._values, np.float32(np.nan))
+        values.flags.writeable = False
+        return DistanceField(values, self._frame)
+
+    def standing(self, beams: Floats, pose: Floats, only_wide: bool = False) -> Floats:
+        """Those of the echoes, (n, 4) as for `add`, of things most of which `settled` last found on settled surfaces.
+
+        With `only_wide` of walls alone, since a thing as narrow as a body may have rested for a while.
+        """
+        kept = np.empty(len(beams), np.bool_)
+        _mark_standing(self._age, self._frame, beams, pose, math.inf if only_wide else _SETTLED_NARROW, kept)
+        found: Floats = beams[kept]
+        return found
+
+    def look(self, beams: Floats, echoes: int, pose: Floats, time: float) -> None:
+        """Note where beams, (n, 4) as for `add`, the last ones without an echo, end and look through at a time, s."""
+        lattices = self._first, self._last, self._through
+        _look(*lattices, self._frame, beams, echoes, pose, np.float32(time), self.before, self.behind)
+
+    def has_moving(self, beams: Floats, pose: Floats, time: float) -> bool:
+        """Whether neighbouring echoes, (n, 4) as for `add`, are where space was free before a time, s."""
+        return bool(_has_moving(self._through, self._frame, beams, pose, np.float32(time - _FREE_FOR)))
 
     def add(self, beams: Floats, pose: Floats) -> None:
         """Add the beams of one scan to the averages.
@@ -112,7 +166,80 @@ def _add(values, weights, frame, beams, pose, before, behind, memory):  # type: 
             weights[row, column] = min(memory, old + weight)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look(first, last, through, frame, beams, echoes, pose, time, before, behind):  # type: ignore[no-untyped-def]
+    """Set the times of the nodes along each beam, from its point nearest to the base to `behind` its end."""
+    c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
+    rows, columns = through.shape
+    for i in range(beams.shape[0]):
+        x = pose[0] + c * beams[i, 0] - s * beams[i, 1] - frame[0]
+        y = pose[1] + s * beams[i, 0] + c * beams[i, 1] - frame[1]
+        dx, dy = c * beams[i, 2] - s * beams[i, 3], s * beams[i, 2] + c * beams[i, 3]
+        length = beams[i, 0] * beams[i, 2] + beams[i, 1] * beams[i, 3]
+        for k in range(int((length + behind) / spacing) + 1):
+            along = spacing * k - length
+            column, row = math.floor((x + along * dx) / spacing + 0.5), math.floor((y + along * dy) / spacing + 0.5)
+            if not (0 <= row < rows and 0 <= column < columns):
+                continue
+            if along < -before - _AHEAD:
+                through[row, column], first[row, column] = time, np.inf
+            elif i < echoes and along >= -before:
+                # Unseen for as long as it takes to settle, it may be another body by now.
+                if first[row, column] == np.inf or time - last[row, column] > _SETTLED_NARROW:
+                    first[row, column] = time
+                last[row, column] = time
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _has_moving(through, frame, beams, pose, since):  # type: ignore[no-untyped-def]
+    """Whether enough neighbouring echoes are where all nodes round them were looked through since a time."""
+    c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
+    rows, columns, run, begin = through.shape[0], through.shape[1], 0, 0
+    for i in range(beams.shape[0]):
+        x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
+        column, row = math.floor((x - frame[0]) / spacing + 0.5), math.floor((y - frame[1]) / spacing + 0.5)
+        is_free = _ROUND <= row < rows - _ROUND and _ROUND <= column < columns - _ROUND
+        for k in range((2 * _ROUND + 1) ** 2 if is_free else 0):
+            down, across = row - _ROUND + k // (2 * _ROUND + 1), column - _ROUND + k % (2 * _ROUND + 1)
+            if not through[down, across] >= since:
+                is_free = False
+                break
+        if run and math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP:
+            run = 0
+        if not is_free:
+            run = 0
+            continue
+        begin = begin if run else i
+        run += 1
+        width = math.hypot(beams[i, 0] - beams[begin, 0], beams[i, 1] - beams[begin, 1])
+        if run >= _LEAST_ECHOES and width >= _LEAST_WIDTH:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_standing(age, frame, beams, pose, settled, kept):  # type: ignore[no-untyped-def]
+    """Fill `kept`, (n,), for beams whose group of neighbouring echoes is mostly at nodes that are old enough."""
+    c, s, spacing, begin, old = math.cos(pose[2]), math.sin(pose[2]), frame[4], 0, 0
+    rows, columns = age.shape
+    for i in range(beams.shape[0] + 1):
+        is_end = i == beams.shape[0]
+        if i and (is_end or math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP):
+            width = math.hypot(beams[i - 1, 0] - beams[begin, 0], beams[i - 1, 1] - beams[begin, 1])
+            kept[begin:i] = width >= _WIDE or old >= _MOSTLY * (i - begin)
+            begin, old = i, 0
+        if not is_end:
+            x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
+            column, row = math.floor((x - frame[0]) / spacing + 0.5), math.floor((y - frame[1]) / spacing + 0.5)
+            if 0 <= row < rows and 0 <= column < columns:
+                old += age[row, column] >= settled
+
+
 def warm_up() -> None:
-    """Compile the kernel for its array types."""
-    surface = LocalSurface(0.05, 0.5, 0.1, 0.1, 10.0)
-    surface.add(np.array([[0.2, 0.0, 1.0, 0.0]]), np.zeros(3))
+    """Compile the kernels for their array types."""
+    surface, beams = LocalSurface(0.05, 0.5, 0.1, 0.1, 10.0), np.array([[0.2, 0.0, 1.0, 0.0]])
+    surface.add(beams, np.zeros(3))
+    surface.look(beams, 1, np.zeros(3), 0.0)
+    surface.has_moving(beams, np.zeros(3), 0.0)
+    surface.settled()
+    surface.standing(beams, np.zeros(3))

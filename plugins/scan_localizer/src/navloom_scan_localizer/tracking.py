@@ -163,6 +163,18 @@ class PoseTracker:
         step, self.odometry = relative(self.odometry, odometry), odometry.copy()
         self.advance(step, time)
 
+    def predict_since(self, since_ns: int, odometry: Floats, stamp_ns: int, period_ns: int) -> float:
+        """As `predict`, with the time between two stamps, ns, the first of which is 0 at the first step.
+
+        Returns:
+            The time, s.
+        """
+        # Before the first step, a tick at most has passed, whatever the run clock shows: a robot may have run for days.
+        since_ns = since_ns or max(0, stamp_ns - period_ns)
+        passed = (stamp_ns - since_ns) / 1e9
+        self.predict(odometry, passed)
+        return passed
+
     def advance(self, step: Floats, time: float) -> None:
         """Move the pose by a step, (3,) x, y, m, turn, rad, in its own frame, that took a time, s."""
         way, heading, time = math.hypot(step[0], step[1]), float(self.pose[2]), max(time, 0.0)

@@ -9,7 +9,7 @@ from navloom_scans.poses import compose, relative
 from navloom_scans.small import inverse
 from numpy.typing import NDArray
 
-__all__ = ["UnaidedMotion", "hold_unseen"]
+__all__ = ["UnaidedMotion", "are_unanimous", "hold_unseen"]
 
 Floats = NDArray[np.float64]
 
@@ -19,9 +19,21 @@ _MOVED, _TURNED = 0.03, math.radians(2.0)
 """Motion that scans must show while odometry stands still, m and rad: several times the error of a fit."""
 _WITNESSES = 2
 """Scans in a row that must show it: a person who passes close to the scanner disturbs one."""
+_AGREE = 16.3
+"""Square of the Mahalanobis distance of two poses below which they are the same: all but 0.1 % of chi square."""
 
 _UNSEEN = 0.04
 """Share of the information along the walls in that across them below which it is noise of the surfaces' normals."""
+
+
+def are_unanimous(first: Floats, first_covariance: Floats, second: Floats, second_covariance: Floats) -> bool:
+    """Whether two poses, (3,), with covariances, (3, 3), found from different beams of a scan, are the same.
+
+    All that stands still shows one motion of the robot; bodies that move each show another one.
+    """
+    gap = relative(first, second)
+    gap[:2] = second[:2] - first[:2]
+    return bool(gap @ inverse(first_covariance + second_covariance) @ gap < _AGREE)
 
 
 def hold_unseen(pose: Floats, covariance: Floats, prior: Floats, prior_covariance: Floats) -> tuple[Floats, Floats]:
@@ -50,19 +62,21 @@ class UnaidedMotion:
     Attributes:
         is_possible: Whether odometry has not moved yet, so that it may be missing.
         is_certain: Whether odometry is missing: it has not moved, and scans show that the robot has.
+        is_proven: Whether surfaces that stand still have shown it.
+        start: (3,) x, y, m, heading, rad, map frame, at which the robot began.
         witnesses: Scans in a row that show motion, while odometry stands still.
         velocity: (3,) vx, vy, m/s, wz, rad/s, base frame.
     """
 
     def __init__(self) -> None:
-        self.is_possible, self.is_certain = True, False
+        self.is_possible, self.is_certain, self.is_proven = True, False, False
         self.velocity: Floats = np.zeros(3)
         self._odometry: Floats | None = None
         self.place(np.zeros(3))
 
     def place(self, pose: Floats) -> None:
         """Begin at a pose, (3,) x, y, m, heading, rad, map frame; whether odometry is missing stays known."""
-        self.witnesses, self._start, self._last, self._time = 0, pose, pose, 0.0
+        self.witnesses, self.start, self._last, self._time = 0, pose, pose, 0.0
         self.stop()
 
     def see_odometry(self, pose: Floats, twist: Floats) -> None:
@@ -71,11 +85,15 @@ class UnaidedMotion:
         if twist.any() or (pose != first).any():
             self.is_possible = self.is_certain = False
 
-    def see_pose(self, pose: Floats, covariance: Floats, time: float) -> None:
-        """Take the pose, (3,), and covariance, (3, 3), of a scan, map frame, found without odometry, at a time, s."""
-        away, spread = relative(self._start, pose), 4.0 * np.sqrt(covariance.diagonal())
+    def is_away(self, pose: Floats, covariance: Floats) -> bool:
+        """Whether a pose, (3,), with its covariance, (3, 3), map frame, is not the one at which the robot began."""
+        away, spread = relative(self.start, pose), 4.0 * np.sqrt(covariance.diagonal())
         has_moved = math.hypot(away[0], away[1]) > max(_MOVED, spread[0], spread[1])
-        self.witnesses = self.witnesses + 1 if has_moved or abs(away[2]) > max(_TURNED, spread[2]) else 0
+        return bool(has_moved or abs(away[2]) > max(_TURNED, spread[2]))
+
+    def see_pose(self, pose: Floats, time: float, is_witness: bool) -> None:
+        """Take the pose, (3,), of a scan, map frame, found without odometry, at a time, s; whether it shows motion."""
+        self.witnesses = self.witnesses + 1 if is_witness else 0
         self.is_certain = self.is_certain or self.witnesses >= _WITNESSES
         self.velocity = self.velocity_at(pose, time)
         self._last, self._time = pose, time

@@ -1,0 +1,1 @@
+"""Odometry from scans, matched with recently seen surfaces."""

@@ -23,6 +23,7 @@ from navloom.messages import SCHEMAS, Envelope, GateStatus, Message, StepRecord
 from navloom.plugins import Registry
 from navloom.roles import ROLES
 from navloom.runs.episode import run_episode
+from navloom.runs.fleet import load_fleet
 from navloom.testing import robot
 
 STEPS = [step for page in PAGES for step in steps(page)]
@@ -134,6 +135,7 @@ CONFIGS = [
     pytest.param(page, block, id=f"{page.stem}-{number}")
     for page in PAGES
     for number, block in enumerate(blocks(page, "toml"))
+    if (page.stem, number) != ("moving-obstacles", 0)  # appended to a shipped config by its page, which is run
 ]
 
 
@@ -153,6 +155,10 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
         return
     for name, data in MAP.items():
         (tmp_path / name).write_bytes(data)
+    if "member" in tree:
+        (tmp_path / "fleet.toml").write_text(block, "utf-8")
+        assert len(load_fleet(str(tmp_path / "fleet.toml"))) == len(tree["member"])
+        return
     config = tmp_path / "robot.toml"
     config.write_text(block + "\n" + "".join(text for key, text in REST.items() if key not in tree), "utf-8")
     options: list[str] = []

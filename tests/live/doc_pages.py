@@ -19,6 +19,7 @@ NOT_RUN = {
     ("tour.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
     ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
     ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("comparing.md", "navloom compare explore --vary avoider=vfh_swept,mppi,dwa"): "450 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",

@@ -10,6 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 from navloom.roles import Params
+from navloom.roles.derived import filled
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
@@ -75,7 +76,9 @@ def configure(bench: Bench) -> Iterator[Finding]:
             player = bench.player(scene)
             player.play(scene.inputs[:half])
             player.configure(params)
-            if getattr(player.plugin, "params", None) != params:
+            plugin = player.plugin
+            derived = plugin.derived(params, plugin.context.robot, plugin.context.period)
+            if getattr(plugin, "params", None) != filled(params, derived):
                 problem = "configure() does not change self.params"
                 yield Finding(problem, "super().configure(params), or self.params = params", given=f"{params!r}")
             player.play(scene.inputs[half:])

@@ -77,8 +77,10 @@ def configure(bench: Bench) -> Iterator[Finding]:
             player.play(scene.inputs[:half])
             player.configure(params)
             plugin = player.plugin
-            derived = plugin.derived(params, plugin.context.robot, plugin.context.period)
-            if getattr(plugin, "params", None) != filled(params, derived):
+            expected = params
+            if (context := getattr(plugin, "context", None)) is not None:
+                expected = filled(params, plugin.derived(params, context.robot, context.period))
+            if getattr(plugin, "params", None) != expected:
                 problem = "configure() does not change self.params"
                 yield Finding(problem, "super().configure(params), or self.params = params", given=f"{params!r}")
             player.play(scene.inputs[half:])

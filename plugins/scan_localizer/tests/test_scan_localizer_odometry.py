@@ -126,8 +126,19 @@ def test_only_neighbouring_echoes_where_space_was_free_are_a_body_that_moves():
     assert not surface.has_moving(near, np.zeros(3), 12.0)
 
 
+def test_a_long_wall_is_settled_at_once():
+    """7 m of a wall 2 m ahead, and then its middle 2 m alone, which may be bodies."""
+    wall = wall_beams(np.random.default_rng(5), 2.0, 0.0)
+    assert np.ptp(wall[:, 1]) > 4.0
+    for seen, settles in ((wall, True), (wall[np.abs(wall[:, 1]) < 1.0], False)):
+        surface = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0)
+        surface.add(seen, np.zeros(3))
+        surface.look(seen, len(seen), np.zeros(3), 1.0)
+        assert np.isfinite(surface.settled().values).any() == settles
+
+
 def test_a_surface_settles_when_it_has_been_seen_for_a_second_and_not_looked_through():
-    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(5), 2.0, 0.0)
+    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(5), 1.0, 0.0)
     surface.add(wall, np.zeros(3))
     for time, settles in ((1.0, False), (1.9, False), (2.1, True)):
         surface.look(wall, len(wall), np.zeros(3), time)

@@ -31,8 +31,10 @@ _FREE_FOR = 10.0
 """How long space counts as free after a beam looked through it, s: longer than a body takes to cross the view."""
 _LEAST_ECHOES, _LEAST_WIDTH = 5, 0.15
 """Neighbouring echoes in free space, and their width, m, from which they are a body that moves and no thin post."""
-_SETTLED = 1.0
-"""Age from which a surface stands still, s: a body that moves at 0.3 m/s or more leaves its own `before` in it."""
+_SETTLED, _LONG = 1.0, 4.0
+"""Age from which a surface stands still, s: a body that moves at 0.3 m/s or more leaves its own `before` in it. And the
+width from which it does at once, m: among people, a robot that sets off beside a long wall would else have nothing to
+hold to for as long. Two bodies side by side are narrower."""
 _WIDE, _SETTLED_NARROW = 2.0, 3.0
 """Width from which a thing is a wall and no body, m; age from which a narrower one stands still, s: bodies that turn
 round come back to where they were."""
@@ -106,8 +108,10 @@ class LocalSurface:
 
     def look(self, beams: Floats, echoes: int, pose: Floats, time: float) -> None:
         """Note where beams, (n, 4) as for `add`, the last ones without an echo, end and look through at a time, s."""
+        ages = np.zeros(len(beams), np.float32)
+        _mark_walls(beams[:echoes], np.float32(_SETTLED), ages)
         lattices = self._first, self._last, self._through
-        _look(*lattices, self._frame, beams, echoes, pose, np.float32(time), self.before, self.behind)
+        _look(*lattices, self._frame, beams, echoes, ages, pose, np.float32(time), self.before, self.behind)
 
     def has_moving(self, beams: Floats, pose: Floats, time: float) -> bool:
         """Whether neighbouring echoes, (n, 4) as for `add`, are where space was free before a time, s."""
@@ -167,8 +171,11 @@ def _add(values, weights, frame, beams, pose, before, behind, memory):  # type: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(first, last, through, frame, beams, echoes, pose, time, before, behind):  # type: ignore[no-untyped-def]
-    """Set the times of the nodes along each beam, from its point nearest to the base to `behind` its end."""
+def _look(first, last, through, frame, beams, echoes, ages, pose, time, before, behind):  # type: ignore[no-untyped-def]
+    """Set the times of the nodes along each beam, from its point nearest to the base to `behind` its end.
+
+    A surface that is seen for the first time has the age of its beam in `ages`, (n,), s.
+    """
     c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
     rows, columns = through.shape
     for i in range(beams.shape[0]):
@@ -186,8 +193,19 @@ def _look(first, last, through, frame, beams, echoes, pose, time, before, behind
             elif i < echoes and along >= -before:
                 # Unseen for as long as it takes to settle, it may be another body by now.
                 if first[row, column] == np.inf or time - last[row, column] > _SETTLED_NARROW:
-                    first[row, column] = time
+                    first[row, column] = time - ages[i]
                 last[row, column] = time
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_walls(beams, age, ages):  # type: ignore[no-untyped-def]
+    """Fill `ages`, (n,), with an age, s, for groups of neighbouring echoes that are as wide as a long wall."""
+    begin = 0
+    for i in range(1, beams.shape[0] + 1):
+        if i == beams.shape[0] or math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP:
+            if math.hypot(beams[i - 1, 0] - beams[begin, 0], beams[i - 1, 1] - beams[begin, 1]) >= _LONG:
+                ages[begin:i] = age
+            begin = i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -190,8 +190,9 @@ class Program:
         if self.page is None:
             return
         if serves:
-            say(f"the viewer is served at {self.page} until Ctrl-C")
+            # The line within it too: who reads it may press Ctrl-C before the wait begins.
             with contextlib.suppress(KeyboardInterrupt):
+                say(f"the viewer is served at {self.page} until Ctrl-C")
                 self.process.wait()
         self.end()
 

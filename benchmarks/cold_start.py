@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import multiprocessing
 import os
 import sys
 import time
@@ -25,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from campaign import kept, rows_of
 from navloom.config import load_config
 from navloom.geometry.frames import transform
 from navloom.geometry.solids import box_corners
@@ -361,24 +361,20 @@ def main() -> int:
         parser.error(
             "worlds of BARN: set NAVLOOM_DATA to the folder that holds barn/barn_dev.npz, or give --kinds floor"
         )
-    rows = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out and given.out.exists() else []
+    rows = kept(given.out)
     done = {(row["body"], row["world"], row["seed"]) for row in rows}
     chosen = tasks(
         given.bodies.split(","), kinds, given.drives // len(kinds), first=given.first, develops=given.development
     )
     work = ((task, given.set) for task in chosen if (task.body, task.world, task.seed) not in done)
     count = len(given.bodies.split(",")) * len(kinds) * (given.drives // len(kinds))
-    with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
-        for row in pool.imap_unordered(_drive, work):
-            rows.append(row)
-            if given.out:
-                with given.out.open("a") as file:
-                    file.write(json.dumps(row) + "\n")
-            if given.json:
-                print(json.dumps(row), flush=True)
-            else:
-                print(f"{len(rows)} of {count}: {row['body']} {row['world']} {row['outcome']} "
-                      f"{row['time_s']:.0f} s, {row['cpu_s']} s of CPU", file=sys.stderr, flush=True)  # fmt: skip
+    for row in rows_of(_drive, work, given.jobs, given.out):
+        rows.append(row)
+        if given.json:
+            print(json.dumps(row), flush=True)
+        else:
+            said = f"{row['outcome']} {row['time_s']:.0f} s, {row['cpu_s']} s of CPU"
+            print(f"{len(rows)} of {count}: {row['body']} {row['world']} {said}", file=sys.stderr, flush=True)
     if not given.json:
         print(table(rows))
     bodies = {row["body"]: [other["arrived"] for other in rows if other["body"] == row["body"]] for row in rows}

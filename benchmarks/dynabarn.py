@@ -11,8 +11,6 @@ on at 2 m/s without the gate's monitor. Arrived is by ground truth. Results alre
 from __future__ import annotations
 
 import argparse
-import json
-import multiprocessing
 import sys
 import time
 from collections.abc import Sequence
@@ -20,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from campaign import kept, rows_of
 from navloom.config import load_config
 from navloom.runs.episode import run_episode
 from navloom.runs.metric_functions import others_contacts, own_contacts
@@ -115,21 +114,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     numbers = dynabarn_numbers(str(file), Path())
     some = np.linspace(0, len(numbers) - 1, given.worlds or len(numbers)).round().astype(int)
     worlds = [f"dynabarn:{file}#{numbers[k]}@{phase}" for k in some for phase in PHASES[: given.phases]]
-    rows = [json.loads(line) for line in given.out.read_text("utf-8").splitlines()] if given.out.exists() else []
-    rows = [row for row in rows if "error" not in row]
+    rows = [row for row in kept(given.out) if "error" not in row]
     done = {(row["method"], row["world"]) for row in rows}
     left = [(method, world, given.set) for world in worlds for method in methods if (method, world) not in done]
     begun = time.perf_counter()
-    with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
-        for number, row in enumerate(pool.imap_unordered(drive, left), start=1):
-            rows.append(row)
-            with given.out.open("a", encoding="utf-8") as out:
-                out.write(json.dumps(row) + "\n")
-            spent = time.perf_counter() - begun
-            said = row.get("error") or f"{row['outcome']} {row['code']}, arrived {row['arrived']}, own {row['own']:g}"
-            ahead = spent / number * (len(left) - number)
-            where = f"{row['method']} {row['world'].rpartition('#')[2]}"
-            print(f"{number} of {len(left)}, {ahead:.0f} s left: {where}: {said}", file=sys.stderr, flush=True)
+    for number, row in enumerate(rows_of(drive, left, given.jobs, given.out), start=1):
+        rows.append(row)
+        spent = time.perf_counter() - begun
+        said = row.get("error") or f"{row['outcome']} {row['code']}, arrived {row['arrived']}, own {row['own']:g}"
+        ahead = spent / number * (len(left) - number)
+        where = f"{row['method']} {row['world'].rpartition('#')[2]}"
+        print(f"{number} of {len(left)}, {ahead:.0f} s left: {where}: {said}", file=sys.stderr, flush=True)
     wanted = [row for row in rows if row["method"] in methods and row["world"] in worlds]
     print(table(wanted))
     return int(any("error" in row for row in wanted))

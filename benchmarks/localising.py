@@ -25,7 +25,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import multiprocessing
 import sys
 import tempfile
 import time
@@ -34,6 +33,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from campaign import kept, rows_of
 from localising_scenes import AT, CARRIED, PARTS, Scene, Task, alike, scene_of
 from navloom.config import load_config
 from navloom.geometry.world import Place
@@ -224,24 +224,18 @@ def main() -> int:
     given = parser.parse_args()
     first, end = map(int, given.floors.split(":"))
     floors = [f"floor:{seed}" for seed in range(first, end)]
-    rows: list[dict[str, Any]] = []
-    if given.out and given.out.exists():
-        rows = [json.loads(line) for line in given.out.read_text("utf-8").splitlines()]
+    rows = kept(given.out)
     done = {row["key"] for row in rows}
     wanted = list(tasks(given.parts.split(","), given.maps.split(","), floors, given.count))
     left = [(task, given.localizer, given.set, given.peer) for task in wanted if task.key not in done]
     begun = time.perf_counter()
-    with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
-        for number, row in enumerate(pool.imap(_work, left), start=1):
-            rows.append(row)
-            if given.out:
-                with given.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-            if given.json:
-                print(json.dumps(row), flush=True)
-            said = row.get("error") or f"{row['outcome']}, {row['wall_s']:.1f} s"
-            spent = time.perf_counter() - begun
-            print(f"{number} of {len(left)}, {spent:.0f} s: {row['key']}: {said}", file=sys.stderr, flush=True)
+    for number, row in enumerate(rows_of(_work, left, given.jobs, given.out), start=1):
+        rows.append(row)
+        if given.json:
+            print(json.dumps(row), flush=True)
+        said = row.get("error") or f"{row['outcome']}, {row['wall_s']:.1f} s"
+        spent = time.perf_counter() - begun
+        print(f"{number} of {len(left)}, {spent:.0f} s: {row['key']}: {said}", file=sys.stderr, flush=True)
     keys = {task.key for task in wanted}
     finished = [row for row in rows if row["key"] in keys and "error" not in row]
     if not given.json:

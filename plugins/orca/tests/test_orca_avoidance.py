@@ -7,7 +7,8 @@ import pytest
 from navloom_avoidance.beams import Beams
 from navloom_avoidance.bodies import NO_BODIES, TrackedBodies
 from navloom_avoidance.robot import Robot
-from navloom_orca.avoidance import LIMITS, Given, Reciprocal
+from navloom_dwa.avoidance import Given
+from navloom_orca.avoidance import LIMITS, Reciprocal
 from navloom_orca.outline import lines_of
 from navloom_orca.params import OrcaParams
 

@@ -32,7 +32,7 @@ from navloom_dwa.avoidance import Decision, DynamicWindow, Given
 from navloom_dwa.params import PRINTED, ROBUST, DwaParams
 from navloom_dwa.view import arc_directions, cost_by_direction, free_directions, occupied_picture
 
-__all__ = ["Dwa", "split_scans"]
+__all__ = ["Dwa", "given_of", "split_scans"]
 
 
 class Dwa(Avoider[DwaParams]):
@@ -62,13 +62,8 @@ class Dwa(Avoider[DwaParams]):
         warming.warm_up()
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
-        pose, twist = given.estimate.pose, given.estimate.twist
         lasers, cones = split_scans(given.scans)
-        now = Given(
-            given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
-            (given.target.x, given.target.y), given.remaining, given.share,
-            TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
-        )  # fmt: skip
+        now = given_of(given, given.extra[self.tracks])
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
@@ -84,6 +79,15 @@ class Dwa(Avoider[DwaParams]):
             occupied_picture(method.distance), cell, float(method.origin[0]) * cell,
             float(method.origin[1]) * cell, histogram, 1.0, slots, chosen, method.why(decision),
         )  # fmt: skip
+
+
+def given_of(given: AvoiderInput, tracks: Tracks | None) -> Given:
+    """What a method that steers to a target needs of one tick, without the scans."""
+    pose, twist = given.estimate.pose, given.estimate.twist
+    return Given(
+        given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
+        (given.target.x, given.target.y), given.remaining, given.share, TrackedBodies.of(tracks, given.stamp_ns),
+    )  # fmt: skip
 
 
 def is_laser(scan: RangeScan) -> bool:

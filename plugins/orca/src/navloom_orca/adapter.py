@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Extra, Tracks, Twist2D
-from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.robot import Robot
-from navloom_dwa.adapter import split_scans
+from navloom_dwa.adapter import given_of, split_scans
+from navloom_dwa.avoidance import Given
 from navloom_dwa.view import points_picture
 
 from navloom_orca import warming
-from navloom_orca.avoidance import Decision, Given, Reciprocal
+from navloom_orca.avoidance import Decision, Reciprocal
 from navloom_orca.params import RECIPROCAL, ROBUST, OrcaParams
 
 __all__ = ["Orca"]
@@ -38,13 +38,8 @@ class Orca(Avoider[OrcaParams]):
         warming.warm_up()
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
-        pose, twist = given.estimate.pose, given.estimate.twist
         lasers, cones = split_scans(given.scans)
-        now = Given(
-            given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
-            (given.target.x, given.target.y), given.remaining, given.share,
-            TrackedBodies.of(given.extra[self.tracks], given.stamp_ns),
-        )  # fmt: skip
+        now = given_of(given, given.extra[self.tracks])
         decision = self._method.step(lasers, cones, now)
         why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.bodies import BODY, NO_BODIES, TrackedBodies, without_bodies
+from navloom_avoidance.bodies import BODY, TrackedBodies, without_bodies
 from navloom_avoidance.clearance import footprint_edges
 from navloom_avoidance.echoes import Echoes, EchoSettings
 from navloom_avoidance.motors import Motors
 from navloom_avoidance.robot import Robot
 from navloom_avoidance.search import Progress, Trap
+from navloom_dwa.avoidance import Given
 from navloom_dwa.rollout import stays_free
 from numpy.typing import NDArray
 
@@ -41,24 +42,6 @@ UNSURE = 0.4  # m: most that a track's covariance adds to its radius
 SHORTER = (1.0, 0.5, 0.25, 0.125)  # shares of the horizon that are tried until some velocity is permitted
 FEASIBLE = 1.0e-6  # m/s: violation that is rounding
 LIMITS = 4  # half planes of the robot's limits
-
-
-class Given(NamedTuple):
-    """Inputs to the decision of one tick, pose frame.
-
-    Attributes:
-        time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
-        target: m. remaining: Length of the path after the target, m.
-        share: Share of the last command that the gate let through. bodies: What moves.
-    """
-
-    time: float
-    pose: Pose
-    twist: tuple[float, float]
-    target: Point
-    remaining: float
-    share: float = 1.0
-    bodies: TrackedBodies = NO_BODIES
 
 
 class Decision(NamedTuple):

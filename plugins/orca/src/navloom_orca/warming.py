@@ -6,8 +6,9 @@ import numpy as np
 from navloom_avoidance.beams import Beams
 from navloom_avoidance.bodies import TrackedBodies
 from navloom_avoidance.robot import Robot
+from navloom_dwa.avoidance import Given
 
-from navloom_orca.avoidance import Given, Reciprocal
+from navloom_orca.avoidance import Reciprocal
 from navloom_orca.params import OrcaParams
 
 

@@ -109,7 +109,7 @@ class LocalSurface:
     def look(self, beams: Floats, echoes: int, pose: Floats, time: float) -> None:
         """Note where beams, (n, 4) as for `add`, the last ones without an echo, end and look through at a time, s."""
         ages = np.zeros(len(beams), np.float32)
-        _mark_walls(beams[:echoes], np.float32(_SETTLED), ages)
+        _mark_walls(beams[:echoes], ages)
         lattices = self._first, self._last, self._through
         _look(*lattices, self._frame, beams, echoes, ages, pose, np.float32(time), self.before, self.behind)
 
@@ -198,14 +198,26 @@ def _look(first, last, through, frame, beams, echoes, ages, pose, time, before, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark_walls(beams, age, ages):  # type: ignore[no-untyped-def]
-    """Fill `ages`, (n,), with an age, s, for groups of neighbouring echoes that are as wide as a long wall."""
+def _group(beams, begin):  # type: ignore[no-untyped-def]
+    """Index after the group of neighbouring echoes that begins at an index, and the group's width, m."""
+    end = begin + 1
+    while (
+        end < beams.shape[0]
+        and math.hypot(beams[end, 0] - beams[end - 1, 0], beams[end, 1] - beams[end - 1, 1]) <= _GAP
+    ):
+        end += 1
+    return end, math.hypot(beams[end - 1, 0] - beams[begin, 0], beams[end - 1, 1] - beams[begin, 1])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_walls(beams, ages):  # type: ignore[no-untyped-def]
+    """Fill `ages`, (n,), s, for groups of neighbouring echoes that are as wide as a long wall."""
     begin = 0
-    for i in range(1, beams.shape[0] + 1):
-        if i == beams.shape[0] or math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP:
-            if math.hypot(beams[i - 1, 0] - beams[begin, 0], beams[i - 1, 1] - beams[begin, 1]) >= _LONG:
-                ages[begin:i] = age
-            begin = i
+    while begin < beams.shape[0]:
+        end, width = _group(beams, begin)
+        if width >= _LONG:
+            ages[begin:end] = _SETTLED
+        begin = end
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -238,19 +250,18 @@ def _has_moving(through, frame, beams, pose, since):  # type: ignore[no-untyped-
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mark_standing(age, frame, beams, pose, settled, kept):  # type: ignore[no-untyped-def]
     """Fill `kept`, (n,), for beams whose group of neighbouring echoes is mostly at nodes that are old enough."""
-    c, s, spacing, begin, old = math.cos(pose[2]), math.sin(pose[2]), frame[4], 0, 0
+    c, s, spacing, begin = math.cos(pose[2]), math.sin(pose[2]), frame[4], 0
     rows, columns = age.shape
-    for i in range(beams.shape[0] + 1):
-        is_end = i == beams.shape[0]
-        if i and (is_end or math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP):
-            width = math.hypot(beams[i - 1, 0] - beams[begin, 0], beams[i - 1, 1] - beams[begin, 1])
-            kept[begin:i] = width >= _WIDE or old >= _MOSTLY * (i - begin)
-            begin, old = i, 0
-        if not is_end:
+    while begin < beams.shape[0]:
+        end, width = _group(beams, begin)
+        old = 0
+        for i in range(begin, end):
             x, y = pose[0] + c * beams[i, 0] - s * beams[i, 1], pose[1] + s * beams[i, 0] + c * beams[i, 1]
             column, row = math.floor((x - frame[0]) / spacing + 0.5), math.floor((y - frame[1]) / spacing + 0.5)
             if 0 <= row < rows and 0 <= column < columns:
                 old += age[row, column] >= settled
+        kept[begin:end] = width >= _WIDE or old >= _MOSTLY * (end - begin)
+        begin = end
 
 
 def warm_up() -> None:

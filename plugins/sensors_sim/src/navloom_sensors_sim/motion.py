@@ -120,11 +120,7 @@ def drive_tick(state, track, drive, odometry, command, noise, footprint, height,
         spun[k, 0], spun[k, 1] = mean_right * step, mean_left * step
         track[k, 0], track[k, 1], track[k, 2], track[k, 3], track[k, 4], track[k, 5] = k * step, x, y, heading, v, w
         x, y, heading = arc(x, y, heading, v, w, step)
-    x, y, heading = _place(state, track, spun, x, y, heading, footprint, height, obstacles)
-    state[_VX] = 0.5 * drive[2] * (state[_RIGHT] + state[_LEFT])
-    state[_WZ] = 0.5 * drive[2] * (state[_RIGHT] - state[_LEFT]) / drive[3]
-    track[steps, 0], track[steps, 1], track[steps, 2], track[steps, 3] = drive[7], x, y, heading
-    track[steps, 4], track[steps, 5] = state[_VX], state[_WZ]
+    _place(state, track, spun, drive, (x, y, heading), footprint, height, obstacles)
     _count_wheels(state, spun, odometry, drive[2], noise, drive[7])
 
 
@@ -162,11 +158,7 @@ def steer_tick(state, track, drive, odometry, command, noise, footprint, height,
         x, y, heading = arc(x, y, heading, v, w, step)
     turn = drive[3] * spin * math.tan(state[_STEERING]) / drive[8]
     state[_RIGHT], state[_LEFT] = spin + turn, spin - turn
-    x, y, heading = _place(state, track, spun, x, y, heading, footprint, height, obstacles)
-    state[_VX] = 0.5 * drive[2] * (state[_RIGHT] + state[_LEFT])
-    state[_WZ] = 0.5 * drive[2] * (state[_RIGHT] - state[_LEFT]) / drive[3]
-    track[steps, 0], track[steps, 1], track[steps, 2], track[steps, 3] = drive[7], x, y, heading
-    track[steps, 4], track[steps, 5] = state[_VX], state[_WZ]
+    _place(state, track, spun, drive, (x, y, heading), footprint, height, obstacles)
     _count_wheels(state, spun, odometry, drive[2], noise, drive[7])
 
 
@@ -198,11 +190,7 @@ def omni_tick(state, track, drive, odometry, command, noise, footprint, height, 
         track[k, 0], track[k, 1], track[k, 2], track[k, 3], track[k, 4], track[k, 5] = k * step, x, y, heading, v, w
         track[k, 6] = drive[2] * mean_side
         x, y, heading = slide(x, y, heading, v, track[k, 6], w, step)
-    x, y, heading = _place(state, track, spun, x, y, heading, footprint, height, obstacles)
-    state[_VX], state[_VY] = 0.5 * drive[2] * (state[_RIGHT] + state[_LEFT]), drive[2] * state[_SIDE]
-    state[_WZ] = 0.5 * drive[2] * (state[_RIGHT] - state[_LEFT]) / drive[3]
-    track[steps, 0], track[steps, 1], track[steps, 2], track[steps, 3] = drive[7], x, y, heading
-    track[steps, 4], track[steps, 5], track[steps, 6] = state[_VX], state[_WZ], state[_VY]
+    _place(state, track, spun, drive, (x, y, heading), footprint, height, obstacles)
     _count_wheels(state, spun, odometry, drive[2], noise, drive[7])
 
 
@@ -212,15 +200,21 @@ def _within(value, most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _place(state, track, spun, x, y, heading, footprint, height, obstacles):  # type: ignore[no-untyped-def]
-    """Puts the robot at the pose at the end of a tick, or back where it was if it touches something; where it is."""
-    gap, nearest = clearance_at(x, y, heading, footprint, height, obstacles)
+def _place(state, track, spun, drive, pose, footprint, height, obstacles):  # type: ignore[no-untyped-def]
+    """Puts the robot at the pose at the end of a tick, or back where it was if it touches something."""
+    gap, nearest = clearance_at(pose[0], pose[1], pose[2], footprint, height, obstacles)
     state[_GAP], state[_NEAREST], state[_TOUCHING] = gap, nearest, 1.0 if gap == 0.0 else 0.0
     if gap == 0.0:
-        x, y, heading = state[_X], state[_Y], state[_HEADING]
         _stall(state, track, spun)
-    state[_X], state[_Y], state[_HEADING] = x, y, heading
-    return x, y, heading
+    else:
+        state[_X], state[_Y], state[_HEADING] = pose
+    state[_VX], state[_VY] = 0.5 * drive[2] * (state[_RIGHT] + state[_LEFT]), drive[2] * state[_SIDE]
+    state[_WZ] = 0.5 * drive[2] * (state[_RIGHT] - state[_LEFT]) / drive[3]
+    end = track.shape[0] - 1
+    track[end, 0], track[end, 1], track[end, 2], track[end, 3] = drive[7], state[_X], state[_Y], state[_HEADING]
+    track[end, 4], track[end, 5] = state[_VX], state[_WZ]
+    if track.shape[1] > 6:
+        track[end, 6] = state[_VY]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -54,5 +54,5 @@ def settings_of_member(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def seed_of_member(seed: int, name: str) -> int:
-    """Seed of a member's random streams: equal robots have different noise, and one more changes nobody's."""
+    """Seed of a member's random streams: equal robots differ, and a further one changes no other."""
     return int.from_bytes(hashlib.sha256(f"{seed}\0{name}".encode()).digest()[:4], "little")

@@ -6,8 +6,11 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter_ns
 from typing import IO, Any
+
+import numpy as np
 
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.loader import members_of
@@ -18,7 +21,8 @@ from navloom.engine.nodes.world_node import mover_of
 from navloom.engine.plugin_factory import make_plugins
 from navloom.engine.trace import TraceWriter
 from navloom.geometry.moving_world import Mover
-from navloom.messages import Bodies, Truth
+from navloom.geometry.world import World
+from navloom.messages import Bodies, OccupancyGrid, Truth
 from navloom.plugins import Discovery
 from navloom.runs.episode import Drive, Episode
 
@@ -108,8 +112,7 @@ def run_fleet(
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
     """
-    drives = {loaded.member: Drive(loaded, discovery) for loaded in members}
-    _check_world(drives)
+    drives = _drives(members, discovery)
     with ExitStack() as within:
         for name, drive in drives.items():
             within.enter_context(drive)
@@ -123,6 +126,41 @@ def run_fleet(
     for name in sorted(episodes):
         hashed.update(f"\n{name} {episodes[name].log.trace_sha256}".encode())
     return Fleet(episodes, hashed.hexdigest(), wall_ns)
+
+
+def _drives(members: Sequence[Loaded], discovery: Discovery | None) -> dict[str, Drive]:
+    """The members' robots, by name; they share the world, and the known map where it is the same."""
+    own: dict[frozenset[str], Discovery] = {}
+    drives: dict[str, Drive] = {}
+    maps: list[OccupancyGrid] = []
+    for loaded in members:
+        blocked = frozenset(loaded.config.plugins.blocked)
+        drive = Drive(loaded, discovery or own.setdefault(blocked, _OneWorld(blocked)))
+        known = drive.system.map
+        if known is not None:
+            drive.system.map = next((other for other in maps if _is_same(known, other)), known)
+            maps += [drive.system.map] if drive.system.map is known else []
+        drives[loaded.member] = drive
+    _check_world(drives)
+    return drives
+
+
+class _OneWorld(Discovery):
+    """The plugins of members; a world is read once for all of them."""
+
+    def __init__(self, blocked: Iterable[str]) -> None:
+        super().__init__(blocked)
+        self._worlds: dict[tuple[str, Path], World] = {}
+
+    def world(self, reference: str, base: Path) -> World:
+        if (reference, base) not in self._worlds:
+            self._worlds[reference, base] = super().world(reference, base)
+        return self._worlds[reference, base]
+
+
+def _is_same(grid: OccupancyGrid, other: OccupancyGrid) -> bool:
+    place = (grid.origin, grid.resolution) == (other.origin, other.resolution)
+    return place and np.array_equal(grid.cells, other.cells)
 
 
 def _run(drives: Mapping[str, Drive], world: _World, progress: Callable[[float, float], None] | None) -> int:

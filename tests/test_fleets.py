@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 from navloom.cli import main
 from navloom.config import ConfigError, load_config
+from navloom.engine.trace import read_trace
 from navloom.runs.episode import run_episode
-from navloom.runs.fleet import Fleet, load_fleet, run_fleet
+from navloom.runs.fleet import Fleet, FleetError, load_fleet, run_fleet
 
 HEAD = '[run]\nstop_after = {seconds}\nseed = 3\n\n[world]\nref = "{world}"\n'
 HALLS = """
@@ -216,3 +219,71 @@ def test_two_that_drive_blindly_at_each_other_both_have_a_contact_of_their_own(f
     for name, other in (("a", "b"), ("b", "a")):
         (touch,) = fleet.episodes[name].trail.contacts
         assert (touch.name, touch.is_own, touch.x) == (other, True, pytest.approx(1.5, abs=0.025))
+
+
+NEAR = [
+    member("a", 0.0, 0.0, "navigation.goal = { x = 4.0, y = 0.0 }"),
+    member("b", 3.0, 180.0, "navigation.goal = { x = -1.0, y = 0.0 }"),
+    member("c", 1.5, 90.0, BLIND + ", navigation.goal = { x = 1.5, y = 3.0 }"),
+    member("d", -2.0, 0.0, "navigation.goal = { x = -1.95, y = 0.0 }"),
+]
+
+
+def test_the_number_of_processes_changes_nothing(fleet_of, tmp_path: Path) -> None:
+    """Robots that see and hinder each other, one of which ends early: the same hashes, files, contacts and trails."""
+    members = fleet_of(*NEAR, seconds=3.0)
+    fleets, traces = [], []
+    for processes in (1, 2, 4):
+        folder = tmp_path / str(processes)
+        folder.mkdir()
+        with ExitStack() as files:
+            opened = {one.member: files.enter_context((folder / one.member).open("wb")) for one in members}
+            fleets.append(drive(members, traces=opened, processes=processes, reads=[("platform", "laser")]))
+        traces.append([(folder / one.member).read_bytes() for one in members])
+    alone, *spread = fleets
+    for fleet, written in zip(spread, traces[1:], strict=True):
+        assert fleet.trace_sha256 == alone.trace_sha256
+        assert written == traces[0]
+        for name, episode in alone.episodes.items():
+            other = fleet.episodes[name]
+            assert other.log.trace_sha256 == episode.log.trace_sha256
+            assert other.recorder.truth == episode.recorder.truth
+            assert other.recorder.contacts == episode.recorder.contacts
+            assert len(other.recorder.bodies) == len(episode.recorder.bodies) == episode.log.ticks
+            assert len(other.recorder.streams["platform", "laser"]) == len(episode.recorder.streams["platform", "laser"])
+
+
+def test_what_a_plugin_refuses_in_another_process_is_said_once(fleet_of) -> None:
+    refused = "[{ name = 'laser', kind = 'laser_2d', rate_hz = 7.0 }]"
+    members = fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0, f"{STANDS}, sensor = {refused}"))
+    with pytest.raises(ConfigError) as alone:
+        drive(members)
+    with pytest.raises(ConfigError) as spread:
+        drive(members, processes=2)
+    assert str(spread.value) == str(alone.value)
+    assert not multiprocessing.active_children()
+
+
+def test_a_process_that_dies_ends_the_run_with_one_message(fleet_of) -> None:
+    def kill(done: float, total: float) -> None:
+        for child in multiprocessing.active_children():
+            child.kill()
+
+    with pytest.raises(FleetError, match=r"fleet: the process of b was killed by SIGKILL"):
+        drive(fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0), seconds=60.0), processes=2, progress=kill)
+    assert not multiprocessing.active_children()
+
+
+def test_ctrl_c_ends_every_process(fleet_of, tmp_path: Path) -> None:
+    """The traces up to there are whole files."""
+    def interrupt(done: float, total: float) -> None:
+        raise KeyboardInterrupt
+
+    members = fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0), seconds=60.0)
+    with ExitStack() as files:
+        opened = {name: files.enter_context((tmp_path / name).open("wb")) for name in "ab"}
+        with pytest.raises(KeyboardInterrupt):
+            drive(members, traces=opened, processes=2, progress=interrupt)
+    assert not multiprocessing.active_children()
+    ticks = [[entry.tick for entry in read_trace(tmp_path / name)] for name in "ab"]
+    assert ticks[0] and ticks[0][-1] == ticks[1][-1]

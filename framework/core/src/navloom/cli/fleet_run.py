@@ -32,13 +32,14 @@ COLUMNS = {
 }
 
 
-def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
+def run_members(given: RunOptions, out: Path | None, as_json: bool, processes: int) -> bool:
     """Run a fleet, and print a row for each member. Returns whether each reached its goal and each file is whole.
 
     Args:
         given: The config and its changes.
         out: Folder for result.json, run.png, and a folder for each member, with what a robot alone gets.
         as_json: Print one JSON object.
+        processes: Number of processes that drive the members.
     """
     from navloom.runs.fleet import load_fleet, run_fleet
     from navloom.runs.result_folder import OutFolder, ResultFolder
@@ -52,7 +53,7 @@ def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
         say, progress = within.enter_context(stage(as_json))
         with redirect_stdout(sys.stderr):  # plugins may print
             traces = {name: held.trace for name, held in own.items() if held.trace is not None}
-            fleet = run_fleet(members, traces=traces, say=say, progress=progress)
+            fleet = run_fleet(members, traces=traces, say=say, progress=progress, processes=processes)
         summary = fleet.summary()
         for name, episode in fleet.episodes.items():
             own[name].keep(episode, summary["members"][name])

@@ -1,6 +1,6 @@
-"""Many robots in one simulated world, in lockstep: speed, CPU time, memory, and where a tick goes.
+"""Many robots in one simulated world, in lockstep: speed, CPU time of their steps by role, memory.
 
-    python benchmarks/one_world.py [--robots 20] [--world REF] [--avoider NAME] [--seconds 20] [--profile] [--json]
+    python benchmarks/one_world.py [--robots 20] [--processes 1,2] [--world REF] [--seconds 20] [--json]
 
 Every robot is a member with the stack of `building`; starts and goals are drawn on the map, apart from each other.
 README.md beside this file explains the figures.
@@ -9,14 +9,13 @@ README.md beside this file explains the figures.
 from __future__ import annotations
 
 import argparse
-import cProfile
 import json
 import math
 import os
-import pstats
 import resource
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,7 +55,9 @@ def fleet_text(robots: int, world: str, avoider: str, seconds: float, seed: int 
     cells = [ground.at(cell) for cell in draw.permutation(ground.places)]
     starts, goals = _apart(iter(cells), robots), _apart(iter(reversed(cells)), robots)
     members = [
-        MEMBER.format(number=number, x=x, y=y, turn=round(math.degrees(math.atan2(to_y - y, to_x - x)), 1), to_x=to_x, to_y=to_y)
+        MEMBER.format(
+            number=number, x=x, y=y, to_x=to_x, to_y=to_y, turn=round(math.degrees(math.atan2(to_y - y, to_x - x)), 1)
+        )
         for number, ((x, y), (to_x, to_y)) in enumerate(zip(starts, goals, strict=True))
     ]
     return HEAD.format(seconds=seconds, world=world, avoider=avoider) + "".join(members)
@@ -72,27 +73,31 @@ def _apart(places: Iterator[tuple[float, float]], count: int) -> list[tuple[floa
     raise SystemExit(f"one_world: the world has no room for {count} robots {APART} m apart: expected a larger one")
 
 
-def measured(path: str) -> dict[str, Any]:
-    """Run a fleet once: its hash, seconds of robot time per second, CPU time per simulated second, and memory."""
+def measured(path: str, processes: int) -> dict[str, Any]:
+    """Run a fleet once: its hash, times of the run and of its steps, and memory."""
     members = load_fleet(path)
-    ready = time.process_time()
-    fleet = run_fleet(members)
-    prepared = time.process_time() - ready
-    said = fleet.summary()
-    ticks = [sum(per) for per in zip(*(episode.log.tick_ns for episode in fleet.episodes.values()))]
-    simulated = max(episode.log.ticks for episode in fleet.episodes.values()) * members[0].config.run.period
+    began = time.perf_counter()
+    fleet = run_fleet(members, processes=processes)
+    took, logs = time.perf_counter() - began, [episode.log for episode in fleet.episodes.values()]
+    ticks = sum(log.ticks for log in logs)
+    simulated = max(log.ticks for log in logs) * members[0].config.run.period
+    by_role: Counter[str] = Counter()
+    for log in logs:
+        for (role, _), steps in log.computed_ns.items():
+            by_role[role] += sum(steps)
+    peak = [resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return {
         "robots": len(members),
-        "simulated_s": simulated,
-        "wall_s": round(fleet.wall_ns * 1e-9, 3),
-        "times_real": round(simulated / (fleet.wall_ns * 1e-9), 3),
-        "cpu_s": round(prepared, 2),
-        "tick_ms_p50": round(1e-6 * sorted(ticks)[len(ticks) // 2], 2) if ticks else None,
-        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
-        "reached": said["reached"],
-        "collisions": said["collisions"],
-        "load": os.getloadavg()[0],
-        "trace_sha256": said["trace_sha256"],
+        "processes": processes,
+        "simulated_s": round(simulated, 2),
+        "prepared_s": round(took - fleet.wall_ns * 1e-9, 2),
+        "times_real": round(simulated / (fleet.wall_ns * 1e-9), 2),
+        "cpu_per_simulated": round(by_role.total() * 1e-9 / simulated, 3),
+        "us_a_tick": {role: round(spent * 1e-3 / ticks, 1) for role, spent in by_role.most_common()},
+        "peak_mb": round(peak[0]),
+        "peak_mb_other": round(peak[1]),
+        "load": round(os.getloadavg()[0], 1),
+        "trace_sha256": fleet.trace_sha256,
     }
 
 
@@ -102,20 +107,16 @@ def main() -> None:
     parser.add_argument("--world", default=WORLD)
     parser.add_argument("--avoider", default="improved_vfh")
     parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--profile", action="store_true", help="print where the time of the run goes")
+    parser.add_argument("--processes", default="1", metavar="N,N", help="numbers of processes, in turn")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "fleet.toml"
         path.write_text(fleet_text(given.robots, given.world, given.avoider, given.seconds), "utf-8")
-        profile = cProfile.Profile()
-        if given.profile:
-            profile.enable()
-        found = measured(str(path))
-        profile.disable()
-    print(json.dumps(found) if given.json else "\n".join(f"{name:14}{value}" for name, value in found.items()))
-    if given.profile:
-        pstats.Stats(profile).sort_stats("tottime").print_stats(60)
+        for processes in map(int, given.processes.split(",")):
+            found = measured(str(path), processes)
+            told = json.dumps(found) if given.json else "\n".join(f"{name:18}{value}" for name, value in found.items())
+            print(told, flush=True)
 
 
 if __name__ == "__main__":

@@ -199,10 +199,10 @@ class _World:
             ConfigError: Robots touch each other in the first tick.
         """
         truths = {name: truth for name, truth, _ in moved}
-        for name, mover in self._movers.items():
+        for name in self._movers:
             truth = truths.get(name)
             if truth is not None:
-                self._movers[name] = mover = mover_of(truth)
+                self._movers[name] = mover_of(truth)
                 if number == 0 and truth.touching and truth.nearest in self._movers:
                     raise ConfigError(f"member {name}: start: touches {truth.nearest} there: move one of them")
         for name in [name for name, _, is_over in moved if is_over]:

@@ -21,7 +21,6 @@ from navloom.engine.plugin_factory import make_plugins
 from navloom.errors import NavloomError
 from navloom.messages import Bodies, Truth
 from navloom.parent_process import die_with_parent
-from navloom.plugins import Discovery
 from navloom.runs.episode import Drive, Episode
 from navloom.runs.result_folder import Draft, TraceFile
 from navloom.runs.shared_drives import drives_of
@@ -117,7 +116,7 @@ class ShareProcess(AbstractContextManager["ShareProcess"]):
     def __enter__(self) -> ShareProcess:
         # Not fork: numba's and other libraries' threads do not survive it.
         context = multiprocessing.get_context("spawn")
-        self._dump = NamedTemporaryFile("r", prefix="navloom-", errors="replace")  # noqa: SIM115
+        self._dump = NamedTemporaryFile("r", prefix="navloom-", errors="replace")
         self._connection, theirs = context.Pipe()
         members = [drive.system.loaded for drive in self._drives.values()]
         paths = {name: os.fspath(file.name) for name, file in self._traces.items()}
@@ -198,7 +197,7 @@ def serve(
     logging.getLogger("navloom").addHandler(logging.NullHandler())
     # Ctrl-C reaches the whole process group, but only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Output of plugins must not break --json; at the level of the descriptor, since C libraries print past `sys.stdout`.
+    # Output of plugins must not break --json. By descriptor, since C libraries print past `sys.stdout`.
     os.dup2(2, 1)
     with suppress(OSError):
         dump_when_broken(os.open(dump, os.O_WRONLY | os.O_APPEND))

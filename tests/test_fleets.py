@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import sys
 from contextlib import ExitStack
@@ -12,6 +13,7 @@ import pytest
 from navloom.cli import main
 from navloom.config import ConfigError, load_config
 from navloom.engine.trace import read_trace
+from navloom.plugins import one_file
 from navloom.runs.episode import run_episode
 from navloom.runs.fleet import Fleet, FleetError, load_fleet, run_fleet
 
@@ -186,10 +188,11 @@ def test_the_fleet_s_tables_lie_over_a_member_s_config_and_its_own_over_both(tmp
     assert (second.config.robot.realm, second.config.run.seed) == ("yard", 5)
 
 
-def test_run_prints_a_row_a_member_and_refuses_a_recording(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], fleet_of, tmp_path: Path
-) -> None:
-    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+@pytest.fixture
+def run_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    """`navloom run` of the fleet: exit code, output, errors. Plugin files are forgotten afterwards."""
+    monkeypatch.setenv(one_file.FILES, "[]")
+    monkeypatch.setattr(one_file, "_LOADED", {})
 
     def run(*options: str) -> tuple[object, str, str]:
         monkeypatch.setattr(sys, "argv", ["navloom", "run", str(tmp_path / "fleet.toml"), *options])
@@ -198,12 +201,19 @@ def test_run_prints_a_row_a_member_and_refuses_a_recording(
         out, err = capsys.readouterr()
         return ended.value.code, out, err
 
-    code, out, _ = run()
+    yield run
+    for path in one_file._LOADED:
+        sys.modules.pop(path.stem, None)
+
+
+def test_run_prints_a_row_a_member_and_refuses_a_recording(run_of, fleet_of, tmp_path: Path) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    code, out, _ = run_of()
     head, first, second, last, *_ = out.splitlines()
     assert (code, head.split()[:2]) == (1, ["member", "outcome"])
     assert [row.split()[:2] for row in (first, second)] == [["a", "stopped"], ["b", "stopped"]]
     assert last.startswith("0 of 2 reached their goals; 0 collisions; robot time 1 s in ")
-    code, _, err = run("--record", str(tmp_path / "run.mcap"))
+    code, _, err = run_of("--record", str(tmp_path / "run.mcap"))
     assert code == 2 and "a fleet is neither recorded nor shown" in err
 
 
@@ -289,3 +299,70 @@ def test_ctrl_c_ends_every_process(fleet_of, tmp_path: Path) -> None:
     assert not multiprocessing.active_children()
     ticks = [[entry.tick for entry in read_trace(tmp_path / name)] for name in "ab"]
     assert ticks[0] and ticks[0][-1] == ticks[1][-1]
+
+
+OBSERVER = """
+import json, pathlib
+from navloom import hookimpl
+
+class Truths:
+    wants = {("platform", "truth")}
+    def __init__(self):
+        self.count = 0
+    def on_message(self, role, instance, active, port, message, at):
+        self.count += 1
+
+SEEN = {}
+
+@hookimpl
+def navloom_register(registry):
+    pass
+
+@hookimpl
+def navloom_observe(run):
+    return SEEN.setdefault(run.robot, Truths())
+
+@hookimpl
+def navloom_run_finished(run, summary, out):
+    told = {"heard": SEEN[run.robot].count, "ticks": summary["ticks"], "out": out.folder.name}
+    pathlib.Path(__file__).with_name(f"{run.robot}.json").write_text(json.dumps(told))
+"""
+
+
+def test_observers_of_plugins_follow_each_member(run_of, fleet_of, tmp_path: Path) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    (tmp_path / "counting.py").write_text(OBSERVER)
+    run_of("--plugin", str(tmp_path / "counting.py"), "--out", str(tmp_path / "out"))
+    for name in "ab":
+        told = json.loads((tmp_path / f"{name}.json").read_text())
+        assert told == {"heard": told["ticks"], "ticks": told["ticks"], "out": name} and told["ticks"] >= 20
+
+
+def test_observers_are_told_of_members_elsewhere_without_their_messages(run_of, fleet_of, tmp_path: Path) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    (tmp_path / "counting.py").write_text(OBSERVER)
+    _, _, err = run_of("--plugin", str(tmp_path / "counting.py"), "--processes", "2", "--out", str(tmp_path / "out"))
+    assert err.count("--processes 2: observers got no messages of b: use one process") == 1
+    here, there = (json.loads((tmp_path / f"{name}.json").read_text()) for name in "ab")
+    assert (here["heard"], there["heard"]) == (here["ticks"], 0)
+
+
+def test_one_robot_has_one_process(run_of, tmp_path: Path) -> None:
+    (tmp_path / "fleet.toml").write_text("")
+    code, _, err = run_of("--processes", "2")
+    assert code == 2 and "has no [[member]], and one robot has one process" in err
+
+
+@pytest.mark.slow
+def test_fifty_robots_have_the_same_hashes_on_one_two_and_four_processes(fleet_of) -> None:
+    """A row of robots, 1.2 m apart, each of which drives past its neighbour."""
+    crowd = [
+        member(f"r{k}", 1.2 * k, 180.0 * (k % 2),
+               f"avoider.plugin = 'improved_vfh', navigation.goal = {{ x = {1.2 * k + 2.4 * (-1) ** k}, y = 1.0 }}")
+        for k in range(50)
+    ]  # fmt: skip
+    members = fleet_of(*crowd, seconds=10.0, world="halls.toml")
+    fleets = [drive(members, processes=processes) for processes in (1, 2, 4)]
+    hashes = [[episode.log.trace_sha256 for episode in fleet.episodes.values()] for fleet in fleets]
+    assert len(set(hashes[0])) == 50 and hashes == [hashes[0]] * 3
+    assert len({fleet.trace_sha256 for fleet in fleets}) == 1

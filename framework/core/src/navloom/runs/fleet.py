@@ -12,7 +12,7 @@ from typing import IO, Any
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.loader import members_of
 from navloom.engine.build import is_simulated
-from navloom.engine.lockstep import PROGRESS_INTERVAL_NS
+from navloom.engine.lockstep import PROGRESS_INTERVAL_NS, Observer
 from navloom.engine.lockstep_builder import moving_world_of
 from navloom.engine.nodes.world_node import mover_of
 from navloom.engine.streams import WorldPorts
@@ -21,7 +21,8 @@ from navloom.geometry.moving_world import Mover
 from navloom.messages import Bodies
 from navloom.messages.codec import schema_label
 from navloom.plugins import Discovery
-from navloom.runs.episode import Drive, Episode
+from navloom.plugins.run_observers import Onlookers
+from navloom.runs.episode import Drive, Episode, run_info
 from navloom.runs.fleet_share import FleetError, Moved, Share, ShareProcess
 from navloom.runs.shared_drives import drives_of
 
@@ -36,11 +37,13 @@ class Fleet:
         episodes: The episode of each member, by name.
         trace_sha256: Hash of what the world says and of the members' traces.
         wall_ns: Wall time from the first tick to the last.
+        unheard: Members whose messages did not reach the observers that wanted them.
     """
 
     episodes: dict[str, Episode]
     trace_sha256: str
     wall_ns: int
+    unheard: Sequence[str] = ()
 
     def summary(self) -> dict[str, Any]:
         """The object that `run --json` prints: that of each member by name, and what the fleet has as a whole."""
@@ -95,6 +98,7 @@ def run_fleet(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
     reads: Iterable[tuple[str, str]] = (),
+    onlookers: Mapping[str, Onlookers] | None = None,
     processes: int = 1,
 ) -> Fleet:
     """Run the configs of a fleet's members in one world, each until its last goal has ended and the robot stands.
@@ -108,21 +112,30 @@ def run_fleet(
         say: Receives progress of the preparation.
         progress: Called with the run time so far and the longest possible one, s.
         reads: Streams that metrics need, `(role or node, port)`, of each member.
+        onlookers: Observers of plugins of each member, by name, as in `run_episode`. They get no messages of a member
+            that another process drives.
         processes: Number of processes that drive the members: this one and others. It changes no result.
 
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
         FleetError: A process has died.
     """
+    onlookers = onlookers or {}
+
+    def begin(drive: Drive) -> Sequence[Observer]:
+        loaded = drive.system.loaded
+        return onlookers[loaded.member].begin(run_info(loaded, "lockstep")) if loaded.member in onlookers else ()
+
     drives, traces, reads = drives_of(members, discovery), traces or {}, list(reads)
     _check_world(drives)
     # Dealt in turn: neighbours in the file are often alike.
     shares = [dict(list(drives.items())[first::processes]) for first in range(min(processes, len(drives)))]
     with ExitStack() as within:
         others = [within.enter_context(ShareProcess(share, traces, reads)) for share in shares[1:]]
-        own = within.enter_context(Share(shares[0], traces, say, reads))
+        own = within.enter_context(Share(shares[0], traces, say, reads, begin))
         for other in others:
             other.await_ready()
+        unheard = [name for share in shares[1:] for name, drive in share.items() if begin(drive)]
         world = _World(drives)
         wall_ns = _run(world, own, others, progress)
         ended = own.finish()
@@ -133,7 +146,7 @@ def run_fleet(
     hashed = hashlib.sha256(world.trace.sha256().encode())
     for name in sorted(episodes):
         hashed.update(f"\n{name} {episodes[name].log.trace_sha256}".encode())
-    return Fleet(episodes, hashed.hexdigest(), wall_ns)
+    return Fleet(episodes, hashed.hexdigest(), wall_ns, unheard)
 
 
 def _run(

@@ -17,6 +17,7 @@ from typing import IO, Any
 
 from navloom.config import Loaded
 from navloom.crashes import crashed_at, dump_when_broken, ending_of
+from navloom.engine.lockstep import Observer
 from navloom.engine.plugin_factory import make_plugins
 from navloom.errors import NavloomError
 from navloom.messages import Bodies, Truth
@@ -47,6 +48,7 @@ class Share(AbstractContextManager["Share"]):
         traces: File for the trace of each member, by name.
         say: Receives progress of the preparation.
         reads: Streams that metrics need, `(role or node, port)`, of each member.
+        begin: Notifies the observers of a robot's run of its start, and returns those that want messages.
     """
 
     def __init__(
@@ -55,8 +57,9 @@ class Share(AbstractContextManager["Share"]):
         traces: Mapping[str, IO[bytes]],
         say: Callable[[str], None],
         reads: Iterable[tuple[str, str]],
+        begin: Callable[[Drive], Sequence[Observer]],
     ) -> None:
-        self.drives, self._driving = drives, dict(drives)
+        self.drives, self._driving, self._begin = drives, dict(drives), begin
         self._traces, self._say, self._reads = traces, say, list(reads)
         self._within = ExitStack()
 
@@ -65,7 +68,7 @@ class Share(AbstractContextManager["Share"]):
             for name, drive in self.drives.items():
                 within.enter_context(drive)
                 make_plugins(drive.system, self._say)
-                executor = drive.connect((), self._traces.get(name), reads=self._reads)
+                executor = drive.connect(self._begin(drive), self._traces.get(name), reads=self._reads)
                 # Also after an error or Ctrl-C: the trace up to there shows what led to it.
                 within.callback(executor.trace.flush)
             self._within = within.pop_all()
@@ -111,7 +114,7 @@ class ShareProcess(AbstractContextManager["ShareProcess"]):
     ) -> None:
         self._drives = drives
         self._traces = {name: file for name, file in traces.items() if name in drives}
-        self._reads = list(reads)
+        self._reads, self._is_ready = list(reads), False
 
     def __enter__(self) -> ShareProcess:
         # Not fork: numba's and other libraries' threads do not survive it.
@@ -139,6 +142,7 @@ class ShareProcess(AbstractContextManager["ShareProcess"]):
     def await_ready(self) -> None:
         """Wait until its plugins are made. Raises what they refuse."""
         self._hear()
+        self._is_ready = True
 
     def begin_tick(self, number: int, bodies: Bodies) -> None:
         """Let it make a tick; see `Share.tick`. `end_tick` waits for it."""
@@ -179,11 +183,10 @@ class ShareProcess(AbstractContextManager["ShareProcess"]):
         self._process.join(PATIENCE)
         place = crashed_at(self._dump.read())
         how = ending_of(self._process.exitcode) + (f" at {place}" if place else "")
-        names = ", ".join(self._drives)
-        return (
-            f"fleet: the process of {names} {how}, so the run has no result; its error, if it had one, is above. "
-            'A script must start its run below `if __name__ == "__main__":`'
-        )
+        text = f"fleet: the process of {', '.join(self._drives)} {how}"
+        if self._is_ready:
+            return f"{text}: the run has no result"
+        return f'{text} before it was ready: a script must start its run below `if __name__ == "__main__":`'
 
 
 def serve(
@@ -211,7 +214,7 @@ def serve(
 def _drive(
     connection: Connection, members: Sequence[Loaded], traces: Mapping[str, Draft], reads: Sequence[Any]
 ) -> None:
-    with Share(drives_of(members), traces, lambda text: None, reads) as share:
+    with Share(drives_of(members), traces, lambda text: None, reads, lambda drive: ()) as share:
         connection.send((None, "ready"))
         while (given := connection.recv()) is not None:
             connection.send((None, share.tick(*given)))

@@ -14,6 +14,8 @@ from navloom_study.cli.suite import RESULTS, ResultsFolder, result_line
 
 __all__ = ["app"]
 
+PAGE = RESULTS.with_suffix(".md")
+
 app = typer.Typer(no_args_is_help=False)
 
 
@@ -104,9 +106,7 @@ def add(
 
 @app.command()
 def page(
-    out: Annotated[
-        Path, typer.Option(metavar="FILE", help="The page, Markdown with tables in HTML.")
-    ] = RESULTS.with_suffix(".md"),
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The page, Markdown with tables in HTML.")] = PAGE,
     folder: ResultsFolder = RESULTS,
 ) -> None:
     """Make the page of all stored results."""

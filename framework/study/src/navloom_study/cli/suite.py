@@ -115,7 +115,7 @@ def _print(result: SuiteResult, cost: Mapping[str, Any], stored: list[SuiteResul
 
 
 def result_line(result: SuiteResult, method: str) -> tuple[str, int, int, int]:
-    """Primary metric with its interval, and the numbers of episodes, of those that arrived, and of those with contact."""
+    """Primary metric with its interval; numbers of episodes, of those that arrived, and of those with contact."""
     told = result.summary[method]
     parts = told["parts"].values()
     return (

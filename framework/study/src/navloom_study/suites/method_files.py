@@ -78,9 +78,8 @@ def methods_in_suite(
     Raises:
         ConfigError: No such method, a name that the suite has already, or a method that changes the suite.
     """
-    known = {
-        method.name: method for family in suite.methods for method in methods_of(suite.config, [family], part.changes, discovery)
-    }  # fmt: skip
+    families = (methods_of(suite.config, [family], part.changes, discovery) for family in suite.methods)
+    known = {method.name: method for family in families for method in family}
     for name in own:
         if name not in known:
             raise ConfigError(f"--methods {name}: {suite.name} has no such method{nearest(name, [*known])}")
@@ -118,7 +117,8 @@ def _held(loaded: Loaded) -> Iterable[tuple[str, Any]]:
         else:
             delay = "latency" if head != "node" else f"{key.partition('.')[0]}.latency"
             # A plugin that is added has the default, no delay, where the suite has no such table.
-            is_held = head not in (*SET_ROLES, "node") or (key == delay and value != 0.0)
+            # Where processes run makes no method: `live` follows from the nodes.
+            is_held = head not in (*SET_ROLES, "node", "live") or (key == delay and value != 0.0)
         if is_held:
             yield place, value
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError
+from navloom.config.config_methods import MethodTable
 from navloom.inputs.bounds import IMAGE_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.plugins import Discovery
@@ -119,7 +120,7 @@ def result_of(
         studies, rows: By part, the study and its rows.
         given: Overrides of the methods that are not the suite's own.
     """
-    metrics = tuple(dict.fromkeys([suite.primary, *METRICS]))
+    metrics = metrics_of(suite)
     first = next(iter(studies.values()))
     found = [as_result_row(row, part, metrics) for part, told in rows.items() for row in told]
     names = [method.name for method in first.methods]
@@ -148,6 +149,11 @@ def result_of(
         tuple(found),
         summary_of(found, metrics),
     )
+
+
+def metrics_of(suite: Suite) -> tuple[str, ...]:
+    """Metrics of the rows of a suite's result, the primary one first."""
+    return tuple(dict.fromkeys([suite.primary, *METRICS]))
 
 
 def as_result_row(row: Row, part: str, metrics: Sequence[str]) -> ResultRow:
@@ -212,6 +218,9 @@ def read_result(path: Path) -> SuiteResult:
         tables = [tree[name] for name in ("worlds", "methods", "versions", "plugin_files", "summary")]
         if not all(isinstance(text, str) for text in texts) or not all(isinstance(table, dict) for table in tables):
             raise TypeError
+        for name, table in tree["methods"].items():
+            # A name becomes a file's; overrides are checked as those of a file of methods.
+            MethodTable.model_validate({"name": name.replace("@", "-"), "set": table["set"] or {}})
         if not rows or tree["metrics"][0] != tree["primary"]:
             raise ValueError
         return SuiteResult(**{**tree, "metrics": tuple(tree["metrics"]), "rows": rows})

@@ -34,6 +34,10 @@ def store(folder: Path, result: SuiteResult, cost: Any, pictures: Mapping[str, b
     Raises:
         ConfigError: The folder cannot be written. StudyError: The disk is full.
     """
+    for method, table in result.methods.items():
+        known = folder / result.suite / f"{stem_of(method)}.json"
+        if known.is_file() and read_result(known).methods[method].get("set") != table["set"]:
+            raise ConfigError(f"{known}: holds another method of that name; rename yours")
     there = folder / result.suite
     make_writable(there)
     files: dict[str, str | bytes] = dict(pictures)

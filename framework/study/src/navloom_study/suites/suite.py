@@ -26,7 +26,7 @@ from pydantic import Field, ValidationError
 from navloom_study.study_methods import toml_value
 from navloom_study.study_worlds import seeds_of
 
-__all__ = ["Part", "Suite", "read_suite", "suite_named", "suite_names"]
+__all__ = ["Part", "Suite", "SuiteTable", "read_suite", "read_suite_table", "suite_named", "suite_names"]
 
 NAME = r"^[a-z][a-z0-9_-]*-[0-9]+$"
 
@@ -112,8 +112,8 @@ def suite_named(reference: str, discovery: Discovery) -> Suite:
     return found
 
 
-def read_suite(path: Path) -> Suite:
-    """The suite of a file. Raises ConfigError with one line for each problem."""
+def read_suite_table(path: Path) -> tuple[SuiteTable, str]:
+    """The file of a suite and its text, without its data. Raises ConfigError with one line for each problem."""
     try:
         text = read_file(path, TEXT_MB, ConfigError).decode()
     except (OSError, UnicodeDecodeError) as error:
@@ -125,6 +125,12 @@ def read_suite(path: Path) -> Suite:
         raise _located(path, text, problems_of(error, SuiteTable, given=tree)) from None
     if problems := [*_problems(table)]:
         raise _located(path, text, problems)
+    return table, text
+
+
+def read_suite(path: Path) -> Suite:
+    """The suite of a file, with its data. Raises ConfigError."""
+    table, _ = read_suite_table(path)
     config = str(path.parent / table.config) if table.config.endswith(".toml") else table.config
     common = _changes(table.set)
     parts = tuple(Part(p.name, tuple(p.worlds), (*common, *_changes(p.set))) for p in table.part)

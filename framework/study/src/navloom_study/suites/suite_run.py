@@ -12,15 +12,15 @@ from navloom.runs.metrics import all_metrics
 
 from navloom_study.compare import plan_study, run_study
 from navloom_study.episode_rows import EpisodeTask, Row
+from navloom_study.study_methods import variation_of
 from navloom_study.study_request import Study
 from navloom_study.study_worlds import CachedDiscovery
-from navloom_study.study_methods import variation_of
 from navloom_study.suites.method_files import Settings, methods_in_suite
 from navloom_study.suites.result_file import SuiteResult, result_of
 from navloom_study.suites.suite import Suite
 from navloom_study.worker_pool import HANG_AFTER
 
-__all__ = ["SuitePlan", "own_methods", "plan_suite", "run_suite"]
+__all__ = ["SuitePlan", "family_names", "plan_suite", "run_suite"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class SuitePlan:
         }
 
 
-def own_methods(suite: Suite) -> list[str]:
-    """Names of the suite's own methods, in its order."""
-    names = [value for family in suite.methods for value in variation_of(family).values]
+def family_names(families: Sequence[str]) -> list[str]:
+    """Names of a suite's own methods, in its order."""
+    names = [value for family in families for value in variation_of(family).values]
     return list(dict.fromkeys(names))
 
 

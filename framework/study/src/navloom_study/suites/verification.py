@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError
 
-from navloom_study.episode_rows import EpisodeTask
+from navloom_study.episode_rows import EpisodeTask, Row
 from navloom_study.sign_flips import sign_flip_tests
-from navloom_study.suites.result_file import Key, ResultRow, SuiteResult, as_result_row, processor_type, summary_of
+from navloom_study.suites.result_file import (
+    Key,
+    ResultRow,
+    SuiteResult,
+    as_result_row,
+    metrics_of,
+    processor_type,
+    summary_of,
+)
 from navloom_study.suites.suite_run import SuitePlan
 from navloom_study.worker_pool import run_on_processes
 
@@ -54,11 +64,22 @@ def check_rows(result: SuiteResult) -> None:
         summary = summary_of(result.rows, result.metrics)
     except ValueError as error:
         raise ConfigError(f"{result.suite}: {error}") from None
-    if summary != result.summary:
-        wrong = [name for name in {**result.summary, **summary} if summary.get(name) != result.summary.get(name)]
+    wrong = [name for name in {**result.summary, **summary} if not _alike(summary.get(name), result.summary.get(name))]
+    if wrong or not {*summary} == {*result.methods}:
         raise ConfigError(
             f"{result.suite}: summary of {', '.join(wrong)}: is not what the rows give; make the result again"
         )
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two summaries are equal, numbers to the digits that another processor leaves as they are."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return {*one} == {*other} and all(_alike(value, other[key]) for key, value in one.items())
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, float) and isinstance(other, int | float):
+        return math.isclose(one, other, rel_tol=1e-4, abs_tol=1e-9)
+    return bool(one == other)
 
 
 def check_request(result: SuiteResult, plan: SuitePlan) -> None:
@@ -66,7 +87,12 @@ def check_request(result: SuiteResult, plan: SuitePlan) -> None:
 
     Versions of numerical packages may differ: then rows are compared by interval, as on another type of processor.
     """
-    expected = {key: task for key, task in plan.tasks().items()}
+    expected = plan.tasks()
+    if (result.suite, result.primary, result.metrics) != (plan.suite.name, plan.suite.primary, metrics_of(plan.suite)):
+        raise ConfigError(
+            f"{result.suite}: its metrics are {', '.join(result.metrics)}, expected those of {plan.suite.name}: "
+            f"{', '.join(metrics_of(plan.suite))}"
+        )
     here = next(iter(plan.studies.values()))
     _check_versions(result, plan)
     if result.suite_sha256 != plan.suite.sha256:
@@ -131,11 +157,13 @@ def rerun(plan: SuitePlan, metrics: Sequence[str], jobs: int) -> Rerun:
 
     def run(keys: Sequence[Key]) -> list[ResultRow]:
         found: list[ResultRow] = []
+
+        def keep(part: str, row: Row) -> None:
+            found.append(as_result_row(row, part, metrics))
+
         for part in dict.fromkeys(key[1] for key in keys):
             chosen: list[EpisodeTask] = [tasks[key] for key in keys if key[1] == part]
-            run_on_processes(
-                chosen, lambda row, part=part: found.append(as_result_row(row, part, metrics)), min(jobs, len(chosen))
-            )
+            run_on_processes(chosen, partial(keep, part), min(jobs, len(chosen)))
         return found
 
     return run
@@ -179,7 +207,10 @@ def _difference(result: SuiteResult, before: ResultRow, now: ResultRow) -> str:
     values = zip(names, (before.outcome, before.trace_sha256, *before.values),
                  (now.outcome, now.trace_sha256, *now.values), strict=True)  # fmt: skip
     wrong = [f"{name} is {told}, here it is {found}" for name, told, found in values if told != found]
-    return f"{result.suite}: {method}, {part}, {world}, seed {seed}: {'; '.join(wrong[:3])}; the row is not what the episode gives"
+    return (
+        f"{result.suite}: {method}, {part}, {world}, seed {seed}: {'; '.join(wrong[:3])}; "
+        "the row is not what the episode gives"
+    )
 
 
 def stamped(result: SuiteResult, verified: Verified) -> SuiteResult:

@@ -52,6 +52,7 @@ SHIPPED = {
         "scheme.barn",
         "scheme.crowd",
         "scheme.dynabarn",
+        "scheme.fleet",
         "scheme.floor",
         "scheme.movingai",
         "scheme.people",

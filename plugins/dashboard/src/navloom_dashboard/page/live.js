@@ -94,7 +94,7 @@ export class Live extends EventTarget {
   trouble(now = performance.now()) {
     const silence = (now - this.heard) / 1000;
     if (!this.isOpen) return { text: "NOT CONNECTED to the dashboard. This picture is old.", age: silence };
-    if (this.gone) return { text: `THE ROBOT IS GONE: ${this.gone.why}. This picture is old.`, age: (now - this.gone.received) / 1000 };
+    if (this.gone) return { text: `${this.newest.pose ? "THE ROBOT IS GONE. This picture is old." : "THE ROBOT IS NOT THERE."} ${this.gone.why.replaceAll("`", "")}`, age: (now - this.gone.received) / 1000 };
     if (silence > SILENT) return { text: "THE DASHBOARD IS SILENT. This picture is old.", age: silence };
     for (const [kind, limit] of Object.entries(OLD)) {
       const age = this.age(kind, now);

@@ -11,7 +11,7 @@ import { Tabs } from "./tabs.js";
 import { showParams } from "./params.js";
 import { Events, Record, layerButtons, showAges } from "./reports.js";
 import { act, continued, login, logout, session, tokenOfAddress } from "./session.js";
-import { Stop } from "./stop.js";
+import { STOPPED, Stop } from "./stop.js";
 import { Teleop } from "./teleop.js";
 import { Tool } from "./tools.js";
 
@@ -139,6 +139,7 @@ function take(kind) {
   if (kind === "event") events.show(live.events);
   if (kind === "state") showState(newest.state);
   if (kind === "robot") teleop.show();
+  if (kind === "gone") stop.take("robot is gone");
   if (kind === "pose" && !isFitted && !newest.map) fit();
   changed();
 }
@@ -152,7 +153,7 @@ function showState(state) {
   write(byId("speed"), `${fixed(state.v)} m/s ${degrees(state.w)}/s`);
   write(byId("limit"), state.limit?.text ? `slowed: ${state.limit.text}` : "");
   byId("why").replaceChildren(...(state.why ? withCode(`Stopped: ${state.why}${state.remedy ? ` → ${state.remedy}` : ""}`) : []));
-  stop.show(state.stopped && state.latched);
+  stop.take(state.latched ? STOPPED : "");
   byId("resume").classList.toggle("strong", Boolean(state.latched));
 }
 
@@ -210,18 +211,29 @@ layerButtons(byId("panel-layers"), drawing.shown, changed);
 
 // --- the session ---------------------------------------------------------------------------------------------------
 
+/** Time between two looks for robots that have come up, ms. */
+const LOOK = 3000;
+
 function begin() {
   byId("login").hidden = true;
   document.body.classList.add("in");
-  const choice = byId("robot");
-  choice.replaceChildren(...session.robots.map((name) => element("option", { value: name }, name)));
-  choice.onchange = () => show(choice.value);
   write(byId("right"), session.right === "operate" ? "operator" : "viewer");
   refuseActs(session.right === "operate" ? "" : VIEW_ONLY);
   document.body.classList.toggle("views", session.right !== "operate");
-  if (session.robots.length) show(session.robots[0]);
-  else say("No robot is up: start one with `navloom up`.", true);
+  byId("robot").replaceChildren();
+  listRobots();
+  if (!robot) say("No robot is up: start one with `navloom up`.", true);
 }
+
+/** Adds robots that have come up to the choice, and shows the first one. */
+function listRobots() {
+  const choice = byId("robot");
+  const listed = new Set([...choice.options].map(({ value }) => value));
+  choice.append(...session.robots.filter((name) => !listed.has(name)).map((name) => element("option", { value: name }, name)));
+  if (!robot && session.robots.length) show(session.robots[0]);
+}
+byId("robot").addEventListener("change", () => show(byId("robot").value));
+setInterval(() => session.right && !document.hidden && continued().then(listRobots, () => {}), LOOK);
 
 function end(message = "") {
   for (const part of [live, stop, teleop]) part?.close();

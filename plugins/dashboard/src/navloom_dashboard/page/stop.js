@@ -6,6 +6,8 @@ import { socketAddress } from "./session.js";
 const BEAT = 1000;
 /** Longest silence of the connection before it counts as down, ms: longer than two beats. */
 const SILENT = 2500;
+/** What the button says once the robot has reported the stop. */
+export const STOPPED = "robot is stopped";
 /** How long a stop that could not be sent is still sent once the connection is back, ms. */
 const KEPT = 10000;
 
@@ -80,18 +82,23 @@ export class Stop {
     this.show();
   }
 
-  show(robotStopped = this._robotStopped) {
-    this._robotStopped = robotStopped;
+  /** Takes what the robot's own state says: the stop of `state` holds; "" for nothing. */
+  take(robot) {
+    this._robot = robot;
+    this.show();
+  }
+
+  show() {
     const button = byId("stop");
     const up = this.isUp || Boolean(this._refusal());
     button.classList.toggle("down", !up);
-    button.classList.toggle("done", up && Boolean(robotStopped));
+    button.classList.toggle("done", up && this._robot === STOPPED);
     const isFresh = this._answer && performance.now() - this._answered < 4000;
     const words = this._refusal() ? "view only"
       : !up ? (this._waiting ? "NOT SENT: no connection" : "no connection")
       : this._waiting ? "sending …"
       : isFresh ? this._answer
-      : robotStopped ? "robot is stopped" : "ready";
+      : this._robot || "ready";
     write(byId("stop-state"), words);
   }
 }

@@ -19,6 +19,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from navloom_dashboard.acts import ACTS, BadRequest, parameters, text
+from navloom_dashboard.outbox import text_frame
 from navloom_dashboard.recordings import Recordings
 from navloom_dashboard.robot_link import RobotLink
 from navloom_dashboard.sessions import Session, Sessions, TooManyLogins
@@ -33,6 +34,8 @@ BODY_WAIT = 5.0
 """Longest time until the body of a request is there, s."""
 LOOK_AGAIN = 1.0
 """Interval of looking whether a session has ended while its page is open, s."""
+MEMBERS_INTERVAL = 0.2
+"""Interval of the poses of other robots, s."""
 HEARTBEAT = 1.0
 """Interval of heartbeats of the STOP connection, s."""
 ENDED = 4401
@@ -81,11 +84,12 @@ class Dashboard:
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        looking = asyncio.create_task(self._look_for_robots())
+        running = [asyncio.create_task(self._look_for_robots()), asyncio.create_task(self._show_members())]
         try:
             yield
         finally:
-            looking.cancel()
+            for task in running:
+                task.cancel()
             await self._recordings.close()
             for link in self.robots.values():
                 link.close()
@@ -101,6 +105,18 @@ class Dashboard:
                     self._tasks.add(task)
                     task.add_done_callback(self._tasks.discard)
             await asyncio.sleep(LOOK_AGAIN)
+
+    async def _show_members(self) -> None:
+        """Show each robot the others in its world, and whether it is being recorded."""
+        while True:
+            poses = {name: (link.world, link.pose) for name, link in self.robots.items()}
+            for name, link in self.robots.items():
+                others = [pose for other, (world, pose) in poses.items()
+                          if other != name and world == link.world and pose is not None]  # fmt: skip
+                if others or "members" in link.latest:
+                    link.show(text_frame("members", {"members": others}, None))
+                link.show(text_frame("recording", {"file": self._recordings.running(name)}, None))
+            await asyncio.sleep(MEMBERS_INTERVAL)
 
     def _robot(self, connection: HTTPConnection) -> RobotLink:
         given = connection.path_params

@@ -11,8 +11,6 @@ from navloom.config import ConfigError
 
 __all__ = ["dashboard"]
 
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-
 
 def dashboard(
     robots: Annotated[
@@ -70,7 +68,7 @@ def dashboard(
 
     server = WebServer((bind, port), tls, websockets=True)
     made = Dashboard(find, recordings, f"navloom-{server.port}", tls is not None)
-    names = {*LOOPBACK, *([] if is_loopback(bind) else [bind]), *(name or ()), *server.names}
+    names = {*(name or ()), *server.names}
     url = f"{server.url}/#token="
     say_so(f"operators: {url}{made.sessions.tokens['operate']}")
     say_so(f"viewers: {url}{made.sessions.tokens['view']}")

@@ -37,8 +37,8 @@ class Recordings:
 
     async def start(self, robot: str, where: Where) -> str:
         """Start to record, and return the name of the file. Raises RecordError."""
-        if robot in self._running and self._running[robot][0].returncode is None:
-            raise RecordError(f"{robot} is being recorded already, to {self._running[robot][1].name}")
+        if name := self.running(robot):
+            raise RecordError(f"{robot} is being recorded already, to {name}")
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / f"{robot.replace('/', '_')}_{datetime.now(UTC):%Y%m%d_%H%M%S}.mcap"
         options = ["--connect", where.connect] if where.connect else []
@@ -75,9 +75,10 @@ class Recordings:
         for robot in list(self._running):
             await self.stop(robot)
 
-    def is_running(self, robot: str) -> bool:
-        """Whether a robot is being recorded."""
-        return robot in self._running and self._running[robot][0].returncode is None
+    def running(self, robot: str) -> str | None:
+        """Name of the file to which a robot is being recorded; None if it is not."""
+        child, path = self._running.get(robot, (None, Path()))
+        return path.name if child is not None and child.returncode is None else None
 
     def files(self, robot: str) -> list[dict[str, Any]]:
         """Recordings of a robot, the newest first."""

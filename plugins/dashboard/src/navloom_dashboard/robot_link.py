@@ -63,6 +63,7 @@ class RobotLink:
     Attributes:
         latest: Newest frame of each slot, for pages that are opened later.
         may_operate: Whether the certificate allows to act.
+        world: The map or world that its poses are in, with its realm.
     """
 
     def __init__(self, name: str, where: Where, loop: asyncio.AbstractEventLoop) -> None:
@@ -85,6 +86,8 @@ class RobotLink:
         self._next_map: MapUpdate | None = None
         self._stopping = asyncio.Lock()
         self._next_stop: asyncio.Task[None] | None = None
+        self._fixed: dict[str, Any] = {}
+        self.world = ""
 
     # --- reading ----------------------------------------------------------------------------------------------------
 
@@ -99,7 +102,7 @@ class RobotLink:
                 why = str(error)
             except RuntimeError:  # the executor is shut down
                 break
-            self._acting = self._reader = None
+            self._acting, self._reader, self._fixed = None, None, {}
             self._put([text_frame("gone", {"why": why}, None)])
             await asyncio.sleep(JOIN_AGAIN)
 
@@ -158,8 +161,8 @@ class RobotLink:
 
     def _about(self, robot: Navigator, nodes: list[Any]) -> Frame:
         """The frame of what the robot is."""
-        if not hasattr(self, "_fixed"):
-            self._fixed = _fixed(robot)
+        if not self._fixed:
+            self._fixed, self.world = _fixed(robot)
         roles: dict[str, list[dict[str, Any]]] = {}
         for node in nodes:
             if node.plugin:
@@ -196,6 +199,20 @@ class RobotLink:
             yield outbox
         finally:
             self._outboxes.discard(outbox)
+
+    def show(self, frame: Frame) -> None:
+        """Send a frame that was not made of the robot's own messages, if it has changed and the robot is there."""
+        if self._reader is not None and self.latest.get(frame.slot) != frame:
+            self._put([frame])
+
+    @property
+    def pose(self) -> dict[str, Any] | None:
+        """Its name and pose, for the pages of other robots; None while it is gone or does not know it."""
+        estimate = self._view.pose if self._reader is not None else None
+        if estimate is None:
+            return None
+        pose = estimate.pose
+        return {"name": self.name, "x": pose.x, "y": pose.y, "heading": pose.heading}
 
     def age(self, frame: Frame) -> float | None:
         """Age of what a frame shows, s."""
@@ -272,10 +289,11 @@ def _shown(streams: list[str]) -> list[str]:
     return [stream for stream in streams if stream.rpartition("/")[2] not in UNREAD]
 
 
-def _fixed(robot: Navigator) -> dict[str, Any]:
-    """What does not change while the robot is up."""
+def _fixed(robot: Navigator) -> tuple[dict[str, Any], str]:
+    """What does not change while the robot is up; and where its poses are."""
     config = robot.config().config
     table = config.robot
+    world = " ".join((table.realm, *(one.ref for one in (config.map, config.world) if one is not None)))
     return {
         "footprint": robot.footprint().round(4).tolist(),
         "limits": {
@@ -283,7 +301,7 @@ def _fixed(robot: Navigator) -> dict[str, Any]:
             "deceleration": table.max_deceleration, "drive": table.drive,
         },
         "gate": {"stop_deadline": config.gate.stop_deadline},
-    }  # fmt: skip
+    }, world  # fmt: skip
 
 
 def _load(node: Any) -> dict[str, Any]:

@@ -21,7 +21,7 @@ import uvicorn
 from navloom.errors import NavloomError
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["BindError", "WebServer", "guarded", "is_loopback"]
+__all__ = ["BindError", "Receive", "Scope", "Send", "WebServer", "guarded", "is_loopback"]
 
 HEAD_WAIT = 5.0
 """Longest time from a connection to a whole request head, s, and between two requests."""
@@ -64,9 +64,10 @@ def guarded(app: Application, names: Iterable[str]) -> Application:
 
     Args:
         app: What answers the other requests.
-        names: Names and addresses by which browsers may reach the server.
+        names: Names of this host by which it may be reached; addresses and localhost are always good, because no
+            attacker can make one point elsewhere.
     """
-    known = {name.lower() for name in names}
+    known = {"localhost", *(name.lower() for name in names)}
 
     async def checked(scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -85,8 +86,9 @@ def guarded(app: Application, names: Iterable[str]) -> Application:
 
 
 def _why_refused(scope: Scope, hosts: list[str], origins: list[str], known: set[str]) -> str:
-    if len(hosts) != 1 or host_name(hosts[0]) not in known:
-        return f"this server is not {', '.join(hosts) or 'without a name'}: reach it as {' or '.join(sorted(known))}"
+    if len(hosts) != 1 or not (is_address(name := host_name(hosts[0])) or name in known):
+        known_names = " or ".join(sorted(known))
+        return f"this server is not {', '.join(hosts) or 'nameless'}: reach it as {known_names}, or by its address"
     secure = scope["scheme"] in ("https", "wss")
     own = f"{'https' if secure else 'http'}://{hosts[0].lower()}"
     # Browsers always send the origin with websockets, and with requests of other methods than GET and HEAD.
@@ -103,6 +105,14 @@ def host_name(host: str) -> str:
     if not colon or name.endswith(":") or (host.startswith("[") and "]" not in name):
         name, port = host.lower(), "0"
     return name if port.isdecimal() and port.isascii() else ""
+
+
+def is_address(name: str) -> bool:
+    """Whether the name in a Host header is an IP address; one of version 6 is in brackets."""
+    is_sixth = name.startswith("[") and name.endswith("]")
+    with contextlib.suppress(ValueError):
+        return (ipaddress.ip_address(name[1:-1] if is_sixth else name).version == 6) == is_sixth
+    return False
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
@@ -189,7 +199,7 @@ class WebServer:
         self._settings: dict[str, Any] = {
             "http": protocol,
             "ws": "websockets-sansio" if websockets else "none",
-            "lifespan": "on",
+            "lifespan": "auto",
             "log_config": None,
             "log_level": logging.ERROR,
             "access_log": False,

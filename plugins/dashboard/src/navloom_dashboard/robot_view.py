@@ -189,6 +189,7 @@ class RobotView:
             "stopped": gate is not None and gate.stopped,
             "latched": gate is not None and gate.latched,
             "why": why, "remedy": remedy,
+            "at_rest": gate is not None and gate.why is not None and gate.why.stop.is_at_rest,
             "goal": goal,
             "result": None if result is None else {"id": result.goal_id, "outcome": result.outcome,
                                                    "reason": result.reason, "code": result.code},

@@ -67,4 +67,5 @@ export class Camera {
   }
 }
 
-export const wrapped = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
+/** An angle in (-pi, pi]. */
+export const wrapped = (angle) => Math.PI - ((((Math.PI - angle) % (2 * Math.PI)) + 2 * Math.PI) % (2 * Math.PI));

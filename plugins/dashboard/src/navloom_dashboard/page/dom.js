@@ -20,9 +20,19 @@ export function write(target, text) {
   if (target.textContent !== text) target.textContent = text;
 }
 
-/** Text with the commands between backticks as code. */
+/** Commands that remedies name -> what does the same on this page. */
+const HERE = {
+  stop: "STOP", resume: "Resume", goal: "Goal", cancel: "Cancel goal", place: "I am here", relocalise: "Relocalise",
+  teleop: "Panels, Drive", swap: "Panels, Compare", params: "Panels, Parameters", doctor: "Panels, Events", record: "Panels, Record",
+};
+
+/** Text with the commands between backticks as code, or as what does the same on this page. */
 export function withCode(text) {
-  return String(text ?? "").split("`").map((part, i) => (i % 2 ? element("code", {}, part) : part));
+  return String(text ?? "").split("`").map((part, i) => {
+    if (i % 2 === 0) return part;
+    const here = HERE[/^navloom (\w+)/.exec(part)?.[1]];
+    return here ? element("b", { className: "here" }, here) : element("code", {}, part);
+  });
 }
 
 let saying = 0;

@@ -78,6 +78,10 @@ function fit() {
     const [c, s] = [Math.cos(turn), Math.sin(turn)];
     const xs = [0, c * w, c * w - s * h, -s * h].map((dx) => x + dx);
     const ys = [0, s * w, s * w + c * h, c * h].map((dy) => y + dy);
+    if (pose) {
+      xs.push(pose.x - 0.5, pose.x + 0.5);
+      ys.push(pose.y - 0.5, pose.y + 0.5);
+    }
     camera.fit([Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]);
   } else if (pose) camera.fit([pose.x - 4, pose.y - 4, pose.x + 4, pose.y + 4]);
   isFitted = Boolean(map);
@@ -100,7 +104,11 @@ new ResizeObserver(() => {
   Object.assign(camera, { width, height });
   changed();
 }).observe(canvas);
-listen(canvas, camera, tool, () => (showFollow(), changed()));
+listen(canvas, camera, tool, () => {
+  isFitted = true; // whoever has moved the map keeps it
+  showFollow();
+  changed();
+});
 
 function showFollow() {
   byId("follow").setAttribute("aria-pressed", String(camera.follows));
@@ -151,8 +159,9 @@ function showState(state) {
   byId("state").classList.toggle("bad", Boolean(state.latched));
   write(byId("drives"), state.driver);
   write(byId("speed"), `${fixed(state.v)} m/s ${degrees(state.w)}/s`);
-  write(byId("limit"), state.limit?.text ? `slowed: ${state.limit.text}` : "");
+  write(byId("limit"), state.limit?.text && !state.stopped ? `slowed: ${state.limit.text}` : "");
   byId("why").replaceChildren(...(state.why ? withCode(`Stopped: ${state.why}${state.remedy ? ` → ${state.remedy}` : ""}`) : []));
+  byId("why").classList.toggle("calm", state.at_rest && !state.latched);
   stop.take(state.latched ? STOPPED : "");
   byId("resume").classList.toggle("strong", Boolean(state.latched));
 }

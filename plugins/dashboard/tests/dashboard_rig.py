@@ -68,9 +68,9 @@ class Browser:
             self.cookie, self.csrf = answer.headers["set-cookie"].split(";")[0], answer.body["csrf"]
         return answer
 
-    def act(self, name: str, robot: str = "lab/r1", **fields: Any) -> Answer:
-        """Send an act."""
-        return self.ask(f"/api/{robot}/act", {"act": name, **fields})
+    def act(self, act: str, /, **fields: Any) -> Answer:
+        """Send an act to the robot lab/r1."""
+        return self.ask("/api/lab/r1/act", {"act": act, **fields})
 
     def socket(self, path: str, origin: str = "", **headers: str) -> ClientConnection:
         """Open a websocket."""

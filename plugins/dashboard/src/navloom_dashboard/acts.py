@@ -12,7 +12,7 @@ from navloom import NavloomError
 from navloom.plugins import Discovery, PluginError
 from navloom_live import Navigator
 
-__all__ = ["ACTS", "BadRequest", "parameters"]
+__all__ = ["ACTS", "BadRequest", "json_object", "number", "parameters", "text"]
 
 MOST_POINTS = 512
 """Most points of a goal."""
@@ -24,6 +24,17 @@ Given = Mapping[str, Any]
 
 class BadRequest(NavloomError, ValueError):
     """A request of the page that has not the form it should have."""
+
+
+def json_object(data: str | bytes) -> dict[str, Any]:
+    """The JSON object in a message of the page. Raises BadRequest."""
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise BadRequest("expected a JSON object")
+    return found
 
 
 def number(given: Given, name: str) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
-import json
 from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from navloom_dashboard.acts import ACTS, BadRequest, parameters, text
+from navloom_dashboard.acts import ACTS, BadRequest, json_object, parameters, text
 from navloom_dashboard.outbox import text_frame
 from navloom_dashboard.recordings import Recordings
 from navloom_dashboard.robot_link import RobotLink
@@ -76,7 +75,7 @@ class Dashboard:
                 WebSocketRoute(f"/stop{robot}", self._stop),
                 WebSocketRoute(f"/teleop{robot}", self._teleop),
             ],
-            exception_handlers={HTTPException: _told, NavloomError: _refused},
+            exception_handlers={HTTPException: _told, NavloomError: _refused, TimeoutError: _refused},
             lifespan=self._lifespan,
         )
 
@@ -153,6 +152,8 @@ class Dashboard:
         session = self._changer(request)
         if session.right != "operate":
             raise HTTPException(403, "a viewer may not act: log in with the operator's token")
+        if not session.may_act(asyncio.get_running_loop().time()):
+            raise HTTPException(429, "too many requests: try again in a second")
         return session
 
     async def _login(self, request: Request) -> Response:
@@ -289,7 +290,7 @@ class Dashboard:
         async def receive() -> None:
             async with asyncio.TaskGroup() as group:
                 while True:
-                    said = _object(await socket.receive_text())
+                    said = json_object(await socket.receive_text())
                     if "n" in said:
                         group.create_task(stop(said["n"]))
 
@@ -341,17 +342,7 @@ async def _json(request: Request) -> dict[str, Any]:
                     raise HTTPException(413, f"the request is larger than {BODY} bytes")
     except TimeoutError:
         raise HTTPException(408, f"the request was not complete within {BODY_WAIT:g} s") from None
-    return _object(body)
-
-
-def _object(data: str | bytes) -> dict[str, Any]:
-    try:
-        found = json.loads(data)
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
-        raise BadRequest("expected a JSON object")
-    return found
+    return json_object(body)
 
 
 def _fresh(content: Any) -> Response:

@@ -52,6 +52,10 @@ class Outbox:
         self._waiting: dict[str, Frame] = {}
         self._news = asyncio.Event()
 
+    def __len__(self) -> int:
+        """Number of frames that wait."""
+        return len(self._waiting)
+
     def put(self, frame: Frame) -> None:
         """Add a frame, in the place of an older one of its slot."""
         self._waiting[frame.slot] = frame

@@ -23,6 +23,10 @@ MOST_ADDRESSES = 1024
 """Most addresses whose wrong logins are remembered."""
 
 
+ACTS_AT_ONCE, ACTS_RATE = 20.0, 10.0
+"""Acts that a session may send at once, and per s in the long run."""
+
+
 class TooManyLogins(Exception):
     """An address has sent too many wrong tokens; it may try again later."""
 
@@ -41,6 +45,17 @@ class Session:
     csrf: str
     began: float
     used: float
+    _left: float = ACTS_AT_ONCE
+    _acted: float = 0.0
+
+    def may_act(self, now: float) -> bool:
+        """Count an act; whether it is not one too many."""
+        self._left = min(ACTS_AT_ONCE, self._left + ACTS_RATE * (now - self._acted))
+        self._acted = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
 
 
 @dataclass

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import math
 from typing import Any
 
@@ -12,7 +11,7 @@ from navloom import NavloomError
 from navloom_live import Driver
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from navloom_dashboard.acts import BadRequest, number
+from navloom_dashboard.acts import BadRequest, json_object, number
 from navloom_dashboard.robot_link import RobotLink
 
 __all__ = ["DEAD_MAN", "drive"]
@@ -37,7 +36,7 @@ async def drive(socket: WebSocket, robot: RobotLink) -> None:
         nonlocal closed
         try:
             while True:
-                said = json.loads(await socket.receive_text())
+                said = json_object(await socket.receive_text())
                 if said.get("end"):
                     closed = True
                     return
@@ -45,7 +44,7 @@ async def drive(socket: WebSocket, robot: RobotLink) -> None:
                 begun.set()
         except WebSocketDisconnect as left:
             closed = left.code == 1000
-        except (ValueError, AttributeError, BadRequest) as error:
+        except BadRequest as error:
             with contextlib.suppress(Exception):
                 await socket.close(1008, str(error)[:100])
 

@@ -27,6 +27,8 @@ HEAD_WAIT = 5.0
 """Longest time from a connection to a whole request head, s, and between two requests."""
 CONNECTIONS = 256
 """Most connections at once. One more ends the connection that has waited longest without a whole request head."""
+BACKLOG = 512
+"""Most connections that are accepted at once: with CONNECTIONS, below the usual limit of 1024 open files."""
 HEAD_SIZE = 16_384
 """Largest request head, bytes."""
 WS_MESSAGE = 65_536
@@ -134,6 +136,11 @@ def _with_headers(send: Send) -> Send:
     return sending
 
 
+NO_FAULTS = ("without completing handshake", "running task(s)")
+"""What uvicorn logs as an error and is none: a websocket that is refused with a reason, a page open at the end."""
+logging.getLogger("uvicorn.error").addFilter(lambda record: not any(text in str(record.msg) for text in NO_FAULTS))
+
+
 class _Connection(H11Protocol):
     """A connection that is closed if its request head does not come, or if it is one too many."""
 
@@ -205,6 +212,7 @@ class WebServer:
             "access_log": False,
             "proxy_headers": False,
             "server_header": False,
+            "backlog": BACKLOG,
             "ws_max_size": WS_MESSAGE,
             "ws_ping_interval": PING_INTERVAL,
             "ws_ping_timeout": PING_INTERVAL,
@@ -245,6 +253,11 @@ class WebServer:
 
         return tuple(f"[{name}]" if ":" in name else name for name in hosts_of(self._tls))
 
+    @property
+    def connections(self) -> int:
+        """Number of connections that it has."""
+        return 0 if self._server is None else len(self._server.server_state.connections)
+
     def run(self, app: Application) -> None:
         """Serve until Ctrl-C or SIGTERM."""
         self._made(app).run(sockets=[self._socket])
@@ -273,7 +286,7 @@ class WebServer:
 
 def _listening(address: tuple[str, int]) -> socket.socket:
     family, _, _, _, where = socket.getaddrinfo(*address, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-    return socket.create_server(where[:2], family=family, backlog=1024)
+    return socket.create_server(where[:2], family=family, backlog=BACKLOG)
 
 
 def _context(certificate: Path) -> ssl.SSLContext:

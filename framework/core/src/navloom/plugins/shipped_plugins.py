@@ -14,6 +14,7 @@ SHIPPED = {
     "navloom-calibration": ("command.calibrate",),
     "navloom-carmen": ("command.import",),
     "navloom-check": ("command.check",),
+    "navloom-dashboard": ("command.dashboard",),
     "navloom-dwa": ("avoider.dwa",),
     "navloom-hoang2013": ("command.paper",),
     "navloom-hybrid-astar": ("planner.hybrid_astar",),

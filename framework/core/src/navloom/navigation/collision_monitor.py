@@ -328,6 +328,8 @@ class CollisionMonitor:
             moved = compose(inverse(self._track.at(np.array([time]))[0]), self._track.poses[-1])
             base = Pose2D(*compose((base.x, base.y, base.heading), moved).tolist())
         found = surfaces_without_echo(grid, base, reach, echoes)
+        if not len(found):
+            return found
         is_shown = self._covers(found)
         # Coarse cells about a thin post would otherwise stop a robot beside an object whose echoes it sees.
         is_shown[is_shown] = shown_aside(found[is_shown], echoes, grid.resolution)

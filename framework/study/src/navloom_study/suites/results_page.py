@@ -113,7 +113,7 @@ def _of_suite(folder: Path, base: Path, table: SuiteTable, found: Mapping[str, S
         table.primary,
         *(f"{part}: reached" for part in parts),
         "contacts",
-        "step, ms: p50, p99",
+        "step, ms",
         "checked",
         "command",
     ]
@@ -124,7 +124,7 @@ def _of_suite(folder: Path, base: Path, table: SuiteTable, found: Mapping[str, S
         cells = [_interval(told["metrics"][result.primary])]
         cells += [f"{told['parts'][part]['reached']} of {told['parts'][part]['episodes']}" for part in parts]
         cells.append(str(sum(told["parts"][part]["contacts"] for part in parts)))
-        cells.append(f"{cost['tick_us_p50'] / 1e3:.2f}, {cost['tick_us_p99'] / 1e3:.2f}" if cost else "–")
+        cells.append(f"{cost['step_us'] / 1e3:.2f}" if cost else "–")
         cells.append(f"{result.checked.get('sample', 0)} of {told['episodes']}")
         command = html.escape(command_of(table.name, method, result), quote=True)
         cells.append(f"<code>{command}</code>")
@@ -161,8 +161,8 @@ def _computed(folder: Path, table: SuiteTable, found: Mapping[str, SuiteResult])
     processors = ", ".join(sorted({cost["processor"] for cost in costs}))
     load = max(cost["load"] for cost in costs)
     return (
-        f"Wall time of a control step of the whole robot: medians over drives, on {processors}, at a load of up to "
-        f"{load:g}; a busy machine makes it longer.\n"
+        f"*Step*: CPU time that 99 of 100 control steps of the whole robot stay below, median over drives, on "
+        f"{processors}, at a load of up to {load:g}.\n"
     )
 
 

@@ -40,7 +40,7 @@ KEPT = 64
 RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>[@?].*)?")
 
 
-_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors"}
+_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors", "tasks"}
 """Fields of worlds and obstacles that are younger than the first studies."""
 
 

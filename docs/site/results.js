@@ -35,5 +35,5 @@ function filterOf(table) {
   return bar;
 }
 
-const results = document.getElementById("all-suites");
+const results = document.getElementById("every-result");
 if (results) results.closest(".results").before(filterOf(results));

@@ -73,7 +73,7 @@ def _suites() -> dict[str, SuiteTable]:
 def _matrix(suites: Mapping[str, SuiteTable], found: Mapping[tuple[str, str], SuiteResult]) -> str:
     own = {name: family_names(table.methods) for name, table in suites.items()}
     methods = dict.fromkeys([*(m for names in own.values() for m in names), *(m for _, m in found)])
-    lines = ['<div class="results" markdown="0">', '<table id="all-suites"><thead><tr><th>method</th>']
+    lines = ['<div class="results" markdown="0">', '<table id="every-result" class="rows"><thead><tr><th>method</th>']
     lines += [
         f'<th><a href="#{name}">{name}</a><br><small>{table.primary}</small></th>' for name, table in suites.items()
     ]
@@ -108,7 +108,7 @@ def _of_suite(folder: Path, base: Path, table: SuiteTable, found: Mapping[str, S
         yield "No method has been run yet.\n"
         return
     parts = [*next(iter(found.values())).summary[names[0]]["parts"]]
-    lines = ['<div class="results" markdown="0">', "<table><thead><tr><th>method</th>"]
+    lines = ['<div class="results" markdown="0">', '<table class="rows"><thead><tr><th>method</th>']
     heads = [
         table.primary,
         *(f"{part}: reached" for part in parts),

@@ -304,9 +304,7 @@ def _read(reference: str) -> tuple[str, Path]:
 def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dropped: list[str]) -> None:
     place, value = parse_override(change)
     if place.partition(".")[0] == "member":
-        raise ConfigError(
-            f"--set {brief(change)}: member is of a fleet, and this is the config of one robot"
-        )
+        raise ConfigError(f"--set {brief(change)}: member is of a fleet, and this is the config of one robot")
     if place.partition(".")[0] == "method":
         raise ConfigError(
             f"--set {brief(change)}: --set applies after a method; choose one with --method NAME, or set the value "

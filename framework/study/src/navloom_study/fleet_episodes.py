@@ -7,7 +7,7 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from navloom.runs.fleet_metrics import FLEET_METRICS
@@ -17,8 +17,6 @@ from navloom_study.episode_key import EpisodeKey
 if TYPE_CHECKING:
     from navloom.plugins import Discovery
     from navloom.runs.metrics import Metric
-
-    from navloom_study.episode_rows import Row
 
 __all__ = ["MEMBERS", "OF_MEMBERS", "MemberRow", "known_metrics", "member_rows_of", "member_summary", "member_table"]
 
@@ -48,6 +46,18 @@ class MemberRow:
     trace_sha256: str
 
 
+class EpisodeOfFleet(Protocol):
+    """A row with members."""
+
+    @property
+    def key(self) -> EpisodeKey:
+        """Key of the episode."""
+
+    @property
+    def members(self) -> tuple[MemberRow, ...]:
+        """Its members."""
+
+
 def known_metrics(discovery: Discovery, is_fleet: bool) -> tuple[tuple[Metric, ...], tuple[str, ...]]:
     """Metrics of a study's rows, see `all_metrics`; those of a fleet are all built in."""
     from navloom.runs.metrics import all_metrics
@@ -55,7 +65,7 @@ def known_metrics(discovery: Discovery, is_fleet: bool) -> tuple[tuple[Metric, .
     return (FLEET_METRICS, ()) if is_fleet else all_metrics(discovery)
 
 
-def member_table(rows: Iterable[Row], metrics: Sequence[str]) -> str:
+def member_table(rows: Iterable[EpisodeOfFleet], metrics: Sequence[str]) -> str:
     """The members of all rows as CSV, see `table_of`."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -82,7 +92,7 @@ def member_rows_of(table: str, metrics: Sequence[str]) -> dict[EpisodeKey, list[
     return found
 
 
-def member_summary(rows: Iterable[Row], metrics: Sequence[str]) -> dict[str, dict[str, Any]]:
+def member_summary(rows: Iterable[EpisodeOfFleet], metrics: Sequence[str]) -> dict[str, dict[str, Any]]:
     """By member: its number of episodes and outcomes, and the mean of each metric where it is defined.
 
     There are no intervals over members: those of one fleet depend on each other.

@@ -12,7 +12,7 @@ from typing import IO, Any
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.loader import members_of
 from navloom.engine.build import is_simulated
-from navloom.engine.lockstep import PROGRESS_INTERVAL_NS
+from navloom.engine.lockstep import PROGRESS_INTERVAL_NS, Observer
 from navloom.engine.lockstep_builder import moving_world_of
 from navloom.engine.nodes.world_node import mover_of
 from navloom.engine.plugin_factory import make_plugins
@@ -92,6 +92,7 @@ def run_fleet(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
     reads: Iterable[tuple[str, str]] = (),
+    observers: Mapping[str, Sequence[Observer]] | None = None,
 ) -> Fleet:
     """Run the configs of a fleet's members in one world, each until its last goal has ended and the robot stands.
 
@@ -104,6 +105,7 @@ def run_fleet(
         say: Receives progress of the preparation.
         progress: Called with the run time so far and the longest possible one, s.
         reads: Streams that metrics need, `(role or node, port)`, of each member.
+        observers: Observers of each member, by name.
 
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
@@ -114,7 +116,7 @@ def run_fleet(
         for name, drive in drives.items():
             within.enter_context(drive)
             make_plugins(drive.system, say)
-            drive.connect((), (traces or {}).get(name), reads=reads)
+            drive.connect((observers or {}).get(name, ()), (traces or {}).get(name), reads=reads)
         world = _World(list(drives.values()))
         wall_ns = _run(drives, world, progress)
     episodes = {name: drive.episode() for name, drive in drives.items()}

@@ -42,6 +42,9 @@ def run(
     ] = None,
     record: Record = None,
     view: ViewOptions,
+    processes: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Processes that drive a fleet; they change no result.")
+    ] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a config in simulated time, in one process (lockstep).
@@ -50,6 +53,7 @@ def run(
     """
     from navloom.cli.fleet_run import run_members
     from navloom.cli.written_files import Written, record_of, rerun_of
+    from navloom.config import ConfigError
     from navloom.config.loader import members_of
     from navloom.plugins import Discovery
     from navloom.plugins.run_observers import Onlookers
@@ -58,7 +62,11 @@ def run(
 
     where = view.asked()
     if members_of(given.config):
-        raise typer.Exit(0 if run_members(given, out, record, view, as_json) else 1)
+        if processes > 1 and (record is not None or where is not None):
+            raise ConfigError(f"--processes {processes}: --record and a viewer need all members in one process: take 1")
+        raise typer.Exit(0 if run_members(given, out, record, view, as_json, processes) else 1)
+    if processes > 1:
+        raise ConfigError(f"--processes {processes}: {given.config} has no [[member]], and one robot has one process")
     loaded = given.load(say_so)
     discovery = Discovery(loaded.config.plugins.blocked)
     with (

@@ -47,6 +47,8 @@ def plan_study(
     open_loop: bool = False,
     is_live: bool = False,
     primary: Sequence[str] = (),
+    methods: Sequence[Method] = (),
+    here: Path | None = None,
 ) -> Study:
     """Check a request before anything runs.
 
@@ -61,18 +63,21 @@ def plan_study(
         open_loop: Whether to drive the baseline once more for each world and seed, with the other methods in shadow.
         is_live: Whether the episodes are to be driven live.
         primary: Metrics that the study asks about; default `PRIMARY`.
+        methods: The methods, made already; default those of `vary`.
+        here: Base folder of references that are not from a file; default the current one.
 
     Raises:
         ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
     """
     base = load_config(config, changes)
     discovery = CachedDiscovery(base.config.plugins.blocked)
-    methods = methods_of(config, vary, changes, discovery)
+    methods = list(methods) or methods_of(config, vary, changes, discovery)
     baseline = _baseline(baseline, methods)
     beside = open_loop_of(methods, baseline) if open_loop else None
     say("reading worlds")
-    cases = worlds_of(base, worlds, discovery)
-    here, single = Path.cwd(), len(methods) == len(cases) == 1
+    here = here or Path.cwd()
+    cases = worlds_of(base, worlds, discovery, here)
+    single = len(methods) == len(cases) == 1
     say("checking methods")
     check = _check_live if is_live else check_task
     systems = {method.name: _checked(method, cases[0], discovery, here, single, check) for method in methods}

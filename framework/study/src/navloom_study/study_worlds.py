@@ -40,7 +40,7 @@ KEPT = 64
 RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>[@?].*)?")
 
 
-_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors"}
+_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors", "tasks"}
 """Fields of worlds and obstacles that are younger than the first studies."""
 
 
@@ -109,11 +109,14 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
     return PlacedConfig(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
 
 
-def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:
+def worlds_of(
+    base: Loaded, references: Sequence[str], discovery: Discovery, here: Path | None = None
+) -> list[WorldCase]:
     """The worlds of a study, default the config's own world, or that of its platform.
 
     Start, goal and tolerance come from the world if it names them, since those of the config belong to the config's
-    own world. A `--set` of them overrides both.
+    own world. A `--set` of them overrides both. Files that a reference names are relative to the folder `here`,
+    default the current one.
 
     Raises:
         ConfigError: A world is repeated or cannot be made; the text names the nearest fix.
@@ -121,13 +124,14 @@ def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> 
     own = base.config.world.ref if base.config.world is not None else None
     if not references and own is None:
         return [_of_platform(base, discovery)]
-    refs = [ref for given in references for ref in expanded(given)]
+    here = here or Path.cwd()
+    refs = [ref for given in references for ref in expanded(given, here)]
     for ref in refs:
         if refs.count(ref) > 1:
             raise ConfigError(f"--worlds {ref}: is there twice, expected different worlds")
     cases = []
     for ref in refs or [""]:
-        folder = Path.cwd() if ref else base.base_of("world.ref")
+        folder = here if ref else base.base_of("world.ref")
         try:
             world = discovery.world(ref or own or "", folder)
         except (PluginError, ValueError) as error:
@@ -171,7 +175,7 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
     return {place: value for place, value in values.items() if place not in by_hand}
 
 
-def expanded(reference: str) -> list[str]:
+def expanded(reference: str, here: Path | None = None) -> list[str]:
     """The references of a range, `scheme:0-49` or `scheme:FILE#1-50`, both ends included; other references unchanged.
 
     Options after the range, as `scheme:0-49?key=value`, are those of each of its worlds.
@@ -188,15 +192,15 @@ def expanded(reference: str) -> list[str]:
         raise ConfigError(f"--worlds {reference}: expected FIRST-LAST, rising, at most {LARGEST} worlds")
     numbers: Sequence[int] = range(first, last + 1)
     if match["head"].startswith(("barn:", "dynabarn:")):
-        numbers = _there(match["head"], numbers)
+        numbers = _there(match["head"], numbers, here or Path.cwd())
         if not numbers:
             raise ConfigError(f"--worlds {reference}: the file has no world of these numbers")
     return [f"{match['head']}{number}{match['options'] or ''}" for number in numbers]
 
 
-def _there(head: str, numbers: Sequence[int]) -> list[int]:
+def _there(head: str, numbers: Sequence[int], here: Path) -> list[int]:
     scheme, _, file = head.removesuffix("#").partition(":")
-    held = set(getattr(part(f"navloom_maps.{scheme}", head), f"{scheme}_numbers")(file, Path.cwd()))
+    held = set(getattr(part(f"navloom_maps.{scheme}", head), f"{scheme}_numbers")(file, here))
     return [number for number in numbers if number in held]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from navloom.cli.options import RunOptions
-from navloom.cli.output import print_json, print_table, say_so, stage
+from navloom.cli.output import log_of, print_json, print_table, say_so, stage
 from navloom.cli.run_summary import is_reached, tell_faults
 from navloom.cli.written_files import PICTURE, tell_out
 from navloom.parts import has_part, part
 
 if TYPE_CHECKING:
+    from navloom.config import Loaded
+    from navloom.plugins.run_observers import Onlookers
     from navloom.runs.fleet import Fleet
     from navloom.runs.result_folder import OutFolder
 
@@ -32,13 +35,14 @@ COLUMNS = {
 }
 
 
-def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
+def run_members(given: RunOptions, out: Path | None, as_json: bool, processes: int) -> bool:
     """Run a fleet, and print a row for each member. Returns whether each reached its goal and each file is whole.
 
     Args:
         given: The config and its changes.
         out: Folder for result.json, run.png, and a folder for each member, with what a robot alone gets.
         as_json: Print one JSON object.
+        processes: Number of processes that drive the members.
     """
     from navloom.runs.fleet import load_fleet, run_fleet
     from navloom.runs.result_folder import OutFolder, ResultFolder
@@ -48,14 +52,20 @@ def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
         say_so(notice)
     with ExitStack() as within:
         folder = within.enter_context(OutFolder(out, ("result.json", PICTURE)))
+        onlookers = _onlookers(within, members)
         own = {one.member: within.enter_context(ResultFolder(out and out / one.member)) for one in members}
         say, progress = within.enter_context(stage(as_json))
         with redirect_stdout(sys.stderr):  # plugins may print
             traces = {name: held.trace for name, held in own.items() if held.trace is not None}
-            fleet = run_fleet(members, traces=traces, say=say, progress=progress)
+            fleet = run_fleet(
+                members, traces=traces, say=say, progress=progress, onlookers=onlookers, processes=processes
+            )
+        if fleet.unheard:
+            say_so(f"--processes {processes}: observers got no messages of {', '.join(fleet.unheard)}: use one process")
         summary = fleet.summary()
         for name, episode in fleet.episodes.items():
             own[name].keep(episode, summary["members"][name])
+            onlookers[name].finish(summary["members"][name], episode, own[name])
         folder.write({"result.json": json.dumps(summary, indent=2) + "\n"})
         if out is not None and has_part("navloom_study"):
             report = "navloom_study.report"
@@ -69,6 +79,17 @@ def run_members(given: RunOptions, out: Path | None, as_json: bool) -> bool:
         _print(fleet, summary)
     are_whole = [tell_out(held, as_json) for held in (folder, *own.values())]
     return all(are_whole) and all(map(is_reached, summary["members"].values()))
+
+
+def _onlookers(within: ExitStack, members: Sequence[Loaded]) -> dict[str, Onlookers]:
+    """Observers of plugins of each member, by name."""
+    from navloom.plugins import Discovery
+    from navloom.plugins.run_observers import Onlookers
+
+    blocked = {one.member: frozenset(one.config.plugins.blocked) for one in members}
+    discoveries = {names: Discovery(names) for names in blocked.values()}
+    warn = log_of("plugins").warning
+    return {name: within.enter_context(Onlookers(discoveries[names], warn)) for name, names in blocked.items()}
 
 
 def _files(*folders: OutFolder) -> list[Path]:

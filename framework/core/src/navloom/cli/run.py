@@ -42,6 +42,9 @@ def run(
     ] = None,
     record: Record = None,
     view: ViewOptions,
+    processes: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Processes that drive a fleet; they change no result.")
+    ] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a config in simulated time, in one process (lockstep).
@@ -63,7 +66,9 @@ def run(
             raise ConfigError(
                 f"{given.config}: a fleet is neither recorded nor shown: leave --record and the viewer out"
             )
-        raise typer.Exit(0 if run_members(given, out, as_json) else 1)
+        raise typer.Exit(0 if run_members(given, out, as_json, processes) else 1)
+    if processes > 1:
+        raise ConfigError(f"--processes {processes}: {given.config} has no [[member]], and one robot has one process")
     loaded = given.load(say_so)
     discovery = Discovery(loaded.config.plugins.blocked)
     with (

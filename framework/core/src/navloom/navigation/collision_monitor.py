@@ -152,8 +152,10 @@ class CollisionMonitor:
 
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take a scan; False if it is not newer than the last, or must wait for the odometry of its time."""
-        time, made = scan.stamp_ns * 1e-9, SensorEchoes(self.limits.sigma, self._outline, self.limits.approach_speed)
-        sensor = self._sensors.setdefault(name, made)
+        time, sensor = scan.stamp_ns * 1e-9, self._sensors.get(name)
+        if sensor is None:
+            sensor = SensorEchoes(self.limits.sigma, self._outline, self.limits.approach_speed)
+            self._sensors[name] = sensor
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
         if not self._track.stamps or time > self._track.stamps[-1]:

@@ -17,6 +17,8 @@ from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 from navloom.parts import part
 
+from navloom_study.cli.suite import SuiteOptions, compare_in_suite
+
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
@@ -52,7 +54,7 @@ class Variadic(SectionedCommand):
 
 @made_with(cls=Variadic)
 def compare(
-    config: ConfigName,
+    config: ConfigName = "",
     *,
     vary: Annotated[
         list[str] | None,
@@ -107,6 +109,7 @@ def compare(
         ),
     ] = 300.0,
     view: ViewOptions,
+    suite: SuiteOptions,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
     """Run methods over worlds and seeds in closed loop. The same command continues an interrupted study.
@@ -116,14 +119,24 @@ def compare(
     --twice found a difference; 2: the request was wrong.
     """
     from navloom.cli.output import print_json
+    from navloom.config import ConfigError
     from navloom.runs.result_folder import failure_of
 
     from navloom_study.compare import plan_study, run_study
-    from navloom_study.study_folder import StudyError
     from navloom_study.study_worlds import seeds_of
-    from navloom_study.worker_pool import PoolError
 
     terminate_as_interrupted()
+    if suite.suite or suite.method or suite.methods:
+        suite.refuse_beside({
+            f"CONFIG {config}": config, "--vary": vary, "--worlds": worlds, "--seeds": seeds, "--set": set_,
+            "--primary": primary, "--scheduler": scheduler, "--baseline": baseline, "--open-loop": open_loop,
+            "--twice": twice, "--live": live, "a viewer": view.asked(),
+        })  # fmt: skip
+        with _kept(out):
+            compare_in_suite(suite, out, jobs, hang_after, as_json, _progress)
+        return
+    if not config:
+        raise ConfigError("CONFIG: is missing: name a config, as in `navloom compare paper`, or give --suite NAME")
     if live:
         _refuse_beside_live(jobs, scheduler, open_loop, twice, view)
     seeds_asked = seeds_of(seeds) if seeds else ()
@@ -140,19 +153,11 @@ def compare(
     if (where := view.asked()) is not None:
         _show(study, where, as_json)
         return
-    try:
-        with _executor(scheduler) as executor, _progress(as_json) as progress, _stopping(live) as ends:
-            result = run_study(
-                study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice,
-                ending=ends, say=LOG.info,
-            )  # fmt: skip
-    except (PoolError, StudyError) as error:
-        LOG.warning(str(error))
-        raise typer.Exit(1) from None
-    except KeyboardInterrupt:
-        kept = f"; the same command goes on from {out}" if out is not None else ""
-        LOG.warning(f"interrupted{kept}")
-        raise typer.Exit(1) from None
+    with _kept(out), _executor(scheduler) as executor, _progress(as_json) as progress, _stopping(live) as ends:
+        result = run_study(
+            study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice,
+            ending=ends, say=LOG.info,
+        )  # fmt: skip
     for note in result.notes:
         LOG.info(note)
     for warning in result.warnings:
@@ -168,6 +173,23 @@ def compare(
         LOG.warning(f"{failure}; make room, and the same command writes the rest")
     if result.missing or not result.is_repeatable:
         raise typer.Exit(1)
+
+
+@contextmanager
+def _kept(out: Path | None) -> Iterator[None]:
+    """Exit 1 where the episodes cannot go on or are interrupted: those that have ended are kept."""
+    from navloom_study.study_folder import StudyError
+    from navloom_study.worker_pool import PoolError
+
+    try:
+        yield
+    except (PoolError, StudyError) as error:
+        LOG.warning(str(error))
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        kept = f"; the same command goes on from {out}" if out is not None else ""
+        LOG.warning(f"interrupted{kept}")
+        raise typer.Exit(1) from None
 
 
 def _refuse_beside_live(

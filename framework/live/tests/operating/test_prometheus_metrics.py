@@ -17,10 +17,11 @@ import pytest
 from described import counts, described, everyone, heard
 from navloom.messages import GateStatus, StopReason
 from navloom_live.operating import metrics_server
-from navloom_live.operating.metrics_server import BindError, MetricsServer
+from navloom_live.operating.metrics_server import MetricsServer
 from navloom_live.operating.prometheus_metrics import MOST_REASONS, Stops, families
 from navloom_live.operating.robot_nodes import Node
 from navloom_live.operating.stream_subscription import Told
+from navloom_live.operating.web_server import BindError
 from prometheus_client import CollectorRegistry, Metric, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import Collector

@@ -198,7 +198,20 @@ def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World
         raise ConfigError(f"robot.name: is {loaded.config.robot.name!r}, as something in the world: name it otherwise")
     if moving_world.walks(world) and not has_part("navloom_orca"):
         raise ConfigError(f"world.ref: actors of {world.name} have goals, which needs navloom-orca: install it")
-    return world
+    return _for_member(world, loaded) if loaded.member else world
+
+
+def _for_member(world: World, loaded: Loaded) -> World:
+    """The world with the start and goal of a member; as it is if it has no task for each robot."""
+    if not world.tasks:
+        return world
+    if loaded.number >= len(world.tasks):
+        raise ConfigError(
+            f"world.ref: {world.name} has tasks for {len(world.tasks)} robots, and {loaded.member} is number "
+            f"{loaded.number + 1}: give it an option for more, or lower member.count"
+        )
+    start, goal = world.tasks[loaded.number]
+    return replace(world, start=start, goal=goal)
 
 
 def _actor_of(number: int, event: EventTable) -> Actor:

@@ -349,7 +349,7 @@ class CollisionMonitor:
         near = [sensor.near(self._track.poses[-1], reach) for sensor in self._sensors.values()]
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
-        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
+        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])]) if len(mapped) else seen
 
     def _moving(self) -> Floats:
         """(k, 7) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""

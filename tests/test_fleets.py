@@ -206,15 +206,19 @@ def run_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
         sys.modules.pop(path.stem, None)
 
 
-def test_run_prints_a_row_a_member_and_refuses_a_recording(run_of, fleet_of, tmp_path: Path) -> None:
+def test_run_prints_a_row_a_member(run_of, fleet_of) -> None:
     fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
     code, out, _ = run_of()
     head, first, second, last, *_ = out.splitlines()
     assert (code, head.split()[:2]) == (1, ["member", "outcome"])
     assert [row.split()[:2] for row in (first, second)] == [["a", "stopped"], ["b", "stopped"]]
     assert last.startswith("0 of 2 reached their goals; 0 collisions; robot time 1 s in ")
-    code, _, err = run_of("--record", str(tmp_path / "run.mcap"))
-    assert code == 2 and "a fleet is neither recorded nor shown" in err
+
+
+def test_recordings_and_viewers_need_one_process(run_of, fleet_of, tmp_path: Path) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    code, _, err = run_of("--record", str(tmp_path / "run.mcap"), "--processes", "2")
+    assert code == 2 and "--processes 2: --record and a viewer need all members in one process: take 1" in err
 
 
 def test_two_that_drive_blindly_at_each_other_both_have_a_contact_of_their_own(fleet_of) -> None:

@@ -69,6 +69,15 @@ def test_each_sees_the_other_where_it_is(fleet_of) -> None:
         assert recorder.bodies[-1].names == ("a", "b") and recorder.bodies[-1].robots == 2
 
 
+def test_equal_robots_with_lasers_on_top_see_each_other(fleet_of) -> None:
+    """The Jackal of `explore` is 0.3 m high and 0.458 m long, and so high is its laser; 2 m apart."""
+    jackals = [member(n, x, h).replace("building", "explore") for n, x, h in (("a", 0.0, 0.0), ("b", 2.0, 180.0))]
+    fleet = drive(fleet_of(*jackals, seconds=0.2), reads=[("platform", "laser")])
+    for name in "ab":
+        ahead = [scan.ranges[180] for _, scan in fleet.episodes[name].recorder.streams["platform", "laser"]]
+        assert np.mean(ahead) == pytest.approx(2.0 - 0.229, abs=0.1)
+
+
 def test_who_drives_blindly_touches_the_one_that_stands(fleet_of) -> None:
     """The contact is the driver's own, and the other's contact for the robot that stands."""
     goal = "navigation.goal = { x = 4.0, y = 0.0 }"

@@ -47,7 +47,8 @@ class Scene(NamedTuple):
         ahead: Point of the trajectory ahead, m. turns_away: Whether the robot must first turn to it.
         is_path_free: Whether the path is free enough to align to it.
         turn_to: Heading at the goal, rad; NaN for none.
-        bodies: (steps, n, 5) from moving.bodies_ahead().
+        bodies: (steps, n, 5) from moving.bodies_ahead(). body_weight: Of their nearness, per that of obstacles.
+        clear: Gap to a body below which nearness counts most, m.
     """
 
     obstacles: Floats

@@ -148,7 +148,7 @@ def test_equal_robots_have_different_noise(fleet_of) -> None:
 
 def test_no_other_command_takes_a_fleet_for_one_robot(fleet_of, tmp_path: Path) -> None:
     fleet_of(*FAR)
-    with pytest.raises(ConfigError, match="member: several robots, which only `navloom run` drives"):
+    with pytest.raises(ConfigError, match="member: several robots, which only `navloom run` and `compare` drive"):
         load_config(str(tmp_path / "fleet.toml"))
 
 

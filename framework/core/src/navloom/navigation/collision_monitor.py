@@ -328,6 +328,8 @@ class CollisionMonitor:
             moved = compose(inverse(self._track.at(np.array([time]))[0]), self._track.poses[-1])
             base = Pose2D(*compose((base.x, base.y, base.heading), moved).tolist())
         found = surfaces_without_echo(grid, base, reach, echoes)
+        if not len(found):
+            return found
         is_shown = self._covers(found)
         # Coarse cells about a thin post would otherwise stop a robot beside an object whose echoes it sees.
         is_shown[is_shown] = shown_aside(found[is_shown], echoes, grid.resolution)
@@ -347,7 +349,7 @@ class CollisionMonitor:
         near = [sensor.near(self._track.poses[-1], reach) for sensor in self._sensors.values()]
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
-        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
+        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])]) if len(mapped) else seen
 
     def _moving(self) -> Floats:
         """(k, 7) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""

@@ -64,7 +64,7 @@ SPEED, TURN = 0.3, 25.0
 """Speed, m/s, and turn rate, deg/s, of the circle in which the robot is driven."""
 MOVING = 0.25
 """Speed from which it is stopped, m/s."""
-LIMIT = 10.0
+LIMIT = 30.0
 """Longest wait for the robot, s."""
 BRAKES = 0.005
 """Fall of the commanded speed that counts as braking, m/s."""
@@ -187,15 +187,17 @@ class Wheels:
         self._thread.join()
 
 
-def driven_until_moving(robot: Navigator, wheels: Wheels, ends: threading.Event, moving: threading.Event) -> None:
+def driven_until_moving(wheels: Wheels, ends: threading.Event, moving: threading.Event) -> None:
     """Drive in a circle, and say when it moves, until the end."""
-    robot.resume()
-    with suppress(NavloomError), robot.driving() as driver:
-        while not ends.is_set():
-            driver.send(SPEED, TURN)
-            if wheels.speeds and wheels.speeds[-1][1] >= MOVING:
-                moving.set()
-            time.sleep(0.05)
+    while not ends.is_set():
+        with suppress(NavloomError), Navigator("lab/r1") as robot:
+            robot.resume()
+            with robot.driving() as driver:
+                while not ends.is_set():
+                    driver.send(SPEED, TURN)
+                    if wheels.speeds and wheels.speeds[-1][1] >= MOVING:
+                        moving.set()
+                    time.sleep(0.05)
 
 
 async def read(socket: Any) -> None:
@@ -212,10 +214,13 @@ async def stops(page: Page, robot: Navigator, wheels: Wheels, count: int) -> tup
         reading = asyncio.create_task(read(socket))
         for number in range(count):
             ends, moving = threading.Event(), threading.Event()
-            drive = asyncio.create_task(asyncio.to_thread(driven_until_moving, robot, wheels, ends, moving))
+            drive = asyncio.create_task(asyncio.to_thread(driven_until_moving, wheels, ends, moving))
             limit = time.monotonic() + LIMIT
             while not moving.is_set() and time.monotonic() < limit:
                 await asyncio.sleep(0.02)
+            if not moving.is_set():
+                ends.set()
+                raise SystemExit(f"stop {number}: the robot does not drive")
             await asyncio.sleep(0.37 * (number % 7) / 7)  # at any time within a tick
             began = time.monotonic()
             await socket.send(json.dumps({"n": number}))

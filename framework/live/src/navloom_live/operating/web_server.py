@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+from navloom.cli.interrupts import ending
 from navloom.errors import NavloomError
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -225,10 +226,13 @@ class WebServer:
         try:
             if tls is not None:
                 _context(tls)
-            self._socket = _listening(address)
         except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) and error.strerror else error
-            raise BindError(f"{address[0]}:{address[1]}: cannot be listened at: {why}") from None
+            why = getattr(error, "strerror", "") or error
+            raise BindError(f"certificate {tls}: {why}; expected NAME.pem with NAME-key.pem beside it") from None
+        try:
+            self._socket = _listening(address)
+        except OSError as error:
+            raise BindError(f"{address[0]}:{address[1]}: cannot be listened at: {error.strerror}") from None
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
 
@@ -260,7 +264,11 @@ class WebServer:
 
     def run(self, app: Application) -> None:
         """Serve until Ctrl-C or SIGTERM."""
-        self._made(app).run(sockets=[self._socket])
+        with ending() as event:
+            self.start(app)
+            while not event.wait(0.2) and self._thread is not None and self._thread.is_alive():
+                pass
+            self.close()
 
     def start(self, app: Application) -> None:
         """Serve on a thread of its own until `close`."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import ipaddress
 import logging
 import socket
@@ -25,7 +26,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 __all__ = ["BindError", "Receive", "Scope", "Send", "WebServer", "guarded", "is_loopback"]
 
 HEAD_WAIT = 5.0
-"""Longest time from a connection to a whole request head, s, and between two requests."""
+"""Longest time from a connection to a whole request head, s, between two requests, and of a TLS handshake."""
 CONNECTIONS = 256
 """Most connections at once. One more ends the connection that has waited longest without a whole request head."""
 BACKLOG = 512
@@ -272,10 +273,16 @@ class WebServer:
 
     def start(self, app: Application) -> None:
         """Serve on a thread of its own until `close`."""
-        server = self._made(app)
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(server._serve([self._socket])), name="web server", daemon=True
-        )
+        server = self._server = uvicorn.Server(uvicorn.Config(app, **self._settings))
+
+        async def serve() -> None:
+            if self._tls is not None:
+                loop = asyncio.get_running_loop()
+                # uvicorn has no setting for it; asyncio's own limit is 60 s.
+                loop.create_server = functools.partial(loop.create_server, ssl_handshake_timeout=HEAD_WAIT)  # type: ignore[method-assign]
+            await server._serve([self._socket])  # `serve` would take over the signals of this process
+
+        self._thread = threading.Thread(target=lambda: asyncio.run(serve()), name="web server", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -286,10 +293,6 @@ class WebServer:
             self._thread.join(END_WAIT + 1.0)
         with contextlib.suppress(OSError):
             self._socket.close()
-
-    def _made(self, app: Application) -> uvicorn.Server:
-        self._server = uvicorn.Server(uvicorn.Config(app, **self._settings))
-        return self._server
 
 
 def _listening(address: tuple[str, int]) -> socket.socket:

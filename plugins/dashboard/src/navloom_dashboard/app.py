@@ -195,7 +195,9 @@ class Dashboard:
 
     async def _list(self, request: Request) -> Response:
         self._viewer(request)
-        return _fresh({"recordings": self._recordings.files(self._robot(request).name)})
+        robot = self._robot(request).name
+        found = self._recordings
+        return _fresh({"recordings": found.files(robot), "recording": found.is_running(robot)})
 
     async def _download(self, request: Request) -> Response:
         self._viewer(request)

@@ -25,6 +25,7 @@ const isCalm = matchMedia("(prefers-reduced-motion: reduce)");
 
 let robot = null; // name of the one shown
 let live, stop, teleop, compare, events, record;
+let loads = null; // of the nodes, as shown
 let isFitted = false;
 let isDue = false;
 
@@ -41,6 +42,7 @@ function frame() {
   const { newest } = live;
   if (camera.follows && newest.pose && camera.chase(newest.pose, isCalm.matches)) changed();
   drawing.frame(live, tool, devicePixelRatio || 1);
+  if (newest.state && newest.state.loads !== loads && !byId("panel-events").hidden) events.showLoads((loads = newest.state.loads ?? []));
   compare.show(newest.robot, drawing.colours, !byId("panel").hidden && !byId("panel-compare").hidden);
 }
 
@@ -146,10 +148,25 @@ function take(kind) {
   if (kind === "commands") compare.take(newest.commands);
   if (kind === "event") events.show(live.events);
   if (kind === "state") showState(newest.state);
+  if (kind === "pose") showPose(newest.pose);
   if (kind === "robot") teleop.show();
   if (kind === "gone") stop.take("robot is gone");
   if (kind === "pose" && !isFitted && !newest.map) fit();
   changed();
+}
+
+const noticed = {};
+
+/** Shows a notice over the map; a screen reader is told when it changes. */
+function notice(id, text) {
+  if (noticed[id] === text) return;
+  noticed[id] = text;
+  byId(id).replaceChildren(...(text ? withCode(text) : []));
+}
+
+function showPose({ state, reason }) {
+  const isLost = state && state !== "tracking";
+  notice("lost", isLost && `The localizer is ${state}${reason ? `: ${reason}` : ""} → \`navloom place\`, or \`navloom relocalise\``);
 }
 
 function showState(state) {
@@ -160,7 +177,7 @@ function showState(state) {
   write(byId("drives"), state.driver);
   write(byId("speed"), `${fixed(state.v)} m/s ${degrees(state.w)}/s`);
   write(byId("limit"), state.limit?.text && !state.stopped ? `slowed: ${state.limit.text}` : "");
-  byId("why").replaceChildren(...(state.why ? withCode(`Stopped: ${state.why}${state.remedy ? ` → ${state.remedy}` : ""}`) : []));
+  notice("why", state.why && `Stopped: ${state.why}${state.remedy ? ` → ${state.remedy}` : ""}`);
   byId("why").classList.toggle("calm", state.at_rest && !state.latched);
   stop.take(state.latched ? STOPPED : "");
   byId("resume").classList.toggle("strong", Boolean(state.latched));

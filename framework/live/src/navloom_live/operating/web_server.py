@@ -190,6 +190,18 @@ class _Connection(H11Protocol):
         self.transport.abort()
 
 
+def _abrupt_websockets() -> type[asyncio.Protocol]:
+    """uvicorn's websockets, but one that does not answer pings is cut off: an orderly end would wait until it reads."""
+    from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+    class AbruptWebsocket(WebSocketsSansIOProtocol):
+        def keepalive_timeout(self) -> None:
+            super().keepalive_timeout()
+            self.transport.abort()
+
+    return AbruptWebsocket
+
+
 class WebServer:
     """Listens at an address, and serves an ASGI application there; `guarded` makes one safe for browsers.
 
@@ -207,7 +219,7 @@ class WebServer:
         protocol = type("Connection", (_Connection,), {"waiting": {}})
         self._settings: dict[str, Any] = {
             "http": protocol,
-            "ws": "websockets-sansio" if websockets else "none",
+            "ws": _abrupt_websockets() if websockets else "none",
             "lifespan": "auto",
             "log_config": None,
             "log_level": logging.ERROR,

@@ -319,7 +319,7 @@ def main() -> None:
             after = late_ticks(robot)
             wheels.close()
             found |= {"stops": given.stops, "late_ticks": after[0] - before[0], "ticks": after[1] - before[1]}
-            for name, values in {**took, "hiccup": hiccups.late}.items():
+            for name, values in {**took, "hiccup": list(hiccups.late)}.items():
                 for share in (0.5, 0.99, 1.0):
                     found[f"{name}_p{100 * share:g}_ms"] = round(1e3 * percentile(values, share), 1)
         print(json.dumps(found))

@@ -24,6 +24,8 @@ NOT_RUN = {
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",
     ("viewing.md", "navloom view --foxglove"): "serves until Ctrl-C; framework/viewer/tests looks at what it serves",
+    ("dashboard.md", "navloom dashboard"): "serves until Ctrl-C; plugins/dashboard/tests asks it",
+    ("dashboard.md", "navloom up paper"): "serves until Ctrl-C; plugins/dashboard/tests asks such a robot",
     ("deploying.md", "navloom metrics"): "serves until Ctrl-C; framework/live/tests/operating asks it",
     ("deploying.md", "docker compose"): "needs docker",
     ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",

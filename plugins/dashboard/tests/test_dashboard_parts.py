@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+from importlib.metadata import distribution
+from pathlib import Path
 
+import navloom_dashboard
 import numpy as np
 import pytest
 from navloom import MapUpdate, OccupancyGrid, Pose2D, RangeScan
@@ -116,3 +119,14 @@ def test_a_binary_frame_begins_with_the_length_of_its_header_which_has_the_age()
     size = int.from_bytes(data[:4], "little")
     header = json.loads(data[4 : 4 + size])
     assert (header["width"], header["height"], header["version"], header["age"]) == (2, 2, 3, 1.25)
+
+
+def test_what_it_adds_to_an_installation_is_below_4_mb() -> None:
+    added = ["navloom-dashboard", "starlette", "uvicorn", "websockets", "anyio", "h11", "idna"]
+    size = 0
+    for name in added[1:]:
+        files = distribution(name).files or ()
+        size += sum(Path(str(file.locate())).stat().st_size for file in files if file.suffix != ".pyc")
+    own = Path(navloom_dashboard.__file__).parent
+    size += sum(path.stat().st_size for path in own.rglob("*") if path.is_file() and path.suffix != ".pyc")
+    assert 1e6 < size < 4e6

@@ -137,8 +137,10 @@ class CollisionMonitor:
 
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take a scan; False if it is not newer than the last, or must wait for the odometry of its time."""
-        time, made = scan.stamp_ns * 1e-9, SensorEchoes(self.limits.sigma, self._outline, self.limits.approach_speed)
-        sensor = self._sensors.setdefault(name, made)
+        time, sensor = scan.stamp_ns * 1e-9, self._sensors.get(name)
+        if sensor is None:
+            sensor = SensorEchoes(self.limits.sigma, self._outline, self.limits.approach_speed)
+            self._sensors[name] = sensor
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
         if not self._track.stamps or time > self._track.stamps[-1]:
@@ -345,6 +347,8 @@ class CollisionMonitor:
             moved = compose(inverse(self._track.at(np.array([time]))[0]), self._track.poses[-1])
             base = Pose2D(*compose((base.x, base.y, base.heading), moved).tolist())
         found = surfaces_without_echo(grid, base, reach, echoes)
+        if not len(found):
+            return found
         is_shown = self._covers(found)
         # Coarse cells about a thin post would otherwise stop a robot beside an object whose echoes it sees.
         is_shown[is_shown] = shown_aside(found[is_shown], echoes, grid.resolution)
@@ -364,7 +368,7 @@ class CollisionMonitor:
         near = [sensor.near(self._track.poses[-1], reach) for sensor in self._sensors.values()]
         seen = np.concatenate(near) if near else NO_POINTS
         mapped = self._surfaces(reach, seen[:, :2])
-        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])])
+        return np.concatenate([seen, np.column_stack([mapped, np.zeros(len(mapped))])]) if len(mapped) else seen
 
     def _moving(self) -> Floats:
         """(k, 7) obstacles that move, base frame of the newest odometry, as `first_meeting` takes them."""

@@ -187,21 +187,37 @@ def first_touch(poses, count, outline, points, margin, slope=0.0):  # type: igno
         margin: (k,) distance from the footprint that counts as touching, m.
         slope: Largest approach per distance from the first pose that does not count.
     """
-    starts = np.empty(points.shape[0])
-    for place in range(count):
+    edges = np.empty((outline.shape[0], 3))
+    for k in range(outline.shape[0]):
+        following = k + 1 if k + 1 < outline.shape[0] else 0
+        ex, ey = outline[following, 0] - outline[k, 0], outline[following, 1] - outline[k, 1]
+        edges[k, 0], edges[k, 1], edges[k, 2] = ex, ey, math.hypot(ex, ey)
+    # The first pose is what the others are compared with.
+    for place in range(1, count):
         x, y = poses[place, 0], poses[place, 1]
         cos, sin = math.cos(poses[place, 2]), math.sin(poses[place, 2])
         nearer = NEARER + slope * math.hypot(x - poses[0, 0], y - poses[0, 1])
         for i in range(points.shape[0]):
             dx, dy = points[i, 0] - x, points[i, 1] - y
-            distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
-            if place == 0:
-                starts[i] = distance
+            px, py, best = cos * dx + sin * dy, cos * dy - sin * dx, -math.inf
+            # `distance_to_outline`; most points are known to be far enough away after one edge or two.
+            for k in range(outline.shape[0]):
+                distance = (edges[k, 1] * (px - outline[k, 0]) - edges[k, 0] * (py - outline[k, 1])) / edges[k, 2]
+                best = max(best, distance)
+                if best >= margin[i]:
+                    break
             # Compared with the same point, not with the nearest of all: a robot beside a wall must be able to turn away
             # from another wall.
-            elif distance < margin[i] and distance < starts[i] - nearer:
+            if best < margin[i] and best < _at_first(points[i, 0], points[i, 1], poses, outline) - nearer:
                 return i
     return -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _at_first(x, y, poses, outline):  # type: ignore[no-untyped-def]
+    """Distance of a point from the footprint at the first pose, m."""
+    dx, dy, cos, sin = x - poses[0, 0], y - poses[0, 1], math.cos(poses[0, 2]), math.sin(poses[0, 2])
+    return distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -189,7 +189,7 @@ class Wheels:
 
 def driven_until_moving(wheels: Wheels, ends: threading.Event, moving: threading.Event) -> None:
     """Drive in a circle, and say when it moves, until the end."""
-    while not ends.is_set():
+    while not (ends.is_set() or moving.is_set()):  # a robot that has been stopped stays so
         with suppress(NavloomError), Navigator("lab/r1") as robot:
             robot.resume()
             with robot.driving() as driver:

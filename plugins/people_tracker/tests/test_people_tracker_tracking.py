@@ -70,6 +70,38 @@ def test_a_person_who_stops_stands_and_one_who_goes_on_has_a_velocity_again() ->
     assert speeds[5.5][0] < 0.1 and speeds[8.0][0] == pytest.approx(1.0, abs=0.2)
 
 
+def test_the_velocity_of_a_cylinder_that_turns_back_is_known_three_scans_later() -> None:
+    def cylinder(time: float) -> tuple[float, float]:
+        return 4.0, 1.75 * (2.0 - abs(time - 3.0))
+
+    scene = Scene(walls=room(7.0), people=[cylinder], legs=False, radius=0.5)
+    ids, velocities = set(), {}
+    for time, tracks in tracked(scene, 4.0):
+        ids.update(tracks.ids.tolist())
+        velocities[round(time, 1)] = tracks.means[0, 2:] if len(tracks.ids) else np.full(2, np.nan)
+    assert velocities[2.9] == pytest.approx([0.0, 1.75], abs=0.2)
+    assert velocities[3.4] == pytest.approx([0.0, -1.75], abs=0.3) and ids == {1}
+
+
+@pytest.mark.parametrize("speed", [0.8, 1.4, 2.0])
+def test_a_cylinder_from_behind_a_wall_has_its_velocity_half_a_second_after_it_is_whole(speed: float) -> None:
+    """Its outline leaves the shadow of the wall at y = -1: whole at 2 s, and its first echoes 1 m earlier."""
+    wall = np.array([(2.0, -6.0, 2.0, -0.5)])
+    scene = Scene(walls=np.vstack([room(7.0), wall]), people=[walker(4.0, -0.5 - 2.0 * speed, 0.0, speed)], legs=False,
+                  radius=0.5)  # fmt: skip
+    *_, (_, tracks) = tracked(scene, 2.6)
+    assert tracks.means[:, 2:] == pytest.approx(np.array([(0.0, speed)]), abs=0.25)
+
+
+def test_a_cylinder_that_is_hidden_in_part_keeps_its_centre() -> None:
+    """A pillar hides a side of it for a second: what is seen of it is up to 0.4 m off its centre."""
+    scene = Scene(walls=room(7.0), discs=np.array([(2.0, 0.5, 0.1)]), people=[walker(4.0, -2.0, 0.0, 1.0)], legs=False,
+                  radius=0.5)  # fmt: skip
+    for time, tracks in tracked(scene, 4.5):
+        if time >= 2.0:
+            assert tracks.means[:, :2] == pytest.approx(np.array([(4.0, time - 2.0)]), abs=0.12), time
+
+
 def test_who_stands_is_tracked_where_a_map_is_free_and_not_without_a_map() -> None:
     scene = Scene(discs=np.array([(2.0, 0.0, 0.25), (-2.0, 1.0, 0.8)]))  # the second one is too wide for a person
     *_, (_, with_map) = tracked(scene, 2.0, FREE)

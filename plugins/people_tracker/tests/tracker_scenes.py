@@ -26,7 +26,8 @@ class Scene:
         walls: (n, 4) x, y of both ends, m.
         discs: (n, 3) x, y, radius, m, that stand.
         people: Functions of the time, s, that give x, y, m, of each person.
-        legs: Whether people are two legs that walk; otherwise discs of 0.25 m.
+        legs: Whether people are two legs that walk; otherwise discs.
+        radius: Of such a disc, m.
         robot: Function of the time, s, that gives x, y, m, heading, rad.
         beams: Number of beams. sigma: Standard deviation of a range, m. reach: Largest range, m.
         scan_time: Time from the first beam to the last, s.
@@ -38,6 +39,7 @@ class Scene:
     discs: Floats = field(default_factory=lambda: np.empty((0, 3)))
     people: list[Callable[[float], tuple[float, float]]] = field(default_factory=list)
     legs: bool = True
+    radius: float = 0.25
     robot: Callable[[float], tuple[float, float, float]] = lambda time: (0.0, 0.0, 0.0)
     beams: int = 360
     sigma: float = 0.02
@@ -52,7 +54,7 @@ class Scene:
         for person in self.people:
             x, y = person(time)
             if not self.legs:
-                rows.append(np.array([(x, y, 0.25)]))
+                rows.append(np.array([(x, y, self.radius)]))
                 continue
             ahead, behind = person(time + 0.05), person(time - 0.05)
             vx, vy = (ahead[0] - behind[0]) / 0.1, (ahead[1] - behind[1]) / 0.1

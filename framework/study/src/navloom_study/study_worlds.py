@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError, Loaded
-from navloom.config.schema import Config
+from navloom.config.config_members import seed_of_member
 from navloom.engine.platform_world import own_world
 from navloom.geometry.world import World
 from navloom.parts import part
@@ -89,7 +89,7 @@ class PlacedConfig(Loaded):
 
     def base_of(self, place: str) -> Path:
         """Base folder of the relative paths of a value."""
-        return self.here if self.sources.get(place) == "--set" else self.base
+        return self.here if self.sources.get(place) == "--set" else super().base_of(place)
 
 
 def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path) -> PlacedConfig:
@@ -98,15 +98,17 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
     Args:
         given: The config, from `Loaded.to_json`.
         values: The world's changes, by dotted place of two keys.
-        seed: Seed of every random stream.
+        seed: Seed of every random stream; that of a member follows from it.
         here: Base folder of references that are not from a file.
     """
-    tree = dict(given["config"])
-    for place, value in {**values, "run.seed": seed}.items():
+    tree, member = dict(given["config"]), given.get("member", "")
+    own = seed_of_member(seed, member) if member else seed
+    for place, value in {**values, "run.seed": own}.items():
         table, key = place.split(".")
         tree[table] = {**tree.get(table, {}), key: value}
     sources = {**given["sources"], **dict.fromkeys(values, "--set")}
-    return PlacedConfig(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
+    loaded = Loaded.from_json({**given, "config": tree, "sources": sources})
+    return PlacedConfig(**vars(loaded), here=here)
 
 
 def worlds_of(
@@ -153,7 +155,8 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
     """The task that the world defines, except for values set by hand."""
     by_hand = {".".join(place.split(".")[:2]) for place, source in base.sources.items() if source == "--set"}
     values: dict[str, Any] = {}
-    if world.start is not None:
+    # The members of a fleet keep their own, or take those of the world's tasks.
+    if world.start is not None and not base.member:
         own = {"x": world.start.x, "y": world.start.y, "heading_deg": math.degrees(world.start.heading)}
         told, table = base.config.navigation.start, base.config.world
         if told != "unknown":
@@ -164,7 +167,7 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
             values["navigation.start"] = own | spread
         if table is not None and table.start is not None:
             values["world.start"] = own
-    if world.goal is not None:
+    if world.goal is not None and not base.member:
         values["navigation.goal"] = {"x": world.goal.x, "y": world.goal.y}
         if base.config.navigation.via:
             values["navigation.via"] = []

@@ -20,8 +20,8 @@ from navloom_maps.yaml_text import yaml_of
 
 __all__ = [
     "DEVELOPMENT_SEEDS", "Floor", "SCHEMES", "TEST_SEEDS", "barn_world", "crowd_flow", "crowd_world", "dynabarn_world",
-    "fleet_world", "floor_of", "floor_world", "lookalikes", "movingai_world", "navloom_register", "people_flow_world", "people_world",
-    "rosmap_world", "yaml_of",
+    "fleet_world", "floor_of", "floor_world", "lookalikes", "movingai_world", "navloom_register", "people_flow_world",
+    "people_world", "rosmap_world", "yaml_of",
 ]  # fmt: skip
 
 SCHEMES = {

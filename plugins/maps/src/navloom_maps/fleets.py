@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from navloom.geometry.world import Box, Place, World
-from navloom.worlds import WorldError, did_you_mean, options_of, seed_of
+from navloom.worlds import WorldError, did_you_mean, options_of
 
 from navloom_maps.crowds import Area, hall
 from navloom_maps.option_values import sides_of
@@ -29,7 +30,7 @@ _FARTHEST = 0.15
 """Farthest that they are moved in x and y, m."""
 _WALL = 0.2
 """Thickness of the wall with the door, m."""
-_BESIDE = 3.0
+_BESIDE = 1.5
 """Room beside the outermost starts of an open hall, m: its walls are seen by a laser that reaches 10 m."""
 _SHELF, _DEPTH = 6.0, 1.0
 """Length and depth of a shelf, m."""
@@ -53,9 +54,9 @@ def fleet_world(argument: str, base: Path) -> World:
     scene, _, number = name.partition("#")
     if scene not in SCENES:
         raise WorldError(f"{reference}: no scene {scene!r}; {did_you_mean(scene, SCENES)}")
-    if not number:
-        raise WorldError(f"{reference}: expected a seed after the scene, as in fleet:{scene}#3")
-    seed = seed_of(f"fleet:{scene}#", number)
+    if re.fullmatch(r"\d{1,18}", number, re.ASCII) is None:
+        raise WorldError(f"{reference}: expected a seed after the scene, a whole number from 0, as in fleet:{scene}#3")
+    seed = int(number)
     count = _count(reference, options["robots"], scene)
     make, limits = SCENES[scene]
     width = sides_of(reference, "width", options["width"], 1, limits)[0] if options["width"] else None
@@ -115,7 +116,8 @@ def _aisles(count: int, width: float | None, seed: int) -> Scene:
     for side in (-1.0, 1.0):
         # Dealt out one after the other, from a stream of its own each, so that no two have one goal.
         dealt = np.random.default_rng((seed, 1 if side < 0.0 else 2)).permutation(half).tolist()
-        ways += [((x, side * (end - 1.0)), (spots[to], -side * (end - 1.0))) for x, to in zip(spots, dealt, strict=True)]
+        y = side * (end - 1.0)
+        ways += [((x, y), (spots[to], -y)) for x, to in zip(spots, dealt, strict=True)]
     return ways, shelves, (0.0, -end, long, end)
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom_people_tracker.circles import arcs
 from navloom_people_tracker.clusters import ARC, segments, shapes
 
 __all__ = ["SIGMA_LEGS", "Bodies", "Widths", "bodies_in"]
@@ -30,17 +31,20 @@ SOME_FRESH = 0.3
 """Share of fresh echoes from which all of a wide group is one body that moves."""
 LEAST_FRESH = 3
 """Fewest echoes of something that moves before something wide: two may be the noise of an edge."""
-SIGMA_DISC, SIGMA_LEGS, SIGMA_LEG = 0.06, 0.1, 0.15
-"""Standard deviation of the centre of a disc, of a pair of legs and of a single leg, m."""
+SIGMA_ARC, SIGMA_DISC, SIGMA_LEGS, SIGMA_LEG = 0.015, 0.06, 0.1, 0.15
+"""Standard deviation of the centre of a body: what is added to that of a fitted circle, of another, of a pair of legs
+and of a single leg, m."""
 
 
 class Widths(Protocol):
-    """The largest body, m, for what moves and for what may stand."""
+    """The largest body, m, for what moves and for what may stand, and the deviation of a range, m."""
 
     @property
     def widest(self) -> float: ...
     @property
     def widest_still(self) -> float: ...
+    @property
+    def range_sigma(self) -> float: ...
 
 
 @dataclass
@@ -50,54 +54,68 @@ class Bodies:
     Attributes:
         places: (n, 2) centres, m.
         radii: (n,) m.
-        sigmas: (n,) standard deviation of the centres, m.
+        errors: (n, 2, 2) covariance of the centres for a known radius, m².
+        leans: (n, 2) shift x, y of the centre for each m by which the radius is larger than seen.
+        radius_sigmas: (n,) standard deviation of the radius, m; inf where only a part of the width may be seen.
         surfaces: (n, 2) an echo of each, m.
         echoes: (n,) number of them.
         fresh: (n,) share of its echoes where nothing was before.
         is_in_free: (n,) whether most of its echoes are where a map is free.
         legs: (n,) number of legs, 1 or 2; 0 for another body.
-        sight: (n, 2) unit vector from the sensor.
+        groups: (n,) the group of its echoes, of one leg if it has two.
     """
 
     places: Floats
     radii: Floats
-    sigmas: Floats
+    errors: Floats
+    leans: Floats
+    radius_sigmas: Floats
     surfaces: Floats
     echoes: Floats
     fresh: Floats
     is_in_free: Bools
     legs: Ints
-    sight: Floats
+    groups: Ints
 
     @classmethod
-    def of(cls, rows: Floats, sensor: tuple[float, float]) -> Bodies:
-        """Bodies of single groups, whose rows are those of `clusters.shapes`."""
+    def of(cls, rows: Floats, fits: Floats, groups: Ints, sensor: tuple[float, float]) -> Bodies:
+        """Bodies of single groups with these numbers, whose rows are those of `clusters.shapes` and `clusters.arcs`."""
         legs = (rows[:, 4] < LEG).astype(np.int64)
         away = rows[:, :2] - np.array(sensor)
         sight = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)[:, None]
-        sigmas = np.where(legs > 0, SIGMA_LEG, SIGMA_DISC)
-        return cls(rows[:, :2], rows[:, 2], sigmas, rows[:, 5:7], rows[:, 3], rows[:, 7], rows[:, 8] > 0.5, legs, sight)
+        is_arc = fits[:, 5] > 0.0
+        errors = np.where(legs > 0, SIGMA_LEG, SIGMA_DISC)[:, None, None] ** 2 * np.eye(2)
+        of_arcs = fits[:, [0, 1, 1, 2]].reshape(-1, 2, 2) + SIGMA_ARC**2 * np.eye(2)
+        leans = np.where(legs[:, None] > 0, 0.0, ARC * sight)
+        return cls(
+            rows[:, :2], rows[:, 2], np.where(is_arc[:, None, None], of_arcs, errors),
+            np.where(is_arc[:, None], fits[:, 3:5], leans), np.where(is_arc, fits[:, 5], np.inf), rows[:, 5:7],
+            rows[:, 3], rows[:, 7], rows[:, 8] > 0.5, legs, groups,
+        )  # fmt: skip
 
     def rows(self, kept: Bools | Ints) -> Bodies:
         """Some of the bodies."""
         return Bodies(*[getattr(self, name)[kept] for name in self.__dataclass_fields__])
 
-    def centred(self, radii: Floats) -> Floats:
-        """(n, 2) centres, m, of bodies whose radius (n,), m, is known: what is hidden in part looks smaller."""
-        missing = np.where(self.legs > 0, 0.0, np.maximum(radii - self.radii, 0.0))
-        return self.places + ARC * missing[:, None] * self.sight
+    def centred(self, radii: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
+        """(n, 2) centres, m, and covariances (n, 2, 2), m², of bodies with a radius (n,), m, and its deviation, m."""
+        larger = radii - self.radii
+        # What is hidden in part looks smaller than it is, never larger.
+        larger = np.where(np.isfinite(self.radius_sigmas), larger, np.maximum(larger, 0.0))
+        spread = sigmas[:, None, None] ** 2 * self.leans[:, :, None] * self.leans[:, None]
+        return self.places + larger[:, None] * self.leans, self.errors + spread
 
 
 def bodies_in(
     points: Floats, marks: Bools, sensor: tuple[float, float], step: float, expected: Floats, widths: Widths
-) -> Bodies:
-    """Bodies in a scan.
+) -> tuple[Bodies, Floats, Ints]:
+    """Bodies in a scan, the (m, 2) echoes that were looked at, m, and the (m,) group of each.
 
     Args:
         points: (n, 2) echoes that no map explains, by their bearing from the sensor, m.
         marks: (n, 2) whether each is where nothing was before, and whether it is where a map is free.
         sensor: Its place, m, same frame. step: Angle between neighbouring beams, rad.
-        expected: (k, 2) where published tracks are expected, m.
+        expected: (k, 3) where published tracks are expected, x, y, m, and the radius of those that are discs, m, or 0.
         widths: The largest body.
     """
     labels, rows = _grouped(points, marks, sensor, step)
@@ -120,8 +138,11 @@ def bodies_in(
         dropped = np.append(dropped, np.zeros(count - len(dropped), np.bool_))
     far = np.hypot(rows[:, 0] - sensor[0], rows[:, 1] - sensor[1])
     dropped |= (rows[:, 3] + 1.0) * step * far < THINNEST  # the beams beside the echoes pass it
-    found = Bodies.of(rows[~dropped & (rows[:, 3] > 0.0)], sensor)
-    return _paired(found, expected)
+    fits = np.empty((len(rows), 6))
+    arcs(points, labels, widths.range_sigma, LEG, widths.widest, rows, fits)
+    whole = np.flatnonzero(~dropped & (rows[:, 3] > 0.0))
+    found = Bodies.of(rows[whole], fits[whole], whole, sensor)
+    return _paired(found, expected), points, labels
 
 
 def _grouped(points: Floats, marks: Bools, sensor: tuple[float, float], step: float) -> tuple[Ints, Floats]:
@@ -141,7 +162,7 @@ def _split(points: Floats, labels: Ints, rows: Floats, expected: Floats) -> tupl
     holds = away < 0.5 * rows[:, 4:5] + 0.1
     for group in np.flatnonzero((holds.sum(axis=1) > 1) & (rows[:, 4] >= LEG)):
         own = np.flatnonzero(labels == group)
-        those = expected[holds[group]]
+        those = expected[holds[group], :2]
         nearest = np.hypot(
             points[own, None, 0] - those[None, :, 0], points[own, None, 1] - those[None, :, 1]
         ).argmin(axis=1)  # fmt: skip
@@ -162,8 +183,11 @@ def _paired(found: Bodies, expected: Floats) -> Bodies:
     owner = np.full(len(legs), -1)
     if len(expected):
         to = np.hypot(places[:, None, 0] - expected[None, :, 0], places[:, None, 1] - expected[None, :, 1])
+        to = np.maximum(to - expected[:, 2], 0.0)
         owner = np.where(to.min(axis=1) < REACH, to.argmin(axis=1), -1)
+    is_disc = (owner >= 0) & (expected[owner, 2] > 0.0) if len(expected) else np.zeros(len(legs), np.bool_)
     apart = (owner[first] >= 0) & (owner[second] >= 0) & (owner[first] != owner[second])
+    apart |= is_disc[first] | is_disc[second]  # a part of a disc is no leg
     same = (owner[first] >= 0) & (owner[first] == owner[second])
     allowed = ~apart
     first, second, same = first[allowed], second[allowed], same[allowed]
@@ -181,5 +205,5 @@ def _paired(found: Bodies, expected: Floats) -> Bodies:
     found.places[ones] = 0.5 * (found.places[ones] + found.places[others])
     found.echoes[ones] += found.echoes[others]
     found.fresh[ones] = np.maximum(found.fresh[ones], found.fresh[others])
-    found.sigmas[ones], found.legs[ones] = SIGMA_LEGS, 2
+    found.errors[ones], found.legs[ones] = SIGMA_LEGS**2 * np.eye(2), 2
     return found.rows(np.delete(np.arange(len(found.legs)), others))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["ARC", "segments", "shapes"]
+__all__ = ["ARC", "LEAST_RADIUS", "segments", "shapes"]
 
 ARC = 0.785
 """Mean depth of the visible arc of a disc before its centre, in radii: π/4 over the disc's width."""

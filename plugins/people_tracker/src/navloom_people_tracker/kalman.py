@@ -1,7 +1,8 @@
 """Constant-velocity Kalman filters of many bodies at once, and their assignment to what a scan shows.
 
 The motion is the discretised white-noise acceleration model of Bar-Shalom, Li and Kirubarajan, "Estimation with
-applications to tracking and navigation" (2001), section 6.2.2; the state is x, y, vx, vy.
+applications to tracking and navigation" (2001), section 6.2.2; the state is x, y, vx, vy. Two of them, of a body that
+goes on and of one that turns or brakes, are mixed as in its section 11.6.6 (interacting multiple models).
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["assign", "measure", "predict", "rest"]
+__all__ = ["assign", "combined", "measure", "mixed", "predict", "rest"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,47 +22,58 @@ GATE = 11.8
 """Largest squared Mahalanobis distance of a body from its track: 0.3 % of the true ones are beyond (chi², 2)."""
 FARTHEST = 1.0
 """Largest distance of a body from the prediction, m, however unsure that is: beyond, it is another body."""
+STEADY_FOR, TURNS_FOR = 3.0, 0.2
+"""Mean time for which a body goes on as it went, and for which it turns, s."""
 NEVER = 1e6
 """Cost of a pair that is not allowed; larger than any sum of allowed ones."""
 
 
-def predict(means: Floats, covariances: Floats, time: float, acceleration: float) -> tuple[Floats, Floats]:
-    """States (n, 4) and covariances (n, 4, 4) after a time, s; `acceleration`: standard deviation of it, m/s²."""
-    step = np.eye(4)
+def predict(means: Floats, covariances: Floats, time: float, acceleration: float | Floats) -> tuple[Floats, Floats]:
+    """States (..., 4) and covariances (..., 4, 4) after a time, s; `acceleration`: standard deviation of it, m/s²."""
+    step, shape = np.eye(4), np.zeros((4, 4))
     step[0, 2] = step[1, 3] = time
-    strength = acceleration**2 * np.array([[time**4 / 4.0, time**3 / 2.0], [time**3 / 2.0, time**2]])
-    noise = np.zeros((4, 4))
-    noise[0::2, 0::2] = noise[1::2, 1::2] = strength
+    shape[0::2, 0::2] = shape[1::2, 1::2] = [[time**4 / 4.0, time**3 / 2.0], [time**3 / 2.0, time**2]]
+    noise = np.asarray(acceleration)[..., None, None] ** 2 * shape
     return means @ step.T, step @ covariances @ step.T + noise
 
 
-def measure(means: Floats, covariances: Floats, places: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
-    """States and covariances after positions (n, 2), m, were measured with standard deviations (n,), m."""
-    return _update(means, covariances, places, sigmas, slice(0, 2))
+def measure(means: Floats, covariances: Floats, places: Floats, errors: Floats) -> tuple[Floats, Floats, Floats]:
+    """States and covariances after positions (..., 2), m, were measured with covariances (..., 2, 2), m².
+
+    Returns:
+        (..., 4), (..., 4, 4), and the logarithm of the likelihood of each position, (...).
+    """
+    return _update(means, covariances, places, errors, slice(0, 2))
 
 
 def rest(means: Floats, covariances: Floats, sigma: float) -> tuple[Floats, Floats]:
     """States and covariances after a speed of 0 was measured, with this standard deviation, m/s."""
-    return _update(means, covariances, np.zeros((len(means), 2)), np.full(len(means), sigma), slice(2, 4))
+    return _update(means, covariances, np.zeros(2), sigma**2 * np.eye(2), slice(2, 4))[:2]
 
 
-def _update(means: Floats, covariances: Floats, values: Floats, sigmas: Floats, part: slice) -> tuple[Floats, Floats]:
-    innovation = covariances[:, part, part] + sigmas[:, None, None] ** 2 * np.eye(2)
-    gain = covariances[:, :, part] @ np.linalg.inv(innovation)
-    means = means + (gain @ (values - means[:, part])[:, :, None])[:, :, 0]
-    covariances = covariances - gain @ covariances[:, part, :]
-    return means, 0.5 * (covariances + covariances.transpose(0, 2, 1))
+def _update(
+    means: Floats, covariances: Floats, values: Floats, errors: Floats, part: slice
+) -> tuple[Floats, Floats, Floats]:
+    innovation, off = covariances[..., part, part] + errors, values - means[..., part]
+    a, b, c = innovation[..., 0, 0], innovation[..., 0, 1], innovation[..., 1, 1]
+    determinant = a * c - b * b
+    inverse = np.stack([c, -b, -b, a], -1).reshape(innovation.shape) / determinant[..., None, None]
+    gain = covariances[..., :, part] @ inverse
+    means = means + (gain @ off[..., None])[..., 0]
+    covariances = covariances - gain @ covariances[..., part, :]
+    distance = (off[..., None, :] @ inverse @ off[..., None])[..., 0, 0]
+    return means, 0.5 * (covariances + np.swapaxes(covariances, -1, -2)), -0.5 * (distance + np.log(determinant))
 
 
-def assign(means: Floats, covariances: Floats, places: Floats, sigmas: Floats) -> tuple[Ints, Ints]:
-    """Global nearest neighbour: rows of tracks and of bodies that belong together, within the gate.
+def assign(means: Floats, covariances: Floats, places: Floats, errors: Floats) -> tuple[Ints, Ints]:
+    """Global nearest neighbour: rows of tracks and of bodies, with covariances (n, 2, 2), m², that belong together.
 
     The cost of a pair is its negative log likelihood; an unassigned track costs as much as one at the gate.
     """
     if not len(means) or not len(places):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     away = places[None] - means[:, None, :2]
-    innovation = covariances[:, None, :2, :2] + ((sigmas**2 + SLACK**2)[:, None, None] * np.eye(2))[None]
+    innovation = covariances[:, None, :2, :2] + (errors + SLACK**2 * np.eye(2))[None]
     a, b, c = innovation[..., 0, 0], innovation[..., 0, 1], innovation[..., 1, 1]
     determinant = a * c - b * b
     x, y = away[..., 0], away[..., 1]
@@ -71,3 +83,28 @@ def assign(means: Floats, covariances: Floats, places: Floats, sigmas: Floats) -
     rows, columns = linear_sum_assignment(cost)
     kept = allowed[rows, columns]
     return rows[kept], columns[kept]
+
+
+def mixed(chances: Floats, means: Floats, covariances: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+    """What each model begins a step with: IMM, step 1. Chances (n, 2) then, states (n, 2, 4), and covariances.
+
+    Args:
+        chances: (n, 2) of the models, that goes on and that turns. means, covariances: Their states.
+        time: Since the last step, s.
+    """
+    turns, ends = 1.0 - np.exp(-time / STEADY_FOR), 1.0 - np.exp(-time / TURNS_FOR)
+    from_to = chances[:, :, None] * np.array([[1.0 - turns, turns], [ends, 1.0 - ends]])
+    after = np.maximum(from_to.sum(axis=1), 1e-9)
+    share = (from_to / after[:, None]).transpose(0, 2, 1)  # of each model, whence
+    begun = share @ means
+    apart = means[:, None] - begun[:, :, None]
+    spread = covariances[:, None] + apart[..., :, None] * apart[..., None, :]
+    return after / after.sum(axis=1, keepdims=True), begun, (share[..., None, None] * spread).sum(axis=2)
+
+
+def combined(chances: Floats, means: Floats, covariances: Floats) -> tuple[Floats, Floats]:
+    """State (n, 4) and covariance (n, 4, 4) of both models together: IMM, step 5."""
+    mean = (chances[:, None] @ means)[:, 0]
+    apart = means - mean[:, None]
+    spread = covariances + apart[..., :, None] * apart[..., None, :]
+    return mean, (chances[..., None, None] * spread).sum(axis=1)

@@ -9,8 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_people_tracker.bodies import SIGMA_LEGS, Bodies, Widths, bodies_in
-from navloom_people_tracker.kalman import assign, measure, predict, rest
+from navloom_people_tracker.bodies import SIGMA_ARC, Bodies, Widths, bodies_in
+from navloom_people_tracker.circles import on_circles
+from navloom_people_tracker.kalman import assign, combined, measure, mixed, predict, rest
 from navloom_people_tracker.tracks import Tracks, begun
 from navloom_people_tracker.views import View, are_fresh, cover, looked_through, view_of
 
@@ -40,7 +41,19 @@ TRAVEL, LEAST_SPEED = 0.2, 0.15
 """Least way of a track that moves within the time of its marks, m, and its least speed, m/s: shapes flicker by less."""
 STEADY = 0.82
 """Share of the variance of the places that a straight motion explains: of a single jump it explains at most 0.75."""
-REST_AFTER = 0.4
+DISC_SIGMA = 0.05
+"""Standard deviation of the radius of a track below which it is a disc, whose hidden part is known, m."""
+LEAST_RADIUS_SIGMA = 0.005
+"""What each scan adds to the standard deviation of the radius, m: readings at its edges have common errors."""
+LEAST_PRIOR = 0.1
+"""Least standard deviation of the expected centre of a disc in its fit, m."""
+LEAST_NOISE = 0.01
+"""Least standard deviation of a range in a fit, m."""
+SURE_SPEED, DISC_TRAVEL = 0.3, 0.3
+"""Least speed of a disc that moves without evidence from free space, m/s, and its least way, m."""
+TURN = 10.0
+"""Standard deviation of the acceleration of a body that turns or brakes, m/s²."""
+REST_AFTER = 0.8
 """Age from which a track without evidence of motion rests, s: longer than evidence takes to come."""
 REST_SIGMA = 0.05
 """Standard deviation of the speed of a body that rests, m/s."""
@@ -81,13 +94,13 @@ class Tracker:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.tracks = begun(Bodies.of(np.empty((0, 9)), (0.0, 0.0)), 0.0)
+        self.tracks = begun(Bodies.of(np.empty((0, 9)), np.empty((0, 6)), np.empty(0, np.int64), (0.0, 0.0)), 0.0)
         self.time = math.nan
         self._count = 0
         self._views: dict[str, deque[View]] = {}
         self._marked = -math.inf
         self._pose: Floats | None = None
-        self._way = np.zeros(2)
+        self._way, self._rates = np.zeros(2), np.zeros(2)
 
     def published(self, time: float) -> Tracks:
         """The tracks with a number, predicted to a time, s."""
@@ -111,25 +124,33 @@ class Tracker:
         """
         since = 0.0 if math.isnan(self.time) else max(0.0, time - self.time)
         self.time = time if math.isnan(self.time) else max(self.time, time)
-        self._drive(pose)
+        self._drive(pose, since)
         driven, turned = self._way.tolist()
-        tracks, view = self.tracks, view_of(self.time, (driven, turned), beams, max(90, round(math.tau / step)))
-        tracks.means, tracks.covariances = predict(
-            tracks.means, tracks.covariances, since, self.settings.acceleration
-        )  # fmt: skip
-        bodies = self._bodies(sensor, view, beams, step, mapped)
+        view = view_of(self.time, (driven, turned), beams, max(90, round(math.tau / step)))
+        self._predict(since)
+        bodies, points, labels = self._bodies(sensor, view, beams, step, mapped)
         rows, columns = self._matched(bodies)
-        self._correct(rows, bodies.rows(columns))
+        self._correct(rows, bodies.rows(columns), points, labels)
         self._judge_motion(rows, bodies.rows(columns), view, since)
         self._name()
         is_kept = self._kept(rows, view, since)
         self._begin(bodies, rows, columns, is_kept)
         self._remember(sensor, view)
 
-    def _drive(self, pose: Floats) -> None:
+    def _predict(self, since: float) -> None:
+        tracks, accelerations = self.tracks, np.array([self.settings.acceleration, TURN])
+        chances, modes, covariances = mixed(tracks.chances, tracks.modes, tracks.mode_covariances, since)
+        tracks.chances = chances
+        tracks.modes, tracks.mode_covariances = predict(modes, covariances, since, accelerations)
+        tracks.means, tracks.covariances = combined(chances, tracks.modes, tracks.mode_covariances)
+
+    def _drive(self, pose: Floats, since: float) -> None:
         if self._pose is not None:
             moved = pose - self._pose
-            self._way += (math.hypot(moved[0], moved[1]), abs(math.remainder(moved[2], math.tau)))
+            step = np.array([math.hypot(moved[0], moved[1]), abs(math.remainder(moved[2], math.tau))])
+            self._way += step
+            if since > 0.0:
+                self._rates = step / since
         self._pose = np.array(pose)
 
     def _margins(self, ways: Floats) -> Floats:
@@ -138,12 +159,14 @@ class Tracker:
         # Readings differ by their noise, and the places by the drift of the odometry.
         return np.column_stack([0.06 + 3.0 * self.settings.range_sigma + DRIFT * gone[:, 0], 0.01 + DRIFT * gone[:, 1]])
 
-    def _bodies(self, sensor: str, view: View, beams: Floats, step: float, mapped: Ints) -> Bodies:
+    def _bodies(self, sensor: str, view: View, beams: Floats, step: float, mapped: Ints) -> tuple[Bodies, Floats, Ints]:
         looked_at = np.flatnonzero((beams[:, 4] > 0.0) & (mapped < 1))
         around = np.arctan2(beams[looked_at, 3] - view.y, beams[looked_at, 2] - view.x)
         looked_at = looked_at[np.argsort(around, kind="stable")]
         points = np.ascontiguousarray(beams[looked_at, 2:4])
-        expected = self.tracks.means[self.tracks.ids > 0, :2]
+        tracks = self.tracks
+        radii = np.where(self._are_discs(), tracks.radii, 0.0)
+        expected = np.column_stack([tracks.means[:, :2], radii])[tracks.ids > 0]
         marks = np.column_stack([self._fresh(sensor, points), mapped[looked_at] == 0])
         return bodies_in(points, marks, (view.x, view.y), step, expected, self.settings)
 
@@ -164,20 +187,49 @@ class Tracker:
         tracks, free = self.tracks, np.arange(len(bodies.places))
         rows, columns = [], []
         for own in (np.flatnonzero(tracks.ids > 0), np.flatnonzero(tracks.ids == 0)):
-            given = bodies.places[free], bodies.sigmas[free]
+            given = bodies.places[free], bodies.errors[free]
             found, taken = assign(tracks.means[own], tracks.covariances[own], *given)
             rows.append(own[found])
             columns.append(free[taken])
             free = np.delete(free, taken)
         return np.concatenate(rows), np.concatenate(columns)
 
-    def _correct(self, rows: Ints, bodies: Bodies) -> None:
+    def _are_discs(self) -> Bools:
+        return np.asarray(self.tracks.radius_sigmas < DISC_SIGMA)
+
+    def _centres(self, rows: Ints, bodies: Bodies, points: Floats, labels: Ints) -> tuple[Floats, Floats]:
+        """(n, 2) measured centres, m, of tracks, and (n, 2, 2) covariances, m²."""
         tracks = self.tracks
-        given = bodies.centred(tracks.radii[rows]), bodies.sigmas
-        tracks.means[rows], tracks.covariances[rows] = measure(tracks.means[rows], tracks.covariances[rows], *given)
+        places, errors = bodies.centred(tracks.radii[rows], tracks.radius_sigmas[rows])
+        those = np.flatnonzero(self._are_discs()[rows])
+        own = rows[those]
+        circles, found = np.column_stack([tracks.means[own, :2], tracks.radii[own]]), np.empty((len(own), 5))
+        priors = 2.0 * np.sqrt(np.trace(tracks.covariances[own, :2, :2], axis1=1, axis2=2) + LEAST_PRIOR**2)
+        noise = max(self.settings.range_sigma, LEAST_NOISE)
+        on_circles(points, labels, bodies.groups[those], circles, tracks.radius_sigmas[own], noise, priors, found)
+        fits = np.isfinite(found[:, 0])
+        places[those[fits]] = found[fits, :2]
+        errors[those[fits]] = found[fits][:, [2, 3, 3, 4]].reshape(-1, 2, 2) + SIGMA_ARC**2 * np.eye(2)
+        return places, errors
+
+    def _correct(self, rows: Ints, bodies: Bodies, points: Floats, labels: Ints) -> None:
+        tracks = self.tracks
+        given = self._centres(rows, bodies, points, labels)
+        modes, covariances, likelihoods = measure(
+            tracks.modes[rows], tracks.mode_covariances[rows], given[0][:, None], given[1][:, None]
+        )
+        chances = tracks.chances[rows] * np.exp(likelihoods - likelihoods.max(axis=1, keepdims=True))
+        self._set(rows, chances / chances.sum(axis=1, keepdims=True), modes, covariances)
         grown = bodies.radii - tracks.radii[rows]
+        is_arc = np.isfinite(bodies.radius_sigmas)
+        variances, told = tracks.radius_sigmas[rows] ** 2, np.where(is_arc, bodies.radius_sigmas, 1.0) ** 2
         # What is hidden in part looks narrower than it is.
-        tracks.radii[rows] += np.where(grown > 0.0, 0.3, 0.03) * grown
+        gains = np.where(self._are_discs()[rows], 0.0, np.where(grown > 0.0, 0.3, 0.03))
+        gains = np.where(is_arc, variances / (variances + told), gains)
+        tracks.radii[rows] += gains * grown
+        tracks.radius_sigmas[rows] = np.where(
+            is_arc, np.sqrt((1.0 - gains) * variances + LEAST_RADIUS_SIGMA**2), tracks.radius_sigmas[rows]
+        )
         tracks.places[rows], tracks.seen[rows] = given[0], self.time
         tracks.is_in_free[rows] = bodies.is_in_free
         tracks.through[rows] = tracks.beside[rows] = 0.0
@@ -206,25 +258,38 @@ class Tracker:
         velocities, spans, is_steady = straight_motion(tracks.marks[:, :, 2:5])
         speeds = np.hypot(velocities[:, 0], velocities[:, 1])
         is_far = (speeds * spans > TRAVEL) & (speeds > LEAST_SPEED)
+        is_sure, may_move = self._discs_move(view)
+        is_sure &= is_seen
         starts = is_seen & ~tracks.is_moving & is_far & is_steady & (tracks.evidence > EVIDENCE_NEEDED)
-        stops = tracks.is_moving & is_seen & ~(is_far & (tracks.evidence > EVIDENCE_KEPT))
+        starts &= np.isfinite(tracks.marks[:, :, 4]).sum(axis=1) >= LEAST_MARKS
+        gone = is_steady & (speeds * spans > DISC_TRAVEL)
+        starts |= is_sure & ((tracks.evidence > EVIDENCE_KEPT) | gone)
+        stops = tracks.is_moving & is_seen & ~(is_far & (tracks.evidence > EVIDENCE_KEPT)) & ~may_move
         tracks.is_moving = (tracks.is_moving | starts) & ~stops
-        self._start(np.flatnonzero(starts), velocities, spans)
-        rests = np.flatnonzero(is_seen & ~tracks.is_moving & (self.time - tracks.born > REST_AFTER))
+        rests = np.flatnonzero(
+            is_seen & ~tracks.is_moving & (self.time - tracks.born > REST_AFTER) & ~(may_move & gone)
+        )
         rests = rests[tracks.evidence[rests] < EVIDENCE_KEPT]
-        tracks.means[rests], tracks.covariances[rests] = rest(
-            tracks.means[rests], tracks.covariances[rests], REST_SIGMA
-        )  # fmt: skip
+        modes, covariances = rest(tracks.modes[rests], tracks.mode_covariances[rests], REST_SIGMA)
+        self._set(rests, tracks.chances[rests], modes, covariances)
 
-    def _start(self, rows: Ints, velocities: Floats, spans: Floats) -> None:
-        """Give tracks that begin to move the velocity of their marks: at rest, the filter held them back."""
-        tracks, variance = self.tracks, SIGMA_LEGS**2
-        tracks.means[rows, :2], tracks.means[rows, 2:] = tracks.places[rows], velocities[rows]
-        tracks.covariances[rows] = 0.0
-        for place, speed in ((0, 2), (1, 3)):
-            tracks.covariances[rows, place, place] = variance
-            tracks.covariances[rows, place, speed] = tracks.covariances[rows, speed, place] = variance / spans[rows]
-            tracks.covariances[rows, speed, speed] = 2.0 * variance / spans[rows] ** 2
+    def _discs_move(self, view: View) -> tuple[Bools, Bools]:
+        """(n,) discs that move beyond the error of their speed and of the odometry, and beyond that of the odometry.
+
+        A part of a wall is no disc, so these need no evidence from free space.
+        """
+        tracks = self.tracks
+        away = np.hypot(tracks.means[:, 0] - view.x, tracks.means[:, 1] - view.y)
+        drift = DRIFT * (self._rates[0] + self._rates[1] * away)
+        beyond = np.hypot(tracks.means[:, 2], tracks.means[:, 3]) - SURE_SPEED - 3.0 * drift
+        sigmas = np.sqrt(tracks.covariances[:, [2, 3], [2, 3]].sum(axis=1))
+        are_discs = self._are_discs()
+        return are_discs & (beyond > 3.0 * sigmas), are_discs & (beyond > 0.0)
+
+    def _set(self, rows: Ints, chances: Floats, modes: Floats, covariances: Floats) -> None:
+        tracks = self.tracks
+        tracks.chances[rows], tracks.modes[rows], tracks.mode_covariances[rows] = chances, modes, covariances
+        tracks.means[rows], tracks.covariances[rows] = combined(chances, modes, covariances)
 
     def _name(self) -> None:
         """Number the tentative tracks that move, and those that have stood for a while where a map has nothing."""
@@ -287,8 +352,7 @@ def straight_motion(marks: Floats) -> tuple[Floats, Floats, Bools]:
     """Velocities (n, 2), m/s, of least squares through places; the times (n,), s, they span; whether they are steady.
 
     Args:
-        marks: (n, k, 3) x, y, m, and time, s, the newest first; NaN for none. Of fewer than `LEAST_MARKS`, none is
-            steady.
+        marks: (n, k, 3) x, y, m, and time, s, the newest first; NaN for none.
     """
     known = np.isfinite(marks[:, :, 2])
     count = known.sum(axis=1)
@@ -299,6 +363,6 @@ def straight_motion(marks: Floats) -> tuple[Floats, Floats, Bools]:
     velocities = (apart[:, :, :2] * apart[:, :, 2:]).sum(axis=1) / spread[:, None]
     explained = (velocities**2).sum(axis=1) * spread
     variance = (apart[:, :, :2] ** 2).sum(axis=(1, 2))
-    is_steady = (count >= LEAST_MARKS) & (explained > STEADY * variance)
+    is_steady = (count > 1) & (explained > STEADY * variance)
     spans = np.where(known, apart[:, :, 2], -np.inf).max(axis=1) - np.where(known, apart[:, :, 2], np.inf).min(axis=1)
     return velocities, np.where(count > 1, spans, 0.0), is_steady

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom_people_tracker.bodies import Bodies
+from navloom_people_tracker.circles import RADIUS_SIGMA
 
 __all__ = ["MARKS", "Tracks", "begun"]
 
@@ -28,8 +29,10 @@ class Tracks:
     Attributes:
         ids: (n,) number of each; 0 while it is tentative.
         means, covariances: (n, 4) x, y, m, vx, vy, m/s, and (n, 4, 4), odometry frame.
+        chances: (n, 2) of the models, that a body goes on and that it turns.
+        modes, mode_covariances: (n, 2, 4) and (n, 2, 4, 4) the states by each of them.
         places: (n, 2) where each was seen last, m.
-        radii: (n,) m.
+        radii, radius_sigmas: (n,) m, and its standard deviation, m.
         born, seen: (n,) time of the first and of the last echo, s.
         evidence: (n,) for how long it was seen to move within the last half second, s.
         is_moving: (n,) whether it moves.
@@ -42,8 +45,12 @@ class Tracks:
     ids: Ints
     means: Floats
     covariances: Floats
+    chances: Floats
+    modes: Floats
+    mode_covariances: Floats
     places: Floats
     radii: Floats
+    radius_sigmas: Floats
     born: Floats
     seen: Floats
     evidence: Floats
@@ -67,14 +74,20 @@ def begun(bodies: Bodies, time: float) -> Tracks:
     """Tentative tracks of bodies that are seen first at a time, s."""
     count = len(bodies.places)
     covariances = np.zeros((count, 4, 4))
-    covariances[:, [0, 1], [0, 1]] = bodies.sigmas[:, None] ** 2
+    radius_sigmas = np.minimum(bodies.radius_sigmas, RADIUS_SIGMA)
+    covariances[:, :2, :2] = bodies.centred(bodies.radii, radius_sigmas)[1]
     covariances[:, [2, 3], [2, 3]] = START_SPEED**2
+    means = np.column_stack([bodies.places, np.zeros((count, 2))])
     return Tracks(
         ids=np.zeros(count, np.int64),
-        means=np.column_stack([bodies.places, np.zeros((count, 2))]),
+        means=means,
         covariances=covariances,
+        chances=np.tile([0.8, 0.2], (count, 1)),
+        modes=np.repeat(means[:, None], 2, axis=1),
+        mode_covariances=np.repeat(covariances[:, None], 2, axis=1),
         places=bodies.places.copy(),
         radii=bodies.radii.copy(),
+        radius_sigmas=radius_sigmas,
         born=np.full(count, time),
         seen=np.full(count, time),
         evidence=np.zeros(count),

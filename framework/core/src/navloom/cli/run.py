@@ -23,7 +23,7 @@ from navloom.parts import part
 if TYPE_CHECKING:
     from navloom.config import Loaded
 
-__all__ = ["run"]
+__all__ = ["recorded", "run", "watched", "watched_for_stalls"]
 
 STALLED = 10.0
 """Longest time without a tick before the line that blocks the run is logged, s."""
@@ -62,20 +62,18 @@ def run(
 
     where = view.asked()
     if members_of(given.config):
-        if record is not None or where is not None:
-            raise ConfigError(
-                f"{given.config}: a fleet is neither recorded nor shown: leave --record and the viewer out"
-            )
-        raise typer.Exit(0 if run_members(given, out, as_json, processes) else 1)
+        if processes > 1 and (record is not None or where is not None):
+            raise ConfigError(f"--processes {processes}: --record and a viewer need all members in one process: take 1")
+        raise typer.Exit(0 if run_members(given, out, record, view, as_json, processes) else 1)
     if processes > 1:
         raise ConfigError(f"--processes {processes}: {given.config} has no [[member]], and one robot has one process")
     loaded = given.load(say_so)
     discovery = Discovery(loaded.config.plugins.blocked)
     with (
-        _watched(loaded, where) as watch,
+        watched(where, "watch_run", loaded) as watch,
         Onlookers(discovery, log_of("plugins").warning) as onlookers,
     ):
-        with ResultFolder(out) as folder, _recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
+        with ResultFolder(out) as folder, recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
             observers = [*([] if recorder is None else [recorder]), *watch.observers]
             with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
                 episode = run_episode(
@@ -156,17 +154,24 @@ class _Unwatched:
         """Nothing is left to draw."""
 
 
-def _watched(loaded: Loaded, where: Any) -> AbstractContextManager[Any]:
-    """The viewer's watch over the run, or one that shows nothing. Raises ViewerError."""
+def watched(where: Any, watch: str, shown: Loaded | Sequence[Loaded]) -> AbstractContextManager[Any]:
+    """The viewer's watch over a run, or one that shows nothing.
+
+    Args:
+        where: Where to show it; None for nowhere.
+        watch: Name of the watch: "watch_run", or "watch_fleet" of several configs.
+        shown: What it shows.
+
+    Raises:
+        ViewerError: It cannot be shown there.
+    """
     if where is None:
         return nullcontext(_Unwatched())
-    watch: AbstractContextManager[Any] = part("navloom_viewer.lockstep_viewing").watch_run(
-        loaded, where, log_of("viewer").info
-    )
-    return watch
+    make: Callable[..., AbstractContextManager[Any]] = getattr(part("navloom_viewer.lockstep_viewing"), watch)
+    return make(shown, where, log_of("viewer").info)
 
 
-def _recorded(loaded: Loaded, path: Path | None) -> AbstractContextManager[Any]:
+def recorded(loaded: Loaded, path: Path | None) -> AbstractContextManager[Any]:
     """The observer that writes a recording, or None."""
     if path is None:
         return nullcontext()

@@ -27,7 +27,10 @@ class MemberTable(Table):
     name: str = Field(max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="its robot.name")
     config: str | None = Field(default=None, description="its config, a path or a shipped name; default: this file")
     count: int | None = Field(
-        default=None, ge=1, le=MOST, description="that many equal robots, NAME1, NAME2, …, each with a task of the world"
+        default=None,
+        ge=1,
+        le=MOST,
+        description="that many equal robots, NAME1, NAME2, …, each with a task of the world",
     )
     start: Start | None = Field(default=None, description="its navigation.start")
     set: dict[str, Any] = Field(default_factory=dict, description="tables and keys as in the config itself")

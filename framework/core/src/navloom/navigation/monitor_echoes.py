@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -150,7 +151,8 @@ class SensorEchoes:
         # A copy, so that the unused rest of the buffer is freed.
         self._remember(time, found[:count].copy())
         every = self._every()
-        self.obstacles = np.column_stack([every, np.zeros(len(every))])
+        self.obstacles = np.zeros((len(every), 3))
+        self.obstacles[:, :2] = every
 
     def forget_unseen(self) -> None:
         """Forget the obstacles that the newest scan of a laser does not look at."""
@@ -291,11 +293,18 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
 
 
 def covered(bearings: Floats, bins: int) -> NDArray[np.bool_]:
-    """(bins,) directions of a full turn that beams (n,), rad, cover: their own, and the ones beside."""
+    """(bins,) directions of a full turn that beams (n,), rad, cover: their own, and the ones beside. Read-only."""
+    return _covered(bearings.tobytes(), bins)
+
+
+# The beams of a sensor are the same in every scan, so this and `directions` are computed once for each sensor.
+@lru_cache(maxsize=64)
+def _covered(bearings: bytes, bins: int) -> NDArray[np.bool_]:
     found = np.zeros(bins, dtype=bool)
-    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
+    looked = np.floor(np.frombuffer(bearings) * (bins / math.tau)).astype(np.int64)
     for side in (-1, 0, 1):
         found[(looked + side) % bins] = True
+    found.flags.writeable = False
     return found
 
 
@@ -320,9 +329,15 @@ def out_of_view(points: Floats, eye: tuple[float, float, float], is_covered: NDA
 
 def directions(bearings: Floats) -> int:
     """Number of directions in a full turn, about one for each beam, from 180 to 1440."""
-    if len(bearings) < 2:
+    return _directions(bearings.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _directions(bearings: bytes) -> int:
+    turns = np.abs(np.diff(np.frombuffer(bearings)))
+    if not len(turns):
         return 360
-    step = float(np.median(np.abs(np.diff(bearings))))
+    step = float(np.median(turns))
     # Bounded, because a kernel's time grows with the bins, and a few beams must not become coarse sectors.
     return min(1440, max(180, round(2.0 * math.pi / max(step, 1e-3))))
 

@@ -109,7 +109,7 @@ def _rim(footprint: Floats) -> tuple[Floats, Floats]:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell(value):  # type: ignore[no-untyped-def]
-    # `floor` and not `int`, which would put both sides of 0 into one cell. The mask is the remainder, without a division.
+    # `floor` and not `int`, which would put both sides of 0 into one cell; the mask is the remainder, but faster.
     return math.floor(value / CELL) & (SIZE - 1)
 
 

@@ -53,7 +53,10 @@ class Fleet:
             "wall_s": self.wall_ns * 1e-9,
             "sim_time_s": max(member["sim_time_s"] for member in members.values()),
             "reached": sum(episode.trail.succeeded for episode in self.episodes.values()),
-            "collisions": sum(member["collisions"] for member in members.values()),
+            **{
+                name: sum(member[name] or 0 for member in members.values())
+                for name in ("collisions", "own_contacts", "others_contacts")
+            },
             "members": members,
         }
 
@@ -99,6 +102,7 @@ def run_fleet(
     progress: Callable[[float, float], None] | None = None,
     reads: Iterable[tuple[str, str]] = (),
     onlookers: Mapping[str, Onlookers] | None = None,
+    observers: Mapping[str, Sequence[Observer]] | None = None,
     processes: int = 1,
 ) -> Fleet:
     """Run the configs of a fleet's members in one world, each until its last goal has ended and the robot stands.
@@ -114,6 +118,7 @@ def run_fleet(
         reads: Streams that metrics need, `(role or node, port)`, of each member.
         onlookers: Observers of plugins of each member, by name, as in `run_episode`. They get no messages of a member
             that another process drives.
+        observers: Further observers of each member, by name; they need one process.
         processes: Number of processes that drive the members: this one and others. It changes no result.
 
     Raises:
@@ -124,7 +129,8 @@ def run_fleet(
 
     def begin(drive: Drive) -> Sequence[Observer]:
         loaded = drive.system.loaded
-        return onlookers[loaded.member].begin(run_info(loaded, "lockstep")) if loaded.member in onlookers else ()
+        begun = onlookers[loaded.member].begin(run_info(loaded, "lockstep")) if loaded.member in onlookers else ()
+        return [*(observers or {}).get(loaded.member, ()), *begun]
 
     drives, traces, reads = drives_of(members, discovery), traces or {}, list(reads)
     _check_world(drives)

@@ -125,7 +125,12 @@ class ShareProcess(AbstractContextManager["ShareProcess"]):
         paths = {name: os.fspath(file.name) for name, file in self._traces.items()}
         given = (theirs, members, paths, self._reads, self._dump.name)
         self._process = context.Process(target=serve, args=given, daemon=True, name="navloom fleet")
-        self._process.start()
+        # Ctrl-C reaches the whole process group, but only the parent handles it: blocked from the first instruction on.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         # The process has its own copy; with ours open, its death would not end the pipe.
         theirs.close()
         return self
@@ -198,8 +203,6 @@ def serve(
         die_with_parent(parent.pid, signal.SIGKILL)
     # The parent has read the same worlds and has logged their warnings.
     logging.getLogger("navloom").addHandler(logging.NullHandler())
-    # Ctrl-C reaches the whole process group, but only the parent handles it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Output of plugins must not break --json. By descriptor, since C libraries print past `sys.stdout`.
     os.dup2(2, 1)
     with suppress(OSError):

@@ -151,6 +151,10 @@ def compare(
     for reason in study.unusable:
         LOG.warning(f"{reason}; the study goes on without this metric")
     if (where := view.asked()) is not None:
+        if study.is_fleet:
+            raise ConfigError(
+                f"{config}: a fleet is shown by `navloom run`, one method at a time: leave the viewer out"
+            )
         _show(study, where, as_json)
         return
     with _kept(out), _executor(scheduler) as executor, _progress(as_json) as progress, _stopping(live) as ends:
@@ -271,7 +275,14 @@ def _reported(result: StudyResult, out: Path) -> StudyResult:
 def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
     study = result.study
     rows = [
-        {**vars(r.key), "outcome": r.outcome, "reason": r.reason, **r.metrics, "trace_sha256": r.trace_sha256}
+        {
+            **vars(r.key),
+            "outcome": r.outcome,
+            "reason": r.reason,
+            **r.metrics,
+            "trace_sha256": r.trace_sha256,
+            **({"members": {one.name: vars(one) for one in r.members}} if r.members else {}),
+        }
         for r in result.rows
     ]
     return {
@@ -281,6 +292,7 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
         "workers_lost": result.lost,
         "wall_s": result.wall,
         "summary": result.summary(),
+        **({"member_summary": result.members()} if study.is_fleet else {}),
         "verdict": result.verdicts,
         "untested_worlds": result.untested,
         "notes": result.notes,
@@ -295,24 +307,45 @@ def _print(result: StudyResult, out: Path | None) -> None:
     from navloom.runs.metrics import headlines
 
     study = result.study
-    shown = headlines(study.metrics)
+    shown = study.metrics if study.is_fleet else headlines(study.metrics)
     lines = []
     for name, found in result.summary().items():
-        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
-        lines.append((name, found["episodes"], *(_mean(found, metric) for metric in shown), outcomes))
+        means = (_mean(found, metric) for metric in shown)
+        lines.append((name, found["episodes"], *means, _counted(found["outcomes"])))
     worlds, seeds = len(study.worlds), len(study.seeds)
-    driven = "live episodes" if study.is_live else "episodes"
+    driven = "live episodes" if study.is_live else "fleets" if study.is_fleet else "episodes"
     typer.echo(
         f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} {driven}, "
         f"{result.before} of them from an earlier run, in {result.wall:.1f} s; means over episodes"
     )
-    print_table(("method", "episodes", *shown, "outcomes"), lines)
+    print_table(("method", driven, *shown, "outcomes"), lines)
+    if study.is_fleet:
+        _print_members(result)
     for line in (*result.verdicts, *_truths(result)):
         typer.echo(line)
     if out is None:
         typer.echo("not saved: with --out DIR, compare writes the table, and the same command continues the study")
     else:
         typer.echo(f"written to {out}: {', '.join(result.files)}")
+
+
+def _print_members(result: StudyResult) -> None:
+    """Print a row for each member: means without intervals, since those of one fleet depend on each other."""
+    from navloom.cli.output import print_table
+
+    from navloom_study.fleet_episodes import OF_MEMBERS
+
+    lines = [
+        (method, name, *(found["means"][metric] for metric in OF_MEMBERS), _counted(found["outcomes"]))
+        for method, members in result.members().items()
+        for name, found in members.items()
+    ]
+    typer.echo("members; means over the fleets:")
+    print_table(("method", "member", *OF_MEMBERS, "outcomes"), lines)
+
+
+def _counted(outcomes: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
 
 
 def _mean(found: Mapping[str, Any], metric: str) -> Any:
@@ -323,7 +356,7 @@ def _mean(found: Mapping[str, Any], metric: str) -> Any:
 
 def _truths(result: StudyResult) -> Iterator[str]:
     """For each method, successes that the ground truth refutes, and those without a ground truth."""
-    from navloom.runs.episode_trail import FALSE_SUCCESS
+    from navloom.runs.episode_trail import FALSE_SUCCESS, STRUCK
 
     for method in result.study.methods:
         rows = [row for row in result.rows if row.key.method == method.name]
@@ -333,6 +366,11 @@ def _truths(result: StudyResult) -> Iterator[str]:
             yield (
                 f"{method.name}: false success in {false} of {len(rows)} episodes: the robot said that it had arrived, "
                 "and the ground truth says that it had not; counted as failures"
+            )
+        if struck := sum(row.outcome == STRUCK for row in rows):
+            yield (
+                f"{method.name}: struck in {struck} of {len(rows)} episodes: something ran into the robot, and would "
+                "have run into one that stands; counted as failures"
             )
         if untold:
             yield f"{method.name}: {untold} of {len(rows)} successes are the robot's own report, without ground truth"

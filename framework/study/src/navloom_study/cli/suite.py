@@ -107,7 +107,7 @@ def compare_in_suite(
 def _print(result: SuiteResult, cost: Mapping[str, Any], stored: list[SuiteResult]) -> None:
     from navloom.cli.output import print_table
 
-    lines = [(name, *result_line(result, name), f"{cost[name]['tick_us_p50'] / 1000:.2f}") for name in result.methods
+    lines = [(name, *result_line(result, name), f"{cost[name]['step_us'] / 1000:.2f}") for name in result.methods
              if name in cost]  # fmt: skip
     lines += [(name, *result_line(found, name), "stored") for found in stored for name in found.methods]
     typer.echo(f"{result.suite}: {result.primary}, mean over worlds with its 95 % interval")

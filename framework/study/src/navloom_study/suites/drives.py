@@ -28,8 +28,8 @@ __all__ = ["pictures_of", "typical_and_worst"]
 
 AROUND = 1.0
 """Margin around the track, m."""
-DPI = 110
-"""A picture is about 250 pixels wide: it stands in a table."""
+DPI = 80
+"""A picture is about 270 pixels wide: it stands in a table."""
 
 
 def typical_and_worst(rows: Sequence[ResultRow], is_higher_better: bool) -> tuple[ResultRow, ResultRow]:

@@ -4,7 +4,7 @@ const OKABE_ITO = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4
 /** Colours of shadows: of those of Okabe and Ito, what nothing else on the map has. */
 export const SHADOWS = ["#CC79A7", "#E69F00", "#009E73", "#D55E00"];
 /** Time that an arrow of a command looks ahead, s. */
-const AHEAD = 1.5;
+const AHEAD = 3;
 /** Semi-axis, in standard deviations, of the ellipse that holds the robot with 95 %. */
 const SIGMAS_95 = 2.4477;
 
@@ -125,7 +125,7 @@ export class Drawing {
 
   _head([px, py], angle, colour, width) {
     const { context } = this;
-    const size = 5 + 2.5 * width;
+    const size = 6 + 2 * width;
     context.beginPath();
     for (const turn of [0, 2.5, -2.5]) context.lineTo(px + size * Math.cos(angle + turn), py + size * Math.sin(angle + turn));
     context.closePath();

@@ -107,7 +107,7 @@ new ResizeObserver(() => {
   changed();
 }).observe(canvas);
 listen(canvas, camera, tool, () => {
-  isFitted = true; // whoever has moved the map keeps it
+  isFitted ||= !tool.isOn; // whoever has moved the map keeps it
   showFollow();
   changed();
 });

@@ -196,3 +196,11 @@ def test_a_patient_robot_goes_through_the_door_when_it_is_open(world: str, opens
 def test_an_impatient_robot_ends_before_the_door_opens() -> None:
     trail = run_episode(load_config("explore", ["world.ref=door_opens", "avoider.plugin=orca"])).trail
     assert trail.outcome == "no_path" and trail.time[-1] < 15.0
+
+
+def test_a_person_s_true_track_has_the_radius_of_its_trunk() -> None:
+    """0.22 m; its feet are up to 0.39 m off."""
+    person = "{at=0.0,do='actor',name='p',values={body='legs',way=[[2,4],[2,-4]],speed=1.0}}"
+    loaded = load_config("building", ["world.ref=empty", f"event=[{person}]", TOLD, "run.stop_after=2"])
+    told = run_episode(loaded, reads=[("platform", "told")]).trail.streams["platform", "told"]
+    assert {tuple(message.radii.tolist()) for _, message in told if len(message.ids)} == {(0.22,)}

@@ -255,3 +255,16 @@ def test_a_scan_says_nothing_along_a_bare_corridor():
     found, covariance = hold_unseen(pose, np.diag([1 / 11, 1 / 110, 1 / 110]), prior, np.eye(3) / 10)
     assert found == pytest.approx([0.0, 0.2, 0.1])
     assert covariance.diagonal() == pytest.approx([1 / 10, 1 / 110, 1 / 110])
+
+
+def test_a_settled_surface_stays_where_it_is_when_the_lattice_follows_the_robot() -> None:
+    """A wall at x = 1 m; the lattice, whose slack is 0.5 m, moves by 0.6 m while the last field is in use."""
+    surface = LocalSurface(0.05, 1.0, 0.2, 0.2, 10.0)
+    beams = np.array([[1.0, 0.05 * k, 1.0, 0.0] for k in range(-8, 9)])
+    for time in (0.0, 0.6, 1.2):
+        surface.add(beams, np.zeros(3))
+        surface.look(beams, len(beams), np.zeros(3), time)
+    field = surface.settled()
+    surface.follow(0.6, 0.0)
+    row, column = round((0.0 - field.frame[1]) / 0.05), round((1.0 - field.frame[0]) / 0.05)
+    assert field.values[row, column] == pytest.approx(0.0, abs=1e-3)

@@ -67,14 +67,17 @@ class LocalSurface:
         self._values = np.full((count, count), np.nan, np.float32)
         self._weights = np.zeros((count, count), np.float32)
         self._frame = np.array([-self._half * spacing, -self._half * spacing, 1.0, 0.0, spacing])
-        # Read-only as that of a map is: numba compiles a kernel again for a writable array.
-        shown = self._values.view()
-        shown.flags.writeable = False
-        self.field = DistanceField(shown, self._frame)
-        self._age = self._values
+        self._settled, self._age = np.full((2, count, count), np.float32(np.nan))
+        self.field, self._settled_field = self._shown(self._values), self._shown(self._settled)
         # When beams first and last ended near a node, since one looked through it, and when one last did, s.
         self._first, self._last, self._through = np.full((3, count, count), np.float32(-np.inf))
         self._first[:] = np.inf
+
+    def _shown(self, values: NDArray[np.float32]) -> DistanceField:
+        """A field of the lattice's values, read-only as that of a map is: numba compiles again for a writable array."""
+        shown = values.view()
+        shown.flags.writeable = False
+        return DistanceField(shown, self._frame)
 
     def follow(self, x: float, y: float) -> None:
         """Move the lattice by whole nodes if a point, m, map frame, is far from its middle."""
@@ -83,18 +86,17 @@ class LocalSurface:
             return
         columns, rows = round((x - middle[0]) / self.spacing), round((y - middle[1]) / self.spacing)
         self._frame[:2] += self.spacing * columns, self.spacing * rows
-        _shift(self._values, rows, columns, np.float32(np.nan))
+        for values in (self._values, self._settled, self._age):
+            _shift(values, rows, columns, np.float32(np.nan))
         _shift(self._weights, rows, columns, np.float32(0.0))
         _shift(self._first, rows, columns, np.float32(np.inf))
         _shift(self._last, rows, columns, np.float32(-np.inf))
         _shift(self._through, rows, columns, np.float32(-np.inf))
 
     def settled(self) -> DistanceField:
-        """The field of the surfaces alone that stand still."""
-        self._age = self._last - self._first
-        values = np.where(self._age >= _SETTLED, self._values, np.float32(np.nan))
-        values.flags.writeable = False
-        return DistanceField(values, self._frame)
+        """The field of the surfaces alone that stand still; the next call changes it in place."""
+        _settle(self._values, self._first, self._last, self._age, self._settled)
+        return self._settled_field
 
     def standing(self, beams: Floats, pose: Floats, only_wide: bool = False) -> Floats:
         """Those of the echoes, (n, 4) as for `add`, of things most of which `settled` last found on settled surfaces.
@@ -136,6 +138,16 @@ def _shift(array: NDArray[np.float32], rows: int, columns: int, empty: np.float3
             max(0, rows) : height - max(0, -rows), max(0, columns) : width - max(0, -columns)
         ]
     array[:] = kept
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _settle(values, first, last, age, settled):  # type: ignore[no-untyped-def]
+    """Fill the age of each node, s, and the values of those that are old enough; NaN for the others."""
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            old = last[row, column] - first[row, column]
+            age[row, column] = old
+            settled[row, column] = values[row, column] if old >= _SETTLED else np.float32(np.nan)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

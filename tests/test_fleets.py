@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 from navloom.cli import main
 from navloom.config import ConfigError, load_config
+from navloom.engine.trace import read_trace
+from navloom.plugins import one_file
 from navloom.runs.episode import run_episode
-from navloom.runs.fleet import Fleet, load_fleet, run_fleet
+from navloom.runs.fleet import Fleet, FleetError, load_fleet, run_fleet
 
 HEAD = '[run]\nstop_after = {seconds}\nseed = 3\n\n[world]\nref = "{world}"\n'
 HALLS = """
@@ -62,6 +67,15 @@ def test_each_sees_the_other_where_it_is(fleet_of) -> None:
         ahead = [scan.ranges[135] for _, scan in recorder.streams["platform", "laser"]]
         assert np.mean(ahead) == pytest.approx(2.75, abs=0.03)
         assert recorder.bodies[-1].names == ("a", "b") and recorder.bodies[-1].robots == 2
+
+
+def test_equal_robots_with_lasers_on_top_see_each_other(fleet_of) -> None:
+    """The Jackal of `explore` is 0.3 m high and 0.458 m long, and so high is its laser; 2 m apart."""
+    jackals = [member(n, x, h).replace("building", "explore") for n, x, h in (("a", 0.0, 0.0), ("b", 2.0, 180.0))]
+    fleet = drive(fleet_of(*jackals, seconds=0.2), reads=[("platform", "laser")])
+    for name in "ab":
+        ahead = [scan.ranges[180] for _, scan in fleet.episodes[name].recorder.streams["platform", "laser"]]
+        assert np.mean(ahead) == pytest.approx(2.0 - 0.229, abs=0.1)
 
 
 def test_who_drives_blindly_touches_the_one_that_stands(fleet_of) -> None:
@@ -143,7 +157,7 @@ def test_equal_robots_have_different_noise(fleet_of) -> None:
 
 def test_no_other_command_takes_a_fleet_for_one_robot(fleet_of, tmp_path: Path) -> None:
     fleet_of(*FAR)
-    with pytest.raises(ConfigError, match="member: several robots, which only `navloom run` drives"):
+    with pytest.raises(ConfigError, match="member: several robots, which only `navloom run` and `compare` drive"):
         load_config(str(tmp_path / "fleet.toml"))
 
 
@@ -183,10 +197,11 @@ def test_the_fleet_s_tables_lie_over_a_member_s_config_and_its_own_over_both(tmp
     assert (second.config.robot.realm, second.config.run.seed) == ("yard", 5)
 
 
-def test_run_prints_a_row_a_member_and_refuses_a_recording(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], fleet_of, tmp_path: Path
-) -> None:
-    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+@pytest.fixture
+def run_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    """`navloom run` of the fleet: exit code, output, errors. Plugin files are forgotten afterwards."""
+    monkeypatch.setenv(one_file.FILES, "[]")
+    monkeypatch.setattr(one_file, "_LOADED", {})
 
     def run(*options: str) -> tuple[object, str, str]:
         monkeypatch.setattr(sys, "argv", ["navloom", "run", str(tmp_path / "fleet.toml"), *options])
@@ -195,13 +210,38 @@ def test_run_prints_a_row_a_member_and_refuses_a_recording(
         out, err = capsys.readouterr()
         return ended.value.code, out, err
 
-    code, out, _ = run()
+    yield run
+    for path in one_file._LOADED:
+        sys.modules.pop(path.stem, None)
+
+
+def test_run_prints_a_row_a_member(run_of, fleet_of) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    code, out, _ = run_of()
     head, first, second, last, *_ = out.splitlines()
     assert (code, head.split()[:2]) == (1, ["member", "outcome"])
     assert [row.split()[:2] for row in (first, second)] == [["a", "stopped"], ["b", "stopped"]]
     assert last.startswith("0 of 2 reached their goals; 0 collisions; robot time 1 s in ")
-    code, _, err = run("--record", str(tmp_path / "run.mcap"))
-    assert code == 2 and "a fleet is neither recorded nor shown" in err
+
+
+def test_each_member_is_recorded_and_its_recording_replays(run_of, fleet_of, in_process, tmp_path: Path) -> None:
+    fleet_of(*NEAR[:2])
+    _, out, _ = run_of("--record", str(tmp_path / "run.mcap"), "--json")
+    told = json.loads(out)["written"]["record"]
+    assert [(Path(file["file"]).name, file["complete"]) for file in told] == [
+        ("run.a.mcap", True),
+        ("run.b.mcap", True),
+    ]
+    code, out, err = in_process("replay", told[1]["file"], "--check")
+    assert code == 0, err
+    assert "could be compared are those recorded, bit for bit" in out
+
+
+@pytest.mark.parametrize("option", ["--record", "--rerun"])
+def test_what_needs_every_message_is_refused_with_several_processes(run_of, fleet_of, tmp_path: Path, option) -> None:
+    fleet_of(*NEAR[:2])
+    code, _, err = run_of(option, str(tmp_path / "file"), "--processes", "2")
+    assert code == 2 and "need all members in one process" in err
 
 
 def test_two_that_drive_blindly_at_each_other_both_have_a_contact_of_their_own(fleet_of) -> None:
@@ -216,3 +256,140 @@ def test_two_that_drive_blindly_at_each_other_both_have_a_contact_of_their_own(f
     for name, other in (("a", "b"), ("b", "a")):
         (touch,) = fleet.episodes[name].trail.contacts
         assert (touch.name, touch.is_own, touch.x) == (other, True, pytest.approx(1.5, abs=0.025))
+
+
+NEAR = [
+    member("a", 0.0, 0.0, "navigation.goal = { x = 4.0, y = 0.0 }"),
+    member("b", 3.0, 180.0, "navigation.goal = { x = -1.0, y = 0.0 }"),
+    member("c", 1.5, 90.0, BLIND + ", navigation.goal = { x = 1.5, y = 3.0 }"),
+    member("d", -2.0, 0.0, "navigation.goal = { x = -1.95, y = 0.0 }"),
+]
+
+
+def test_the_number_of_processes_changes_nothing(fleet_of, tmp_path: Path) -> None:
+    """Robots that see and hinder each other, one of which ends early: the same hashes, files, contacts and trails."""
+    members = fleet_of(*NEAR, seconds=3.0)
+    fleets, traces = [], []
+    for processes in (1, 2, 4):
+        folder = tmp_path / str(processes)
+        folder.mkdir()
+        with ExitStack() as files:
+            opened = {one.member: files.enter_context((folder / one.member).open("wb")) for one in members}
+            fleets.append(drive(members, traces=opened, processes=processes, reads=[("platform", "laser")]))
+        traces.append([(folder / one.member).read_bytes() for one in members])
+    alone, *spread = fleets
+    for fleet, written in zip(spread, traces[1:], strict=True):
+        assert fleet.trace_sha256 == alone.trace_sha256
+        assert written == traces[0]
+        for name, episode in alone.episodes.items():
+            other = fleet.episodes[name]
+            assert other.log.trace_sha256 == episode.log.trace_sha256
+            assert other.recorder.truth == episode.recorder.truth
+            assert other.recorder.contacts == episode.recorder.contacts
+            assert len(other.recorder.bodies) == len(episode.recorder.bodies) == episode.log.ticks
+            scans, others = (one.recorder.streams["platform", "laser"] for one in (episode, other))
+            assert [time for time, _ in others] == [time for time, _ in scans]
+
+
+def test_what_a_plugin_refuses_in_another_process_is_said_once(fleet_of) -> None:
+    refused = "[{ name = 'laser', kind = 'laser_2d', rate_hz = 7.0 }]"
+    members = fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0, f"{STANDS}, sensor = {refused}"))
+    with pytest.raises(ConfigError) as alone:
+        drive(members)
+    with pytest.raises(ConfigError) as spread:
+        drive(members, processes=2)
+    assert str(spread.value) == str(alone.value)
+    assert not multiprocessing.active_children()
+
+
+def test_a_process_that_dies_ends_the_run_with_one_message(fleet_of) -> None:
+    def kill(done: float, total: float) -> None:
+        for child in multiprocessing.active_children():
+            child.kill()
+
+    with pytest.raises(FleetError, match=r"fleet: the process of b was killed by SIGKILL"):
+        drive(fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0), seconds=60.0), processes=2, progress=kill)
+    assert not multiprocessing.active_children()
+
+
+def test_ctrl_c_ends_every_process(fleet_of, tmp_path: Path) -> None:
+    """The traces up to there are whole files."""
+
+    def interrupt(done: float, total: float) -> None:
+        raise KeyboardInterrupt
+
+    members = fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 0.0), seconds=60.0)
+    with ExitStack() as files:
+        opened = {name: files.enter_context((tmp_path / name).open("wb")) for name in "ab"}
+        with pytest.raises(KeyboardInterrupt):
+            drive(members, traces=opened, processes=2, progress=interrupt)
+    assert not multiprocessing.active_children()
+    ticks = [[entry.tick for entry in read_trace(tmp_path / name)] for name in "ab"]
+    assert ticks[0] and ticks[0][-1] == ticks[1][-1]
+
+
+OBSERVER = """
+import json, pathlib
+from navloom import hookimpl
+
+class Truths:
+    wants = {("platform", "truth")}
+    def __init__(self):
+        self.count = 0
+    def on_message(self, role, instance, active, port, message, at):
+        self.count += 1
+
+SEEN = {}
+
+@hookimpl
+def navloom_register(registry):
+    pass
+
+@hookimpl
+def navloom_observe(run):
+    return SEEN.setdefault(run.robot, Truths())
+
+@hookimpl
+def navloom_run_finished(run, summary, out):
+    told = {"heard": SEEN[run.robot].count, "ticks": summary["ticks"], "out": out.folder.name}
+    pathlib.Path(__file__).with_name(f"{run.robot}.json").write_text(json.dumps(told))
+"""
+
+
+def test_observers_of_plugins_follow_each_member(run_of, fleet_of, tmp_path: Path) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    (tmp_path / "counting.py").write_text(OBSERVER)
+    run_of("--plugin", str(tmp_path / "counting.py"), "--out", str(tmp_path / "out"))
+    for name in "ab":
+        told = json.loads((tmp_path / f"{name}.json").read_text())
+        assert told == {"heard": told["ticks"], "ticks": told["ticks"], "out": name} and told["ticks"] >= 20
+
+
+def test_observers_are_told_of_members_elsewhere_without_their_messages(run_of, fleet_of, tmp_path: Path) -> None:
+    fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
+    (tmp_path / "counting.py").write_text(OBSERVER)
+    _, _, err = run_of("--plugin", str(tmp_path / "counting.py"), "--processes", "2", "--out", str(tmp_path / "out"))
+    assert err.count("--processes 2: observers got no messages of b: use one process") == 1
+    here, there = (json.loads((tmp_path / f"{name}.json").read_text()) for name in "ab")
+    assert (here["heard"], there["heard"]) == (here["ticks"], 0)
+
+
+def test_one_robot_has_one_process(run_of, tmp_path: Path) -> None:
+    (tmp_path / "fleet.toml").write_text("")
+    code, _, err = run_of("--processes", "2")
+    assert code == 2 and "has no [[member]], and one robot has one process" in err
+
+
+@pytest.mark.slow
+def test_fifty_robots_have_the_same_hashes_on_one_two_and_four_processes(fleet_of) -> None:
+    """A row of robots, 1.2 m apart, each of which drives past its neighbour."""
+    crowd = [
+        member(f"r{k}", 1.2 * k, 180.0 * (k % 2),
+               f"avoider.plugin = 'improved_vfh', navigation.goal = {{ x = {1.2 * k + 2.4 * (-1) ** k}, y = 1.0 }}")
+        for k in range(50)
+    ]  # fmt: skip
+    members = fleet_of(*crowd, seconds=10.0, world="halls.toml")
+    fleets = [drive(members, processes=processes) for processes in (1, 2, 4)]
+    hashes = [[episode.log.trace_sha256 for episode in fleet.episodes.values()] for fleet in fleets]
+    assert len(set(hashes[0])) == 50 and hashes == [hashes[0]] * 3
+    assert len({fleet.trace_sha256 for fleet in fleets}) == 1

@@ -90,7 +90,7 @@ def said(*command: str) -> list[str]:
 
 
 def test_bash_completes_commands_groups_and_options(complete: Complete) -> None:
-    assert complete("navloom", "re") == ["record", "relocalise", "replay", "report", "resume"]
+    assert complete("navloom", "re") == ["record", "relocalise", "replay", "report", "results", "resume"]
     assert complete("navloom", "params", "") == ["get", "set"]
     assert complete("navloom", "run", "paper", "--se") == ["--seed", "--set"]
     assert complete("navloom", "--v") == ["--version"]
@@ -158,7 +158,7 @@ def test_zsh_completes(here: Path) -> None:
 def check_zsh(ask: Complete) -> None:
     """The first press of the key loads typer's functions and proposes nothing; later ones complete."""
     ask("navloom re")
-    assert ask("navloom re") == ["record", "relocalise", "replay", "report", "resume"]
+    assert ask("navloom re") == ["record", "relocalise", "replay", "report", "results", "resume"]
     assert ask("navloom params ") == ["get", "set"]
     assert ask("navloom run paper --se") == ["--seed", "--set"]
     assert {"paper", "explore"} <= set(ask("navloom run "))
@@ -185,7 +185,7 @@ def test_fish_completes(here: Path) -> None:
         out = said("fish", "--no-config", "-c", f"source navloom.fish; complete -C {shlex.quote(line)}")
         return [entry.partition("\t")[0] for entry in out]
 
-    assert ask("navloom re") == ["record", "relocalise", "replay", "report", "resume"]
+    assert ask("navloom re") == ["record", "relocalise", "replay", "report", "results", "resume"]
     assert ask("navloom params ") == ["get", "set"]
     assert ask("navloom run paper --se") == ["--seed", "--set"]
     assert "paper" in ask("navloom run ") and ask("navloom run my") == ["my robot.toml"]

@@ -19,11 +19,14 @@ NOT_RUN = {
     ("tour.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
     ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
     ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("comparing.md", "navloom results"): "stores rows; framework/study/tests/test_suite_results.py adds some",
     ("comparing.md", "navloom compare explore --vary avoider=vfh_swept,mppi,dwa"): "450 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",
     ("viewing.md", "navloom view --foxglove"): "serves until Ctrl-C; framework/viewer/tests looks at what it serves",
+    ("dashboard.md", "navloom dashboard"): "serves until Ctrl-C; plugins/dashboard/tests asks it",
+    ("dashboard.md", "navloom up paper"): "serves until Ctrl-C; plugins/dashboard/tests asks such a robot",
     ("deploying.md", "navloom metrics"): "serves until Ctrl-C; framework/live/tests/operating asks it",
     ("deploying.md", "docker compose"): "needs docker",
     ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
@@ -71,10 +74,13 @@ STAND_INS = {
     ),
     ("tour.md", "navloom compare"): SHORT_STUDY,
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
+    ("comparing.md", "navloom compare examples/circle_swap.toml"): "navloom compare --help",
+    ("moving-obstacles.md", "navloom compare swap.toml"): "navloom compare --help",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",
     ("choosing.md", "navloom compare building"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
+    ("comparing.md", "navloom compare --suite"): "navloom compare --help",
 }  # fmt: skip
 """Slow commands: page and beginning of the command -> what is run instead, except with `-m slow`."""
 
@@ -84,7 +90,7 @@ TOKENS = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 PROMPT = re.compile(r"\w*\$\s+")
-GROUPS = {"config", "export", "keys", "params"}
+GROUPS = {"config", "export", "keys", "params", "results"}
 """Commands with subcommands."""
 UV = re.compile(r"uv run (?:--group \w+ )*")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from navloom import Context, MapperInput, OccupancyGrid, Pose2D, PoseTrack, RangeScan, RobotSpec
 from navloom_scan_grid.adapter import Layered
-from navloom_scan_grid.layer import LayerSettings, ObstacleLayer, near_walls, outside
+from navloom_scan_grid.layer import LayerSettings, ObstacleLayer, ends_beyond, near_walls, outside
 from navloom_scan_grid.mapping import Beams
 from navloom_scan_grid.params import LayeredParams
 from numpy.typing import NDArray
@@ -210,3 +210,23 @@ def test_a_clear_request_is_answered_at_once_with_what_is_seen_now() -> None:
     tried.update(given(0, 0.9))
     update = tried.update(given(1, clear=True))
     assert update is not None and update.stamp_ns == TICK_NS and update.grid.cells[20, 20] == 100
+
+
+def test_beams_that_all_end_beyond_the_body_need_no_look_at_each() -> None:
+    """A square of 1 m: 0.5 m to a side, 0.7071 m to a corner, so 0.7354 m with a margin of 2 cm."""
+    radii, ahead = (0.5, math.sqrt(0.5)), np.array([[0.1, 0.0]])
+    for length, beyond in ((0.83, False), (0.84, True), (math.inf, True)):
+        assert ends_beyond(ahead, np.array([length]), radii, 0.02) is beyond
+    assert not ends_beyond(ahead, np.array([9.0]), (-0.1, 0.7), 0.02)
+
+
+def test_what_ends_beyond_is_outside() -> None:
+    """A thin triangle, whose sides meet far out when they are moved: every beam near it is looked at."""
+    thin = np.array([[2.0, 0.0], [-0.1, 0.1], [-0.1, -0.1]])
+    inner, outer = 0.2 / math.hypot(2.1, 0.1), 2.0
+    draw = np.random.default_rng(1)
+    for _ in range(200):
+        angle, length = draw.uniform(-0.2, 0.2), draw.uniform(1.9, 3.0)
+        origin = np.zeros((1, 2))
+        if ends_beyond(origin, np.array([length]), (inner, outer), 0.05):
+            assert outside(length * np.array([[math.cos(angle), math.sin(angle)]]), thin, 0.05).all()

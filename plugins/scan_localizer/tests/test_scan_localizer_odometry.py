@@ -257,7 +257,20 @@ def test_a_scan_says_nothing_along_a_bare_corridor():
     assert covariance.diagonal() == pytest.approx([1 / 10, 1 / 110, 1 / 110])
 
 
-def test_a_settled_surface_stays_where_it_is_when_the_lattice_follows_the_robot() -> None:
+def test_a_settled_surface_keeps_its_place_when_the_lattice_follows_the_robot():
+    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(5), 1.0, 0.0)
+    surface.add(wall, np.zeros(3))
+    places = []
+    for time, x in ((1.0, 0.0), (2.1, 0.0), (2.1, 2.5)):
+        surface.look(wall, len(wall), np.zeros(3), time)
+        surface.follow(x, 0.0)
+        found = surface.settled()
+        places.append(found.frame[0] + 0.05 * np.flatnonzero(np.isfinite(found.values).any(axis=0)))
+    assert len(places[0]) == 0 and len(places[1]) > 2
+    np.testing.assert_allclose(places[2], places[1], atol=1e-9)
+
+
+def test_settled_surfaces_in_use_keep_their_place_when_the_lattice_follows_the_robot():
     """A wall at x = 1 m; the lattice, whose slack is 0.5 m, moves by 0.6 m while the last field is in use."""
     surface = LocalSurface(0.05, 1.0, 0.2, 0.2, 10.0)
     beams = np.array([[1.0, 0.05 * k, 1.0, 0.0] for k in range(-8, 9)])

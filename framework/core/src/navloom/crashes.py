@@ -5,11 +5,12 @@ from __future__ import annotations
 import faulthandler
 import os
 import re
+import signal
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import NamedTuple
 
-__all__ = ["crashed_at", "dump_on", "dump_when_broken", "is_of_dump"]
+__all__ = ["crashed_at", "dump_on", "dump_when_broken", "ending_of", "is_of_dump"]
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 CALLERS = tuple(os.path.join(HERE, house, "") for house in ("engine", "live", "plugins", "study"))
@@ -38,6 +39,13 @@ def dump_on(number: int, file: int = 2) -> None:
     """Do the same at a signal, then run its previous handler. It works even while C code holds the GIL."""
     with suppress(OSError, ValueError, RuntimeError):
         faulthandler.register(number, file, all_threads=True, chain=True)
+
+
+def ending_of(code: int | None) -> str:
+    """How a process has ended, in words, by its exit code as `multiprocessing` gives it: a signal is negative."""
+    if code is not None and code < 0:
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"ended with exit code {code}"
 
 
 def is_of_dump(line: str) -> bool:

@@ -16,7 +16,7 @@ __all__ = ["GROUP", "OTHERS", "TRACEBACK", "TRACE_HOOKS", "CommandPoint", "added
 
 GROUP = "navloom"
 """Group of the entry points; each is named KIND.NAME, and its kind is a role or one of OTHERS."""
-OTHERS = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
+OTHERS = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer", "suite")
 TRACE_HOOKS = "NAVLOOM_TRACE_HOOKS"
 """Environment variable: if not empty, every hook call is printed, in child processes too."""
 TRACEBACK = "NAVLOOM_TRACEBACK"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from functools import lru_cache
 from types import CodeType, ModuleType
 from typing import Any, NamedTuple
 
@@ -33,6 +34,12 @@ _expected: list[Any] = []
 
 def expect_kernels(places: Iterable[str | type]) -> None:
     """Count the kernels that modules, by name, and classes of plugins refer to, directly or through what they call."""
+    _expected[:] = _kernels_of(tuple(places))
+
+
+# A worker makes the same plugins in each episode, and looking through all that they name takes as long as 20 ticks.
+@lru_cache(maxsize=64)
+def _kernels_of(places: tuple[str | type, ...]) -> list[Any]:
     left: list[Any] = []
     for place in places:
         left += vars(sys.modules[place]).values() if isinstance(place, str) else place.__mro__
@@ -44,7 +51,7 @@ def expect_kernels(places: Iterable[str | type]) -> None:
         if id(thing) not in found and (package in packages or package.startswith("navloom")):
             found[id(thing)] = thing
             left += _named_in(thing)
-    _expected[:] = [thing for thing in found.values() if _is_kernel(thing) and not _is_inlined(thing)]
+    return [thing for thing in found.values() if _is_kernel(thing) and not _is_inlined(thing)]
 
 
 def kernels_so_far(compiled: int) -> Kernels:

@@ -23,6 +23,7 @@ PARTS = {
     "navloom_calibration": "navloom-calibration",
     "navloom_carmen": "navloom-carmen",
     "navloom_check": "navloom-check",
+    "navloom_dashboard": "navloom-dashboard",
     "navloom_live": "navloom-live",
     "navloom_maps": "navloom-maps",
     "navloom_optimal": "navloom-optimal",

@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from navloom.navigation.monitor_echoes import arc_points, directions, nearest_surfaces, out_of_view, to_odometry
+from navloom.navigation.monitor_echoes import (
+    arc_points,
+    covered,
+    directions,
+    nearest_surfaces,
+    out_of_view,
+    to_odometry,
+)
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -152,7 +159,7 @@ def test_a_laser_has_a_direction_for_each_beam(bearings: list[float], count: int
 def held(bearings: list[float], *places: tuple[float, float]) -> list[int]:
     """Which of the places at (distance, bearing in degrees) from the laser of a base that heads 0.3 rad stay."""
     points = [(*polar(d, b + math.degrees(0.3)), 0.001 * k) for k, (d, b) in enumerate(places)]
-    kept = out_of_view(np.array(points).reshape(-1, 3), (*EYE, 0.3), np.array(bearings), 36)
+    kept = out_of_view(np.array(points).reshape(-1, 3), (*EYE, 0.3), covered(np.array(bearings), 36))
     found = [round(1000 * beyond) for beyond in kept[:, 2]]
     assert kept.tolist() == [list(points[k]) for k in found]
     return found

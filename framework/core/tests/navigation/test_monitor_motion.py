@@ -17,7 +17,7 @@ from navloom.geometry.actors import Body, parts_of
 from navloom.navigation.braking import Braking
 from navloom.navigation.collision_monitor import MonitorLimits
 from navloom.navigation.monitor_motion import MOST_SCANS
-from navloom.navigation.monitor_rollout import HEADWAY, MOST_GAIN, first_meeting
+from navloom.navigation.monitor_rollout import HEADWAY, MOST_GAIN, escapes, first_meeting, ways_on
 from navloom.testing import robot
 from numpy.typing import NDArray
 
@@ -299,6 +299,41 @@ def test_a_robot_that_escapes_is_not_stopped() -> None:
     """
     scene = drive(Scene(LIMITS, [moves(-0.86, 0.0, 0.7, 0.0)], ROOM), 1.0, 1.5)
     assert {verdict.kind for verdict in scene.verdicts} == {""}
+
+
+@pytest.mark.parametrize(
+    ("point", "escaped"),
+    [
+        # It passes 0.56 m behind: from a gap of 0.8 m to 0.5 m after 0.4 s and 0.7 m after 0.8 s.
+        ((-0.5, 1.0, 0.0, -1.5), True),
+        ((3.0, 0.0, -1.0, 0.0), False),  # head on: from 2.8 m to 1.6 m
+    ],
+)
+def test_what_is_behind_the_robot_in_the_end_has_been_escaped(point: tuple[float, ...], escaped: bool) -> None:
+    x, y, vx, vy = point
+    moving = np.array([(x, y, 0.0, vx, vy, 0.0, 0.0)])
+    assert escapes(WAY, TIMES, 3, SQUARE, math.sqrt(0.08), moving, np.full(1, 0.01), 0) == escaped
+
+
+def test_a_way_on_accelerates_along_the_arc_or_straight() -> None:
+    """From 0.5 m/s with 1 m/s²: 1 m/s after 0.5 s, on the same arc with twice the turn rate."""
+    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), True, ROBOT, PERIOD)
+    assert goes_on[10].tolist() == [0.5, 0.4, 0.0]
+    assert on_the_arc[10] == pytest.approx([1.0, 0.8, 0.0])
+    assert straight[10] == pytest.approx([1.0, 0.0, 0.0])
+    assert len(ways_on(np.array([0.5, 0.4, 0.0]), False, ROBOT, PERIOD)) == 1
+
+
+def test_a_robot_that_stands_may_accelerate_out_of_the_way() -> None:
+    """A disc comes from the side at 1 m/s and is there after 3.5 s. Within 1.3 s, the robot gets 0.8 m away.
+
+    It is clear of the disc from 0.6 m on. With its speed after half a second, 0.5 m/s, it would get 0.5 m away.
+    """
+    scene, least = Scene(LIMITS, [comes(0.0, 0.5 * math.pi, 1.0)], ROOM), math.inf
+    while scene.time < 5.0:
+        scene.step(2.0 if scene.time > 2.1 else 0.0)
+        least = min(least, scene.gap())
+    assert least > 0.0
 
 
 # --- configuration ----------------------------------------------------------------------------------------------------

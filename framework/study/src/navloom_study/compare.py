@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import platform
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from navloom.config import ConfigError, Loaded, load_config
+from navloom.config.loader import members_of
 from navloom.config.tables import ROLE_TABLES
 from navloom.engine.build import assemble
 from navloom.engine.system import System
@@ -21,9 +23,10 @@ from navloom.plugins.registry import NODE, nearest
 from navloom.runs.metrics import Metric, all_metrics
 
 from navloom_study.episode_rows import EpisodeTask, Row
+from navloom_study.fleet_episodes import known_metrics
 from navloom_study.live_episodes import run_live
 from navloom_study.openloop import METHOD, open_loop_of
-from navloom_study.statistics import PRIMARY
+from navloom_study.statistics import FLEET_PRIMARY, PRIMARY
 from navloom_study.study_folder import StudyFolder
 from navloom_study.study_methods import Method, compared, methods_of
 from navloom_study.study_request import Study, StudyResult
@@ -47,6 +50,8 @@ def plan_study(
     open_loop: bool = False,
     is_live: bool = False,
     primary: Sequence[str] = (),
+    methods: Sequence[Method] = (),
+    here: Path | None = None,
 ) -> Study:
     """Check a request before anything runs.
 
@@ -61,18 +66,23 @@ def plan_study(
         open_loop: Whether to drive the baseline once more for each world and seed, with the other methods in shadow.
         is_live: Whether the episodes are to be driven live.
         primary: Metrics that the study asks about; default `PRIMARY`.
+        methods: The methods, made already; default those of `vary`.
+        here: Base folder of references that are not from a file; default the current one.
 
     Raises:
         ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
     """
-    base = load_config(config, changes)
+    members = members_of(config)
+    _check_fleet(members, open_loop, is_live)
+    base = load_config(config, changes, member=members[0] if members else "")
     discovery = CachedDiscovery(base.config.plugins.blocked)
-    methods = methods_of(config, vary, changes, discovery)
+    methods = list(methods) or methods_of(config, vary, changes, discovery)
     baseline = _baseline(baseline, methods)
     beside = open_loop_of(methods, baseline) if open_loop else None
     say("reading worlds")
-    cases = worlds_of(base, worlds, discovery)
-    here, single = Path.cwd(), len(methods) == len(cases) == 1
+    here = here or Path.cwd()
+    cases = worlds_of(base, worlds, discovery, here)
+    single = len(methods) == len(cases) == 1
     say("checking methods")
     check = _check_live if is_live else check_task
     systems = {method.name: _checked(method, cases[0], discovery, here, single, check) for method in methods}
@@ -83,13 +93,14 @@ def plan_study(
     if beside is not None:
         _checked(Method(METHOD, (), beside.loaded), cases[0], discovery, here, single)
     equal, different = compared(systems)
-    metrics, unusable = all_metrics(discovery)
+    metrics, unusable = known_metrics(discovery, bool(members))
+    of_members = all_metrics(discovery)[0] if members else ()
     _check_primary(primary, metrics)
     return Study(
         config,
         tuple(methods),
         tuple(cases),
-        tuple(seeds) or (base.config.run.seed,),
+        tuple(seeds) or (base.config.run.seed if base.fleet_seed is None else base.fleet_seed,),
         tuple(metric.name for metric in metrics),
         equal,
         different,
@@ -100,8 +111,18 @@ def plan_study(
         beside,
         unusable,
         is_live,
-        tuple(primary) or PRIMARY,
+        tuple(primary) or (FLEET_PRIMARY if members else PRIMARY),
+        tuple(metric.name for metric in of_members),
     )
+
+
+def _check_fleet(members: Sequence[str], open_loop: bool, is_live: bool) -> None:
+    """Refuse what compares streams of one robot, or drives live. Raises ConfigError."""
+    for option, is_given in (("--open-loop", open_loop), ("--live", is_live)):
+        if members and is_given:
+            raise ConfigError(
+                f"{option}: the config is of a fleet, [[member]], and this is for one robot: leave it out"
+            )
 
 
 def _check_primary(names: Sequence[str], metrics: Sequence[Metric]) -> None:
@@ -136,19 +157,25 @@ def _checked(
     here: Path,
     single: bool,
     check: Callable[[System], None] = check_task,
-) -> System:
-    """A method's system in a world. Raises ConfigError that names the method and the world that do not fit."""
-    loaded: Loaded = placed(method.loaded.to_json(), case.values, method.loaded.config.run.seed, here)
-    try:
-        system = assemble(loaded, discovery)
-        check(system)
-    except (ConfigError, PluginError) as error:
-        where = "" if single else f"method {method.name} in world {case.ref}: "
-        raise ConfigError(f"{where}{error}") from None
-    return system
+) -> list[System]:
+    """A method's system in a world, of a fleet that of each member.
+
+    Raises:
+        ConfigError: They do not fit; the text names both.
+    """
+    systems = []
+    for one in method.members or (method.loaded,):
+        loaded: Loaded = placed(one.to_json(), case.values, one.config.run.seed, here)
+        try:
+            systems.append(assemble(loaded, discovery))
+            check(systems[-1])
+        except (ConfigError, PluginError) as error:
+            where = f"method {method.name} in world {case.ref}: " if not single else ""
+            raise ConfigError(f"{where}{f'member {one.member}: ' if one.member else ''}{error}") from None
+    return systems
 
 
-def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[str, str]:
+def _versions(systems: Mapping[str, Sequence[System]], discovery: CachedDiscovery) -> dict[str, str]:
     """Versions of Python, the numerical packages, and the distributions whose plugins are active."""
     owners = {(info.role, info.name): info for info in discovery.infos()}
     found = {"python": platform.python_version(), "machine": platform.machine()}
@@ -156,7 +183,7 @@ def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[st
         found[name] = version(name)
     used = {
         (role if role in ROLE_TABLES else NODE, system.config.role_table(role).plugin)
-        for system in systems.values()
+        for system in chain(*systems.values())
         for role in system.config.roles
     }
     for key in sorted(used):
@@ -198,6 +225,8 @@ def run_study(
     """
     started = perf_counter()
     tasks = study.tasks()
+    if twice and study.is_fleet:
+        raise ConfigError("--twice: compares the streams of one robot, and the config is of a fleet: leave it out")
     with StudyFolder(out, study.request()) as folder:
         # Ended episodes are kept: an interrupted study continues.
         todo = [task for task in tasks if task.key not in folder.rows]
@@ -226,7 +255,7 @@ def run_study(
         beside = [folder.rows[key] for key in study.open_loop_keys]
         count = 1 if study.is_live else jobs or cores()
         timings = _timings(rows, perf_counter() - started, count)
-        files = folder.finish(rows, study.metrics, timings, beside)
+        files = folder.finish(rows, study.metrics, timings, beside, study.member_metrics)
     return StudyResult(
         study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside), folder.missing,
         tuple(repeated),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
@@ -18,13 +18,16 @@ from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.runs.episode import Episode, run_episode
 from navloom.runs.episode_trail import Trail, WayLengths, lost_trail, ways_of
+from navloom.runs.fleet import run_fleet
+from navloom.runs.fleet_metrics import FLEET_METRICS, fleet_trail
 from navloom.runs.metrics import Metric, all_metrics, timing
 from navloom.runs.shadow_comparison import ShadowSummary
 
 from navloom_study.episode_key import EpisodeKey
+from navloom_study.fleet_episodes import MemberRow
 from navloom_study.repeat_check import run_twice
 from navloom_study.study_worlds import CachedDiscovery, placed
-from navloom_study.tracks import encoded
+from navloom_study.tracks import encoded, encoded_together
 
 __all__ = ["EpisodeTask", "Row", "episode_row", "lost_row", "read_by_metrics", "row_of"]
 
@@ -45,6 +48,8 @@ class EpisodeTask:
         metrics: Names, in the order of the table.
         is_open_loop: The config's alternatives run in shadow; only their answers count, not the drive.
         is_twice: The episode runs twice, and the row contains a warning if the second run differs.
+        members: Of a fleet, the config of each member; `config` is the first one's.
+        member_metrics: Names of the metrics of each member; `metrics` are those of the fleet.
     """
 
     study: str
@@ -55,6 +60,8 @@ class EpisodeTask:
     metrics: tuple[str, ...]
     is_open_loop: bool = False
     is_twice: bool = False
+    members: tuple[dict[str, Any], ...] = ()
+    member_metrics: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +78,7 @@ class Row:
         warnings: Warnings of the run; those about timing are not reproducible.
         shadows: Summary of each shadow of an open-loop episode.
         track: File of the driven track, for `trails/`; not in the journal.
+        members: Of a fleet, its members.
     """
 
     key: EpisodeKey
@@ -83,6 +91,7 @@ class Row:
     shadows: tuple[ShadowSummary, ...] = ()
     track: bytes = field(default=b"", compare=False, repr=False)
     warnings: tuple[RunWarning, ...] = field(default=(), compare=False, repr=False)
+    members: tuple[MemberRow, ...] = ()
 
     def __post_init__(self) -> None:
         # All rows have the same names, so thousands of rows share one copy of each.
@@ -98,6 +107,8 @@ class Row:
                 told[name] = [one.to_json() for one in told[name]]
             else:
                 del told[name]
+        if told.pop("members"):
+            told["members"] = [vars(one) for one in self.members]
         return {**vars(self.key), **told}
 
     @classmethod
@@ -114,6 +125,7 @@ class Row:
             line.notes,
             line.shadows,
             warnings=tuple(RunWarning.from_json(vars(warning)) for warning in line.warnings),
+            members=line.members,
         )
 
 
@@ -145,6 +157,7 @@ class _Line:
     notes: tuple[str, ...]
     shadows: tuple[ShadowSummary, ...] = ()
     warnings: tuple[_Warning, ...] = ()
+    members: tuple[MemberRow, ...] = ()
 
 
 def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
@@ -158,6 +171,8 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
     discovery = _shared(task).discovery
     try:
         reads = read_by_metrics(task)
+        if task.members:
+            return _fleet_row(task, discovery, progress, reads, started)
         loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
         if task.is_twice:
             episode = _repeated(loaded, discovery, progress, reads)
@@ -174,7 +189,34 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
 
 def read_by_metrics(task: EpisodeTask) -> frozenset[tuple[str, str]]:
     """Streams whose messages the metrics of an episode need, `(role or node, port)`."""
-    return frozenset(stream for metric in _metrics(task) for stream in metric.reads)
+    metrics = _member_metrics(task) if task.members else _metrics(task)
+    return frozenset(stream for metric in metrics for stream in metric.reads)
+
+
+def _fleet_row(
+    task: EpisodeTask, discovery: Discovery, progress: Progress, reads: frozenset[tuple[str, str]], started: float
+) -> Row:
+    """Run the members of a fleet. The row is the fleet's, with a part for each member."""
+    fleet = run_fleet(
+        [placed(given, task.values, task.key.seed, Path(task.here)) for given in task.members],
+        discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress(), reads=reads,
+    )  # fmt: skip
+    progress()
+    row = _row(task, fleet_trail({name: one.trail for name, one in fleet.episodes.items()}), fleet.trace_sha256,
+               perf_counter() - started)  # fmt: skip
+    notes, members = list(row.notes), []
+    for name, one in fleet.episodes.items():
+        found = {metric.name: _measured(metric, one.trail, notes) for metric in _member_metrics(task)}
+        members.append(MemberRow(name, one.trail.outcome, _one_line(one.trail.reason), found, one.log.trace_sha256))
+    warnings = [warning for one in fleet.episodes.values() for warning in one.warnings]
+    track = encoded_together([(one.trail, *_goal(one)) for one in fleet.episodes.values()])
+    return replace(row, notes=tuple(notes), members=tuple(members), warnings=tuple(warnings), track=track)
+
+
+def _goal(episode: Episode) -> tuple[tuple[float, float] | None, float]:
+    """Place, m, and tolerance, m, of an episode's goal."""
+    goal = episode.system.goal
+    return None if goal is None else (goal.x, goal.y), episode.system.goal_tolerance
 
 
 def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress, reads: frozenset[tuple[str, str]]) -> Episode:
@@ -191,9 +233,8 @@ def row_of(task: EpisodeTask, episode: Episode, spent: float) -> Row:
     """The row of an ended episode, with its track, shadows and warnings; `spent` is its wall time, s."""
     trail = episode.trail
     row = _row(task, trail, episode.log.trace_sha256, spent)
-    goal, shadows = episode.system.goal, episode.shadows
-    place = None if goal is None else (goal.x, goal.y)
-    track = encoded(trail, place, episode.system.goal_tolerance, shadows)
+    shadows = episode.shadows
+    track = encoded(trail, *_goal(episode), shadows)
     summaries = tuple(shadow.summary() for shadow in shadows)
     return replace(row, shadows=summaries, track=track, warnings=tuple(episode.warnings))
 
@@ -282,11 +323,18 @@ _SHARED: dict[str, Shared] = {}
 
 def _metrics(task: EpisodeTask) -> list[Metric]:
     """Metrics of the table, in its order. Raises PluginError for one that is not installed here."""
-    known = _shared(task).metrics
-    for name in task.metrics:
+    return _named(task.metrics, {one.name: one for one in FLEET_METRICS} if task.members else _shared(task).metrics)
+
+
+def _member_metrics(task: EpisodeTask) -> list[Metric]:
+    return _named(task.member_metrics, _shared(task).metrics)
+
+
+def _named(names: Sequence[str], known: Mapping[str, Metric]) -> list[Metric]:
+    for name in names:
         if name not in known:
             raise PluginError(f"metric {name!r} of the study is not installed on this worker{nearest(name, [*known])}")
-    return [known[name] for name in task.metrics]
+    return [known[name] for name in names]
 
 
 def _shared(task: EpisodeTask) -> Shared:

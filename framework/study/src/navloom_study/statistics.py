@@ -30,8 +30,8 @@ from navloom_study.paired_differences import (
 )
 from navloom_study.resampling import intervals
 
-__all__ = ["FEW_WORLDS", "PRIMARY", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference", "Estimate",
-           "Summary", "WorstWorld", "compare_methods"]  # fmt: skip
+__all__ = ["FEW_WORLDS", "FLEET_PRIMARY", "PRIMARY", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference",
+           "Estimate", "Summary", "WorstWorld", "compare_methods"]  # fmt: skip
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
@@ -43,6 +43,8 @@ WORLDS_LIKE_THESE = "worlds like these"
 THESE_WORLDS = "for these worlds only"
 PRIMARY = ("success", "spl")
 """Metrics that a study asks about, if it names none: the first one in which enough pairs differ."""
+FLEET_PRIMARY = ("success", "arrived")
+"""The same of fleets."""
 WORST = 5
 
 

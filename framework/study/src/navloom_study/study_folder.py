@@ -22,6 +22,7 @@ from navloom.inputs.typed_json import from_builtins
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.episode_rows import Row
+from navloom_study.fleet_episodes import MEMBERS, member_table
 from navloom_study.openloop import METHOD
 from navloom_study.tracks import FOLDER, file_of
 
@@ -109,14 +110,17 @@ class StudyFolder:
             raise
 
     def finish(
-        self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any], open_loop: Sequence[Row] = ()
-    ) -> list[str]:
+        self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any], open_loop: Sequence[Row] = (),
+        member_metrics: Sequence[str] = (),
+    ) -> list[str]:  # fmt: skip
         """Write the tables of a complete study atomically. Returns the names of all files in the folder."""
         if self.folder is None:
             return []
         tables = {"episodes.csv": table_of(rows, metrics), "timing.json": json.dumps(timing, indent=1) + "\n"}
         if open_loop:
             tables["open_loop.csv"] = open_loop_table(open_loop, self.request["open_loop"]["shadows"])
+        if member_metrics:
+            tables[MEMBERS] = member_table(rows, member_metrics)
         self.missing = write_each(self.folder, tables)
         names = dict.fromkeys(["episodes.csv", "study.json", "timing.json", "journal.jsonl", *tables])
         found = [name for name in names if name not in self.missing]
@@ -175,7 +179,9 @@ class StudyFolder:
         if row.key.method == METHOD:
             shadows = self.request.get("open_loop", {}).get("shadows", {})
             return all(shadow.instance in shadows for shadow in row.shadows)
-        return all(name in row.metrics for name in self.request.get("metrics", ()))
+        own = self.request.get("member_metrics", ())
+        are_whole = all(name in one.metrics for one in row.members for name in own)
+        return are_whole and all(name in row.metrics for name in self.request.get("metrics", ()))
 
     def _close(self) -> None:
         if self._journal is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +12,15 @@ from typing import Any
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.config_methods import ALONE, settings_of
 from navloom.config.config_tree import leaves
+from navloom.config.loader import members_of
 from navloom.config.tables import ROLE_TABLES, AlternativeTable
 from navloom.engine.system import System
 from navloom.plugins import Discovery
-from navloom.plugins.registry import NODE
+from navloom.plugins.registry import NODE, nearest
 from navloom.roles.presets import named_plugin
+from navloom.runs.fleet import load_fleet
 
+AS_CONFIGURED = "as_configured"
 METHOD = "method"
 """Place in `--vary` that stands for the tables `[[method]]`."""
 
@@ -35,20 +39,28 @@ class Method:
         changes: The `--set` changes that produce it from the config file, after its `[[method]]`.
         loaded: The resulting config.
         table: Name of the config's `[[method]]` that it applies; empty for none.
+        members: Of a fleet, the config of each member; `loaded` is the first one's.
     """
 
     name: str
     changes: tuple[str, ...]
     loaded: Loaded
     table: str = ""
+    members: tuple[Loaded, ...] = ()
 
     def request(self) -> dict[str, Any]:
         """The entry of `study.json`."""
         return {
-            "config_sha256": self.loaded.sha256(),
+            "config_sha256": self.sha256(),
             "changes": list(self.changes),
             **({"method": self.table, "set": self._settings()} if self.table else {}),
         }
+
+    def sha256(self) -> str:
+        """Hash of all values; of a fleet over those of all members."""
+        if not self.members:
+            return self.loaded.sha256()
+        return hashlib.sha256("\n".join(one.sha256() for one in self.members).encode()).hexdigest()
 
     def _settings(self) -> dict[str, Any]:
         """The overrides of its `[[method]]`, by place."""
@@ -116,37 +128,81 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
     Raises:
         ConfigError: A place or value is not valid; the text suggests the nearest valid one.
     """
-    base = load_config(reference, changes)
+    members = members_of(reference) or [""]
     variations = [variation_of(text) for text in vary]
-    _check_places(variations)
-    spare, common = _alternatives(base, changes)
+    _check_places(variations, members)
     methods = []
     for values in product(*(variation.values for variation in variations)):
         chosen = {v.place: value for v, value in zip(variations, values, strict=True)}
-        table = chosen.get(METHOD, "")
-        own = _with_method(reference, base, table, changes) if table else base
-        exchanged = {METHOD, *ROLE_TABLES, *(node.name for node in own.config.node)}
-        roles = [
-            change
-            for place, value in chosen.items()
-            if place in exchanged and place != METHOD
-            for change in _exchange(own, base, place, value, discovery)
-        ]
-        active = {role: own.config.role_table(role).instance for role in own.config.roles}
-        taken = (active | chosen).items()
-        # An alternative that is the method itself cannot run beside itself.
-        kept = [spare_table for spare_table in spare if (spare_table.role, spare_table.instance) not in taken]
-        shelf = [f"alternative={toml_value([_dump(entry) for entry in kept])}"] if base.config.alternative else []
-        settings = [f"{place}={value}" for place, value in chosen.items() if place not in exchanged]
-        labels = (value if place in exchanged else _label(place, value) for place, value in chosen.items())
-        name = "+".join(labels) or "as_configured"
-        every = (*shelf, *roles, *common, *settings)
-        methods.append(Method(name, every, _load(reference, every, name if chosen else "", table), table))
+        found, exchanged = {}, set[str]()
+        for member in members:
+            found[member], roles = _changes(reference, _of_member(chosen, member), changes, discovery, member)
+            exchanged |= roles
+        # What is active in one member is not in another: then each has its own changes.
+        shared = [change for change in found[members[0]] if all(change in own for own in found.values())]
+        own = [f"member.{member}.{change}" for member in found for change in found[member] if change not in shared]
+        name = "+".join(value if place in exchanged else _label(place, value) for place, value in chosen.items())
+        methods.append(_method(reference, name, (*shared, *own), chosen.get(METHOD, ""), members))
     names = [method.name for method in methods]
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f"--vary: two methods would be named {name!r}; choose values that differ in name")
     return methods
+
+
+def _changes(
+    reference: str, chosen: Mapping[str, str], changes: Sequence[str], discovery: Discovery, member: str
+) -> tuple[list[str], set[str]]:
+    """The changes that give a robot the chosen values, and the places whose values are plugins or methods.
+
+    Args:
+        reference: The config.
+        chosen: Value of each varied place.
+        changes: Changes for all methods.
+        discovery: Plugins.
+        member: Name of the member; empty for a robot alone.
+    """
+    base = load_config(reference, changes, member=member)
+    spare, common = _alternatives(base, changes)
+    table = chosen.get(METHOD, "")
+    own = _with_method(reference, base, table, changes) if table else base
+    exchanged = {METHOD, *ROLE_TABLES, *(node.name for node in own.config.node)}
+    roles = [
+        change
+        for place, value in chosen.items()
+        if place in exchanged and place != METHOD
+        for change in _exchange(own, base, place, value, discovery)
+    ]
+    active = {role: own.config.role_table(role).instance for role in own.config.roles}
+    taken = (active | dict(chosen)).items()
+    # An alternative that is the method itself cannot run beside itself.
+    kept = [spare_table for spare_table in spare if (spare_table.role, spare_table.instance) not in taken]
+    shelf = [f"alternative={toml_value([_dump(entry) for entry in kept])}"] if base.config.alternative else []
+    settings = [f"{place}={value}" for place, value in chosen.items() if place not in exchanged]
+    return [*shelf, *roles, *common, *settings], exchanged
+
+
+def _of_member(chosen: Mapping[str, str], member: str) -> dict[str, str]:
+    """What is chosen for a member: `member.NAME.PLACE` for that one alone, and before what is for all."""
+    prefix = f"member.{member}."
+    shared = {place: value for place, value in chosen.items() if not place.startswith("member.")}
+    own = {place.removeprefix(prefix): value for place, value in chosen.items() if place.startswith(prefix)}
+    return shared | own
+
+
+def _method(reference: str, name: str, changes: tuple[str, ...], table: str, members: Sequence[str]) -> Method:
+    """A method, whose config is that of each member.
+
+    Raises:
+        ConfigError: It does not fit; the text names the method.
+    """
+    try:
+        if members == [""]:
+            return Method(name or AS_CONFIGURED, changes, load_config(reference, changes, method=table), table)
+        fleet = load_fleet(reference, changes, method=table)
+    except ConfigError as error:
+        raise ConfigError(f"method {name}: {error}" if name else str(error)) from None
+    return Method(name or AS_CONFIGURED, changes, fleet[0], table, tuple(fleet))
 
 
 def _with_method(reference: str, base: Loaded, name: str, changes: Sequence[str]) -> Loaded:
@@ -158,19 +214,17 @@ def _with_method(reference: str, base: Loaded, name: str, changes: Sequence[str]
     others = [table.role for table in base.config.alternative if table.instance == name]
     if others and name not in [table.name for table in base.config.method]:
         raise ConfigError(f"--vary method={name}: {name} is an [[alternative]]: --vary {others[0]}={name}")
-    return load_config(reference, (*changes, *ALONE), method=name)
+    return load_config(reference, (*changes, *ALONE), method=name, member=base.member)
 
 
-def _load(reference: str, changes: Sequence[str], name: str, table: str = "") -> Loaded:
-    try:
-        return load_config(reference, changes, method=table)
-    except ConfigError as error:
-        raise ConfigError(f"method {name}: {error}" if name else str(error)) from None
-
-
-def _check_places(variations: Sequence[Variation]) -> None:
+def _check_places(variations: Sequence[Variation], members: Sequence[str]) -> None:
     places = [variation.place for variation in variations]
     for place in places:
+        _, _, own = place.removeprefix("member.").partition(".")
+        if place.startswith("member.") and (name := place.split(".")[1]) not in members:
+            raise ConfigError(f"--vary {place}: no member {name}{nearest(name, [one for one in members if one])}")
+        if place.startswith("member.") and own in ("", METHOD):
+            raise ConfigError(f"--vary {place}: expected member.NAME.PLACE, as in member.{name}.avoider=a,b")
         if places.count(place) > 1:
             raise ConfigError(f"--vary {place}: is given twice; name all its values once, as in --vary {place}=a,b")
         if place in ("run.seed", "world.ref", "run", "world"):
@@ -225,7 +279,9 @@ def _dump(table: AlternativeTable) -> dict[str, Any]:
 
 
 def _label(place: str, value: str) -> str:
-    """Part of a method's name: the value for a plugin, `key=value` for a setting."""
+    """Part of a method's name: the value for a plugin, `key=value` for a setting, `NAME.place=value` for a member."""
+    if place.startswith("member."):
+        return f"{place.removeprefix('member.')}={value}"
     return value if place.endswith(".plugin") else f"{place.rpartition('.')[2]}={value}"
 
 
@@ -244,17 +300,17 @@ def toml_value(value: Any) -> str:
     return repr(value)
 
 
-def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+def compared(systems: Mapping[str, Sequence[System]]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
     """Values that are equal for all methods and values that differ, from their full configs with every default.
 
     Args:
-        systems: System of each method, by name.
+        systems: System of each method, by name; of a fleet that of each member.
 
     Returns:
         Equal values by dotted place; and the differing values by place and method. A method that lacks a place, as a
         parameter of another plugin, has no entry there.
     """
-    full = {name: _full(system) for name, system in systems.items()}
+    full = {name: _of_fleet([_full(system) for system in found], found) for name, found in systems.items()}
     places = sorted({place for values in full.values() for place in values})
     equal, different = {}, {}
     for place in places:
@@ -265,6 +321,19 @@ def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, d
         else:
             different[place] = found
     return equal, different
+
+
+def _of_fleet(members: Sequence[dict[str, Any]], systems: Sequence[System]) -> dict[str, Any]:
+    """The values of a fleet: what all members have alike as of one robot, and the rest as `member.NAME.PLACE`."""
+    if len(members) == 1:
+        return members[0]
+    shared = {k: v for k, v in members[0].items() if all(k in own and own[k] == v for own in members[1:])}
+    return shared | {
+        f"member.{system.loaded.member}.{place}": value
+        for system, own in zip(systems, members, strict=True)
+        for place, value in own.items()
+        if place not in shared and place != "robot.name"
+    }
 
 
 def _full(system: System) -> dict[str, Any]:

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 from navloom.plugins.one_file import files_in_use
-from navloom.runs.metrics import Metric, all_metrics
+from navloom.runs.metrics import Metric
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.episode_rows import EpisodeTask, Row
+from navloom_study.fleet_episodes import known_metrics, member_summary
 from navloom_study.openloop import METHOD, OpenLoop
 from navloom_study.statistics import PRIMARY, Comparison, compare_methods
 from navloom_study.study_methods import Method, toml_value
@@ -43,6 +44,7 @@ class Study:
         open_loop: Additional drives, one for each world and seed, for their shadows; None for none.
         is_live: The episodes are driven live, one after the other, instead of in lockstep.
         primary: Metrics that the study asks about, see `compare_methods`.
+        member_metrics: Of fleets, the names of the metrics of each member; `metrics` are those of a fleet.
     """
 
     config: str
@@ -60,6 +62,12 @@ class Study:
     unusable: tuple[str, ...] = ()
     is_live: bool = False
     primary: tuple[str, ...] = PRIMARY
+    member_metrics: tuple[str, ...] = ()
+
+    @property
+    def is_fleet(self) -> bool:
+        """Whether an episode is the drive of a fleet."""
+        return bool(self.methods[0].members)
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -87,12 +95,23 @@ class Study:
     def tasks(self) -> list[EpisodeTask]:
         """A task for every episode, grouped by world."""
         given = {method.name: method.loaded.to_json() for method in self.methods}
+        members = {method.name: tuple(one.to_json() for one in method.members) for method in self.methods}
         token = hashlib.sha256(json.dumps(self.request(), sort_keys=True).encode()).hexdigest()
         drives = [(method.name, given[method.name], False) for method in self.methods]
         if self.open_loop is not None:
             drives.append((METHOD, self.open_loop.loaded.to_json(), True))
         return [
-            EpisodeTask(token, EpisodeKey(name, w.ref, seed), config, w.values, str(self.here), self.metrics, is_open)
+            EpisodeTask(
+                token,
+                EpisodeKey(name, w.ref, seed),
+                config,
+                w.values,
+                str(self.here),
+                self.metrics,
+                is_open,
+                members=members.get(name, ()),
+                member_metrics=self.member_metrics,
+            )
             for w in self.worlds
             for seed in self.seeds
             for name, config, is_open in drives
@@ -123,7 +142,11 @@ class Study:
             **({"live": True} if self.is_live else {}),
             **({"primary": list(self.primary)} if self.primary != PRIMARY else {}),
             **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
+            **({"members": self._members(), "member_metrics": list(self.member_metrics)} if self.is_fleet else {}),
         }  # fmt: skip
+
+    def _members(self) -> list[str]:
+        return [one.member for one in self.methods[0].members]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +183,7 @@ class StudyResult:
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Metrics in the order of the table."""
-        known = {metric.name: metric for metric in all_metrics(CachedDiscovery())[0]}
+        known = {metric.name: metric for metric in known_metrics(CachedDiscovery(), self.study.is_fleet)[0]}
         return tuple(known[name] for name in self.study.metrics)
 
     @cached_property
@@ -196,6 +219,14 @@ class StudyResult:
             outcomes = dict(sorted(Counter(row.outcome for row in rows).items()))
             found[method.name] = {"episodes": len(rows), "outcomes": outcomes, "means": means, "intervals": intervals}
         return found
+
+    def members(self) -> dict[str, dict[str, Any]]:
+        """By method and member of a fleet: outcomes and means over the same episodes as in the summary."""
+        tested, names = without_untested(self.rows, self.untested), self.study.member_metrics
+        return {
+            method.name: member_summary((row for row in tested if row.key.method == method.name), names)
+            for method in self.study.methods
+        }
 
     @property
     def warnings(self) -> list[dict[str, Any]]:

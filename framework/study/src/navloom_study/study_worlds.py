@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from navloom.config import ConfigError, Loaded
-from navloom.config.schema import Config
+from navloom.config.config_members import seed_of_member
 from navloom.engine.platform_world import own_world
 from navloom.geometry.world import World
 from navloom.parts import part
@@ -40,7 +40,7 @@ KEPT = 64
 RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})(?P<options>[@?].*)?")
 
 
-_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors"}
+_LATER_FIELDS = {"reference_length", "is_mapped", "material", "actors", "tasks"}
 """Fields of worlds and obstacles that are younger than the first studies."""
 
 
@@ -89,7 +89,7 @@ class PlacedConfig(Loaded):
 
     def base_of(self, place: str) -> Path:
         """Base folder of the relative paths of a value."""
-        return self.here if self.sources.get(place) == "--set" else self.base
+        return self.here if self.sources.get(place) == "--set" else super().base_of(place)
 
 
 def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path) -> PlacedConfig:
@@ -98,22 +98,27 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
     Args:
         given: The config, from `Loaded.to_json`.
         values: The world's changes, by dotted place of two keys.
-        seed: Seed of every random stream.
+        seed: Seed of every random stream; that of a member follows from it.
         here: Base folder of references that are not from a file.
     """
-    tree = dict(given["config"])
-    for place, value in {**values, "run.seed": seed}.items():
+    tree, member = dict(given["config"]), given.get("member", "")
+    own = seed_of_member(seed, member) if member else seed
+    for place, value in {**values, "run.seed": own}.items():
         table, key = place.split(".")
         tree[table] = {**tree.get(table, {}), key: value}
     sources = {**given["sources"], **dict.fromkeys(values, "--set")}
-    return PlacedConfig(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
+    loaded = Loaded.from_json({**given, "config": tree, "sources": sources})
+    return PlacedConfig(**vars(loaded), here=here)
 
 
-def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:
+def worlds_of(
+    base: Loaded, references: Sequence[str], discovery: Discovery, here: Path | None = None
+) -> list[WorldCase]:
     """The worlds of a study, default the config's own world, or that of its platform.
 
     Start, goal and tolerance come from the world if it names them, since those of the config belong to the config's
-    own world. A `--set` of them overrides both.
+    own world. A `--set` of them overrides both. Files that a reference names are relative to the folder `here`,
+    default the current one.
 
     Raises:
         ConfigError: A world is repeated or cannot be made; the text names the nearest fix.
@@ -121,13 +126,14 @@ def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> 
     own = base.config.world.ref if base.config.world is not None else None
     if not references and own is None:
         return [_of_platform(base, discovery)]
-    refs = [ref for given in references for ref in expanded(given)]
+    here = here or Path.cwd()
+    refs = [ref for given in references for ref in expanded(given, here)]
     for ref in refs:
         if refs.count(ref) > 1:
             raise ConfigError(f"--worlds {ref}: is there twice, expected different worlds")
     cases = []
     for ref in refs or [""]:
-        folder = Path.cwd() if ref else base.base_of("world.ref")
+        folder = here if ref else base.base_of("world.ref")
         try:
             world = discovery.world(ref or own or "", folder)
         except (PluginError, ValueError) as error:
@@ -149,7 +155,8 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
     """The task that the world defines, except for values set by hand."""
     by_hand = {".".join(place.split(".")[:2]) for place, source in base.sources.items() if source == "--set"}
     values: dict[str, Any] = {}
-    if world.start is not None:
+    # The members of a fleet keep their own, or take those of the world's tasks.
+    if world.start is not None and not base.member:
         own = {"x": world.start.x, "y": world.start.y, "heading_deg": math.degrees(world.start.heading)}
         told, table = base.config.navigation.start, base.config.world
         if told != "unknown":
@@ -160,7 +167,7 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
             values["navigation.start"] = own | spread
         if table is not None and table.start is not None:
             values["world.start"] = own
-    if world.goal is not None:
+    if world.goal is not None and not base.member:
         values["navigation.goal"] = {"x": world.goal.x, "y": world.goal.y}
         if base.config.navigation.via:
             values["navigation.via"] = []
@@ -171,7 +178,7 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
     return {place: value for place, value in values.items() if place not in by_hand}
 
 
-def expanded(reference: str) -> list[str]:
+def expanded(reference: str, here: Path | None = None) -> list[str]:
     """The references of a range, `scheme:0-49` or `scheme:FILE#1-50`, both ends included; other references unchanged.
 
     Options after the range, as `scheme:0-49?key=value`, are those of each of its worlds.
@@ -188,15 +195,15 @@ def expanded(reference: str) -> list[str]:
         raise ConfigError(f"--worlds {reference}: expected FIRST-LAST, rising, at most {LARGEST} worlds")
     numbers: Sequence[int] = range(first, last + 1)
     if match["head"].startswith(("barn:", "dynabarn:")):
-        numbers = _there(match["head"], numbers)
+        numbers = _there(match["head"], numbers, here or Path.cwd())
         if not numbers:
             raise ConfigError(f"--worlds {reference}: the file has no world of these numbers")
     return [f"{match['head']}{number}{match['options'] or ''}" for number in numbers]
 
 
-def _there(head: str, numbers: Sequence[int]) -> list[int]:
+def _there(head: str, numbers: Sequence[int], here: Path) -> list[int]:
     scheme, _, file = head.removesuffix("#").partition(":")
-    held = set(getattr(part(f"navloom_maps.{scheme}", head), f"{scheme}_numbers")(file, Path.cwd()))
+    held = set(getattr(part(f"navloom_maps.{scheme}", head), f"{scheme}_numbers")(file, here))
     return [number for number in numbers if number in held]
 
 

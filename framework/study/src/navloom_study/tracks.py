@@ -10,9 +10,10 @@ import io
 import math
 import re
 import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from navloom.inputs.npz import Arrays
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from navloom_study.episode_key import EpisodeKey
 
-__all__ = ["FOLDER", "StoredWay", "encoded", "file_of", "read_track"]
+__all__ = ["FOLDER", "StoredWay", "encoded", "encoded_together", "file_of", "read_track"]
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +50,7 @@ class StoredWay:
         tolerance: Tolerance of the goal, m.
         shadow_time: (k,) s, by "instance quantity" of a shadow.
         shadow: (k,) difference from the active instance, by the same name.
+        others: Of a fleet, the tracks of the further members.
     """
 
     time: Floats
@@ -58,6 +60,12 @@ class StoredWay:
     tolerance: float = 0.0
     shadow_time: dict[str, Floats] = field(default_factory=dict)
     shadow: dict[str, Floats] = field(default_factory=dict)
+    others: tuple[StoredWay, ...] = ()
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it ends within the goal's tolerance."""
+        return self.goal is not None and math.dist(self.points[-1], self.goal) <= self.tolerance
 
 
 def file_of(key: EpisodeKey) -> str:
@@ -76,18 +84,9 @@ def encoded(
     shadows: Sequence[Disagreement] = (),
 ) -> bytes:
     """Contents of an episode's file; empty for a trail without ticks."""
-    count = trail.time.size
-    if not count:
+    arrays = _arrays(trail, goal, tolerance)
+    if not arrays:
         return b""
-    every = math.ceil(count / SAMPLES)
-    kept = np.unique(np.append(np.arange(0, count, every), count - 1))
-    arrays: dict[str, NDArray[np.generic]] = {
-        "time_ms": _whole(trail.time[kept], np.int32),
-        "points_mm": _whole(np.column_stack([trail.x[kept], trail.y[kept]]), np.int32),
-        "engaged": trail.engaged[kept],
-    }
-    if goal is not None:
-        arrays["goal_mm"] = _whole(np.array([*goal, tolerance]), np.int32)
     for one in shadows:
         for name, values in one.values.items():
             told = np.array(values, dtype=np.float64)
@@ -98,24 +97,59 @@ def encoded(
     return _npz(arrays)
 
 
+def encoded_together(ways: Sequence[tuple[Trail, tuple[float, float] | None, float]]) -> bytes:
+    """Contents of the file of a fleet's episode.
+
+    Args:
+        ways: Of each member its trail, its goal and the goal's tolerance, as for `encoded`.
+    """
+    held = [found for way in ways if (found := _arrays(*way))]
+    return _npz({name if k == 0 else f"{k} {name}": array for k, own in enumerate(held) for name, array in own.items()})
+
+
+def _arrays(trail: Trail, goal: tuple[float, float] | None, tolerance: float) -> dict[str, NDArray[np.generic]]:
+    """The arrays of one thinned track; none for a trail without ticks."""
+    count = trail.time.size
+    if not count:
+        return {}
+    every = math.ceil(count / SAMPLES)
+    kept = np.unique(np.append(np.arange(0, count, every), count - 1))
+    arrays: dict[str, NDArray[np.generic]] = {
+        "time_ms": _whole(trail.time[kept], np.int32),
+        "points_mm": _whole(np.column_stack([trail.x[kept], trail.y[kept]]), np.int32),
+        "engaged": trail.engaged[kept],
+    }
+    if goal is not None:
+        arrays["goal_mm"] = _whole(np.array([*goal, tolerance]), np.int32)
+    return arrays
+
+
 def read_track(folder: Path, key: EpisodeKey) -> StoredWay | None:
     """An episode's track; None if none was stored or the file is not valid."""
     try:
         held = Arrays(folder / FOLDER / file_of(key), ValueError)
         arrays = {name: held.read(name) for name in held.names}
-        goal = arrays["goal_mm"] * MILLI if "goal_mm" in arrays else None
         told = [name for name in arrays if name.startswith("shadow ") and not name.endswith(" ms")]
-        return StoredWay(
-            arrays["time_ms"] * MILLI,
-            arrays["points_mm"] * MILLI,
-            arrays["engaged"].astype(np.bool_),
-            None if goal is None else goal[:2],
-            0.0 if goal is None else float(goal[2]),
-            {name.removeprefix("shadow "): arrays[f"{name} ms"] * MILLI for name in told},
-            {name.removeprefix("shadow "): arrays[name] * MILLI for name in told},
+        count = sum(name.endswith(" points_mm") for name in arrays)
+        return replace(
+            _way(arrays, ""),
+            shadow_time={name.removeprefix("shadow "): arrays[f"{name} ms"] * MILLI for name in told},
+            shadow={name.removeprefix("shadow "): arrays[name] * MILLI for name in told},
+            others=tuple(_way(arrays, f"{number} ") for number in range(1, count + 1)),
         )
     except (OSError, ValueError, KeyError, IndexError):
         return None
+
+
+def _way(arrays: Mapping[str, NDArray[Any]], prefix: str) -> StoredWay:
+    goal = arrays[f"{prefix}goal_mm"] * MILLI if f"{prefix}goal_mm" in arrays else None
+    return StoredWay(
+        arrays[f"{prefix}time_ms"] * MILLI,
+        arrays[f"{prefix}points_mm"] * MILLI,
+        arrays[f"{prefix}engaged"].astype(np.bool_),
+        None if goal is None else goal[:2],
+        0.0 if goal is None else float(goal[2]),
+    )
 
 
 def _whole(values: Floats, kind: type[np.int32]) -> NDArray[np.generic]:

@@ -14,7 +14,10 @@ from navloom_viewer.drawing import Shown
 from navloom_viewer.picture_setup import facts_of
 from navloom_viewer.viewer_session import Showing, Where, showing
 
-__all__ = ["Gathering", "Watch", "watch_run"]
+__all__ = ["Gathering", "Watch", "watch_fleet", "watch_run"]
+
+WORLD = frozenset({"world"})
+"""Role of the node that moves people and robots."""
 
 
 class Gathering:
@@ -23,18 +26,20 @@ class Gathering:
     Args:
         variant: Name of the run in the picture.
         take: Called with every message, in order, by `drain`.
+        left_out: Roles whose messages are not shown.
     """
 
     wants: frozenset[tuple[str, str]] | None = None
     wants_steps = False
 
-    def __init__(self, variant: str, take: Callable[[Shown], None]) -> None:
-        self.variant, self.take = variant, take
+    def __init__(self, variant: str, take: Callable[[Shown], None], left_out: frozenset[str] = frozenset()) -> None:
+        self.variant, self.take, self._left_out = variant, take, left_out
         self._kept: list[Shown] = []
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """Store a message; messages are immutable."""
-        self._kept.append(Shown(self.variant, role, instance, active, port, message, at.tick, at.stamp_ns))
+        if role not in self._left_out:
+            self._kept.append(Shown(self.variant, role, instance, active, port, message, at.tick, at.stamp_ns))
 
     def on_step(self, record: StepRecord) -> None:
         """Never called: `wants_steps` is false."""
@@ -93,11 +98,30 @@ def watch_run(loaded: Loaded, where: Where, say: Callable[[str], None]) -> Itera
     Raises:
         ViewerError: It cannot be shown there.
     """
-    name = loaded.config.robot.name
-    facts = facts_of({name: assemble(loaded)}, f"{loaded.name}, seed {loaded.config.run.seed}")
-    blocked = frozenset(loaded.config.plugins.blocked)
-    with showing(facts, where, recording_id=loaded.sha256(), blocked=blocked, say=say) as shown:
-        watch = Watch([Gathering(name, shown.bridge.put_all)], shown)
+    with _watch([loaded], f"{loaded.name}, seed {loaded.config.run.seed}", where, say) as watch:
+        yield watch
+
+
+@contextmanager
+def watch_fleet(members: Sequence[Loaded], where: Where, say: Callable[[str], None]) -> Iterator[Watch]:
+    """Show the members of a fleet in one picture, an observer each in their order; see `watch_run`."""
+    with _watch(members, members[0].name.partition(": member ")[0], where, say) as watch:
+        yield watch
+
+
+@contextmanager
+def _watch(robots: Sequence[Loaded], title: str, where: Where, say: Callable[[str], None]) -> Iterator[Watch]:
+    facts = facts_of({one.config.robot.name: assemble(one) for one in robots}, title)
+    blocked = frozenset(robots[0].config.plugins.blocked)
+    with showing(facts, where, recording_id=robots[0].sha256(), blocked=blocked, say=say) as shown:
+        # What moves is the same for all: one of them draws it.
+        watch = Watch(
+            [
+                Gathering(one.config.robot.name, shown.bridge.put_all, WORLD if number else frozenset())
+                for number, one in enumerate(robots)
+            ],
+            shown,
+        )
         try:
             yield watch
         finally:

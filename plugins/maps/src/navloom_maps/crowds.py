@@ -18,9 +18,11 @@ from navloom.worlds import WorldError, options_of, seed_of
 
 from navloom_maps.option_values import share_of, sides_of
 
-__all__ = ["crowd_flow", "crowd_world", "people_flow_world"]
+__all__ = ["Area", "crowd_flow", "crowd_world", "hall", "people_flow_world"]
 
 Point = tuple[float, float]
+Area = tuple[float, float, float, float]
+"""Lowest x, lowest y, highest x, highest y, m."""
 _PERSON = Body("legs", 0.44, 0.44, (0.0, 1.75))
 _SPEEDS = (0.8, 1.4)
 """Slowest and fastest wanted speed of a person, m/s."""
@@ -116,7 +118,7 @@ def crowd_flow() -> World:
 
 
 def _people(
-    seed: int, count: int, area: tuple[float, float, float, float], robot: Place,
+    seed: int, count: int, area: Area, robot: Place,
     walk: Callable[[int, Point, np.random.Generator, float], Walk],
 ) -> tuple[Actor, ...]:  # fmt: skip
     """People at places in an area, lowest and highest x and y, m, apart from each other and from the robot."""
@@ -134,17 +136,21 @@ def _people(
     return tuple(actors)
 
 
-def _hall(
-    name: str, area: tuple[float, float, float, float], start: Place, goal: Place, actors: tuple[Actor, ...]
-) -> World:
+def _hall(name: str, area: Area, start: Place, goal: Place, actors: tuple[Actor, ...]) -> World:
     """A hall, from its lowest to its highest x and y, m, with walls around it."""
+    walls, bounds = hall(area)
+    return World(name, walls, start=start, goal=goal, bounds=bounds, actors=actors)
+
+
+def hall(area: Area) -> tuple[tuple[Box, ...], Area]:
+    """Walls around an area, and the area with them."""
     x0, y0, x1, y1 = area
     left, low, right, high = x0 - _WALL, y0 - _WALL, x1 + _WALL, y1 + _WALL
     walls = (
         Box("left wall", (left, x0), (low, high)), Box("right wall", (x1, right), (low, high)),
         Box("rear wall", (left, right), (low, y0)), Box("front wall", (left, right), (y1, high)),
     )  # fmt: skip
-    return World(name, walls, start=start, goal=goal, bounds=(left, low, right, high), actors=actors)
+    return walls, (left, low, right, high)
 
 
 def _count(reference: str, text: str, area: float) -> int:

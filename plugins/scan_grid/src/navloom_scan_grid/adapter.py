@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from navloom import Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, RangeScan
 from navloom.geometry.echoes import beam_ends
+from navloom.geometry.footprints import circumscribed_radius, inscribed_radius
 from navloom_ipabd.errors import DataError
 from numpy.typing import NDArray
 
@@ -97,6 +98,8 @@ class Layered(Mapper[LayeredParams]):
         if context.map is None:
             raise ValueError('layered: got no map, expected one; name it in [map], as in ref = "world"')
         self._known: OccupancyGrid = context.map
+        footprint = context.robot.footprint
+        self._radii = inscribed_radius(footprint), circumscribed_radius(footprint)
         self._interval_ns = round(1e9 / params.publish_rate_hz)
         self.reset()
 
@@ -133,9 +136,13 @@ class Layered(Mapper[LayeredParams]):
         return self._update(given)
 
     def _insert(self, scan: RangeScan, sensor: str, given: MapperInput) -> None:
-        kept = layer.outside(_ends(scan), self.context.robot.footprint, self.params.body_margin)
+        footprint, margin = self.context.robot.footprint, self.params.body_margin
+        kept: NDArray[np.bool_] | slice = slice(None)
+        # The usual case is that no beam ends near the robot, and needs no look at each.
+        if not layer.ends_beyond(scan.origins, scan.ranges, self._radii, margin):
+            kept = layer.outside(_ends(scan), footprint, margin)
         beams = Beams(scan.stamp_ns, scan.origins[kept], scan.bearings[kept], scan.half_angles[kept],
-                      scan.time_offsets[kept], scan.ranges[kept], scan.range_min, scan.range_max)  # fmt: skip
+                      np.array(scan.time_offsets[kept]), scan.ranges[kept], scan.range_min, scan.range_max)  # fmt: skip
         self._layer.insert(sensor, beams, given.track.stamps_ns, given.track.poses)
 
     def _update(self, given: MapperInput) -> MapUpdate | None:

@@ -13,7 +13,7 @@ from navloom_scan_grid.grid import LogOddsGrid
 from navloom_scan_grid.mapping import Beams, MapSettings, Placed, place
 from navloom_scan_grid.mapping import warm_up as warm_up_mapping
 
-__all__ = ["OCCUPIED_FROM", "LayerSettings", "ObstacleLayer", "near_walls", "outside", "warm_up"]
+__all__ = ["OCCUPIED_FROM", "LayerSettings", "ObstacleLayer", "ends_beyond", "near_walls", "outside", "warm_up"]
 
 Bools = NDArray[np.bool_]
 Cells = NDArray[np.int8]
@@ -127,6 +127,22 @@ def near_walls(walls: Bools, reach: float) -> Bools:
                 of = slice(max(0, -down), rows + min(0, -down)), slice(max(0, -right), columns + min(0, -right))
                 grown[into] |= walls[of]
     return grown
+
+
+def ends_beyond(origins: Floats, ranges: Floats, radii: tuple[float, float], margin: float) -> bool:
+    """Whether all beams end farther from the base than `outside` reaches; no for a base that is not within its body.
+
+    Args:
+        origins: (n, 2) m, base frame. ranges: (n,) m.
+        radii: Of the largest disc about the base within the body, and of the smallest one about it, m.
+        margin: See `outside`.
+    """
+    inner, outer = radii
+    if not ranges.size or inner <= 0.0:
+        return False
+    # Sides that are moved outward by the margin lie within the body enlarged about the base by this factor.
+    reach = outer * (1.0 + margin / inner)
+    return bool(ranges.min() > reach + math.sqrt((origins * origins).sum(axis=1).max()) + 1e-6)
 
 
 def outside(points: Floats, footprint: Floats, margin: float) -> Bools:

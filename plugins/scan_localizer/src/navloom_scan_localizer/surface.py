@@ -67,17 +67,18 @@ class LocalSurface:
         self._values = np.full((count, count), np.nan, np.float32)
         self._weights = np.zeros((count, count), np.float32)
         self._frame = np.array([-self._half * spacing, -self._half * spacing, 1.0, 0.0, spacing])
-        self._settled, self._age = np.full((2, count, count), np.float32(np.nan))
-        self.field, self._settled_field = self._shown(self._values), self._shown(self._settled)
+        # Read-only as that of a map is: numba compiles a kernel again for a writable array.
+        shown = self._values.view()
+        shown.flags.writeable = False
+        self.field = DistanceField(shown, self._frame)
+        # Of the surfaces that stand still, with the age of each node, both as `settled` last found them; and the first
+        # column of each row that has changed since, and the one after the last.
+        self._age, self._settled = np.full_like(self._values, -np.inf), np.full_like(self._values, np.nan)
+        self._changed = np.empty((count, 2), np.int64)
+        self._changed[:] = 0, count
         # When beams first and last ended near a node, since one looked through it, and when one last did, s.
         self._first, self._last, self._through = np.full((3, count, count), np.float32(-np.inf))
         self._first[:] = np.inf
-
-    def _shown(self, values: NDArray[np.float32]) -> DistanceField:
-        """A field of the lattice's values, read-only as that of a map is: numba compiles again for a writable array."""
-        shown = values.view()
-        shown.flags.writeable = False
-        return DistanceField(shown, self._frame)
 
     def follow(self, x: float, y: float) -> None:
         """Move the lattice by whole nodes if a point, m, map frame, is far from its middle."""
@@ -86,17 +87,22 @@ class LocalSurface:
             return
         columns, rows = round((x - middle[0]) / self.spacing), round((y - middle[1]) / self.spacing)
         self._frame[:2] += self.spacing * columns, self.spacing * rows
-        for values in (self._values, self._settled, self._age):
-            _shift(values, rows, columns, np.float32(np.nan))
+        _shift(self._values, rows, columns, np.float32(np.nan))
         _shift(self._weights, rows, columns, np.float32(0.0))
         _shift(self._first, rows, columns, np.float32(np.inf))
         _shift(self._last, rows, columns, np.float32(-np.inf))
         _shift(self._through, rows, columns, np.float32(-np.inf))
+        # Scans are matched with the last settled surfaces before these are brought up to date.
+        _shift(self._settled, rows, columns, np.float32(np.nan))
+        _shift(self._age, rows, columns, np.float32(-np.inf))
+        self._changed[:] = 0, len(self._values)
 
     def settled(self) -> DistanceField:
-        """The field of the surfaces alone that stand still; the next call changes it in place."""
-        _settle(self._values, self._first, self._last, self._age, self._settled)
-        return self._settled_field
+        """The field of the surfaces alone that stand still. The next call changes it in place."""
+        _settle(self._values, self._first, self._last, self._changed, self._age, self._settled)
+        shown = self._settled.view()
+        shown.flags.writeable = False
+        return DistanceField(shown, self._frame)
 
     def standing(self, beams: Floats, pose: Floats, only_wide: bool = False) -> Floats:
         """Those of the echoes, (n, 4) as for `add`, of things most of which `settled` last found on settled surfaces.
@@ -112,7 +118,7 @@ class LocalSurface:
         """Note where beams, (n, 4) as for `add`, the last ones without an echo, end and look through at a time, s."""
         ages = np.zeros(len(beams), np.float32)
         _mark_walls(beams[:echoes], ages)
-        lattices = self._first, self._last, self._through
+        lattices = self._first, self._last, self._through, self._changed
         _look(*lattices, self._frame, beams, echoes, ages, pose, np.float32(time), self.before, self.behind)
 
     def has_moving(self, beams: Floats, pose: Floats, time: float) -> bool:
@@ -126,7 +132,8 @@ class LocalSurface:
             beams: (n, 4) end point, m, and unit direction, base frame.
             pose: (3,) pose of the base, x, y, m, heading, rad, map frame.
         """
-        _add(self._values, self._weights, self._frame, beams, pose, self.before, self.behind, self.memory)
+        lattices = self._values, self._weights, self._changed
+        _add(*lattices, self._frame, beams, pose, self.before, self.behind, self.memory)
 
 
 def _shift(array: NDArray[np.float32], rows: int, columns: int, empty: np.float32) -> None:
@@ -140,18 +147,24 @@ def _shift(array: NDArray[np.float32], rows: int, columns: int, empty: np.float3
     array[:] = kept
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _note(changed, row, column):  # type: ignore[no-untyped-def]
+    """Note that a node has changed."""
+    changed[row, 0], changed[row, 1] = min(changed[row, 0], column), max(changed[row, 1], column + 1)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _settle(values, first, last, age, settled):  # type: ignore[no-untyped-def]
-    """Fill the age of each node, s, and the values of those that are old enough; NaN for the others."""
+def _settle(values, first, last, changed, age, settled):  # type: ignore[no-untyped-def]
+    """Bring the age of each node, s, and the values of those that are settled, NaN elsewhere, up to date."""
     for row in range(values.shape[0]):
-        for column in range(values.shape[1]):
-            old = last[row, column] - first[row, column]
-            age[row, column] = old
-            settled[row, column] = values[row, column] if old >= _SETTLED else np.float32(np.nan)
+        for column in range(changed[row, 0], changed[row, 1]):
+            age[row, column] = last[row, column] - first[row, column]
+            settled[row, column] = values[row, column] if age[row, column] >= _SETTLED else np.float32(np.nan)
+        changed[row, 0], changed[row, 1] = values.shape[1], 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add(values, weights, frame, beams, pose, before, behind, memory):  # type: ignore[no-untyped-def]
+def _add(values, weights, changed, frame, beams, pose, before, behind, memory):  # type: ignore[no-untyped-def]
     """Update the nodes along each beam, from its point nearest to the base to `behind` its end."""
     c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
     rows, columns = values.shape
@@ -180,10 +193,11 @@ def _add(values, weights, frame, beams, pose, before, behind, memory):  # type: 
             else:
                 values[row, column] += weight / (old + weight) * (distance - values[row, column])
             weights[row, column] = min(memory, old + weight)
+            _note(changed, row, column)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(first, last, through, frame, beams, echoes, ages, pose, time, before, behind):  # type: ignore[no-untyped-def]
+def _look(first, last, through, changed, frame, beams, echoes, ages, pose, time, before, behind):  # type: ignore[no-untyped-def]
     """Set the times of the nodes along each beam, from its point nearest to the base to `behind` its end.
 
     A surface that is seen for the first time has the age of its beam in `ages`, (n,), s.
@@ -201,12 +215,16 @@ def _look(first, last, through, frame, beams, echoes, ages, pose, time, before, 
             if not (0 <= row < rows and 0 <= column < columns):
                 continue
             if along < -before - _AHEAD:
-                through[row, column], first[row, column] = time, np.inf
+                through[row, column] = time
+                if first[row, column] != np.inf:
+                    first[row, column] = np.inf
+                    _note(changed, row, column)
             elif i < echoes and along >= -before:
                 # Unseen for as long as it takes to settle, it may be another body by now.
                 if first[row, column] == np.inf or time - last[row, column] > _SETTLED_NARROW:
                     first[row, column] = time - ages[i]
                 last[row, column] = time
+                _note(changed, row, column)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

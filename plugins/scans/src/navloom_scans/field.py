@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from hashlib import blake2b
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numba import njit
@@ -19,6 +21,7 @@ __all__ = ["DistanceField", "distance_field", "sample"]
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +38,12 @@ class DistanceField:
     frame: Floats
 
 
-def distance_field(
-    occupied: Bools, resolution: float, origin: tuple[float, float, float], reach: float
-) -> DistanceField:
-    """Distance field of a raster.
+_FIELDS: WeakValueDictionary[tuple[object, ...], DistanceField] = WeakValueDictionary()
+"""Fields in use: robots of one process that match the same map share its field, 16 bytes a cell."""
+
+
+def distance_field(occupied: Bools, resolution: float, origin: Place, reach: float) -> DistanceField:
+    """Distance field of a raster; that of an equal raster as long as it is in use.
 
     Args:
         occupied: (rows, columns), row 0 has the lowest y.
@@ -46,6 +51,15 @@ def distance_field(
         origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0), map frame.
         reach: Limit of the distances on both sides of a wall's outline, m.
     """
+    content = blake2b(np.packbits(occupied).tobytes()).digest()
+    key = (content, occupied.shape, resolution, origin, reach)
+    if (known := _FIELDS.get(key)) is not None:
+        return known
+    field = _FIELDS[key] = _field(occupied, resolution, origin, reach)
+    return field
+
+
+def _field(occupied: Bools, resolution: float, origin: Place, reach: float) -> DistanceField:
     spacing = 0.5 * resolution
     outside, inside = _distances(occupied, spacing, reach), _distances(~occupied, spacing, reach)
     values = (outside - inside).astype(np.float32)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from hashlib import blake2b
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,8 @@ from navloom_sensors_sim.casting import Obstacles
 __all__ = ["Scene"]
 
 Floats = NDArray[np.float64]
+_GAPS: WeakValueDictionary[tuple[object, ...], NDArray[np.float32]] = WeakValueDictionary()
+"""Gaps of rasters in use, by content: robots of one world share them."""
 
 
 class Scene:
@@ -133,11 +137,16 @@ def _raster_arrays(raster: Any) -> tuple[NDArray[np.float32], NDArray[np.float64
     """`gaps` and `raster` of `Obstacles`; in a raster without occupied cells, every gap is large."""
     if raster is None:
         return np.zeros((0, 0), np.float32), np.zeros(7)
-    occupied = np.asarray(raster.occupied, dtype=bool)
-    if occupied.any():
-        gaps = distance_transform_edt(~occupied)
-    else:
-        gaps = np.full(occupied.shape, float(sum(occupied.shape)))
     origin = raster.origin
     frame = [origin.x, origin.y, math.cos(origin.heading), math.sin(origin.heading), raster.resolution, *raster.z]
-    return np.ascontiguousarray(gaps, dtype=np.float32), np.array(frame)
+    return _gaps_of(np.asarray(raster.occupied, dtype=bool)), np.array(frame)
+
+
+def _gaps_of(occupied: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Distance of each cell from the nearest occupied one, cells."""
+    key = (blake2b(np.packbits(occupied).tobytes()).digest(), occupied.shape)
+    gaps = _GAPS.get(key)
+    if gaps is None:
+        found = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, sum(occupied.shape))
+        gaps = _GAPS[key] = np.ascontiguousarray(found, dtype=np.float32)
+    return gaps

@@ -6,11 +6,11 @@ import faulthandler
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,12 +18,11 @@ from navloom.cli.options import Record, RunOptions, ViewOptions
 from navloom.cli.output import LOG, log_of, print_json, say_so, stage
 from navloom.cli.run_summary import is_reached, print_summary, tell_faults
 from navloom.crash_watch import dump_file, is_watched
-from navloom.parts import part
 
 if TYPE_CHECKING:
-    from navloom.config import Loaded
+    pass
 
-__all__ = ["run"]
+__all__ = ["run", "watched_for_stalls"]
 
 STALLED = 10.0
 """Longest time without a tick before the line that blocks the run is logged, s."""
@@ -42,6 +41,9 @@ def run(
     ] = None,
     record: Record = None,
     view: ViewOptions,
+    processes: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Processes that drive a fleet; they change no result.")
+    ] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a config in simulated time, in one process (lockstep).
@@ -49,6 +51,7 @@ def run(
     Repeatable bit for bit. Exit 0: the goal was reached. A config with [[member]] drives several robots in one world.
     """
     from navloom.cli.fleet_run import run_members
+    from navloom.cli.run_observers import recorded, watched
     from navloom.cli.written_files import Written, record_of, rerun_of
     from navloom.config import ConfigError
     from navloom.config.loader import members_of
@@ -59,18 +62,18 @@ def run(
 
     where = view.asked()
     if members_of(given.config):
-        if record is not None or where is not None:
-            raise ConfigError(
-                f"{given.config}: a fleet is neither recorded nor shown: leave --record and the viewer out"
-            )
-        raise typer.Exit(0 if run_members(given, out, as_json) else 1)
+        if processes > 1 and (record is not None or where is not None):
+            raise ConfigError(f"--processes {processes}: --record and a viewer need all members in one process: take 1")
+        raise typer.Exit(0 if run_members(given, out, record, view, as_json, processes) else 1)
+    if processes > 1:
+        raise ConfigError(f"--processes {processes}: {given.config} has no [[member]], and one robot has one process")
     loaded = given.load(say_so)
     discovery = Discovery(loaded.config.plugins.blocked)
     with (
-        _watched(loaded, where) as watch,
+        watched(where, "watch_run", loaded) as watch,
         Onlookers(discovery, log_of("plugins").warning) as onlookers,
     ):
-        with ResultFolder(out) as folder, _recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
+        with ResultFolder(out) as folder, recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
             observers = [*([] if recorder is None else [recorder]), *watch.observers]
             with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
                 episode = run_episode(
@@ -135,37 +138,3 @@ def _where(frame: FrameType) -> str:
         frame = frame.f_back
     place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
     return f"a kernel is being compiled for {place}" if compiles else f"the run is at {place}"
-
-
-class _Unwatched:
-    """The place of the viewer's `Watch` in a run that is not shown."""
-
-    observers: Sequence[Any] = ()
-    showing = None
-
-    def between(self, progress: Callable[[float, float], None]) -> Callable[[float, float], None]:
-        """The progress function as it is."""
-        return progress
-
-    def finish(self) -> None:
-        """Nothing is left to draw."""
-
-
-def _watched(loaded: Loaded, where: Any) -> AbstractContextManager[Any]:
-    """The viewer's watch over the run, or one that shows nothing. Raises ViewerError."""
-    if where is None:
-        return nullcontext(_Unwatched())
-    watch: AbstractContextManager[Any] = part("navloom_viewer.lockstep_viewing").watch_run(
-        loaded, where, log_of("viewer").info
-    )
-    return watch
-
-
-def _recorded(loaded: Loaded, path: Path | None) -> AbstractContextManager[Any]:
-    """The observer that writes a recording, or None."""
-    if path is None:
-        return nullcontext()
-    recording: AbstractContextManager[Any] = part("navloom_recording.lockstep_recorder", "--record").recorded(
-        loaded, path, log_of("recording").warning
-    )
-    return recording

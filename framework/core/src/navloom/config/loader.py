@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import islice
@@ -15,7 +15,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from navloom.config.config_errors import ConfigError, check_params, problems_of
-from navloom.config.config_members import named_member, seed_of_member, settings_of_member
+from navloom.config.config_members import (
+    change_of_member,
+    each_member,
+    named_member,
+    seed_of_member,
+    settings_of_member,
+)
 from navloom.config.config_methods import ALTERNATIVE_INSTEAD, named_method, settings_of
 from navloom.config.config_presets import instance_of, params_of
 from navloom.config.config_tree import Source, assign, leaves, split_presets, tables_of
@@ -49,7 +55,9 @@ class Loaded:
         dropped: Places of the file's parameters that were dropped because a method or `--set` names another plugin.
         text: Text of the file; empty for none.
         member: Name of the `[[member]]` that it is for; empty for a robot alone.
+        number: Number of that member in its fleet, from 0: it has this task of the world.
         fleet_base: Folder for relative paths in the fleet's file; None for a robot alone.
+        fleet_seed: Seed of the fleet, from which that of the member follows; None for a robot alone.
     """
 
     config: Config
@@ -59,7 +67,9 @@ class Loaded:
     dropped: tuple[str, ...]
     text: str = field(default="", repr=False, compare=False)
     member: str = ""
+    number: int = 0
     fleet_base: Path | None = None
+    fleet_seed: int | None = None
 
     def error(self, *problems: str) -> ConfigError:
         """An error with one line per problem, each with its line in the file, or its `--set`."""
@@ -97,12 +107,21 @@ class Loaded:
             "name": self.name,
             "base": str(self.base.absolute()),
             "sources": self.sources,
+            **(
+                {"member": self.member, "number": self.number, "fleet_base": str(self.fleet_base.absolute())}
+                if self.fleet_base is not None
+                else {}
+            ),
         }
 
     @classmethod
     def from_json(cls, given: dict[str, Any]) -> Loaded:
         """The config from `to_json`."""
-        return cls(Config.model_validate(given["config"]), given["name"], Path(given["base"]), given["sources"], ())
+        config, base, fleet_base = Config.model_validate(given["config"]), Path(given["base"]), given.get("fleet_base")
+        return cls(
+            config, given["name"], base, given["sources"], (), member=given.get("member", ""),
+            number=given.get("number", 0), fleet_base=None if fleet_base is None else Path(fleet_base),
+        )  # fmt: skip
 
 
 def shipped_configs() -> dict[str, str]:
@@ -138,33 +157,38 @@ def load_config(
     text, base = _read(reference)
     tree = toml_of(text, reference, ConfigError)
     split_presets(tree)
-    sources, dropped, fleet_base, name = _sources_of(tree), list[str](), None, reference
-    if not member and tables_of(tree, "member"):
+    sources, dropped, fleet_base, name, number = _sources_of(tree), list[str](), None, reference, 0
+    members = tables_of(tree, "member")
+    if not member and members:
         raise ConfigError(
-            f"{reference}: member: several robots, which only `navloom run` drives: name the config of one robot"
+            f"{reference}: member: several robots, which only `navloom run` and `compare` drive: name the config of one"
         )
     if member:
+        number, table = named_member(members, member, reference)
         name, text, fleet_base = f"{reference}: member {member}", "", base
-        tree, base, sources = _tree_of_member(tree, base, member, reference, dropped)
+        tree, base, sources = _tree_of_member(tree, base, member, table, reference, dropped)
     if method:
         _lay(tree, settings_of(named_method(tables_of(tree, "method"), method, reference)), f"method {method}",
              reference, sources, dropped)  # fmt: skip
-    changes = list(overrides) + ([f"run.seed={seed}"] if seed is not None else [])
+    own = [change_of_member(change, member, members) for change in overrides] if member else overrides
+    changes = [change for change in own if change is not None] + ([f"run.seed={seed}"] if seed is not None else [])
     # A change of plugin drops the old one's parameters, so it must come before the new one's parameters.
     for change in sorted(changes, key=lambda text: not text.partition("=")[0].endswith(".plugin")):
         _override(tree, change, sources, dropped)
     split_presets(tree)
     for added in shadows:
         _add_shadows(tree, added, sources)
-    run = tree.setdefault("run", {}) if member and sources.get("run.seed") != f"member {member}" else None
+    run, fleet_seed = tree.setdefault("run", {}) if member else None, None
     if isinstance(run, dict) and isinstance(run.get("seed", 0), int):
-        run["seed"] = seed_of_member(run.get("seed", 0), member)
+        fleet_seed = run.get("seed", 0)
+        if sources.get("run.seed") != f"member {member}":
+            run["seed"] = seed_of_member(fleet_seed, member)
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
         problems = [*problems_of(error, Config, given=tree), *_problems_of_params(tree)]
         raise _located(problems, name, text, sources) from None
-    return Loaded(config, name, base, sources, tuple(dropped), text, member, fleet_base)
+    return Loaded(config, name, base, sources, tuple(dropped), text, member, number, fleet_base, fleet_seed)
 
 
 def _sources_of(tree: dict[str, Any]) -> dict[str, Source]:
@@ -172,10 +196,9 @@ def _sources_of(tree: dict[str, Any]) -> dict[str, Source]:
 
 
 def _tree_of_member(
-    fleet: dict[str, Any], base: Path, name: str, reference: str, dropped: list[str]
+    fleet: dict[str, Any], base: Path, name: str, table: Mapping[str, Any], reference: str, dropped: list[str]
 ) -> tuple[dict[str, Any], Path, dict[str, Source]]:
     """The tree of a member's config before `--set`, the folder of its file, and the sources of its values."""
-    table = named_member(tables_of(fleet, "member"), name, reference)
     tree = {key: value for key, value in fleet.items() if key != "member"}
     sources = _sources_of(tree)
     if isinstance(config := table.get("config"), str):
@@ -260,7 +283,7 @@ def members_of(reference: str) -> list[str]:
     for number, table in enumerate(tables):
         if not isinstance(table.get("name"), str):
             raise ConfigError(f'{reference}: member.{number}.name: is missing or no text; give one, as in name = "a"')
-    return [table["name"] for table in tables]
+    return [table["name"] for table in each_member(tables)]
 
 
 def _read(reference: str) -> tuple[str, Path]:
@@ -285,9 +308,7 @@ def _read(reference: str) -> tuple[str, Path]:
 def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dropped: list[str]) -> None:
     place, value = parse_override(change)
     if place.partition(".")[0] == "member":
-        raise ConfigError(
-            f"--set {brief(change)}: --set holds for every member; give one its own value by `set` in its [[member]]"
-        )
+        raise ConfigError(f"--set {brief(change)}: member is of a fleet, and this is the config of one robot")
     if place.partition(".")[0] == "method":
         raise ConfigError(
             f"--set {brief(change)}: --set applies after a method; choose one with --method NAME, or set the value "

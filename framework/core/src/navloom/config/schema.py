@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model, model_validator
 
-from navloom.config.config_members import MemberTable
+from navloom.config.config_members import MemberTable, each_member
 from navloom.config.config_methods import ALTERNATIVE_INSTEAD, MethodTable, problems_of_method
 from navloom.config.tables import (
     DEFAULT_PLUGINS,
@@ -210,10 +210,12 @@ class Config(OptionalTables):
             yield 'node: one is named "method", as are the tables [[method]] in `--vary`; choose another name'
 
     def _wrong_members(self) -> Iterator[str]:
-        names = [table.name for table in self.member]
+        taken: set[str] = set()
         for number, table in enumerate(self.member):
-            if table.name in names[:number]:
-                yield f'member.{number}.name: two tables [[member]] are named "{table.name}"'
+            names = [str(each["name"]) for each in each_member([table.model_dump(include={"name", "count"})])]
+            for name in sorted(taken.intersection(names)):
+                yield f'member.{number}.name: two tables [[member]] are named "{name}"'
+            taken.update(names)
 
     @property
     def roles(self) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -197,7 +198,20 @@ def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World
         raise ConfigError(f"robot.name: is {loaded.config.robot.name!r}, as something in the world: name it otherwise")
     if moving_world.walks(world) and not has_part("navloom_orca"):
         raise ConfigError(f"world.ref: actors of {world.name} have goals, which needs navloom-orca: install it")
-    return world
+    return _for_member(world, loaded) if loaded.member else world
+
+
+def _for_member(world: World, loaded: Loaded) -> World:
+    """The world with the start and goal of a member; as it is if it has no task for each robot."""
+    if not world.tasks:
+        return world
+    if loaded.number >= len(world.tasks):
+        raise ConfigError(
+            f"world.ref: {world.name} has tasks for {len(world.tasks)} robots, and {loaded.member} is number "
+            f"{loaded.number + 1}: give it an option for more, or lower member.count"
+        )
+    start, goal = world.tasks[loaded.number]
+    return replace(world, start=start, goal=goal)
 
 
 def _actor_of(number: int, event: EventTable) -> Actor:
@@ -238,7 +252,20 @@ def _known_world(loaded: Loaded, discovery: Discovery, world: World | None) -> W
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
-    """What is mapped of a world, as a map: its own raster if that is all, otherwise rasterised at `resolution`, m."""
+    """What is mapped of a world, as a map: its own raster if that is all, otherwise rasterised at `resolution`, m.
+
+    It is made once for each world: robots in one world share it.
+    """
+    grids = _GRIDS.setdefault(world, {})
+    if (resolution, height) not in grids:
+        grids[resolution, height] = _grid_of(world, resolution, height)
+    return grids[resolution, height]
+
+
+_GRIDS: WeakKeyDictionary[World, dict[tuple[float, float], OccupancyGrid]] = WeakKeyDictionary()
+
+
+def _grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
     # Its kernels take long to load, and most configs have no world to rasterise.
     from navloom.geometry.grid import world_to_grid
 

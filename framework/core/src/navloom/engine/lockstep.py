@@ -50,6 +50,11 @@ class Observer(Protocol):
         """A node stepped, silent or not."""
 
 
+def _no_times() -> array[int]:
+    """Of the module, so that a log can be sent to another process."""
+    return array("q")
+
+
 @dataclass
 class RunLog:
     """Results and timings of a run.
@@ -77,8 +82,8 @@ class RunLog:
     control_ns: list[int] = field(default_factory=list)
     control_cpu_ns: list[int] = field(default_factory=list)
     step_ns: dict[str, list[int]] = field(default_factory=lambda: {"planner": [], "mapper": []})
-    spent_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
-    computed_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
+    spent_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(_no_times))
+    computed_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(_no_times))
     wall_ns: int = 0
     swaps: int = 0
     gate_stops: int = 0

@@ -147,6 +147,7 @@ class World:
         goal_tolerance, time_limit: Tolerance and time limit given with the world, m and s, or None.
         reference_length: Length of the path from start to goal given with the world, m, to which scores refer, or None.
         actors: What moves by itself; obstacles with way points move too.
+        tasks: Start and goal of each robot of a fleet, one robot after the other.
     """
 
     name: str
@@ -159,6 +160,7 @@ class World:
     time_limit: float | None = None
     reference_length: float | None = None
     actors: tuple[Actor, ...] = ()
+    tasks: tuple[tuple[Place, Place], ...] = ()
 
 
 def position_at(waypoints: Sequence[Waypoint], loops: bool, time: float) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -25,6 +26,7 @@ __all__ = [
     "NO_POINTS",
     "SensorEchoes",
     "arc_points",
+    "covered",
     "directions",
     "nearest_surfaces",
     "out_of_view",
@@ -79,6 +81,8 @@ class SensorEchoes:
         self.obstacles, self.moving = NO_POINTS, NOTHING_MOVES
         self.seen_at: Floats | None = None
         self.view: tuple[float, float, float, NDArray[np.bool_]] | None = None
+        none = np.empty(0)
+        self._bearings, self._is_covered = none, covered(none, directions(none))
 
     def look_by_laser(self, time: float, scan: RangeScan, poses: Floats) -> None:
         """Take a scan of a laser.
@@ -96,7 +100,8 @@ class SensorEchoes:
         cos, sin = math.cos(heading), math.sin(heading)
         # Directions are counted from the laser, not from the base: from there, beams are evenly apart.
         x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
-        bins = directions(scan.bearings)
+        is_covered = self._covered_by(scan.bearings)
+        bins = len(is_covered)
         found = np.empty((bins, 2))
         every = self._every()
         if self.motion is not None:
@@ -107,7 +112,7 @@ class SensorEchoes:
         reach = BETWEEN * math.tau / bins * np.hypot(found[:count, 0] - x, found[:count, 1] - y)
         # What moved out of view is taken to be where it was last seen.
         known = np.concatenate([self.obstacles, self.moving[:, :3]]) if len(self.moving) else self.obstacles
-        held = out_of_view(known, (x, y, heading), scan.bearings, bins)
+        held = out_of_view(known, (x, y, heading), is_covered)
         if self.outline is not None and len(held):
             # A robot that was carried remembers echoes where it now stands, and sees none of them.
             dx, dy = held[:, 0] - base[0], held[:, 1] - base[1]
@@ -127,7 +132,7 @@ class SensorEchoes:
         else:
             self.moving = NOTHING_MOVES
         self.obstacles = np.concatenate([surfaces, held])
-        self.seen_at, self.view = base, (x, y, heading, covered(scan.bearings, bins))
+        self.seen_at, self.view = base, (x, y, heading, is_covered)
 
     def look_by_sonars(self, time: float, scan: RangeScan, poses: Floats, moved: float) -> None:
         """Take a scan of a ring of sonars: as `look_by_laser`, with the largest motion since the previous one, m."""
@@ -146,7 +151,8 @@ class SensorEchoes:
         # A copy, so that the unused rest of the buffer is freed.
         self._remember(time, found[:count].copy())
         every = self._every()
-        self.obstacles = np.column_stack([every, np.zeros(len(every))])
+        self.obstacles = np.zeros((len(every), 3))
+        self.obstacles[:, :2] = every
 
     def forget_unseen(self) -> None:
         """Forget the obstacles that the newest scan of a laser does not look at."""
@@ -177,6 +183,13 @@ class SensorEchoes:
         x, y, heading, looked = self.view
         turns = (np.arctan2(points[:, 1] - y, points[:, 0] - x) - heading) / math.tau
         return looked[np.floor(turns * len(looked)).astype(np.int64) % len(looked)]
+
+    def _covered_by(self, bearings: Floats) -> NDArray[np.bool_]:
+        """(bins,) directions that beams (n,), rad, cover; computed again only for other beams."""
+        if not np.array_equal(bearings, self._bearings):
+            # A copy, because the array may be a view of the buffer of a message that would be kept alive.
+            self._bearings, self._is_covered = bearings.copy(), covered(bearings, directions(bearings))
+        return self._is_covered
 
     def _remember(self, time: float, points: Floats) -> None:
         self.scans.appendleft((time, points))
@@ -280,24 +293,30 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
 
 
 def covered(bearings: Floats, bins: int) -> NDArray[np.bool_]:
-    """(bins,) directions of a full turn that beams (n,), rad, cover: their own, and the ones beside."""
+    """(bins,) directions of a full turn that beams (n,), rad, cover: their own, and the ones beside. Read-only."""
+    return _covered(bearings.tobytes(), bins)
+
+
+# The beams of a sensor are the same in every scan, so this and `directions` are computed once for each sensor.
+@lru_cache(maxsize=64)
+def _covered(bearings: bytes, bins: int) -> NDArray[np.bool_]:
     found = np.zeros(bins, dtype=bool)
-    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
+    looked = np.floor(np.frombuffer(bearings) * (bins / math.tau)).astype(np.int64)
     for side in (-1, 0, 1):
         found[(looked + side) % bins] = True
+    found.flags.writeable = False
     return found
 
 
-def out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
+def out_of_view(points: Floats, eye: tuple[float, float, float], is_covered: NDArray[np.bool_]) -> Floats:
     """Nearest echo in each direction that no beam covers now: it counts until a beam points there again.
 
     Args:
         points: (k, 3) obstacles after the previous scan: x, y, odometry frame, and how far they may reach beyond, m.
         eye: x, y, m, of the laser and heading, rad, of the base, odometry frame.
-        bearings: (n,) of the beams, rad.
-        bins: Number of directions in a full turn.
+        is_covered: (bins,) directions of a full turn that beams cover.
     """
-    is_covered = covered(bearings, bins)
+    bins = len(is_covered)
     dx, dy = points[:, 0] - eye[0], points[:, 1] - eye[1]
     rows = np.floor((np.arctan2(dy, dx) - eye[2]) * (bins / math.tau)).astype(np.int64) % bins
     far = np.hypot(dx, dy)
@@ -310,9 +329,15 @@ def out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Float
 
 def directions(bearings: Floats) -> int:
     """Number of directions in a full turn, about one for each beam, from 180 to 1440."""
-    if len(bearings) < 2:
+    return _directions(bearings.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _directions(bearings: bytes) -> int:
+    turns = np.abs(np.diff(np.frombuffer(bearings)))
+    if not len(turns):
         return 360
-    step = float(np.median(np.abs(np.diff(bearings))))
+    step = float(np.median(turns))
     # Bounded, because a kernel's time grows with the bins, and a few beams must not become coarse sectors.
     return min(1440, max(180, round(2.0 * math.pi / max(step, 1e-3))))
 

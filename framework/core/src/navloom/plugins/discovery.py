@@ -145,6 +145,14 @@ class Discovery:
         """
         return self._given("metric", name, self.load("metric", name).metrics)
 
+    def suite(self, name: str) -> Path:
+        """The file of a suite.
+
+        Raises:
+            PluginError: No suite of that name, named twice, or broken.
+        """
+        return self._given("suite", name, self.load("suite", name).suites)
+
     def panel(self, name: str) -> Named:
         """A viewer panel.
 

@@ -73,7 +73,7 @@ class HookSpecs:
 
     @hookspec
     def navloom_register(self, registry: Registry) -> None:
-        """Add classes, nodes, messages, worlds, world schemes, metrics, viewer panels or commands to the registry."""
+        """Add classes, nodes, messages, worlds, schemes, metrics, viewer panels, suites or commands to the registry."""
 
     @hookspec
     def navloom_run_started(self, run: RunInfo) -> None:

@@ -45,6 +45,7 @@ class Registry:
         self.nodes: dict[str, type[Role]] = {}
         self.messages: dict[str, type[Message]] = {}
         self.commands: dict[str, Callable[..., Any] | str] = {}
+        self.suites: dict[str, Path] = {}
 
     def add(self, plugin: type[Role]) -> None:
         """Add an implementation of a role.
@@ -141,6 +142,11 @@ class Registry:
         if name in self.commands:
             raise PluginError(f"command {name!r} is registered twice: rename one of them")
         self.commands[name] = command
+
+    def suite(self, file: Path) -> None:
+        """Add a suite of `navloom compare --suite`: a TOML file whose stem is the suite's name, as `doors-1.toml`."""
+        if self.suites.setdefault(file.stem, file) != file:
+            raise PluginError(f"suite {file.stem!r} is registered twice: rename one of them")
 
 
 def _is_reference(given: object) -> bool:

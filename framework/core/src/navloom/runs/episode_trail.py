@@ -89,6 +89,7 @@ class Trail:
         tracking: The tracks of people beside them; empty without a tracker or ground truth.
         contacts: The contacts that began, each the robot's own or the other's; empty without ground truth.
         vy: True speed to the left, m/s; an empty array means never.
+        members: The trails of a fleet's members, by name; this one then has no ticks.
     """
 
     time: Floats
@@ -129,6 +130,7 @@ class Trail:
     tracking: Tracking = field(default_factory=Tracking)
     contacts: tuple[Touch, ...] = ()
     vy: Floats = field(default_factory=lambda: np.empty(0))
+    members: Mapping[str, Trail] = field(default_factory=dict)
 
     @property
     def succeeded(self) -> bool:

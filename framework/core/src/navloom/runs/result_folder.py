@@ -17,7 +17,7 @@ from navloom.messages import OccupancyGrid
 from navloom.runs.episode import Episode
 from navloom.runs.shadow_comparison import shadow_table
 
-__all__ = ["MAP", "OutFolder", "ResultFolder", "failure_of"]
+__all__ = ["MAP", "Draft", "OutFolder", "ResultFolder", "TraceFile", "failure_of"]
 
 MAP = ("map.yaml", "map.pgm")
 TRACE = "trace.bin"
@@ -149,28 +149,19 @@ class ResultFolder(OutFolder):
         super()._leave(folder)
 
 
-class TraceFile(io.FileIO):
-    """A trace that is written under a temporary name. A full disk ends the file, not the run.
+class Draft(io.FileIO):
+    """A trace that is being written. A full disk ends the file, not the run.
 
     Args:
-        draft: Temporary path. A draft left by a killed run is overwritten.
-
-    Raises:
-        ConfigError: Another run is writing it.
+        path: Its path; an existing file is appended to.
 
     Attributes:
         failure: Why writing stopped; empty while it continues.
     """
 
-    def __init__(self, draft: Path) -> None:
-        super().__init__(draft, "ab")
-        self.draft, self.failure = draft, ""
-        try:
-            fcntl.flock(self, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self.close()
-            raise ConfigError(f"--out {draft.parent}: another run writes there now; name another folder") from None
-        self.truncate(0)
+    def __init__(self, path: Path | str) -> None:
+        super().__init__(path, "ab")
+        self.failure = ""
 
     def write(self, data: bytes | memoryview, /) -> int:  # type: ignore[override]
         """Write all of the data, or nothing once the disk is full."""
@@ -182,6 +173,27 @@ class TraceFile(io.FileIO):
             self.failure = error.strerror or str(error)
             self.truncate(0)  # room for the result
         return len(data)
+
+
+class TraceFile(Draft):
+    """The draft of a trace, which only one run writes.
+
+    Args:
+        draft: Temporary path. A draft left by a killed run is overwritten.
+
+    Raises:
+        ConfigError: Another run is writing it.
+    """
+
+    def __init__(self, draft: Path) -> None:
+        super().__init__(draft)
+        self.draft = draft
+        try:
+            fcntl.flock(self, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.close()
+            raise ConfigError(f"--out {draft.parent}: another run writes there now; name another folder") from None
+        self.truncate(0)
 
     def finish(self, path: Path) -> bool:
         """Rename the draft to `path` if it is complete. Returns whether it was."""

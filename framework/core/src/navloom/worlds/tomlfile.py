@@ -36,12 +36,21 @@ waypoints = [[5.0, 0.5, 3.0], [9.0, 2.5, 3.0]]   # time, x, y of the centre
 loops = true
 ```
 
+A fleet takes a start and a goal for each of its robots from tables `[[task]]`:
+
+```toml
+[[task]]
+start = { x = 0.0, y = 0.0, heading_deg = 90.0 }
+goal = { x = 0.0, y = 7.6 }
+```
+
 What moves by itself is better an `[[actor]]`: see `actor_tables`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -61,7 +70,8 @@ __all__ = ["toml_world"]
 T = TypeVar("T")
 _MARGIN = 1.0
 _TALL: Interval = (0.0, 2.4)
-_WORLD_KEYS = ("bounds", "start", "goal", "goal_tolerance", "time_limit", "raster", "box", "cylinder", "actor")
+_WORLD_KEYS = ("bounds", "start", "goal", "goal_tolerance", "time_limit", "raster", "box", "cylinder", "actor",
+               "task")  # fmt: skip
 _COMMON_KEYS = ("name", "x", "y", "z", "appears_at", "appears", "waypoints", "loops", "is_mapped", "material")
 _BOX_KEYS = (*_COMMON_KEYS, "yaw_deg")
 _CYLINDER_KEYS = (*_COMMON_KEYS, "radius")
@@ -91,17 +101,26 @@ def toml_world(argument: str, base: Path) -> World:
         names.add(name)
     raster = _raster(table) if "raster" in table else None
     start, goal = _place(table, "start"), _place(table, "goal")
+    tasks = _each(table, "task", ("start", "goal"), _task)
     return World(
         argument,
         obstacles,
         raster,
         start,
         goal,
-        _bounds(table, obstacles, actors, raster, [p for p in (start, goal) if p is not None]),
+        _bounds(table, obstacles, actors, raster, [p for p in (start, goal, *chain(*tasks)) if p is not None]),
         table.number("goal_tolerance", least=0.0) if "goal_tolerance" in table else None,
         table.number("time_limit", least=0.0) if "time_limit" in table else None,
         actors=tuple(actors),
+        tasks=tuple(tasks),
     )
+
+
+def _task(table: FileTable, name: str) -> tuple[Place, Place]:
+    start, goal = _place(table, "start"), _place(table, "goal")
+    if start is None or goal is None:
+        raise table.error("expected start and goal, as in start = { x = 0.0, y = 0.0 }")
+    return start, goal
 
 
 def _each(table: FileTable, key: str, known: tuple[str, ...], make: Callable[[FileTable, str], T]) -> list[T]:

@@ -15,6 +15,9 @@ def metrics(
         str, typer.Option(metavar="ADDRESS", help="Address to listen on; beyond loopback, anyone can read it.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="TCP port; 0 for a free one.")] = 9464,
+    name: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Also answer to this host name; repeats.")
+    ] = None,
     once: Annotated[bool, typer.Option("--once", help="Print the metrics once, and serve nothing.")] = False,
     *,
     robot: RobotOptions,
@@ -27,7 +30,8 @@ def metrics(
 
     from navloom_live.operating.metrics_server import MetricsServer
 
-    with robot.look() as client, contextlib.closing(MetricsServer(client, (bind, 0 if once else port))) as server:
+    address = (bind, 0 if once else port)
+    with robot.look() as client, contextlib.closing(MetricsServer(client, address, name or ())) as server:
         if once:
             typer.echo(server.text(), nl=False)
             return

@@ -34,6 +34,9 @@ def up(
         Path | None, typer.Option(metavar="DIR", help="With --barrier: folder for result.json, trace.bin and run.png.")
     ] = None,
     record: Record = None,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="Also serve `navloom dashboard`, and open it if there is a display.")
+    ] = False,
     insecure: Insecure = False,
     start_anew: Annotated[
         bool,
@@ -57,6 +60,8 @@ def up(
         raise ConfigError(f"--host {host}: {known}")
     if record is not None and record.exists():
         raise ConfigError(f"--record {record}: there is such a file already; name another, or remove it")
+    if dashboard and barrier:
+        raise ConfigError("--dashboard shows a robot on the wall clock: leave --barrier out")
     if barrier:
         if host is not None or loaded.config.live.router:
             raise ConfigError("--barrier runs on one host without a router: leave --host and live.router out")
@@ -65,7 +70,7 @@ def up(
     if out is not None:
         raise ConfigError("--out: a live run keeps no trace; use it with --barrier or `navloom run`")
     cut: list[str] = []
-    episode = _live(loaded, host, insecure, record, cut, as_json, not start_anew)
+    episode = _live(loaded, host, insecure, record, cut, as_json, not start_anew, dashboard)
     if episode is not None and as_json:
         print_json(episode.summary())
     reached = episode is None or episode.trail.succeeded
@@ -186,7 +191,14 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
 
 
 def _live(
-    loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool, resumes: bool
+    loaded: Any,
+    host: str | None,
+    insecure: bool,
+    record: Path | None,
+    cut: list[str],
+    as_json: bool,
+    resumes: bool,
+    dashboard: bool,
 ) -> Any:
     from navloom.config import ConfigError
     from navloom.plugins import Discovery
@@ -202,6 +214,12 @@ def _live(
         with StatusTable(run, sys.stderr, log_of("hosting").info) as table:
             run.beside = _beside(record, log_of("recording").info, cut)
             run.recording = record
+            if dashboard:
+                from navloom_live.operating.dashboard_process import dashboard_beside
+
+                table_of = loaded.config.robot
+                prefix = f"{table_of.realm}/{table_of.name}"
+                observed.enter_context(dashboard_beside(prefix, "", insecure, log_of("dashboard").info))
             run.onlookers = observed.enter_context(
                 Onlookers(Discovery(loaded.config.plugins.blocked), log_of("plugins").warning)
             )

@@ -47,19 +47,20 @@ class Client:
         bus: A session on its network.
         keys: Its key space.
         home: Its folder, if it was started on this host.
+        may_operate: Whether the certificate of the session allows to act; without certificates, it does.
 
     Attributes:
         unreadable: Why the last description of a node could not be read, by role and instance.
     """
 
-    def __init__(self, bus: Bus, keys: KeySpace, home: RobotFolder | None = None) -> None:
-        self.bus, self.keys, self._home = bus, keys, home
+    def __init__(self, bus: Bus, keys: KeySpace, home: RobotFolder | None = None, may_operate: bool = True) -> None:
+        self.bus, self.keys, self.home, self.may_operate = bus, keys, home, may_operate
         self.unreadable: dict[tuple[str, str], str] = {}
 
     @property
     def was_ended(self) -> bool:
         """Whether the robot was started on this host and its supervisor has ended."""
-        return self._home is not None and not self._home.is_claimed()
+        return self.home is not None and not self.home.is_claimed()
 
     def has_nodes(self) -> bool:
         """Whether any node of the robot is alive."""

@@ -34,7 +34,7 @@ from navloom_live.operating.robot_nodes import Missing, Node, answering, listing
 from navloom_live.operating.stream_measurement import clock_offsets
 from navloom_live.transport.zenoh_bus import BusError
 
-__all__ = ["Diagnosis", "diagnose", "examine"]
+__all__ = ["Diagnosis", "diagnose", "diagnose_joined", "examine"]
 
 CLOCK_OFFSET_LIMIT = 0.5
 """Largest difference of two hosts' wall clocks without a finding, s. It matters to logs and recordings, not driving."""
@@ -106,6 +106,14 @@ def diagnose(
             return replace(_diagnosis(client.keys.prefix, nodes, found + here), rate=loop_rate(client.describe()))
     except BusError as error:
         return _diagnosis(robot or "", 0, [_no_way(str(error)), *here])
+
+
+def diagnose_joined(client: Client) -> Diagnosis:
+    """Examine a robot whose network was joined."""
+    home = client.home
+    running = None if home is None else home.told()
+    nodes, found = examine(client, home, "CONFIG" if running is None else running.config)
+    return replace(_diagnosis(client.keys.prefix, nodes, found), rate=loop_rate(client.describe()))
 
 
 def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[int, list[Finding]]:

@@ -118,11 +118,11 @@ def _nearest(key: str, known: Sequence[str]) -> str:
     return f"there are {', '.join(ports or dict.fromkeys(stream.split('/')[0] for stream in short))}"
 
 
-def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inlet]:
-    """Subscribe to streams, each given as role/instance/port."""
+def tap(client: Client, keys: Sequence[str], mailbox: Mailbox, limit: int = 4096) -> dict[str, Inlet]:
+    """Subscribe to streams, each given as role/instance/port; `limit` messages of each may wait."""
     taps: dict[str, Inlet] = {}
     for stream in keys:
-        inlet = taps[stream] = Inlet(stream, mailbox, 4096)
+        inlet = taps[stream] = Inlet(stream, mailbox, limit)
 
         def receive(key: str, data: bytes | None, label: str, inlet: Inlet = inlet) -> None:
             if data is None:

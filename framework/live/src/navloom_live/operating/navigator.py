@@ -17,8 +17,9 @@ from navloom_live.live.requests import CANCEL, SUBMIT, Submit
 from navloom_live.live.service import Nothing
 from navloom_live.operating import operator_actions
 from navloom_live.operating.client import Client, ClientError, Refused
-from navloom_live.operating.introspection import last
+from navloom_live.operating.introspection import last, streams
 from navloom_live.operating.robot_lookup import join
+from navloom_live.operating.robot_nodes import listing
 from navloom_live.operating.stream_subscription import Listening
 from navloom_live.operating.teleoperation import Driver
 from navloom_live.timing import ROBOT_GONE_AFTER
@@ -26,7 +27,10 @@ from navloom_live.transport.quality_of_service import kind_of, most_of
 
 if TYPE_CHECKING:
     import numpy as np
+    from navloom.config import Loaded
     from numpy.typing import NDArray
+
+    from navloom_live.operating.diagnosis import Diagnosis
 
 __all__ = ["GoalHandle", "Navigator"]
 
@@ -161,6 +165,8 @@ class Navigator:
         connect: Endpoint of a router on another host.
         keys: Folder of certificates, see `navloom keys`.
         insecure: Allow plain TCP to another host.
+        identity: Certificate to present if `keys` is a folder: "operator", "viewer", or "operator or viewer" for the
+            first of them that is there.
 
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
@@ -172,9 +178,10 @@ class Navigator:
         connect: str | None = None,
         keys: str | Path | None = None,
         insecure: bool = False,
+        identity: str = "operator",
     ) -> None:
         self._stack = ExitStack()
-        self._given = (robot, connect, str(keys) if keys is not None else None, insecure)
+        self._given = (robot, connect, str(keys) if keys is not None else None, identity, insecure)
         self._mailbox = Mailbox()
         self._client: Client | None = None
 
@@ -186,8 +193,7 @@ class Navigator:
         return self._client
 
     def __enter__(self) -> Navigator:
-        robot, connect, keys, insecure = self._given
-        self._client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
+        self._client = self._stack.enter_context(join(*self._given))
         self._streams = GoalStreams(
             self._inlet("goal", "main", "result"),
             self._inlet("goal", "main", "feedback"),
@@ -344,9 +350,33 @@ class Navigator:
         """
         return operator_actions.swap(self.client, role, instance, timeout, say)
 
-    def listen(self, streams: Sequence[str]) -> Listening:
-        """Subscribe to streams, each given as role/port; `take` of the result returns new messages."""
-        return Listening(self.client, streams)
+    def listen(self, streams: Sequence[str], limit: int = 4096) -> Listening:
+        """Subscribe to streams, each given as role/port or role/instance/port; `take` of the result gives new messages.
+
+        A viewer's certificate over TLS allows the second form only; `streams` lists them. At most `limit` messages of
+        each wait to be taken; then the oldest is dropped.
+        """
+        return Listening(self.client, streams, limit)
+
+    def streams(self) -> list[str]:
+        """Every stream of the nodes that answer, as role/instance/port."""
+        return streams(listing(self.client))
+
+    def config(self) -> Loaded:
+        """The config that the robot runs.
+
+        Raises:
+            ClientError: No process of the robot answers, or its config cannot be read.
+        """
+        from navloom_live.operating.live_recorder import ask_header
+
+        return ask_header(self.client).loaded()
+
+    def doctor(self) -> Diagnosis:
+        """What is wrong with the robot, with remedies, as `navloom doctor` finds it."""
+        from navloom_live.operating.diagnosis import diagnose_joined
+
+        return diagnose_joined(self.client)
 
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
         """Parameters of an instance, for example role avoider and instance vff."""

@@ -16,12 +16,14 @@ from navloom_live.hosting.runtime_folders import DirectoryError, RobotFolder, Ru
 from navloom_live.operating.client import Client
 from navloom_live.timing import FOLLOW_INTERVAL
 from navloom_live.transport.keyspace import KeySpace
-from navloom_live.transport.links import Link, certificate
+from navloom_live.transport.links import Link, certificate, credential_files
 from navloom_live.transport.tool_sessions import expiring, joined
 from navloom_live.transport.zenoh_bus import Bus, BusError
 
-__all__ = ["find_robot", "join", "split_name"]
+__all__ = ["ANY", "find_robot", "join", "split_name"]
 
+ANY = "operator or viewer"
+"""Identity of a tool that offers what its certificate allows: an operator's if the folder has one, else a viewer's."""
 SESSION_CLOSE_WAIT = 2.0
 """Longest wait for a session that is being opened when the tool leaves, s: longer than opening one takes
 (`timing.GATHER_WAIT`)."""
@@ -78,6 +80,8 @@ def split_name(robot: str) -> tuple[str, str]:
 def _shown(keys: str | None, identity: str) -> tuple[Path | None, str | None]:
     """Folder and name of the certificate that a tool presents."""
     folder, name = certificate(Path(keys) if keys else None, identity)
+    if folder is not None and name == ANY:
+        name = next((one for one in ("operator", "viewer") if (folder / f"{one}.pem").exists()), "operator")
     if folder is not None and name == "viewer" and not (folder / "viewer.pem").exists():
         name = "operator" if (folder / "operator.pem").exists() else name
     return folder, name
@@ -99,7 +103,7 @@ def join(
             REALM/NAME, and None means lab/r1.
         connect: Endpoint of a router on another host; None searches this host.
         keys: Folder of certificates, or one file in it; None takes those that the robot was started with.
-        identity: Name of the certificate if `keys` names none. An operator's certificate may replace a viewer's.
+        identity: Name of the certificate if `keys` names none, or ANY. An operator's may replace a viewer's.
         insecure: Plain TCP to another host was requested explicitly.
         say: Receives warnings about certificates that expire soon.
 
@@ -125,7 +129,16 @@ def join(
     for warning in expiring(link.credentials):
         say(warning)
     with joined(link) as bus, _following(bus, home, link):
-        yield Client(bus, KeySpace(realm, name), home)
+        yield Client(bus, KeySpace(realm, name), home, _may_operate(link))
+
+
+def _may_operate(link: Link) -> bool:
+    """Whether the certificate that a link presents is one that acts; without certificates, every tool may."""
+    if link.credentials is None:
+        return True
+    from navloom_live.transport.certificate_validity import kind_of_certificate  # takes 60 ms to load: only for TLS
+
+    return kind_of_certificate(credential_files(link)[1]) in ("operator", "nodes")
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from navloom.messages import Message
 from navloom.messages.codec import CodecError
 from navloom.plugins.message_opening import OPENER
 
-from navloom_live.live.mailbox import Mailbox
+from navloom_live.live.mailbox import Inlet, Mailbox
 from navloom_live.operating.client import Client
 from navloom_live.operating.introspection import tap
 from navloom_live.transport.quality_of_service import is_retained
@@ -39,16 +39,26 @@ class Listening:
 
     Args:
         client: Client of the robot.
-        streams: Each as role/port, for every instance; messages retained for late joiners come first.
+        streams: Each as role/port, for every instance, or as role/instance/port; messages retained for late joiners
+            come first.
+        limit: Most waiting messages of a stream; beyond it the oldest is dropped.
     """
 
-    def __init__(self, client: Client, streams: Sequence[str]) -> None:
-        self._client = client
+    def __init__(self, client: Client, streams: Sequence[str], limit: int = 4096) -> None:
+        self._client, self._limit = client, limit
         self._mailbox = Mailbox()
         self._seen = 0
-        keys = ["/".join((role, "*", port)) for role, _, port in (stream.partition("/") for stream in streams)]
-        self._inlets = tap(client, keys, self._mailbox)
-        self._first = [told for key in keys for told in self._kept(*key.split("/"))]
+        self._inlets: dict[str, Inlet] = {}
+        self._first: list[Told] = []
+        self.add(streams)
+
+    def add(self, streams: Sequence[str]) -> None:
+        """Subscribe to further streams; those that it has already are left out."""
+        parts = [stream.split("/") for stream in streams]
+        keys = [key for key in ("/".join((one[0], *(one[1:-1] or "*"), one[-1])) for one in parts)
+                if key not in self._inlets]  # fmt: skip
+        self._inlets |= tap(self._client, keys, self._mailbox, self._limit)
+        self._first += [told for key in keys for told in self._kept(*key.split("/"))]
 
     def take(self, timeout: float) -> list[Told]:
         """Messages since the last call, grouped by stream, oldest first; waits at most `timeout` seconds for one."""

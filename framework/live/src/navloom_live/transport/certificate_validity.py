@@ -7,9 +7,10 @@ from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
+from cryptography.x509.oid import NameOID
 from navloom.inputs.bounds import TEXT_MB, read_file
 
-__all__ = ["AUTHORITY", "WARN_AHEAD", "expiry_warnings", "why_unusable"]
+__all__ = ["AUTHORITY", "WARN_AHEAD", "expiry_warnings", "kind_of_certificate", "why_unusable"]
 
 WARN_AHEAD = timedelta(days=30)
 """How long before a certificate expires users are warned."""
@@ -73,6 +74,13 @@ def why_unusable(certificate: Path, key: Path, authority: Path, now: datetime) -
     except (ValueError, TypeError):
         fits = False
     return "" if fits else f"private key {key} does not belong to {certificate}; copy both from where they were made"
+
+
+def kind_of_certificate(path: Path) -> str:
+    """Kind of the owner of a certificate, as `operator`; empty if it cannot be read. See `access.common_name`."""
+    found = _read(path)
+    names = [] if found is None else found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value).partition(":")[0] if names else ""
 
 
 def _read(path: Path) -> x509.Certificate | None:

@@ -17,6 +17,8 @@ from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 from navloom.parts import part
 
+from navloom_study.cli.suite import SuiteOptions, compare_in_suite
+
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
@@ -52,7 +54,7 @@ class Variadic(SectionedCommand):
 
 @made_with(cls=Variadic)
 def compare(
-    config: ConfigName,
+    config: ConfigName = "",
     *,
     vary: Annotated[
         list[str] | None,
@@ -107,6 +109,7 @@ def compare(
         ),
     ] = 300.0,
     view: ViewOptions,
+    suite: SuiteOptions,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
     """Run methods over worlds and seeds in closed loop. The same command continues an interrupted study.
@@ -116,14 +119,24 @@ def compare(
     --twice found a difference; 2: the request was wrong.
     """
     from navloom.cli.output import print_json
+    from navloom.config import ConfigError
     from navloom.runs.result_folder import failure_of
 
     from navloom_study.compare import plan_study, run_study
-    from navloom_study.study_folder import StudyError
     from navloom_study.study_worlds import seeds_of
-    from navloom_study.worker_pool import PoolError
 
     terminate_as_interrupted()
+    if suite.suite or suite.method or suite.methods:
+        suite.refuse_beside({
+            f"CONFIG {config}": config, "--vary": vary, "--worlds": worlds, "--seeds": seeds, "--set": set_,
+            "--primary": primary, "--scheduler": scheduler, "--baseline": baseline, "--open-loop": open_loop,
+            "--twice": twice, "--live": live, "a viewer": view.asked(),
+        })  # fmt: skip
+        with _kept(out):
+            compare_in_suite(suite, out, jobs, hang_after, as_json, _progress)
+        return
+    if not config:
+        raise ConfigError("CONFIG: is missing: name a config, as in `navloom compare paper`, or give --suite NAME")
     if live:
         _refuse_beside_live(jobs, scheduler, open_loop, twice, view)
     seeds_asked = seeds_of(seeds) if seeds else ()
@@ -138,21 +151,17 @@ def compare(
     for reason in study.unusable:
         LOG.warning(f"{reason}; the study goes on without this metric")
     if (where := view.asked()) is not None:
+        if study.is_fleet:
+            raise ConfigError(
+                f"{config}: a fleet is shown by `navloom run`, one method at a time: leave the viewer out"
+            )
         _show(study, where, as_json)
         return
-    try:
-        with _executor(scheduler) as executor, _progress(as_json) as progress, _stopping(live) as ends:
-            result = run_study(
-                study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice,
-                ending=ends, say=LOG.info,
-            )  # fmt: skip
-    except (PoolError, StudyError) as error:
-        LOG.warning(str(error))
-        raise typer.Exit(1) from None
-    except KeyboardInterrupt:
-        kept = f"; the same command goes on from {out}" if out is not None else ""
-        LOG.warning(f"interrupted{kept}")
-        raise typer.Exit(1) from None
+    with _kept(out), _executor(scheduler) as executor, _progress(as_json) as progress, _stopping(live) as ends:
+        result = run_study(
+            study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice,
+            ending=ends, say=LOG.info,
+        )  # fmt: skip
     for note in result.notes:
         LOG.info(note)
     for warning in result.warnings:
@@ -168,6 +177,23 @@ def compare(
         LOG.warning(f"{failure}; make room, and the same command writes the rest")
     if result.missing or not result.is_repeatable:
         raise typer.Exit(1)
+
+
+@contextmanager
+def _kept(out: Path | None) -> Iterator[None]:
+    """Exit 1 where the episodes cannot go on or are interrupted: those that have ended are kept."""
+    from navloom_study.study_folder import StudyError
+    from navloom_study.worker_pool import PoolError
+
+    try:
+        yield
+    except (PoolError, StudyError) as error:
+        LOG.warning(str(error))
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        kept = f"; the same command goes on from {out}" if out is not None else ""
+        LOG.warning(f"interrupted{kept}")
+        raise typer.Exit(1) from None
 
 
 def _refuse_beside_live(
@@ -249,7 +275,14 @@ def _reported(result: StudyResult, out: Path) -> StudyResult:
 def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
     study = result.study
     rows = [
-        {**vars(r.key), "outcome": r.outcome, "reason": r.reason, **r.metrics, "trace_sha256": r.trace_sha256}
+        {
+            **vars(r.key),
+            "outcome": r.outcome,
+            "reason": r.reason,
+            **r.metrics,
+            "trace_sha256": r.trace_sha256,
+            **({"members": {one.name: vars(one) for one in r.members}} if r.members else {}),
+        }
         for r in result.rows
     ]
     return {
@@ -259,6 +292,7 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
         "workers_lost": result.lost,
         "wall_s": result.wall,
         "summary": result.summary(),
+        **({"member_summary": result.members()} if study.is_fleet else {}),
         "verdict": result.verdicts,
         "untested_worlds": result.untested,
         "notes": result.notes,
@@ -273,24 +307,45 @@ def _print(result: StudyResult, out: Path | None) -> None:
     from navloom.runs.metrics import headlines
 
     study = result.study
-    shown = headlines(study.metrics)
+    shown = study.metrics if study.is_fleet else headlines(study.metrics)
     lines = []
     for name, found in result.summary().items():
-        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
-        lines.append((name, found["episodes"], *(_mean(found, metric) for metric in shown), outcomes))
+        means = (_mean(found, metric) for metric in shown)
+        lines.append((name, found["episodes"], *means, _counted(found["outcomes"])))
     worlds, seeds = len(study.worlds), len(study.seeds)
-    driven = "live episodes" if study.is_live else "episodes"
+    driven = "live episodes" if study.is_live else "fleets" if study.is_fleet else "episodes"
     typer.echo(
         f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} {driven}, "
         f"{result.before} of them from an earlier run, in {result.wall:.1f} s; means over episodes"
     )
-    print_table(("method", "episodes", *shown, "outcomes"), lines)
+    print_table(("method", driven, *shown, "outcomes"), lines)
+    if study.is_fleet:
+        _print_members(result)
     for line in (*result.verdicts, *_truths(result)):
         typer.echo(line)
     if out is None:
         typer.echo("not saved: with --out DIR, compare writes the table, and the same command continues the study")
     else:
         typer.echo(f"written to {out}: {', '.join(result.files)}")
+
+
+def _print_members(result: StudyResult) -> None:
+    """Print a row for each member: means without intervals, since those of one fleet depend on each other."""
+    from navloom.cli.output import print_table
+
+    from navloom_study.fleet_episodes import OF_MEMBERS
+
+    lines = [
+        (method, name, *(found["means"][metric] for metric in OF_MEMBERS), _counted(found["outcomes"]))
+        for method, members in result.members().items()
+        for name, found in members.items()
+    ]
+    typer.echo("members; means over the fleets:")
+    print_table(("method", "member", *OF_MEMBERS, "outcomes"), lines)
+
+
+def _counted(outcomes: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
 
 
 def _mean(found: Mapping[str, Any], metric: str) -> Any:

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 import numpy as np
-from navloom.runs.metrics import Metric
+from navloom.runs.metrics import METRICS, Metric
 from navloom.runs.people_metrics import PEOPLE_METRICS
 
 from navloom_study.episode_rows import Row
+from navloom_study.fleet_episodes import OF_MEMBERS, member_summary
 from navloom_study.report import html_page
 from navloom_study.report.study_files import StudyFiles
 from navloom_study.statistics import Difference, Estimate
@@ -121,6 +122,19 @@ def _estimated(estimate: Estimate, digits: int, total: int) -> str:
     if 0 < estimate.episodes < total:
         told += f"\nof {estimate.episodes} episodes"
     return told
+
+
+def members(study: StudyFiles, method: str) -> TextTable:
+    """The members of a fleet with one method: how many of its drives each finished, and means."""
+    found = member_summary([row for row in study.tested if row.key.method == method], study.request["member_metrics"])
+    shown = [metric for metric in METRICS if metric.name in OF_MEMBERS]
+    digits = {m.name: decimals([one["means"][m.name] for one in found.values()]) for m in shown}
+    rows = [
+        [name, f"{one['outcomes'].get('succeeded', 0)} of {one['episodes']}"]
+        + [number(one["means"][metric.name], digits[metric.name]) for metric in shown]
+        for name, one in found.items()
+    ]
+    return TextTable(["member", "succeeded", *map(head, shown)], rows, method)
 
 
 def differences(study: StudyFiles) -> list[TextTable]:

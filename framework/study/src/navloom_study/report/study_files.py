@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from sys import intern
@@ -19,10 +19,11 @@ from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
-from navloom.runs.metrics import Metric, all_metrics
+from navloom.runs.metrics import Metric
 
 from navloom_study.episode_key import EpisodeKey
 from navloom_study.episode_rows import Row
+from navloom_study.fleet_episodes import MEMBERS, known_metrics, member_rows_of
 from navloom_study.statistics import PRIMARY, Comparison, compare_methods
 from navloom_study.study_folder import OpenLoopLine, open_loop_lines, rows_of
 from navloom_study.study_worlds import OWN_WORLD, world_digest
@@ -149,7 +150,8 @@ class StudyFiles:
         try:
             if ref == OWN_WORLD:
                 method = self.request["methods"][self.methods[0]]
-                loaded = load_config(self.request["config"], method["changes"], method=method.get("method", ""))
+                name, member = self.request["config"], self.request.get("members", [""])[0]
+                loaded = load_config(name, method["changes"], method=method.get("method", ""), member=member)
                 world = own_world(loaded, self.discovery)
             else:
                 world = self.discovery.world(ref, self._base() if not told["changes"] else Path.cwd())
@@ -211,8 +213,12 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
         else []
     )
     discovery = Discovery()
-    known = {metric.name: metric for metric in all_metrics(discovery)[0]}
+    is_fleet = "members" in request
+    known = {metric.name: metric for metric in known_metrics(discovery, is_fleet)[0]}
     metrics = tuple(known.get(name) or _unknown(name) for name in told)
+    if is_fleet:
+        found = _read(folder / MEMBERS, lambda path: member_rows_of(_table(path), request["member_metrics"]))
+        rows = [replace(row, members=tuple(found.get(row.key, ()))) for row in rows]
     return StudyFiles(folder, request, rows, open_loop, timing, metrics, baseline, discovery)
 
 

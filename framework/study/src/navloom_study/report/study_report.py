@@ -112,6 +112,8 @@ def write_report(folder: Path, baseline: str = "") -> WrittenReport:
 def build_report(study: StudyFiles) -> WrittenReport:
     """The report of a study. It is reproducible, except for the section from `timing.json`."""
     parts = [_in_short(study), _outcomes(study), _results(study)]
+    if "members" in study.request:
+        parts.append(_members(study))
     if len(study.methods) > 1:
         parts.append(_differences(study))
     parts += [_ways(study), _failures(study), _worst(study)]
@@ -131,7 +133,8 @@ def _in_short(study: StudyFiles) -> ReportPart:
         part.say(sentence, "verdict")
     part.say(
         f"{len(study.methods)} methods × {len(study.worlds)} worlds × {len(study.seeds)} seeds: {len(study.rows)} "
-        f"closed-loop episodes, the same worlds, seeds, limits and robot for every method. "
+        f"closed-loop {'fleets' if 'members' in study.request else 'episodes'}, the same worlds, seeds, limits and "
+        "robot for every method. "
         f"The others are compared with {study.baseline}."
     )
     if study.request.get("live"):
@@ -217,6 +220,18 @@ def _results(study: StudyFiles) -> ReportPart:
         distribution_figures(study),
         "Distribution over all episodes in which the metric is defined: share at or below each value.",
         method_keys(study.methods),
+    )
+    return part
+
+
+def _members(study: StudyFiles) -> ReportPart:
+    part = ReportPart("Members")
+    part.say(
+        "Means over the fleets. An episode of this study is the drive of a fleet: it is one value in every interval "
+        "and one half of every pair. The members of one fleet depend on each other, so their rows have no intervals."
+    )
+    part.fold(
+        f"{len(study.request['members'])} members", [report_tables.members(study, method) for method in study.methods]
     )
     return part
 

@@ -56,7 +56,8 @@ class WorldWays:
     @property
     def is_driven(self) -> bool:
         """Whether any robot moved."""
-        return any(np.ptp(track.points, axis=0).max() > DRIVEN for told in self.tracks.values() for track, _ in told)
+        found = (way for told in self.tracks.values() for track, _ in told for way in (track, *track.others))
+        return any(np.ptp(way.points, axis=0).max() > DRIVEN for way in found)
 
 
 def ways_in(study: StudyFiles, world: str) -> WorldWays:
@@ -126,7 +127,7 @@ def failure_figure(study: StudyFiles, row: Row) -> Figure | None:
 def _ways_figure(study: StudyFiles, width: float, ways: WorldWays, shown: Sequence[str]) -> tuple[Figure, Any]:
     """The tracks of the methods shown in their world, in a figure `width` mm wide."""
     world = study.world(ways.world)
-    told = [track for tracks in ways.tracks.values() for track, _ in tracks]
+    told = [way for tracks in ways.tracks.values() for track, _ in tracks for way in (track, *track.others)]
     points = [track.points for track in told] + [track.goal[None] for track in told if track.goal is not None]
     figure, axes = plan_figure(width, extent_of(np.concatenate(points), world, AROUND))
     if world is not None:
@@ -134,18 +135,20 @@ def _ways_figure(study: StudyFiles, width: float, ways: WorldWays, shown: Sequen
     alpha = max(0.35, min(0.95, 2.0 / math.sqrt(max(1, ways.seeds))))
     for number, method in enumerate(shown):
         style = line_of(study.methods.index(method))
-        for track, end in ways.tracks[method]:
+        found = ((way, end, track) for track, end in ways.tracks[method] for way in (track, *track.others))
+        for way, end, first in found:
             # White below each line, and later lines narrower: where tracks lie on each other, each stays visible.
             thick = nested_width(number, len(shown))
-            axes.plot(*track.points.T, alpha=0.6, linewidth=thick + 0.7, color="white", zorder=3 + 0.1 * number)
-            axes.plot(*track.points.T, alpha=alpha, linewidth=thick, zorder=3.05 + 0.1 * number, **style)
-            if end != "succeeded":
-                axes.plot(*track.points[-1], "X", color=style["color"], markersize=7.0, markeredgecolor="white",
+            axes.plot(*way.points.T, alpha=0.6, linewidth=thick + 0.7, color="white", zorder=3 + 0.1 * number)
+            axes.plot(*way.points.T, alpha=alpha, linewidth=thick, zorder=3.05 + 0.1 * number, **style)
+            # Of a fleet that failed, members that arrived have no cross.
+            if end != "succeeded" and not (first.others and way.is_there):
+                axes.plot(*way.points[-1], "X", color=style["color"], markersize=7.0, markeredgecolor="white",
                           markeredgewidth=0.5, zorder=6)  # fmt: skip
-    if told:
-        axes.plot(*told[0].points[0], "o", color="black", markersize=5, zorder=7)
-        if told[0].goal is not None:
-            axes.plot(*told[0].goal, "*", color="black", markersize=10, markeredgecolor="white", zorder=7)
+    for way in (told[0], *told[0].others) if told else ():
+        axes.plot(*way.points[0], "o", color="black", markersize=5, zorder=7)
+        if way.goal is not None:
+            axes.plot(*way.goal, "*", color="black", markersize=10, markeredgecolor="white", zorder=7)
     return figure, axes
 
 

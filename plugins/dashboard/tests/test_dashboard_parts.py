@@ -1,0 +1,157 @@
+"""Sessions, waiting frames, ages, and frames of messages, each by itself."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from importlib.metadata import distribution
+from pathlib import Path
+
+import navloom_dashboard
+import numpy as np
+import pytest
+from navloom import MapUpdate, Navigator, OccupancyGrid, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom_dashboard.app import Dashboard
+from navloom_dashboard.frames import map_frame, scan_frame
+from navloom_dashboard.outbox import Outbox, text_frame
+from navloom_dashboard.robot_link import RobotLink, Where
+from navloom_dashboard.robot_view import AGE_WINDOW, AgeClock
+from navloom_dashboard.sessions import IDLE_LIMIT, LIFETIME, MOST_SESSIONS, WRONG_WINDOW, Sessions, TooManyLogins
+
+
+def opened(sessions: Sessions, now: float) -> str:
+    found = sessions.login(sessions.tokens["view"], "10.0.0.1", now)
+    assert found is not None
+    return found[0]
+
+
+def test_a_session_ends_when_it_is_idle_and_at_the_latest_after_its_lifetime() -> None:
+    sessions = Sessions()
+    secret = opened(sessions, 0.0)
+    assert sessions.find(secret, IDLE_LIMIT) is not None
+    assert sessions.find(secret, 2.0 * IDLE_LIMIT + 1.0) is None
+    secret = opened(sessions, 0.0)
+    for now in np.arange(0.0, LIFETIME, IDLE_LIMIT / 2.0):
+        assert sessions.find(secret, float(now)) is not None
+    assert sessions.find(secret, LIFETIME + 1.0) is None
+
+
+def test_the_longest_idle_session_makes_room_for_one_more() -> None:
+    sessions = Sessions()
+    secrets = [opened(sessions, float(number)) for number in range(MOST_SESSIONS)]
+    sessions.find(secrets[0], 100.0)
+    opened(sessions, 101.0)
+    assert sessions.find(secrets[0], 102.0) is not None and sessions.find(secrets[1], 102.0) is None
+
+
+def test_wrong_tokens_of_one_address_lock_out_no_other() -> None:
+    sessions = Sessions()
+    for _ in range(10):
+        assert sessions.login("guess", "10.0.0.1", 0.0) is None
+    with pytest.raises(TooManyLogins):
+        sessions.login(sessions.tokens["view"], "10.0.0.1", WRONG_WINDOW - 1.0)
+    assert sessions.login(sessions.tokens["view"], "10.0.0.2", 1.0) is not None
+    assert sessions.login(sessions.tokens["view"], "10.0.0.1", WRONG_WINDOW + 1.0) is not None
+
+
+def test_tokens_differ_by_right_and_start() -> None:
+    tokens = [token for _ in range(2) for token in Sessions().tokens.values()]
+    assert len(set(tokens)) == 4 and min(map(len, tokens)) >= 24
+
+
+def test_a_thousand_frames_of_three_kinds_wait_as_the_newest_of_each() -> None:
+    async def waiting() -> list[str]:
+        outbox = Outbox()
+        for number in range(1000):
+            for kind in ("pose", "state", "map"):
+                outbox.put(text_frame(kind, {"number": number}, None))
+        assert len(outbox) == 3
+        return [(await outbox.take()).head for _ in range(3)]
+
+    assert [json.loads(head + "}")["number"] for head in asyncio.run(waiting())] == [999, 999, 999]
+
+
+def test_the_age_is_the_delay_behind_the_freshest_message() -> None:
+    clock = AgeClock()
+    for number in range(20):  # 10 Hz, each 0.02 s on the way, one 0.3 s
+        clock.hear(number * 100_000_000, 5.0 + 0.1 * number + (0.3 if number == 7 else 0.02))
+    assert clock.age(1_900_000_000, 5.0 + 1.92) == pytest.approx(0.0, abs=1e-9)
+    assert clock.age(1_900_000_000, 5.0 + 2.92) == pytest.approx(1.0)
+    assert clock.age(None, 9.0) is None
+
+
+def test_the_age_follows_a_simulation_that_is_slower_than_time() -> None:
+    clock = AgeClock()
+    for number in range(400):  # half as fast as time, for 40 s
+        clock.hear(number * 50_000_000, 0.1 * number)
+    age = clock.age(399 * 50_000_000, 39.9)
+    assert age is not None and age <= AGE_WINDOW
+
+
+def test_the_age_is_right_after_the_robot_has_restarted() -> None:
+    clock = AgeClock()
+    clock.hear(100_000_000_000, 1.0)
+    clock.hear(0, 50.0)
+    assert clock.age(0, 50.5) == pytest.approx(0.5)
+
+
+def scan(bearings: np.ndarray, origins: np.ndarray) -> RangeScan:
+    n = len(bearings)
+    ranges = np.full(n, 2.0)
+    ranges[0] = 10.0
+    return RangeScan(5, origins, bearings, np.zeros(n), np.zeros(n), ranges, 0.1, 10.0)
+
+
+def test_a_scanner_is_sent_by_its_first_angle_and_step_and_no_echo_as_infinite() -> None:
+    frame = scan_frame(scan(np.linspace(-1.0, 1.0, 5), np.tile([0.2, 0.1], (5, 1))), "laser")
+    header = json.loads(frame.head + "}")
+    assert (header["pose"], header["angle_min"], header["angle_step"]) == ([0.2, 0.1, 0.0], -1.0, 0.5)
+    assert frame.raw is not None and np.frombuffer(frame.raw, "<f4").tolist() == [np.inf, 2.0, 2.0, 2.0, 2.0]
+
+
+def test_sonars_are_sent_beam_by_beam() -> None:
+    frame = scan_frame(scan(np.array([0.5, -0.5]), np.array([[0.1, 0.2], [0.1, -0.2]])), "sonars")
+    assert json.loads(frame.head + "}")["beams"] == [[0.1, 0.2, 0.5, 0.0], [0.1, -0.2, -0.5, 0.0]]
+
+
+def test_a_binary_frame_begins_with_the_length_of_its_header_which_has_the_age() -> None:
+    grid = OccupancyGrid(np.array([[0, 100], [-1, 50]], np.int8), 0.5, Pose2D(1.0, 2.0, 0.0))
+    data = map_frame(MapUpdate(7, grid, np.empty((0, 4)), ()), 3).wire(1.25)
+    assert isinstance(data, bytes)
+    size = int.from_bytes(data[:4], "little")
+    header = json.loads(data[4 : 4 + size])
+    assert (header["width"], header["height"], header["version"], header["age"]) == (2, 2, 3, 1.25)
+
+
+def test_what_it_adds_to_an_installation_is_below_4_mb() -> None:
+    added = ["navloom-dashboard", "starlette", "uvicorn", "websockets", "anyio", "h11", "idna"]
+    size = 0
+    for name in added[1:]:
+        files = distribution(name).files or ()
+        size += sum(Path(str(file.locate())).stat().st_size for file in files if file.suffix != ".pyc")
+    own = Path(navloom_dashboard.__file__).parent
+    size += sum(path.stat().st_size for path in own.rglob("*") if path.is_file() and path.suffix != ".pyc")
+    assert 1e6 < size < 4e6
+
+
+def test_robots_of_one_world_are_shown_to_each_other(tmp_path: Path) -> None:
+    async def members() -> dict[str, list[str]]:
+        dashboard = Dashboard(dict, tmp_path, "cookie", is_secure=False)
+        for name, world in (("lab/a", "hall"), ("lab/b", "hall"), ("lab/c", "yard"), ("lab/gone", "hall")):
+            link = dashboard.robots[name] = RobotLink(name, Where(name), asyncio.get_running_loop())
+            link.world = world
+            link._view.pose = PoseEstimate(0, Pose2D(1.0, 2.0, 0.5), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+            link._reader = None if name == "lab/gone" else Navigator(name)
+        showing = asyncio.create_task(dashboard._show_members())
+        await asyncio.sleep(0)
+        showing.cancel()
+        shown = {name: link.latest.get("members") for name, link in dashboard.robots.items()}
+        for link in dashboard.robots.values():
+            link.close()
+        return {
+            name: [one["name"] for one in json.loads(frame.head + "}")["members"]]
+            for name, frame in shown.items()
+            if frame is not None
+        }
+
+    assert asyncio.run(members()) == {"lab/a": ["lab/b"], "lab/b": ["lab/a"]}

@@ -11,8 +11,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import multiprocessing
 import os
-import resource
 import tempfile
 import time
 from collections import Counter
@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fleet import memory
 from localising_scenes import ground_of
 from navloom.plugins import Discovery
 from navloom.runs.fleet import load_fleet, run_fleet
@@ -30,6 +31,8 @@ __all__ = ["fleet_text", "measured"]
 WORLD = "floor:1?size=40x30&unmapped=0"
 APART = 2.0
 """Least distance between two starts, and between two goals, m."""
+INTERVAL = 2.0
+"""Least time between two looks at the memory, s; a run must take longer."""
 HEAD = """
 [run]
 seed = 1
@@ -75,9 +78,18 @@ def _apart(places: Iterator[tuple[float, float]], count: int) -> list[tuple[floa
 
 def measured(path: str, processes: int) -> dict[str, Any]:
     """Run a fleet once: its hash, times of the run and of its steps, and memory."""
-    members = load_fleet(path)
-    began = time.perf_counter()
-    fleet = run_fleet(members, processes=processes)
+    members, held = load_fleet(path), [0.0]
+    began = told = time.perf_counter()
+
+    def look(done: float, total: float) -> None:
+        nonlocal told
+        # Now and then: to add up the pages of a process takes as long as some ticks.
+        if time.perf_counter() - told > INTERVAL:
+            pids = [os.getpid(), *(child.pid for child in multiprocessing.active_children() if child.pid is not None)]
+            held.append(memory(pids))
+            told = time.perf_counter()
+
+    fleet = run_fleet(members, processes=processes, progress=look)
     took, logs = time.perf_counter() - began, [episode.log for episode in fleet.episodes.values()]
     ticks = sum(log.ticks for log in logs)
     simulated = max(log.ticks for log in logs) * members[0].config.run.period
@@ -85,7 +97,6 @@ def measured(path: str, processes: int) -> dict[str, Any]:
     for log in logs:
         for (role, _), steps in log.computed_ns.items():
             by_role[role] += sum(steps)
-    peak = [resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return {
         "robots": len(members),
         "processes": processes,
@@ -94,8 +105,7 @@ def measured(path: str, processes: int) -> dict[str, Any]:
         "times_real": round(simulated / (fleet.wall_ns * 1e-9), 2),
         "cpu_per_simulated": round(by_role.total() * 1e-9 / simulated, 3),
         "us_a_tick": {role: round(spent * 1e-3 / ticks, 1) for role, spent in by_role.most_common()},
-        "peak_mb": round(peak[0]),
-        "peak_mb_other": round(peak[1]),
+        "pss_mb": round(max(held)),
         "load": round(os.getloadavg()[0], 1),
         "trace_sha256": fleet.trace_sha256,
     }

@@ -157,7 +157,8 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
         (tmp_path / name).write_bytes(data)
     if "member" in tree:
         (tmp_path / "fleet.toml").write_text(block, "utf-8")
-        assert len(load_fleet(str(tmp_path / "fleet.toml"))) == len(tree["member"])
+        count = sum(table.get("count", 1) for table in tree["member"])
+        assert len(load_fleet(str(tmp_path / "fleet.toml"))) == count
         return
     config = tmp_path / "robot.toml"
     config.write_text(block + "\n" + "".join(text for key, text in REST.items() if key not in tree), "utf-8")

@@ -241,10 +241,10 @@ def test_four_robots_swap_places_without_contact(
     assert not ended.value.code
     result = json.loads(capsys.readouterr().out)
     assert (result["reached"], result["collisions"]) == (4, 0)
-    assert list(result["members"]) == ["east", "north", "west", "south"]
+    assert list(result["members"]) == ["robot1", "robot2", "robot3", "robot4"]
     assert {"run.png", "result.json", "trace.bin"} <= {Path(file).name for file in result["written"]["out"]}
-    own = json.loads((tmp_path / "out" / "east" / "result.json").read_text())
-    assert own["trace_sha256"] == result["members"]["east"]["trace_sha256"]
+    own = json.loads((tmp_path / "out" / "robot2" / "result.json").read_text())
+    assert own["trace_sha256"] == result["members"]["robot2"]["trace_sha256"]
 
 
 @runs("barn_published.toml")

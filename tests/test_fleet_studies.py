@@ -82,6 +82,10 @@ def test_a_row_is_the_run_of_the_same_fleet(plan: Plan, studied: StudyResult, tm
     ]
 
 
+def test_the_default_seed_is_that_of_the_fleet(plan: Plan) -> None:
+    assert plan().seeds == (1,)
+
+
 def test_the_same_command_continues_a_study_of_fleets(plan: Plan, studied: StudyResult, tmp_path: Path) -> None:
     journal = tmp_path / "out" / "journal.jsonl"
     first, *_ = journal.read_text().splitlines(keepends=True)

@@ -69,6 +69,15 @@ def test_each_sees_the_other_where_it_is(fleet_of) -> None:
         assert recorder.bodies[-1].names == ("a", "b") and recorder.bodies[-1].robots == 2
 
 
+def test_equal_robots_with_lasers_on_top_see_each_other(fleet_of) -> None:
+    """The Jackal of `explore` is 0.3 m high and 0.458 m long, and so high is its laser; 2 m apart."""
+    jackals = [member(n, x, h).replace("building", "explore") for n, x, h in (("a", 0.0, 0.0), ("b", 2.0, 180.0))]
+    fleet = drive(fleet_of(*jackals, seconds=0.2), reads=[("platform", "laser")])
+    for name in "ab":
+        ahead = [scan.ranges[180] for _, scan in fleet.episodes[name].recorder.streams["platform", "laser"]]
+        assert np.mean(ahead) == pytest.approx(2.0 - 0.229, abs=0.1)
+
+
 def test_who_drives_blindly_touches_the_one_that_stands(fleet_of) -> None:
     """The contact is the driver's own, and the other's contact for the robot that stands."""
     goal = "navigation.goal = { x = 4.0, y = 0.0 }"
@@ -206,15 +215,33 @@ def run_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
         sys.modules.pop(path.stem, None)
 
 
-def test_run_prints_a_row_a_member_and_refuses_a_recording(run_of, fleet_of, tmp_path: Path) -> None:
+def test_run_prints_a_row_a_member(run_of, fleet_of) -> None:
     fleet_of(member("a", 0.0, 0.0), member("b", 3.0, 180.0))
     code, out, _ = run_of()
     head, first, second, last, *_ = out.splitlines()
     assert (code, head.split()[:2]) == (1, ["member", "outcome"])
     assert [row.split()[:2] for row in (first, second)] == [["a", "stopped"], ["b", "stopped"]]
     assert last.startswith("0 of 2 reached their goals; 0 collisions; robot time 1 s in ")
-    code, _, err = run_of("--record", str(tmp_path / "run.mcap"))
-    assert code == 2 and "a fleet is neither recorded nor shown" in err
+
+
+def test_each_member_is_recorded_and_its_recording_replays(run_of, fleet_of, in_process, tmp_path: Path) -> None:
+    fleet_of(*NEAR[:2])
+    _, out, _ = run_of("--record", str(tmp_path / "run.mcap"), "--json")
+    told = json.loads(out)["written"]["record"]
+    assert [(Path(file["file"]).name, file["complete"]) for file in told] == [
+        ("run.a.mcap", True),
+        ("run.b.mcap", True),
+    ]
+    code, out, err = in_process("replay", told[1]["file"], "--check")
+    assert code == 0, err
+    assert "could be compared are those recorded, bit for bit" in out
+
+
+@pytest.mark.parametrize("option", ["--record", "--rerun"])
+def test_what_needs_every_message_is_refused_with_several_processes(run_of, fleet_of, tmp_path: Path, option) -> None:
+    fleet_of(*NEAR[:2])
+    code, _, err = run_of(option, str(tmp_path / "file"), "--processes", "2")
+    assert code == 2 and "need all members in one process" in err
 
 
 def test_two_that_drive_blindly_at_each_other_both_have_a_contact_of_their_own(fleet_of) -> None:

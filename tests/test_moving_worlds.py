@@ -172,3 +172,13 @@ def test_a_person_who_walks_into_a_standing_robot_is_the_other_s_contact() -> No
     assert (touch.name, touch.is_own) == ("p", False)
     assert touch.time == pytest.approx(3.55, abs=0.051) and trail.clearance.min() < 0.0
     assert (own_contacts(trail), others_contacts(trail)) == (0.0, 1.0)
+
+
+def test_a_run_that_the_other_s_contact_ends_says_so_and_is_no_success() -> None:
+    """A person who runs at 2 m/s, from behind a robot that starts at (0, 0) and drives along +y at 0.4 m/s at most."""
+    person = "{at=0.0,do='actor',name='p',values={body='disc',size=[0.44,0.44],way=[[0,-4],[0,9]],speed=2.0}}"
+    episode = drive("world.ref=empty", f"event=[{person}]")
+    summary = episode.summary()
+    assert (summary["outcome"], summary["own_contacts"], summary["others_contacts"]) == ("collision", 0, 1)
+    assert (episode.trail.outcome, episode.trail.reason) == ("struck", "p ran into the robot")
+    assert not episode.trail.succeeded

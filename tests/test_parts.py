@@ -23,6 +23,7 @@ LAZY = [
     "navloom.inputs",
     "navloom.runs",
     "navloom.testing",
+    "navloom_live",
     "navloom_recording",
     "navloom_study",
     "navloom_study.report",

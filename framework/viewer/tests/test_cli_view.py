@@ -78,6 +78,37 @@ def test_a_run_that_is_written_for_the_viewer_has_the_same_trace(config: str, in
     assert {"/run/r1/driven", "/run/r1/trajectory", "/run/forces/base/command", "/log/r1/goal"} <= entities(file)
 
 
+FLEET = """
+[run]
+stop_after = 0.5
+
+[world]
+ref = "oncoming"
+
+[[member]]
+name = "a"
+config = "explore"
+start = { x = -0.5, y = 0.0, heading_deg = 90.0 }
+
+[[member]]
+name = "b"
+config = "explore"
+start = { x = 0.5, y = 0.0, heading_deg = 90.0 }
+"""
+
+
+def test_a_fleet_and_who_walks_in_its_world_are_in_one_picture(in_process: Run, tmp_path: Path) -> None:
+    config, file = tmp_path / "fleet.toml", tmp_path / "fleet.rrd"
+    config.write_text(FLEET, "utf-8")
+    code, out, err = in_process("run", str(config), "--json", "--rerun", str(file))
+    assert code == 1, err  # not there after 0.5 s
+    (told,) = json.loads(out)["written"]["rerun"]
+    assert told["file"] == str(file) and told["complete"]
+    found = entities(file)
+    assert {"/run/a/driven", "/run/b/driven"} <= found
+    assert len([path for path in found if path.endswith("/body_names")]) == 1  # the person is drawn once
+
+
 @pytest.mark.slow  # two further child processes
 def test_a_recording_shows_what_the_run_showed(config: str, in_process: Run, tmp_path: Path) -> None:
     file, recording, again = tmp_path / "run.rrd", tmp_path / "run.mcap", tmp_path / "again.rrd"

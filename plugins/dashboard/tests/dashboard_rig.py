@@ -72,14 +72,12 @@ class Browser:
         """Send an act to the robot lab/r1."""
         return self.ask("/api/lab/r1/act", {"act": act, **fields})
 
-    def socket(self, path: str, origin: str = "", **headers: str) -> ClientConnection:
-        """Open a websocket."""
-        given = {"Cookie": self.cookie} if self.cookie else {}
-        url = f"ws://127.0.0.1:{self.port}{path}"
-        return connect(
-            url, origin=origin or self.origin, additional_headers={**given, **headers}, max_size=None, max_queue=None,
-            legacy=True,
-        )  # fmt: skip
+    def socket(self, path: str, origin: str = "", **settings: Any) -> ClientConnection:
+        """Open a websocket, with settings of `connect`."""
+        given = {"max_size": None, "max_queue": None, "legacy": True, **settings}
+        if self.cookie:
+            given["additional_headers"] = {"Cookie": self.cookie}
+        return connect(f"ws://127.0.0.1:{self.port}{path}", origin=origin or self.origin, **given)
 
 
 class Served(NamedTuple):

@@ -119,9 +119,9 @@ def drag_on_map(page: Page, x: float, y: float, dx: float = 0.0, dy: float = 0.0
     page.mouse.up()
 
 
-def violations(page: Page) -> list[str]:
-    """What axe-core finds on the page, by the rules of WCAG 2.2 A and AA and its best practices."""
+def violations(page: Page, part: str | None = None) -> list[str]:
+    """What axe-core finds on the page or a part of it, by the rules of WCAG 2.2 A and AA and its best practices."""
     from axe_playwright_python.sync_playwright import Axe
 
-    found = Axe().run(page).response["violations"]
+    found = Axe().run(page, part).response["violations"]
     return [f"{rule['id']}: {node['html'][:160]}" for rule in found for node in rule["nodes"]]

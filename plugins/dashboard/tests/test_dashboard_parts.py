@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
+from importlib.metadata import distribution
+from pathlib import Path
 
+import navloom_dashboard
 import numpy as np
 import pytest
-from navloom import MapUpdate, OccupancyGrid, Pose2D, RangeScan
+from navloom import MapUpdate, Navigator, OccupancyGrid, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom_dashboard.app import Dashboard
 from navloom_dashboard.frames import map_frame, scan_frame
 from navloom_dashboard.outbox import Outbox, text_frame
+from navloom_dashboard.robot_link import RobotLink, Where
 from navloom_dashboard.robot_view import AGE_WINDOW, AgeClock
 from navloom_dashboard.sessions import IDLE_LIMIT, LIFETIME, MOST_SESSIONS, WRONG_WINDOW, Sessions, TooManyLogins
 
@@ -116,3 +121,37 @@ def test_a_binary_frame_begins_with_the_length_of_its_header_which_has_the_age()
     size = int.from_bytes(data[:4], "little")
     header = json.loads(data[4 : 4 + size])
     assert (header["width"], header["height"], header["version"], header["age"]) == (2, 2, 3, 1.25)
+
+
+def test_what_it_adds_to_an_installation_is_below_4_mb() -> None:
+    added = ["navloom-dashboard", "starlette", "uvicorn", "websockets", "anyio", "h11", "idna"]
+    size = 0
+    for name in added[1:]:
+        files = distribution(name).files or ()
+        size += sum(Path(str(file.locate())).stat().st_size for file in files if file.suffix != ".pyc")
+    own = Path(navloom_dashboard.__file__).parent
+    size += sum(path.stat().st_size for path in own.rglob("*") if path.is_file() and path.suffix != ".pyc")
+    assert 1e6 < size < 4e6
+
+
+def test_robots_of_one_world_are_shown_to_each_other(tmp_path: Path) -> None:
+    async def members() -> dict[str, list[str]]:
+        dashboard = Dashboard(dict, tmp_path, "cookie", is_secure=False)
+        for name, world in (("lab/a", "hall"), ("lab/b", "hall"), ("lab/c", "yard"), ("lab/gone", "hall")):
+            link = dashboard.robots[name] = RobotLink(name, Where(name), asyncio.get_running_loop())
+            link.world = world
+            link._view.pose = PoseEstimate(0, Pose2D(1.0, 2.0, 0.5), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+            link._reader = None if name == "lab/gone" else Navigator(name)
+        showing = asyncio.create_task(dashboard._show_members())
+        await asyncio.sleep(0)
+        showing.cancel()
+        shown = {name: link.latest.get("members") for name, link in dashboard.robots.items()}
+        for link in dashboard.robots.values():
+            link.close()
+        return {
+            name: [one["name"] for one in json.loads(frame.head + "}")["members"]]
+            for name, frame in shown.items()
+            if frame is not None
+        }
+
+    assert asyncio.run(members()) == {"lab/a": ["lab/b"], "lab/b": ["lab/a"]}

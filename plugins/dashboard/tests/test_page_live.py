@@ -19,7 +19,7 @@ from navloom.messages import Path as PlannedPath
 from navloom.messages.codec import decode
 from navloom_live import Listening, Navigator
 from numpy.typing import NDArray
-from page_rig import ROBOT, WAIT, Driven, click, close_panels, drag_on_map, logged_in, open_panel
+from page_rig import ROBOT, WAIT, Driven, click, close_panels, drag_on_map, logged_in, open_panel, opened
 from playwright.sync_api import Browser, Page, expect
 
 DEAD_MAN = 0.3
@@ -251,3 +251,53 @@ def test_a_viewer_sees_the_robot_and_is_told_why_it_cannot_act(browser: Browser,
         page.keyboard.press("Space")
         expect(page.locator("#stop-state")).to_have_text("view only")
         assert not driven.robot.json("status")["gate_status"]["latched"]
+
+
+def tab_to(page: Page, name: str) -> None:
+    """Press Tab until the focus is on what has this name, and see that it shows."""
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        focused = page.locator(":focus")
+        if focused.count() and (focused.get_attribute("aria-label") or focused.inner_text()) == name:
+            assert focused.evaluate("(one) => getComputedStyle(one).outlineStyle") != "none"
+            return
+    raise AssertionError(f"Tab does not reach {name}")
+
+
+def test_a_whole_drive_by_keyboard(browser: Browser, driven: Driven, size: str) -> None:
+    with opened(browser, size) as page:
+        page.goto(driven.site.server.url)
+        page.locator("#token").focus()
+        page.keyboard.type(driven.site.dashboard.sessions.tokens["operate"])
+        page.keyboard.press("Enter")
+        expect(page.locator("#ages")).to_contain_text("pose")
+        page.keyboard.press("f")
+        tab_to(page, "Goal")
+        page.keyboard.press("Enter")
+        for key in ("ArrowUp", "ArrowUp", "ArrowLeft", "Shift+ArrowLeft"):
+            page.keyboard.press(key)
+        page.keyboard.press("Enter")
+        expect(page.locator("#draft-text")).to_contain_text("heading 15°")
+        goal = points_of(page)
+        page.keyboard.press("Enter")
+        expect(page.locator("#state")).to_have_text("driving")
+        page.keyboard.press("Space")
+        expect(page.locator("#state")).to_have_text("STOPPED")
+        page.keyboard.press("r")
+        expect(page.locator("#state")).to_have_text("no goal")
+        assert apart(driven.robot.json("status")["goal_result"]["place"], *goal[:2]) < 0.35
+        page.keyboard.press("t")
+        page.keyboard.down("a")
+        expect(page.locator("#drives")).to_have_text("an operator drives")
+        page.keyboard.up("a")
+        tab_to(page, "Hand back")
+        page.keyboard.press("Enter")
+        expect(page.locator("#hand-back")).to_be_hidden()
+        page.keyboard.press("o")
+        page.keyboard.press("o")
+        page.keyboard.press("ArrowRight")
+        expect(page.get_by_role("tab", name="Compare")).to_be_focused()
+        page.keyboard.press("Escape")
+        expect(page.locator("#panel")).to_be_hidden()
+        page.keyboard.press("?")
+        expect(page.get_by_role("heading", name="Keys")).to_be_visible()

@@ -10,6 +10,7 @@ from navloom_avoidance.clearance import footprint_edges
 from navloom_dwa.moving import bodies_ahead
 from navloom_mppi import critics as of
 from navloom_mppi.control import Given
+from navloom_mppi.weighting import evade
 
 EDGES = footprint_edges(JACKAL)
 
@@ -28,15 +29,35 @@ def test_the_critic_meets_a_body_in_the_step_in_which_it_comes():
 
 
 def test_nearness_is_that_of_the_nearest():
-    """The disc of 0.4 m is 0.55 - 0.4 = 0.15 m away from the front: half of 0.3 m."""
+    """The disc of 0.4 m is 0.55 - 0.4 = 0.15 m away from the front: half of 0.3 m, and half of the clearance of 0.3 m.
+
+    A quarter, and ten times a quarter.
+    """
     moving = bodies_ahead(body(0.229 + 0.55, 0.0), HERE, np.zeros(8), EDGES, 0.1, 0.3, 0.0)
     step, near = of.obstacles(scene_of(footprint=JACKAL, bodies=moving), still())
-    assert (step, near) == (8, pytest.approx(0.5))
+    assert (step, near) == (8, pytest.approx(2.75))
 
 
-def drive(bodies_at, seconds):
-    """Poses of an ideal robot on a line of 6 m, and the least distance of its centre from the body's, m."""
-    method, path = method_of(samples=800), line(6.0, 0.0)
+def test_the_speed_of_a_body_widens_its_nearness():
+    """0.3 m, and 0.7 s at 1 m/s: 1 m."""
+    moving = bodies_ahead(body(2.0, 0.0, 0.0, 1.0), HERE, np.zeros(1), EDGES, 0.1, 0.3, 0.0, 0.7)
+    assert moving[0, 0, 3] == pytest.approx(1.0)
+
+
+def test_constant_commands_over_all_that_the_robot_can_do_are_tried():
+    """Of 40 pairs: 2 m/s straight on first, -1 m/s with 3 rad/s at the end."""
+    noise, paces = np.zeros((50, 9, 2), np.float32), np.ones(50)
+    evade(noise, paces, (0.5, 0.75), (-1.0, 2.0, 3.0))
+    commands = noise * (0.5, 0.75)
+    assert paces.tolist() == [0.0] * 40 + [1.0] * 10
+    assert commands[0].tolist() == [[2.0, 0.0]] * 9
+    assert commands[39].tolist() == [[-1.0, 3.0]] * 9
+    assert not commands[40:].any()
+
+
+def drive(bodies_at, seconds, length=6.0):
+    """Place of an ideal robot on a line, m, and the least distance of its centre from the body's, m."""
+    method, path = method_of(samples=800), line(length, 0.0)
     x, y, heading, twist, least = 0.0, 0.0, 0.0, (0.0, 0.0), math.inf
     for k in range(round(seconds / 0.05)):
         now = bodies_at(0.05 * k)
@@ -61,6 +82,25 @@ def test_one_that_comes_along_the_path_is_passed():
     x, least = drive(lambda time: body(6.0 - time, 0.1, -1.0, 0.0), 9.0)
     assert least > 0.3 + 0.208
     assert x > 5.5
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 180.0])
+def test_a_robot_at_its_goal_gets_out_of_the_way(bearing_deg):
+    """A body comes to it at 1.5 m/s from 4 m away."""
+    c, s = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
+    _, least = drive(lambda time: body((4.0 - 1.5 * time) * c, (4.0 - 1.5 * time) * s, -1.5 * c, -1.5 * s), 4.0, 0.05)
+    assert least > 0.3 + 0.208
+
+
+@pytest.mark.parametrize(("speed", "status"), [(0.0, "trapped"), (0.5, "steering")])
+def test_a_robot_that_waits_for_what_moves_is_not_trapped(speed, status):
+    """Enclosed by posts for 3 s; twice as long as it takes to be trapped."""
+    method, path, ring = method_of(samples=100), line(6.0, 0.0), np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+    posts = (0.4 * np.column_stack([np.cos(ring), np.sin(ring)])).tolist()
+    for k in range(60):
+        now = body(2.0, 1.0, 0.0, speed)
+        decision = method.step([laser(posts, HERE, 0.1)], None, Given(0.05 * k, HERE, (0.0, 0.0), path, bodies=now))
+    assert decision.status == status
 
 
 def test_mirrored_bodies_cost_the_mirrored_roll_outs_the_same():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,10 +13,11 @@ from moving_scene import Disc, Scene
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.lockstep_builder import gate_monitor
+from navloom.geometry.actors import Body, parts_of
 from navloom.navigation.braking import Braking
 from navloom.navigation.collision_monitor import MonitorLimits
 from navloom.navigation.monitor_motion import MOST_SCANS
-from navloom.navigation.monitor_rollout import HEADWAY, MOST_GAIN, first_meeting
+from navloom.navigation.monitor_rollout import HEADWAY, MOST_GAIN, escapes, first_meeting, ways_on
 from navloom.testing import robot
 from numpy.typing import NDArray
 
@@ -42,6 +45,19 @@ def moves(x: float, y: float, vx: float, vy: float, radius: float = 0.25) -> Dis
     return Disc(lambda t: (x + vx * t, y + vy * t), radius)
 
 
+def walks(way: Callable[[float], float], angle: float, meets: float = 0.0) -> list[Disc]:
+    """The legs of a person in a line from a direction, rad, who is way(t), m, before (meets, 0)."""
+    body, cos, sin = Body("legs", 0.44, 0.44, (0.0, 1.75)), math.cos(angle), math.sin(angle)
+
+    def leg(k: int, t: float) -> tuple[float, float]:
+        far = way(t)
+        motion = np.array([(meets + far * cos, far * sin, angle + math.pi, 0.0, 0.0, AWAY - far)])
+        x, y = parts_of(body, motion)[0, k, :2].tolist()
+        return x, y
+
+    return [Disc(partial(leg, k), 0.07) for k in range(2)]
+
+
 def speeds_at_contact(scene: Scene, v: float, w: float, seconds: float) -> tuple[float, float]:
     """Drive a command until the disc touches: the speed then, m/s and rad/s; zero without a contact."""
     scene.speed, scene.twist = v, [v, w]
@@ -63,13 +79,17 @@ def drive(scene: Scene, v: float, seconds: float) -> Scene:
 # --- what comes -------------------------------------------------------------------------------------------------------
 
 
-def stands_before(limits: MonitorLimits, angle: float, speed: float, v: float, w: float, aims: bool) -> bool:
+def stands_before(
+    limits: MonitorLimits, angle: float, speed: float, v: float, w: float, aims: bool, has_legs: bool = False
+) -> bool:
     """Whether a robot with a command stands when what comes to it, or to where it will be then, touches it."""
     time = AWAY / speed
     # What the robot needs: to see it move, its delays, and to brake.
     needed = PROVED + Braking(ROBOT, PERIOD).delay + v / ROBOT.max_deceleration + HEADWAY
     assert time > needed, "its deceleration allows it"
-    scene = Scene(limits, [comes(v * time if aims else 0.0, angle, speed)], ROOM)
+    meets = v * time if aims else 0.0
+    comer = walks(lambda t: AWAY - speed * t, angle, meets) if has_legs else [comes(meets, angle, speed)]
+    scene = Scene(limits, comer, ROOM)
     if scene.gap() <= 0.0:  # as fast as the robot and from behind: it begins where the robot is
         return True
     at_v, at_w = speeds_at_contact(scene, v, w, time + 1.0)
@@ -83,13 +103,21 @@ def test_a_robot_that_drives_stands_before_what_comes_touches_it(turns: int, spe
     assert stands_before(LIMITS, turns * math.tau / 20.0 + 0.03, speed, 0.5, 0.0, aims)
 
 
+@pytest.mark.parametrize(
+    ("turns", "speed", "aims"), [(18, 1.0, True), (7, 1.5, True), (11, 1.5, True), (18, 1.5, False)]
+)
+def test_it_stands_before_a_walker_whose_legs_hide_each_other(turns: int, speed: float, aims: bool) -> None:
+    assert stands_before(LIMITS, turns * math.tau / 20.0 + 0.03, speed, 0.5, 0.0, aims, has_legs=True)
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("has_legs", [True, False])
 @pytest.mark.parametrize("aims", [True, False])
 @pytest.mark.parametrize(("v", "w"), [(0.5, 0.0), (1.0, 0.0), (0.5, 0.5), (0.0, 0.8)])
 @pytest.mark.parametrize("speed", [0.5, 1.0, 1.5])
-def test_it_stands_from_20_directions(speed: float, v: float, w: float, aims: bool) -> None:
+def test_it_stands_from_20_directions(speed: float, v: float, w: float, aims: bool, has_legs: bool) -> None:
     angles = np.arange(20) * math.tau / 20.0 + 0.03
-    assert [angle for angle in angles if not stands_before(LIMITS, angle, speed, v, w, aims)] == []
+    assert [angle for angle in angles if not stands_before(LIMITS, angle, speed, v, w, aims, has_legs)] == []
 
 
 def test_without_the_allowance_it_still_drives() -> None:
@@ -164,6 +192,14 @@ def test_what_stops_is_at_rest_half_a_second_later() -> None:
     scene = Scene(LIMITS, [Disc(lambda t: (3.0 - min(t, 1.0), 0.0), 0.25)], ROOM)
     assert velocities(drive(scene, 0.0, 1.0)) != []
     assert velocities(drive(scene, 0.0, 1.7)) == []
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.8, 1.6, 2.4])
+def test_a_walker_who_stops_is_at_rest_a_second_later(angle: float) -> None:
+    """Also if one leg hides the other then: after 2 s at 1.2 m/s, at 1.6 m."""
+    scene = Scene(LIMITS, walks(lambda t: AWAY - 1.2 * min(t, 2.0), angle), ROOM)
+    assert velocities(drive(scene, 0.0, 2.0)) != []
+    assert velocities(drive(scene, 0.0, 3.0)) == []
 
 
 # --- what is at rest --------------------------------------------------------------------------------------------------
@@ -260,6 +296,41 @@ def test_a_robot_that_escapes_is_not_stopped() -> None:
     """
     scene = drive(Scene(LIMITS, [moves(-0.86, 0.0, 0.7, 0.0)], ROOM), 1.0, 1.5)
     assert {verdict.kind for verdict in scene.verdicts} == {""}
+
+
+@pytest.mark.parametrize(
+    ("point", "escaped"),
+    [
+        # It passes 0.56 m behind: from a gap of 0.8 m to 0.5 m after 0.4 s and 0.7 m after 0.8 s.
+        ((-0.5, 1.0, 0.0, -1.5), True),
+        ((3.0, 0.0, -1.0, 0.0), False),  # head on: from 2.8 m to 1.6 m
+    ],
+)
+def test_what_is_behind_the_robot_in_the_end_has_been_escaped(point: tuple[float, ...], escaped: bool) -> None:
+    x, y, vx, vy = point
+    moving = np.array([(x, y, 0.0, vx, vy, 0.0, 0.0)])
+    assert escapes(WAY, TIMES, 3, SQUARE, math.sqrt(0.08), moving, np.full(1, 0.01), 0) == escaped
+
+
+def test_a_way_on_accelerates_along_the_arc_or_straight() -> None:
+    """From 0.5 m/s with 1 m/s²: 1 m/s after 0.5 s, on the same arc with twice the turn rate."""
+    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), True, ROBOT, PERIOD)
+    assert goes_on[10].tolist() == [0.5, 0.4, 0.0]
+    assert on_the_arc[10] == pytest.approx([1.0, 0.8, 0.0])
+    assert straight[10] == pytest.approx([1.0, 0.0, 0.0])
+    assert len(ways_on(np.array([0.5, 0.4, 0.0]), False, ROBOT, PERIOD)) == 1
+
+
+def test_a_robot_that_stands_may_accelerate_out_of_the_way() -> None:
+    """A disc comes from the side at 1 m/s and is there after 3.5 s. Within 1.3 s, the robot gets 0.8 m away.
+
+    It is clear of the disc from 0.6 m on. With its speed after half a second, 0.5 m/s, it would get 0.5 m away.
+    """
+    scene, least = Scene(LIMITS, [comes(0.0, 0.5 * math.pi, 1.0)], ROOM), math.inf
+    while scene.time < 5.0:
+        scene.step(2.0 if scene.time > 2.1 else 0.0)
+        least = min(least, scene.gap())
+    assert least > 0.0
 
 
 # --- configuration ----------------------------------------------------------------------------------------------------

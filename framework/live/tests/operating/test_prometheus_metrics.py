@@ -7,8 +7,11 @@ import platform
 import re
 import socket
 import threading
+import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -144,6 +147,33 @@ def test_the_server_answers_scrapes_on_loopback_and_waits_for_no_half_request(se
     assert server.url.startswith("http://127.0.0.1:")
     with pytest.raises(BindError, match=f"127.0.0.1:{port}: cannot be listened at: Address already in use"):
         MetricsServer(Played(), ("127.0.0.1", int(port)))  # type: ignore[arg-type]
+
+
+def test_half_a_hundred_half_requests_delay_no_scrape(server: MetricsServer) -> None:
+    host, port = server.url.removeprefix("http://").removesuffix("/metrics").split(":")
+    with ExitStack() as held:
+        for _ in range(50):
+            half_sent = held.enter_context(socket.create_connection((host, int(port))))
+            half_sent.sendall(b"GET /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\n")
+        began = time.monotonic()
+        with urllib.request.urlopen(server.url, timeout=5.0) as answer:
+            assert values(answer.read().decode())["navloom_up"] == 1.0
+        assert time.monotonic() - began < 1.0  # it was 2 s
+
+
+@pytest.mark.parametrize(("host", "status"), [("evil.example", 403), ("localhost:9", 200), ("10.0.0.1", 200)])
+def test_a_site_whose_name_points_here_reads_no_metrics(server: MetricsServer, host: str, status: int) -> None:
+    asked = urllib.request.Request(server.url, headers={"Host": host})
+    try:
+        with urllib.request.urlopen(asked, timeout=5.0) as answer:
+            assert answer.status == status
+    except urllib.error.HTTPError as refused:
+        assert refused.code == status
+
+
+def test_metrics_are_at_one_path_only(server: MetricsServer) -> None:
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(server.url.replace("/metrics", "/"), timeout=5.0)
 
 
 def test_the_docs_name_every_metric() -> None:

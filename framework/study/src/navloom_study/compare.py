@@ -100,7 +100,7 @@ def plan_study(
         config,
         tuple(methods),
         tuple(cases),
-        tuple(seeds) or (base.config.run.seed,),
+        tuple(seeds) or (base.config.run.seed if base.fleet_seed is None else base.fleet_seed,),
         tuple(metric.name for metric in metrics),
         equal,
         different,

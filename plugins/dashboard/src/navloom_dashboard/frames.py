@@ -31,6 +31,7 @@ def pose_frame(estimate: PoseEstimate) -> Frame:
     pose, known = estimate.pose, bool(estimate.covariance.any())
     fields = {
         "x": pose.x, "y": pose.y, "heading": pose.heading, "state": estimate.state, "reason": estimate.reason,
+        "run_time": estimate.stamp_ns * 1e-9,
         "cov": estimate.covariance.tolist() if known and np.isfinite(estimate.covariance).all() else None,
     }  # fmt: skip
     return text_frame("pose", fields, estimate.stamp_ns)

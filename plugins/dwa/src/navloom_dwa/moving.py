@@ -26,7 +26,7 @@ NO_BODIES_AHEAD = np.zeros((0, 0, 5))
 
 def bodies_ahead(
     bodies: TrackedBodies, pose: tuple[float, float, float], times: Floats, edges: Floats, margin: float, soft: float,
-    sigmas: float,
+    sigmas: float, headway: float = 0.0,
 ) -> Floats:  # fmt: skip
     """Bodies at constant velocity, with a covariance that grows, in the steps of a roll-out.
 
@@ -37,6 +37,7 @@ def bodies_ahead(
         times: (steps,) time of each step from now, s.
         edges: Half planes of the footprint. margin: Between footprint and body, m. soft: Width of nearness, m.
         sigmas: Standard deviations of a place that widen `soft`.
+        headway: Time for which a body's speed widens `soft`, s: it may turn at any moment.
 
     Returns:
         (steps, n, 5): x, y, m, base frame now; distance beyond the sides of the footprint that is a collision, m;
@@ -53,6 +54,7 @@ def bodies_ahead(
     beyond = (now @ edges[:, :2].T - edges[:, 2]).max(axis=1)
     keep = np.minimum(near.radii + margin, beyond - TOUCH)
     corner = reach_of(edges, 0.0)
+    soft = soft + headway * np.hypot(near.velocities[:, 0], near.velocities[:, 1])
     found = np.empty((len(times), len(nearest), 5))
     for t, time in enumerate(times):
         wide = soft + np.minimum(sigmas * near.after(float(time)).sigmas(), UNSURE)

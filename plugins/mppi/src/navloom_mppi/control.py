@@ -23,7 +23,7 @@ from navloom_mppi.critics import COLLISION, CRITICS, Scene
 from navloom_mppi.motion import Motion, after_dead_time, follow, motion_of, near_goal, turn_within
 from navloom_mppi.nearest import body_points, fill_nearest, gap_beside
 from navloom_mppi.rollout import draw, knots_of, roll_out, roll_out_plan
-from navloom_mppi.weighting import bounded, effective, mean_of, proposal, shifted, smooth, weights_of
+from navloom_mppi.weighting import bounded, effective, evade, mean_of, proposal, shifted, smooth, weights_of
 
 if TYPE_CHECKING:
     from navloom_mppi.params import MppiParams
@@ -43,6 +43,7 @@ PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 COMMANDS = (4, 8)  # parts of the reachable speeds and turn rates in which one roll-out each is tried
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
+MOVES = 0.2  # m/s: slower bodies are taken to stand
 DRAWN, DRAWN_EVERY = 64, 4  # roll-outs of a picture, and steps between their points
 OCCUPIED = 0.05  # share of the path near obstacles beyond which the robot does not align to it, as in Nav2
 
@@ -186,11 +187,18 @@ class PathIntegral:
     def _count_time(self, given: Given, left: float, goal: Point) -> None:
         """Count the time without progress along the path, while the robot follows this avoider's commands."""
         self.progress.note(left, goal)
-        elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
+        # A robot that gives way is not trapped: what moves clears its way.
+        waits = self._moving(given)
+        elapsed = self.period if self.motors.obeyed(given.twist) and not waits else 0.0
         self.progress.stalled += elapsed
         # A robot that stands at its goal is not blocked.
         is_blocked = is_stopped(*self._sent) and left > PROGRESS_STEP
         self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
+
+    def _moving(self, given: Given) -> bool:
+        """Whether a body that moves is so near that the robot may have to give way."""
+        near = given.bodies.within(given.pose[:2], self.bodies_reach)
+        return bool((np.hypot(near.velocities[:, 0], near.velocities[:, 1]) > MOVES).any())
 
     def _look(self, obstacles: Floats, path: Floats, given: Given) -> None:
         """Compute the fields around the robot and what the critics need of the path."""
@@ -225,16 +233,21 @@ class PathIntegral:
             math.nan if given.turn_to is None else given.turn_to - given.pose[2],
             bodies_ahead(
                 given.bodies.within(given.pose[:2], self.bodies_reach), given.pose, self.times, self.edges,
-                p.track_margin, p.soft, p.sigmas,
+                p.track_margin, p.soft, p.sigmas, p.headway,
             ),
+            p.body, p.track_clearance,
         )  # fmt: skip
 
     def _optimise(self, given: Given) -> None:
         """Williams et al. 2017, Algorithm 2: shift the plan, roll it out with noise, and take the weighted mean."""
         p, m = self.params, self._allowed(given)
+        if self.scene.bodies.size and self._held is None:
+            m = m._replace(slowest=-self.robot.max_linear)
         start = after_dead_time(given.twist, self.in_flight, self.robot.dead_time, self.period, m)
         before = shifted(self.plan, self.period, p.step)
         noise, paces = proposal(self.stream, self.samples, knots_of(p.steps, p.hold))
+        if self.scene.bodies.size:
+            evade(noise, paces, self.sigma, (m.slowest, m.fastest, m.turn))
         roll_out(before, noise, paces, self.sigma, p.hold, start, m, self.scene, self.parts, self.ends)
         self.costs = self.parts @ self.by_critic
         self.weights = weights_of(self.costs, p.temperature)

@@ -25,6 +25,8 @@ CRITICS = (
     "prefer_forward", "twirling", "control",
 )  # fmt: skip
 """Columns of the costs of roll-outs."""
+TIGHT = 10.0
+"""Weight of a gap to a body below the clearance that is wanted, per that of nearness."""
 EVERY = 4
 """Steps between two poses that the critics of path and goal look at, as in Nav2."""
 (CONSTRAINT, COLLISION, OBSTACLE, GOAL, GOAL_ANGLE, PATH_ALIGN, PATH_FOLLOW, PATH_ANGLE, PREFER_FORWARD, TWIRLING,
@@ -45,7 +47,8 @@ class Scene(NamedTuple):
         ahead: Point of the trajectory ahead, m. turns_away: Whether the robot must first turn to it.
         is_path_free: Whether the path is free enough to align to it.
         turn_to: Heading at the goal, rad; NaN for none.
-        bodies: (steps, n, 5) from moving.bodies_ahead().
+        bodies: (steps, n, 5) from moving.bodies_ahead(). body_weight: Of their nearness, per that of obstacles.
+        clear: Gap to a body below which nearness counts most, m.
     """
 
     obstacles: Floats
@@ -66,6 +69,8 @@ class Scene(NamedTuple):
     is_path_free: bool
     turn_to: float
     bodies: Floats = NO_BODIES_AHEAD
+    body_weight: float = 1.0
+    clear: float = 0.3
 
 
 @njit(cache=True, nogil=True)
@@ -117,7 +122,8 @@ def obstacles(scene: Scene, track: Floats) -> tuple[int, float]:
             least = min(least, beyond - points[k, 2])
         if least < 0.0:
             return t, total / steps
-        near = 1.0 - least / soft
+        total += 1.0 - least / soft
+        near = 0.0
         for b in range(bodies.shape[1]):
             dx, dy = bodies[t, b, 0] - x, bodies[t, b, 1] - y
             if dx * dx + dy * dy >= bodies[t, b, 4]:
@@ -128,8 +134,9 @@ def obstacles(scene: Scene, track: Floats) -> tuple[int, float]:
             gap = beyond - bodies[t, b, 2]
             if gap < 0.0:
                 return t, total / steps
-            near = max(near, 1.0 - gap / bodies[t, b, 3])
-        total += near
+            far, tight = 1.0 - gap / bodies[t, b, 3], max(0.0, 1.0 - gap / scene.clear)
+            near = max(near, far * far + TIGHT * tight * tight)
+        total += scene.body_weight * near
     return steps, total / steps
 
 

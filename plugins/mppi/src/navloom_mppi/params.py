@@ -60,12 +60,19 @@ class MppiParams(Params):
     )
     laser_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and laser points, m.")
     sonar_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and sonar cell centres, m.")
-    track_margin: float = Field(0.1, ge=0.0, le=2.0, description="Margin between footprint and tracks, m.")
+    track_margin: float = Field(0.05, ge=0.0, le=2.0, description="Margin between footprint and tracks, m.")
     sigmas: float = Field(
         1.0,
         ge=0.0,
         le=5.0,
         description="Standard deviations of a track's predicted place that widen `soft` for it, no unit.",
+    )
+    track_clearance: float = Field(
+        0.3, gt=0.0, le=3.0, description="Gap beyond the margin below which the nearness of tracks counts most, m."
+    )
+    headway: float = Field(0.7, ge=0.0, le=5.0, description="Time for which a track's speed widens `soft` for it, s.")
+    body: float = Field(
+        10.0, ge=0.0, le=1000.0, description="Weight of the nearness of tracks, as a multiple of `obstacle`, no unit."
     )
     memory: float = Field(20.0, ge=0.0, le=3600.0, description="How long points out of a laser's sight count, s.")
     blocked_patience: float = Field(

@@ -108,3 +108,32 @@ def proposal(stream: np.random.Generator, samples: int, knots: int) -> tuple[NDA
     noise[STRAIGHT::OF_PAIRS, :, 1] = 0.0
     noise[IN_PLACE::OF_PAIRS, :, 0] = 0.0
     return noise, np.resize(PACES, pairs)
+
+
+SPEEDS, TURNS = (1.0, 0.67, 0.33, 0.0, -1.0), (0.0, 0.33, 0.67, 1.0)
+"""Shares of the highest speeds, forwards or backwards, and of the highest turn rate in evade()."""
+
+
+def evade(
+    noise: NDArray[np.float32], paces: Floats, sigma: tuple[float, float], limits: tuple[float, float, float]
+) -> None:
+    """Replace the first pairs of a proposal by constant commands over all that the robot can do, from standing.
+
+    Noise around a plan that stands hardly ever leads out of the way of a body that comes. Half of these commands turn
+    for the first half of the roll-out only.
+
+    Args:
+        noise, paces: From proposal(), changed in place. sigma: Standard deviations of speed, m/s, and turn rate, rad/s.
+        limits: Slowest and fastest speed, m/s, and highest turn rate, rad/s.
+    """
+    slowest, fastest, turn = limits
+    k, half = 0, noise.shape[1] // 2
+    for share in SPEEDS:
+        for turning in TURNS:
+            for until in (half, noise.shape[1]):
+                if k < len(paces):
+                    noise[k, :, 0] = (fastest if share >= 0.0 else -slowest) * share / sigma[0]
+                    noise[k, :, 1] = 0.0
+                    noise[k, :until, 1] = turn * turning / sigma[1]
+                    paces[k] = 0.0
+                    k += 1

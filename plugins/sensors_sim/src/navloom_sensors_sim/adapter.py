@@ -53,6 +53,8 @@ _SENSORS: dict[str, tuple[type[Params], Callable[..., Sensor]]] = {
 }
 
 
+HOUSING = 0.02
+"""How far the housing of a laser on top of another robot ends above that robot, m: equal robots see each other."""
 _FREE, _TOUCHING = Contact(False), Contact(True)
 
 
@@ -121,8 +123,10 @@ class SensorsSim(Platform[SensorsSimParams]):
         # Before the robot moves: obstacles and robot must be of the same time.
         scene.update(given.time_ns / 1e9, self._swept)
         if given.bodies is not None:
-            parts = given.bodies.parts
-            scene.put(parts[parts[:, 0] != given.own_body], given.bodies.names)
+            bodies = given.bodies
+            parts = bodies.parts[bodies.parts[:, 0] != given.own_body]  # a copy
+            parts[parts[:, 0] >= len(bodies.names) - bodies.robots, 7] += HOUSING
+            scene.put(parts, bodies.names)
         legs = self._orders.legs(begin_ns, given.time_ns, self._asked(given.command)) if time > 0.0 else ()
         effect = self._disturbances.act(given.time_ns, robot.pose)
         if effect.pose is not None:

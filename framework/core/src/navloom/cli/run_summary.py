@@ -23,6 +23,7 @@ LABELS = {
     "cross_track_rms_m": "cross-track rms, m",
     "cross_track_max_m": "cross-track max, m",
     "collisions": "collisions",
+    "own_contacts": "of these the robot's own",
     "recoveries": "recoveries",
     "gate_limits": "slowed by the gate's monitor",
     "sim_time_s": "robot time, s",
@@ -59,6 +60,8 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
     told = f"{summary['outcome']}: {summary['reason']}"
     if summary["outcome"] == "succeeded" and summary["truly_reached"] is False:
         told = episode.trail.reason
+    elif summary["outcome"] == "collision":
+        told = f"collision: {episode.trail.reason}"  # a robot feels a contact, but not who made it
     typer.echo(f"{told}, at ({end.x:z.2f}, {end.y:z.2f})")
     if summary["truly_reached"] is None:
         typer.echo("no ground truth: the robot's estimate of its pose is not checked")

@@ -57,6 +57,7 @@ class Loaded:
         member: Name of the `[[member]]` that it is for; empty for a robot alone.
         number: Number of that member in its fleet, from 0: it has this task of the world.
         fleet_base: Folder for relative paths in the fleet's file; None for a robot alone.
+        fleet_seed: Seed of the fleet, from which that of the member follows; None for a robot alone.
     """
 
     config: Config
@@ -68,6 +69,7 @@ class Loaded:
     member: str = ""
     number: int = 0
     fleet_base: Path | None = None
+    fleet_seed: int | None = None
 
     def error(self, *problems: str) -> ConfigError:
         """An error with one line per problem, each with its line in the file, or its `--set`."""
@@ -176,15 +178,17 @@ def load_config(
     split_presets(tree)
     for added in shadows:
         _add_shadows(tree, added, sources)
-    run = tree.setdefault("run", {}) if member and sources.get("run.seed") != f"member {member}" else None
+    run, fleet_seed = tree.setdefault("run", {}) if member else None, None
     if isinstance(run, dict) and isinstance(run.get("seed", 0), int):
-        run["seed"] = seed_of_member(run.get("seed", 0), member)
+        fleet_seed = run.get("seed", 0)
+        if sources.get("run.seed") != f"member {member}":
+            run["seed"] = seed_of_member(fleet_seed, member)
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
         problems = [*problems_of(error, Config, given=tree), *_problems_of_params(tree)]
         raise _located(problems, name, text, sources) from None
-    return Loaded(config, name, base, sources, tuple(dropped), text, member, number, fleet_base)
+    return Loaded(config, name, base, sources, tuple(dropped), text, member, number, fleet_base, fleet_seed)
 
 
 def _sources_of(tree: dict[str, Any]) -> dict[str, Source]:

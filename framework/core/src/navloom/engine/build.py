@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -251,7 +252,20 @@ def _known_world(loaded: Loaded, discovery: Discovery, world: World | None) -> W
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
-    """What is mapped of a world, as a map: its own raster if that is all, otherwise rasterised at `resolution`, m."""
+    """What is mapped of a world, as a map: its own raster if that is all, otherwise rasterised at `resolution`, m.
+
+    It is made once for each world: robots in one world share it.
+    """
+    grids = _GRIDS.setdefault(world, {})
+    if (resolution, height) not in grids:
+        grids[resolution, height] = _grid_of(world, resolution, height)
+    return grids[resolution, height]
+
+
+_GRIDS: WeakKeyDictionary[World, dict[tuple[float, float], OccupancyGrid]] = WeakKeyDictionary()
+
+
+def _grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
     # Its kernels take long to load, and most configs have no world to rasterise.
     from navloom.geometry.grid import world_to_grid
 

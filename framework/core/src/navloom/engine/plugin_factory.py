@@ -66,20 +66,22 @@ def _make(system: System, wanted: Mapping[tuple[str, str], Part], progress: Prog
     progress("preparing the framework")
     # Compiled before the first tick: a kernel takes seconds, and a robot that drives must not wait for it.
     for module in FRAMEWORK:
-        module.warm_up()
+        _warm_up(module)
     for spec in system.specs:
         for port in spec.ports:
             # Generated on first use, which would fall into a tick.
             writer_of(port.carries)
-    warmed: set[type[Role]] = set()
     for (role, _), part in wanted.items():
-        # Alternatives often share a class.
-        if part.cls not in warmed:
-            progress(f"preparing {role} {part.cls.name}")
-            with blamed_on_part(part, "warm_up"):
-                part.cls.warm_up()
-            warmed.add(part.cls)
+        progress(f"preparing {role} {part.cls.name}")
+        with blamed_on_part(part, "warm_up"):
+            _warm_up(part.cls)
         part.plugin = _made(system, part)
+
+
+@cache
+def _warm_up(source: Any) -> None:
+    """Compile the kernels of a class or module once: alternatives, and robots of one process, share them."""
+    source.warm_up()
 
 
 @cache

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from navloom.navigation.monitor_echoes import KEEP, MOST_DRIFT, NO_POINTS, NOTHI
 from navloom.navigation.monitor_known_space import SeenSpace
 from navloom.navigation.monitor_map import NO_SURFACES, shown_aside, surfaces_without_echo
 from navloom.navigation.monitor_rollout import (
+    ESCAPE,
     HEADWAY,
     MOST_POSES,
     distance_to_outline,
@@ -33,9 +34,10 @@ from navloom.navigation.monitor_rollout import (
     first_touch,
     margins,
     stopping_way,
+    ways_on,
     within,
 )
-from navloom.navigation.monitor_verdict import MonitorLimits, Planar, Touch, Verdict
+from navloom.navigation.monitor_verdict import MonitorLimits, Planar, Surroundings, Touch, Verdict, scaled
 from navloom.navigation.odometry_frame import OdometryFrame
 from navloom.navigation.odometry_track import OdometryTrack
 from navloom.roles import RobotSpec
@@ -58,28 +60,10 @@ SLIDING, SLOPE = 0.05, 0.02
 
 A robot 2 cm beside a wall has noisy echoes within its margin. Without the slope, the drift of its wheels would hold it.
 """
-ESCAPE = 1.5
-"""Time for which a robot that goes on must not meet what would meet it if it stayed, s."""
 OLD_POSE = 1.0
 """Age of a pose, s, from which on the map does not count: odometry alone drifts."""
 STEERED = 0.05
 """Least measured speed, m/s, that tells the angle of steered wheels by the turn."""
-
-
-class _Surroundings(NamedTuple):
-    """What a command is judged by.
-
-    Attributes:
-        in_flight: (k, 3) commands given before, see `stopping_way`.
-        age: Age of the newest odometry, s.
-        points: (k, 3) obstacles, m, base frame of the newest odometry, and how far they may reach beyond, m.
-        moving: (k, 7) obstacles that move, see `first_meeting`.
-    """
-
-    in_flight: Floats
-    age: float
-    points: Floats
-    moving: Floats
 
 
 class CollisionMonitor:
@@ -116,6 +100,7 @@ class CollisionMonitor:
         self._waiting: list[tuple[str, RangeScan]] = []
         self._given: deque[tuple[float, float, float, float]] = deque()
         self._is_free = True
+        self._met_at = math.inf  # when the way last rolled out meets what moves, s
         self._estimate: PoseEstimate | None = None
         self._frame = OdometryFrame()
         self._grid: OccupancyGrid | None = None
@@ -210,20 +195,27 @@ class CollisionMonitor:
         age = max(0.0, time - self._track.stamps[-1])
         command = (twist.vx, twist.wz, twist.vy)
         in_flight = np.array([(at - self._track.stamps[-1], *sent) for at, *sent in self._given]).reshape(-1, 4)
-        here = _Surroundings(in_flight, age, self._near(twist, age), self._moving())
+        robot, period = self.limits.robot, self.limits.period
+        accelerates = abs(pace) - abs(speed) > 0.5 * robot.max_acceleration * period
+        here = Surroundings(in_flight, age, self._near(twist, age), self._moving(), accelerates)
         touched = self._touch(command, here)
         if touched is None:
             return Verdict(twist)
+        met_at = self._met_at
         lowest = 0.0
         if pace != 0.0 and pace * speed > 0.0:
             # A share below what the brakes reach within a period could not be driven: the roll-out would be too kind.
             lowest = abs(self._slower(speed)) / abs(pace)
         low, high = min(lowest, 1.0), 1.0
-        if self._touch(_scaled(command, low), here) is not None:
+        if self._touch(scaled(command, low), here) is not None:
+            # What would meet a robot that brakes, too, and sooner, is no reason to brake.
+            is_moving = self._met_at < math.inf and met_at < math.inf
+            if is_moving and self._meets_later(command, self._met_at, here):
+                return Verdict(twist)
             return self._brake(speed, here, touched)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            hit = self._touch(_scaled(command, middle), here)
+            hit = self._touch(scaled(command, middle), here)
             if hit is None:
                 low = middle
             else:
@@ -234,7 +226,7 @@ class CollisionMonitor:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
         return Verdict(Twist2D(low * twist.vx, low * twist.vy, low * twist.wz), low, *touched)
 
-    def _brake(self, speed: float, here: _Surroundings, touched: Touch) -> Verdict:
+    def _brake(self, speed: float, here: Surroundings, touched: Touch) -> Verdict:
         """Brake along the current curvature; if that touches something too, command zero at once."""
         _, v, w, side = self._given[-1] if self._given else (0.0, 0.0, 0.0, 0.0)
         pace = math.hypot(v, side) if side else v
@@ -251,12 +243,11 @@ class CollisionMonitor:
         """A speed, m/s, after braking for one period."""
         return braked(speed, self.limits.robot.max_deceleration * self.limits.period)
 
-    def _touch(self, command: Planar, here: _Surroundings) -> Touch | None:
+    def _touch(self, command: Planar, here: Surroundings) -> Touch | None:
         """What the robot would touch first if it followed a command for one period and then braked."""
         wanted, points, (v, w, side) = np.array(command), here.points, command
-        rolled = stopping_way(
-            self._track.twist, here.in_flight, here.age, wanted, self._motor, self._radius, self._rolled, self._times
-        )
+        self._met_at = math.inf
+        rolled = self._roll(wanted, here)
         wide = margins(points, v, w, side, self.limits.margin)
         slope = SLOPE if math.hypot(v, side) <= SLIDING else 0.0
         hit = first_touch(self._rolled, rolled, self._outline, points, wide, slope)
@@ -270,36 +261,64 @@ class CollisionMonitor:
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
-        if not self.ignores_unseen:
-            base = np.array(self._track.poses[-1])
-            place = self._seen.first_unseen(self._rolled, rolled, base, self._track.stamps[-1], self._track.ways[-1])
-            if place >= 0:
-                x, y, _ = self._rolled[place]
-                return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
-        return None
+        return self._enters_unseen(rolled)
 
-    def _meets(self, command: Floats, here: _Surroundings, rolled: int) -> int:
+    def _roll(self, command: Floats, here: Surroundings) -> int:
+        """Roll out the stopping way of a command; the number of its poses."""
+        given, age = here.in_flight, here.age
+        args = self._motor, self._radius, self._rolled, self._times
+        return int(stopping_way(self._track.twist, given, age, command, *args))
+
+    def _enters_unseen(self, rolled: int) -> Touch | None:
+        """Space that no sensor has seen on the stopping way."""
+        if self.ignores_unseen:
+            return None
+        base = np.array(self._track.poses[-1])
+        place = self._seen.first_unseen(self._rolled, rolled, base, self._track.stamps[-1], self._track.ways[-1])
+        if place < 0:
+            return None
+        x, y, _ = self._rolled[place]
+        return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
+
+    def _meets(self, command: Floats, here: Surroundings, rolled: int) -> int:
         """Row of the moving point that the robot would meet on its stopping way; -1 for none.
 
-        What would meet a robot that stays does not stop it if it escapes by going on: within ESCAPE it meets nothing,
-        and is not nearer to that point in the end.
+        It does not stop a robot that escapes by going on: within ESCAPE it meets nothing, and has that point behind it.
         """
         moving, (v, w, side) = here.moving, command
         wide = margins(moving, v, w, side, self.limits.margin)
-        hit, is_nearer = first_meeting(
+        hit, _, when = first_meeting(
             self._rolled, self._times, rolled, HEADWAY, self._outline, self._radius, moving, wide
         )
-        if hit < 0 or is_nearer:
-            return int(hit)
-        # One period of that length: it goes on, and what comes after it does not count.
-        motor = self._motor.copy()
-        motor[0] = ESCAPE
-        count = stopping_way(
-            self._track.twist, here.in_flight, here.age, command, motor, self._radius, self._alone, self._alone_times
+        self._met_at = when
+        if hit < 0:
+            return -1
+        for count in self._goes_on(command, here):
+            if escapes(self._alone, self._alone_times, count, self._outline, self._radius, moving, wide, hit):
+                return -1
+        return int(hit)
+
+    def _goes_on(self, command: Floats, here: Surroundings) -> Iterator[int]:
+        """Roll out one of `ways_on` after the other; yields the number of poses of each up to ESCAPE."""
+        for way in ways_on(command, here.accelerates, self.limits.robot, self.limits.period):
+            given = np.column_stack([here.age + self.limits.period * np.arange(len(way)), way])
+            count = stopping_way(
+                self._track.twist, np.concatenate([here.in_flight, given]), here.age + ESCAPE, command, self._motor,
+                self._radius, self._alone, self._alone_times,
+            )  # fmt: skip
+            yield int(np.searchsorted(self._alone_times[:count], ESCAPE, side="right"))
+
+    def _meets_later(self, twist: Planar, braking: float, here: Surroundings) -> bool:
+        """Whether a robot that goes on meets what moves by more than HEADWAY later than if it braked, at a time, s."""
+        command, moving = np.array(twist), here.moving
+        if self._enters_unseen(self._roll(command, here)) is not None:
+            return False
+        wide = margins(moving, *twist, self.limits.margin)
+        met = (
+            first_meeting(self._alone, self._alone_times, count, 0.0, self._outline, self._radius, moving, wide)[2]
+            for count in self._goes_on(command, here)
         )
-        count = int(np.searchsorted(self._alone_times[:count], ESCAPE, side="right"))
-        is_free = escapes(self._alone, self._alone_times, count, self._outline, self._radius, moving, wide, hit)
-        return -1 if is_free else int(hit)
+        return any(when > braking + HEADWAY for when in met)
 
     def _reach(self, twist: Twist2D, age: float) -> float:
         """How far from the base the robot may come until it has stopped, m."""
@@ -356,10 +375,6 @@ class CollisionMonitor:
         pose, time = self._track.poses[-1], self._track.stamps[-1]
         found = [sensor.moving_from(pose, time) for sensor in self._sensors.values() if len(sensor.moving)]
         return np.concatenate(found) if found else NOTHING_MOVES
-
-
-def _scaled(command: Planar, share: float) -> Planar:
-    return share * command[0], share * command[1], share * command[2]
 
 
 def warm_up() -> None:

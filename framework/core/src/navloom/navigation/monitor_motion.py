@@ -20,11 +20,14 @@ from numpy.typing import NDArray
 from navloom.messages import RangeScan
 from navloom.navigation.monitor_clusters import (
     BEFORE,
+    EXTENT,
     FIRST,
     LAST,
     MOST_CLUSTERS,
     PROOF,
+    STRIDE,
     SWING,
+    THIN,
     VX,
     VY,
     Looks,
@@ -155,6 +158,7 @@ def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
         cluster[BEFORE] = before
         if before < 0:
             continue
+        _keep_step(cluster, looks.clusters[slots[1], before], looks.frames[newest, 0] - looks.frames[slots[1], 0])
         length = _chain(slots, row, looks, chain)
         former = looks.clusters[slots[1], before]
         motion = _fit(slots, chain, length, limits, looks)
@@ -172,15 +176,35 @@ def follow(slots, limits, looks):  # type: ignore[no-untyped-def]
 def _continued(cluster, time, slot, fastest, looks):  # type: ignore[no-untyped-def]
     """Row of the cluster of a slot that a later cluster continues; -1 for none."""
     passed = time - looks.frames[slot, 0]
-    best, found = SLACK + fastest * passed, -1
+    best, found = math.inf, -1
     for row in range(looks.counts[slot]):
         other = looks.clusters[slot, row]
+        if other[LAST] < other[FIRST]:
+            continue
         # A velocity that is not proved may be of a cluster whose visible part changes: it is at rest.
         share = passed if other[PROOF] >= SURE else 0.0
         apart = math.hypot(other[X] + share * other[VX] - cluster[X], other[Y] + share * other[VY] - cluster[Y])
-        if apart < best:
+        # A walker of whom one leg hides the other is a leg, up to half a stride beside its middle.
+        if apart < min(best, SLACK + fastest * passed + max(cluster[SWING], other[SWING])):
             best, found = apart, row
     return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _keep_step(cluster, former, passed):  # type: ignore[no-untyped-def]
+    """Let what continues a walker be one: the middle of a single leg is where the walker's is expected.
+
+    But no farther from the leg than half a stride, so that a walker who stops is seen to.
+    """
+    if former[SWING] == 0.0 or cluster[SWING] > 0.0 or cluster[EXTENT] > STRIDE:
+        return
+    cluster[SWING] = former[SWING]
+    if cluster[EXTENT] > THIN or former[PROOF] < SURE:
+        return
+    dx = former[X] + passed * former[VX] - cluster[X]
+    dy = former[Y] + passed * former[VY] - cluster[Y]
+    share = min(1.0, former[SWING] / max(math.hypot(dx, dy), 1e-9))
+    cluster[X], cluster[Y] = cluster[X] + share * dx, cluster[Y] + share * dy
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

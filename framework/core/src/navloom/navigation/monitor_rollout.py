@@ -12,7 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom.roles import RobotSpec
+
 __all__ = [
+    "ESCAPE",
     "HEADWAY",
     "MOST_POSES",
     "distance_to_outline",
@@ -21,6 +24,7 @@ __all__ = [
     "first_touch",
     "margins",
     "stopping_way",
+    "ways_on",
     "within",
 ]
 
@@ -45,6 +49,8 @@ BETWEEN = 0.05
 one may be then: at 2 m/s it moves 10 cm, and the margin before it is wider than 3 cm only for a fast robot."""
 HEADWAY = 0.2
 """Time for which the robot must already stand when a moving obstacle reaches it, s: the error of the prediction."""
+ESCAPE = 1.5
+"""Time for which a robot that goes on must not meet what would meet it if it braked, s."""
 MISJUDGED = 0.1
 """Error of the velocity of a moving obstacle, m/s: where its visible part changes, as beside a corner of the robot."""
 HARDEST, MOST_GAIN = 3.0, 0.25
@@ -216,8 +222,8 @@ def _at_first(x, y, poses, outline):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def first_meeting(poses, times, count, headway, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
-    """Index of the first moving point that a footprint meets on its way or shortly after it, and whether it would not
-    meet it, or later, if the robot stayed at its first pose; -1 for none. Such points come first.
+    """Index of the first moving point that a footprint meets on its way or shortly after it, whether it would not meet
+    it, or later, if the robot stayed at its first pose, and when, s; -1 and inf for none. Such points come first.
 
     At each time a point may be anywhere between where it is if it goes on as it does and where it is if it brakes with
     HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than if it stayed.
@@ -231,7 +237,12 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
             and age of the place at time 0, s.
         margin: (k,) distance from the footprint that counts as touching, m.
     """
-    anyway, has_met, meets_anyway = -1, within(moving, outline, margin), np.zeros(moving.shape[0], np.bool_)
+    anyway, when, has_met, meets_anyway = (
+        -1,
+        math.inf,
+        within(moving, outline, margin),
+        np.zeros(moving.shape[0], np.bool_),
+    )
     for place in range(count):
         last = place == count - 1
         following = place if last else place + 1
@@ -263,25 +274,55 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
                         continue
                     if has_met[i] or not meets_anyway[i]:
                         if distance < stays - NEARER:
-                            return i, True
+                            return i, True, time
                     elif anyway < 0:
-                        anyway = i
-    return anyway, False
+                        anyway, when = i, time
+    return anyway, False, when
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def escapes(poses, times, count, outline, radius, moving, margin, hit):  # type: ignore[no-untyped-def]
-    """Whether a robot meets nothing on its way, and is not nearer to a point, `hit`, in the end than at first.
+    """Whether a robot meets nothing on its way, and a point, `hit`, is past it in the end: at least as far away as at
+    first, or farther with every step.
 
     The other arguments are those of `first_meeting`.
     """
     if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin)[0] >= 0:
         return False
-    x, y, heading, passed = poses[count - 1, 0], poses[count - 1, 1], poses[count - 1, 2], times[count - 1]
-    cos, sin = math.cos(heading), math.sin(heading)
-    dx, dy = moving[hit, 0] + passed * moving[hit, 3] - x, moving[hit, 1] + passed * moving[hit, 4] - y
-    after = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
-    return after >= distance_to_outline(moving[hit, 0], moving[hit, 1], outline)
+    after = _distance_at(poses, times, count - 1, outline, moving, hit)
+    if after >= distance_to_outline(moving[hit, 0], moving[hit, 1], outline):
+        return True
+    return count > 1 and after > _distance_at(poses, times, count - 2, outline, moving, hit)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _distance_at(poses, times, place, outline, moving, hit):  # type: ignore[no-untyped-def]
+    """Distance of a moving point from the outline in one pose of a way, m."""
+    cos, sin, passed = math.cos(poses[place, 2]), math.sin(poses[place, 2]), times[place]
+    dx = moving[hit, 0] + passed * moving[hit, 3] - poses[place, 0]
+    dy = moving[hit, 1] + passed * moving[hit, 4] - poses[place, 1]
+    return distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+
+
+def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float) -> list[Floats]:
+    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded; if it accelerates, also
+    with its highest acceleration along the command's arc or straight.
+
+    Args:
+        command: (3,) forward speed, m/s, turn rate, rad/s, and speed to the left, m/s.
+        accelerates: Only what it does already counts: a robot that could get away by accelerating may not do so.
+        period: s.
+    """
+    after = np.arange(math.ceil(ESCAPE / period)) * period
+    ways = [np.repeat(command[None], len(after), axis=0)]
+    pace = math.hypot(command[0], command[2])
+    if pace == 0.0 or not accelerates:
+        return ways
+    share = np.minimum(pace + robot.max_acceleration * after, max(robot.max_linear, pace)) / pace
+    turn = max(robot.max_angular, abs(command[1]))
+    for turns in (np.clip(command[1] * share, -turn, turn), np.where(after, 0.0, command[1])):
+        ways.append(np.column_stack([command[0] * share, turns, command[2] * share]))
+    return ways if command[1] else ways[:2]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

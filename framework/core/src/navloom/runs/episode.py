@@ -97,6 +97,8 @@ class Episode:
             "cross_track_rms_m": math.sqrt(float((cross**2).mean())) if cross.size else None,
             "cross_track_max_m": float(cross.max()) if cross.size else None,
             "collisions": recorder.touches,
+            "own_contacts": sum(one.is_own for one in trail.contacts) if trail.has_truth else None,
+            "others_contacts": sum(not one.is_own for one in trail.contacts) if trail.has_truth else None,
             "recoveries": recorder.recoveries,
             "gate_stops": log.gate_stops,
             "gate_limits": log.gate_limits,

@@ -28,13 +28,15 @@ if TYPE_CHECKING:
     from navloom.engine.system import System
     from navloom.runs.episode_recorder import Recorder
 
-__all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "WayLengths", "lost_trail", "trail_of", "ways_of"]
+__all__ = ["FALSE_SUCCESS", "STRUCK", "TRUTH_MARGIN", "Trail", "WayLengths", "lost_trail", "trail_of", "ways_of"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 FALSE_SUCCESS = "false_success"
 """Outcome of an episode whose robot reported that it had arrived but had not."""
+STRUCK = "struck"
+"""Outcome of an episode that ended with a contact that is the other's."""
 TRUTH_MARGIN = 0.1
 """Margin beyond the goal's tolerance within which the true position still counts as arrived, m, but no more than the
 tolerance itself."""
@@ -57,7 +59,8 @@ class Trail:
         engaged: Whether the avoider drives.
         stopped_by_gate: Whether the gate commands zero for a reason other than a missing trajectory.
         outcome, reason: Outcome of the last goal: one of `navloom.messages.OUTCOMES`, and one phrase; `FALSE_SUCCESS`
-            if the robot reported that it had arrived but the ground truth says that it had not.
+            if the robot reported that it had arrived but the ground truth says that it had not; `STRUCK` for a
+            collision that is the other's.
         touches: Number of contacts.
         recoveries: Number of recovery attempts.
         gate_stops: Number of times the gate stopped a driving robot.
@@ -194,6 +197,9 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
     if outcome == "succeeded" and goal is not None:
         arrived = _arrival(goal, recorder, *tolerances)
     ways, evidence = ways_of(system), _evidence(truth, recorder, system)
+    contacts = touches_of(evidence, recorder.contacts)
+    if outcome == "collision" and contacts:
+        outcome, reason = _whose(contacts[-1])
     streams = {stream: tuple(kept) for stream, kept in recorder.streams.items() if kept}
     bodies = moving_bodies(recorder.bodies, time)
     return Trail(
@@ -234,7 +240,7 @@ def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult
         footprint=system.robot.footprint,
         bodies=bodies,
         tracking=tracking_of(streams, bodies, truth[:, :3], system.world, system.robot.height),
-        contacts=touches_of(evidence, recorder.contacts),
+        contacts=contacts,
     )
 
 
@@ -334,6 +340,13 @@ def _evidence(truth: Floats, recorder: Recorder, system: System) -> Evidence:
 def _turned(goal: Goal, heading: float) -> float | None:
     """Difference between a heading and the one that a goal asks for, rad; None if it asks for none."""
     return None if goal.heading is None else abs(math.remainder(goal.heading - heading, math.tau))
+
+
+def _whose(contact: Touch) -> tuple[str, str]:
+    """Outcome and reason of a run that a contact ended."""
+    if contact.is_own:
+        return "collision", f"the robot drove into {contact.name}"
+    return STRUCK, f"{contact.name} ran into the robot"
 
 
 def _truly(

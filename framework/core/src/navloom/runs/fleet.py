@@ -53,7 +53,10 @@ class Fleet:
             "wall_s": self.wall_ns * 1e-9,
             "sim_time_s": max(member["sim_time_s"] for member in members.values()),
             "reached": sum(episode.trail.succeeded for episode in self.episodes.values()),
-            "collisions": sum(member["collisions"] for member in members.values()),
+            **{
+                name: sum(member[name] or 0 for member in members.values())
+                for name in ("collisions", "own_contacts", "others_contacts")
+            },
             "members": members,
         }
 

@@ -1,15 +1,12 @@
-"""The robots of a fleet's members, which share what is equal: the world and the known map."""
+"""The robots of a fleet's members, which share their world, and by that what is made of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from navloom.config import Loaded
 from navloom.geometry.world import World
-from navloom.messages import OccupancyGrid
 from navloom.plugins import Discovery
 from navloom.runs.episode import Drive
 
@@ -28,16 +25,11 @@ def drives_of(members: Sequence[Loaded], discovery: Discovery | None = None) -> 
     """
     own: dict[frozenset[str], Discovery] = {}
     drives: dict[str, Drive] = {}
-    maps: list[OccupancyGrid] = []
     for loaded in members:
         blocked = frozenset(loaded.config.plugins.blocked)
         if discovery is None and blocked not in own:
             own[blocked] = _OneWorld(blocked)
-        drive = drives[loaded.member] = Drive(loaded, discovery or own[blocked])
-        known = drive.system.map
-        if known is not None:
-            drive.system.map = next((other for other in maps if _is_same(known, other)), known)
-            maps += [known] if drive.system.map is known else []
+        drives[loaded.member] = Drive(loaded, discovery or own[blocked])
     return drives
 
 
@@ -52,8 +44,3 @@ class _OneWorld(Discovery):
         if (reference, base) not in self._worlds:
             self._worlds[reference, base] = super().world(reference, base)
         return self._worlds[reference, base]
-
-
-def _is_same(grid: OccupancyGrid, other: OccupancyGrid) -> bool:
-    place = (grid.origin, grid.resolution) == (other.origin, other.resolution)
-    return place and np.array_equal(grid.cells, other.cells)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import ipaddress
 import logging
 import socket
@@ -18,13 +19,14 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+from navloom.cli.interrupts import ending
 from navloom.errors import NavloomError
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 __all__ = ["BindError", "Receive", "Scope", "Send", "WebServer", "guarded", "is_loopback"]
 
 HEAD_WAIT = 5.0
-"""Longest time from a connection to a whole request head, s, and between two requests."""
+"""Longest time from a connection to a whole request head, s, between two requests, and of a TLS handshake."""
 CONNECTIONS = 256
 """Most connections at once. One more ends the connection that has waited longest without a whole request head."""
 BACKLOG = 512
@@ -188,6 +190,18 @@ class _Connection(H11Protocol):
         self.transport.abort()
 
 
+def _abrupt_websockets() -> type[asyncio.Protocol]:
+    """uvicorn's websockets, but one that does not answer pings is cut off: an orderly end would wait until it reads."""
+    from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+    class AbruptWebsocket(WebSocketsSansIOProtocol):
+        def keepalive_timeout(self) -> None:
+            super().keepalive_timeout()
+            self.transport.abort()
+
+    return AbruptWebsocket
+
+
 class WebServer:
     """Listens at an address, and serves an ASGI application there; `guarded` makes one safe for browsers.
 
@@ -205,7 +219,7 @@ class WebServer:
         protocol = type("Connection", (_Connection,), {"waiting": {}})
         self._settings: dict[str, Any] = {
             "http": protocol,
-            "ws": "websockets-sansio" if websockets else "none",
+            "ws": _abrupt_websockets() if websockets else "none",
             "lifespan": "auto",
             "log_config": None,
             "log_level": logging.ERROR,
@@ -225,10 +239,13 @@ class WebServer:
         try:
             if tls is not None:
                 _context(tls)
-            self._socket = _listening(address)
         except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) and error.strerror else error
-            raise BindError(f"{address[0]}:{address[1]}: cannot be listened at: {why}") from None
+            why = getattr(error, "strerror", "") or error
+            raise BindError(f"certificate {tls}: {why}; expected NAME.pem with NAME-key.pem beside it") from None
+        try:
+            self._socket = _listening(address)
+        except OSError as error:
+            raise BindError(f"{address[0]}:{address[1]}: cannot be listened at: {error.strerror}") from None
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
 
@@ -260,14 +277,24 @@ class WebServer:
 
     def run(self, app: Application) -> None:
         """Serve until Ctrl-C or SIGTERM."""
-        self._made(app).run(sockets=[self._socket])
+        with ending() as event:
+            self.start(app)
+            while not event.wait(0.2) and self._thread is not None and self._thread.is_alive():
+                pass
+            self.close()
 
     def start(self, app: Application) -> None:
         """Serve on a thread of its own until `close`."""
-        server = self._made(app)
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(server._serve([self._socket])), name="web server", daemon=True
-        )
+        server = self._server = uvicorn.Server(uvicorn.Config(app, **self._settings))
+
+        async def serve() -> None:
+            if self._tls is not None:
+                loop = asyncio.get_running_loop()
+                # uvicorn has no setting for it; asyncio's own limit is 60 s.
+                loop.create_server = functools.partial(loop.create_server, ssl_handshake_timeout=HEAD_WAIT)  # type: ignore[method-assign]
+            await server._serve([self._socket])  # `serve` would take over the signals of this process
+
+        self._thread = threading.Thread(target=lambda: asyncio.run(serve()), name="web server", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -278,10 +305,6 @@ class WebServer:
             self._thread.join(END_WAIT + 1.0)
         with contextlib.suppress(OSError):
             self._socket.close()
-
-    def _made(self, app: Application) -> uvicorn.Server:
-        self._server = uvicorn.Server(uvicorn.Config(app, **self._settings))
-        return self._server
 
 
 def _listening(address: tuple[str, int]) -> socket.socket:

@@ -356,7 +356,7 @@ def _mean(found: Mapping[str, Any], metric: str) -> Any:
 
 def _truths(result: StudyResult) -> Iterator[str]:
     """For each method, successes that the ground truth refutes, and those without a ground truth."""
-    from navloom.runs.episode_trail import FALSE_SUCCESS
+    from navloom.runs.episode_trail import FALSE_SUCCESS, STRUCK
 
     for method in result.study.methods:
         rows = [row for row in result.rows if row.key.method == method.name]
@@ -366,6 +366,11 @@ def _truths(result: StudyResult) -> Iterator[str]:
             yield (
                 f"{method.name}: false success in {false} of {len(rows)} episodes: the robot said that it had arrived, "
                 "and the ground truth says that it had not; counted as failures"
+            )
+        if struck := sum(row.outcome == STRUCK for row in rows):
+            yield (
+                f"{method.name}: struck in {struck} of {len(rows)} episodes: something ran into the robot, and would "
+                "have run into one that stands; counted as failures"
             )
         if untold:
             yield f"{method.name}: {untold} of {len(rows)} successes are the robot's own report, without ground truth"

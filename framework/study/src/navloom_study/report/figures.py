@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from navloom.messages import OUTCOMES
 from navloom.palette import GREY, OKABE_ITO
-from navloom.runs.episode_trail import FALSE_SUCCESS
+from navloom.runs.episode_trail import FALSE_SUCCESS, STRUCK
 from navloom.runs.metrics import Metric
 
 from navloom_study.episode_rows import Row
@@ -28,7 +28,7 @@ WIDTH = 180.0
 COLOURS = {
     "succeeded": "#009E73", "collision": "#D55E00", "stuck": "#E69F00", "timeout": "#F0E442", "no_path": "#56B4E9",
     "rejected": "#0072B2", "error": "#333333", "stopped": "#CC79A7", "lost": "#117733", "cancelled": "#B5B5B5",
-    FALSE_SUCCESS: "#882255",
+    FALSE_SUCCESS: "#882255", STRUCK: "#F0A27A",
 }  # fmt: skip
 SPREAD = ("spl", "time", "clearance_min", "cross_track_rms", "turning", "jerk")
 DIFFERENCES = (
@@ -62,7 +62,7 @@ def outcome_figure(study: StudyFiles) -> Figure:
     figure, axes = new_figure(PAIR, 30.0 + 6.5 * len(methods))
     left = np.zeros(len(methods))
     totals = np.array([max(1, sum(counts[method].values())) for method in methods], dtype=np.float64)
-    for kind in (*OUTCOMES, FALSE_SUCCESS):
+    for kind in (*OUTCOMES, FALSE_SUCCESS, STRUCK):
         share = np.array([counts[method].get(kind, 0) for method in methods]) / totals
         if not share.any():
             continue

@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from navloom.files import write_each
 from navloom.palette import GREY, OKABE_ITO
-from navloom.runs.episode_trail import FALSE_SUCCESS
+from navloom.runs.episode_trail import FALSE_SUCCESS, STRUCK
 
 from navloom_study.episode_rows import Row
 from navloom_study.report import html_page, report_tables
@@ -169,6 +169,10 @@ def _in_short(study: StudyFiles) -> ReportPart:
             "They count as failures.",
             "note",
         )
+    struck = {method: found.outcomes[method].get(STRUCK, 0) for method in study.methods}
+    if any(struck.values()):
+        counts = ", ".join(f"{count} of {total} with {method}" for method, count in struck.items() if count)
+        part.say(f"Struck: {counts}. Something ran into the robot, and would have run into one that stands. Failures.")
     untold = {
         method: sum(
             row.key.method == method and row.outcome == "succeeded" and row.metrics.get("false_success") is None

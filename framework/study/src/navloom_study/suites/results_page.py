@@ -214,9 +214,10 @@ def verdict(claim: Mapping[str, str], found: Mapping[tuple[str, str], SuiteResul
     shares = {part: count["reached"] / count["episodes"] for part, count in own.items()}
     if claim["expects"] == "better":
         other = counts[claim["than"]]
-        steps = [count["reached"] - other[part]["reached"] for part, count in own.items()]
-        agree = [step >= 0 for step in steps]
-        holds, fails = all(agree) and any(step > 0 for step in steps), all(step <= 0 for step in steps)
+        more = {part for part, count in own.items() if count["reached"] > other[part]["reached"]}
+        # Where both always arrive, there is nothing to be better at.
+        holds = all(part in more or (share >= ARRIVES and other[part] == own[part]) for part, share in shares.items())
+        holds, fails = holds and bool(more), not more
     else:
         is_arrival = claim["expects"] == "arrives"
         agree = [share >= ARRIVES if is_arrival else share <= FAILS for share in shares.values()]

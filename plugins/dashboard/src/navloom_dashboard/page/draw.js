@@ -4,7 +4,7 @@ const OKABE_ITO = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4
 /** Colours of shadows: of those of Okabe and Ito, what nothing else on the map has. */
 export const SHADOWS = ["#CC79A7", "#E69F00", "#009E73", "#D55E00"];
 /** Time that an arrow of a command looks ahead, s. */
-const AHEAD = 1.5;
+const AHEAD = 3;
 /** Semi-axis, in standard deviations, of the ellipse that holds the robot with 95 %. */
 const SIGMAS_95 = 2.4477;
 
@@ -41,6 +41,7 @@ export class Drawing {
     if (this._shows("map") && this.map) this._map();
     if (this._shows("path") && newest.path) this._line(newest.path.points, colours.path, 5, [2, 9]);
     if (this._shows("trajectory") && newest.trajectory) this._line(newest.trajectory.points, colours.trajectory, 3);
+    if (this._shows("path") && newest.path?.points.length && newest.state?.goal) this._goal(newest.path.points.at(-1));
     if (this._shows("tracks")) for (const { tracks } of live.tracks.values()) this._tracks(tracks);
     if (this._shows("members")) this._members(newest.members?.members ?? []);
     const { pose, state } = newest;
@@ -72,6 +73,16 @@ export class Drawing {
     context.imageSmoothingEnabled = pixel < 1;
     context.drawImage(bitmap, 0, 0);
     context.restore();
+  }
+
+  _goal([x, y]) {
+    const { context, camera, colours } = this;
+    const at = camera.toScreen(x, y);
+    for (const radius of [3, 11]) {
+      context.beginPath();
+      context.arc(...at, radius, 0, 7);
+      this.stroke(colours.path, 4);
+    }
   }
 
   _trace(points) {
@@ -125,7 +136,7 @@ export class Drawing {
 
   _head([px, py], angle, colour, width) {
     const { context } = this;
-    const size = 5 + 2.5 * width;
+    const size = 6 + 2 * width;
     context.beginPath();
     for (const turn of [0, 2.5, -2.5]) context.lineTo(px + size * Math.cos(angle + turn), py + size * Math.sin(angle + turn));
     context.closePath();

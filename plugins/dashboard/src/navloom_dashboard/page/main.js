@@ -25,6 +25,7 @@ const isCalm = matchMedia("(prefers-reduced-motion: reduce)");
 
 let robot = null; // name of the one shown
 let live, stop, teleop, compare, events, record;
+let loads = null; // of the nodes, as shown
 let isFitted = false;
 let isDue = false;
 
@@ -41,6 +42,7 @@ function frame() {
   const { newest } = live;
   if (camera.follows && newest.pose && camera.chase(newest.pose, isCalm.matches)) changed();
   drawing.frame(live, tool, devicePixelRatio || 1);
+  if (newest.state && newest.state.loads !== loads && !byId("panel-events").hidden) events.showLoads((loads = newest.state.loads ?? []));
   compare.show(newest.robot, drawing.colours, !byId("panel").hidden && !byId("panel-compare").hidden);
 }
 
@@ -105,7 +107,7 @@ new ResizeObserver(() => {
   changed();
 }).observe(canvas);
 listen(canvas, camera, tool, () => {
-  isFitted = true; // whoever has moved the map keeps it
+  isFitted ||= !tool.isOn; // whoever has moved the map keeps it
   showFollow();
   changed();
 });

@@ -90,7 +90,7 @@ function taken(input, param) {
 }
 
 function about(param) {
-  if (param.default === null || param.default === undefined) return param.meaning;
+  if (param.default === null || param.default === undefined) return param.meaning ?? "";
   const bounds = Number.isFinite(param.min) || Number.isFinite(param.max) ? `${param.min ?? "…"} to ${param.max ?? "…"}, ` : "";
   return `${param.meaning ? `${param.meaning} ` : ""}${bounds}default ${shown(param.default)}${shown(param.value) === shown(param.default) ? "" : ", changed"}`;
 }

@@ -9,10 +9,12 @@ export class Events {
     this.robot = robot;
     this.list = element("ol", { className: "events" });
     this.found = element("ul", { className: "findings", "aria-live": "polite" });
+    this.loads = element("tbody");
     panel.replaceChildren(
       element("h3", {}, "Doctor"),
       element("button", { type: "button", id: "doctor", onclick: () => this.ask() }, "Examine the robot"),
-      this.found, element("h3", {}, "Events"), this.list);
+      this.found, element("h3", {}, "Events"), this.list, element("h3", {}, "Load of the nodes"),
+      element("table", {}, element("thead", {}, element("tr", {}, ...["node", "step", "late"].map((text) => element("th", { scope: "col" }, text)))), this.loads));
   }
 
   async ask() {
@@ -26,12 +28,20 @@ export class Events {
     }
   }
 
+  /** How busy each node is: duration of its step as a share of its period, and the share of its ticks that were late. */
+  showLoads(loads) {
+    this.loads.replaceChildren(...loads.map(({ node, step, period, late_ticks: late, ticks }) => element("tr", {},
+      element("th", { scope: "row" }, node), element("td", {}, share(step, period, 0)), element("td", {}, share(late, ticks, 1)))));
+  }
+
   show(events) {
     this.list.replaceChildren(...(events.length
       ? events.map((event) => item(event.level, when(event), event.text, event.remedy, event.code))
       : [element("li", {}, "No event so far.")]));
   }
 }
+
+const share = (part, whole, digits) => (whole ? `${((100 * part) / whole).toFixed(digits)} %` : "–");
 
 const when = ({ time }) => new Date(time).toLocaleTimeString();
 

@@ -1,0 +1,281 @@
+"""The page against a server that says what a test wants: names with markup, old data, lost connections, many scans."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from dashboard_rig import served
+from page_rig import SIZES, click, open_panel, opened, violations
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+
+MARKUP = '<img src=x onerror="window.broken = 1"><script>window.broken = 1</script>'
+ROBOT = "lab/r1"
+PARAMETERS = [
+    {"name": "k1", "value": 1.0, "default": 1.0, "min": 0.0, "max": 5.0, "type": "number", "unit": "1/s"},
+    {"name": "kind", "value": "a", "default": "a", "choices": ["a", "b"], "type": "string", "meaning": MARKUP},
+    {"name": "deep", "value": True, "default": None, "type": "boolean"},
+]  # fmt: skip
+EVENT = {
+    "kind": "event", "age": 0, "id": 1, "time": "2026-01-01T00:00:00Z", "level": "warning", "code": MARKUP,
+    "text": MARKUP, "remedy": f"`{MARKUP}`",
+}  # fmt: skip
+COMMANDS = {"kind": "commands", "age": 0, "roles": {"avoider": [
+    {"instance": MARKUP, "active": True, "v": 0.1, "w": 0.0}, {"instance": "b", "active": False, "v": 0, "w": 0},
+]}}  # fmt: skip
+LIMITS = {"v": 0.8, "w": 1.0}
+POSE = {"kind": "pose", "age": 0.0, "x": 0.0, "y": 0.0, "heading": 0.0, "cov": None, "state": "tracking", "reason": ""}
+
+
+def about(instance: str = "vfh") -> dict[str, Any]:
+    nodes = [{"instance": instance, "plugin": "vfh", "active": True, "enabled": True, "fault": ""}]
+    square = [[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]
+    return {
+        "kind": "robot",
+        "age": None,
+        "name": ROBOT,
+        "footprint": square,
+        "limits": LIMITS,
+        "roles": {"avoider": nodes},
+    }
+
+
+def state(**fields: Any) -> dict[str, Any]:
+    driving = {"driver": "avoider vfh drives", "stopped": False, "latched": False, "at_rest": False}
+    quiet = {"why": "", "remedy": "", "goal": None, "limit": None, "v": 0.0, "w": 0.0}
+    return {"kind": "state", "age": 0.0, **driving, **quiet, **fields}
+
+
+class Server:
+    """What the page's websockets are connected to.
+
+    Attributes:
+        page: The page.
+        live, stop, teleop: Its newest connection of each kind; None before the first.
+        said: What the page has sent over `stop` and `teleop`, in order.
+        acknowledges: Whether the server answers stops and heartbeats.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.live: WebSocketRoute | None = None
+        self.stop: WebSocketRoute | None = None
+        self.teleop: WebSocketRoute | None = None
+        self.said: list[dict[str, Any]] = []
+        self.acknowledges = True
+        page.route_web_socket("**/ws/**", self._open("live"))
+        page.route_web_socket("**/stop/**", self._open("stop"))
+        page.route_web_socket("**/teleop/**", self._open("teleop"))
+        answers = {
+            "session": {"right": "operate", "csrf": "", "robots": [ROBOT, f"lab/{MARKUP}"]},
+            "recordings": {"recordings": [{"name": "lab_r1_1.mcap", "bytes": 1e6}], "recording": False},
+            "doctor": {"healthy": False, "findings": [{"severity": "problem", "what": MARKUP, "remedy": MARKUP}]},
+            "params": {"nodes": [{"node": "avoider vfh", "params": PARAMETERS}]},
+        }
+        page.route("**/api/**", lambda route: route.fulfill(json=answers[route.request.url.rpartition("/")[2]]))
+
+    def _open(self, kind: str) -> Callable[[WebSocketRoute], None]:
+        def open_one(socket: WebSocketRoute) -> None:
+            setattr(self, kind, socket)
+            if kind == "stop":
+                socket.on_message(self._hear_stop)
+                socket.send(json.dumps({"heartbeat": True}))
+            elif kind == "teleop":
+                socket.on_message(lambda text: self.said.append(json.loads(text)))
+            else:
+                self.send(about(), POSE, state())
+
+        return open_one
+
+    def _hear_stop(self, text: str | bytes) -> None:
+        said = json.loads(text)
+        if "n" in said:
+            self.said.append(said)
+        if self.stop is not None and self.acknowledges:
+            self.stop.send(json.dumps({"n": said["n"], "sent": True} if "n" in said else {"heartbeat": True}))
+
+    def send(self, *messages: dict[str, Any]) -> None:
+        """Send what a robot says."""
+        assert self.live is not None
+        for message in messages:
+            self.live.send(json.dumps(message))
+
+
+@pytest.fixture(scope="module")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The files of the page, from the server."""
+    with served(tmp_path_factory.mktemp("recordings")) as site:
+        yield site.server.url
+
+
+@pytest.fixture
+def server(browser: Browser, url: str) -> Iterator[Server]:
+    with opened(browser, "desk") as page:
+        made = Server(page)
+        page.goto(url)
+        expect(page.locator("#stop-state")).to_have_text("ready")
+        yield made
+
+
+def test_markup_in_every_name_and_text_is_shown_as_text(server: Server) -> None:
+    page = server.page
+    lost = {**POSE, "state": "lost", "reason": MARKUP}
+    members = {"kind": "members", "age": 0, "members": [{"name": MARKUP, "x": 1, "y": 0, "heading": 0}]}
+    server.send(about(MARKUP), lost, state(driver=MARKUP, why=MARKUP, remedy=MARKUP, stopped=True))
+    server.send(EVENT, COMMANDS, members)
+    for panel in ("Compare", "Parameters", "Events"):
+        expect(open_panel(page, panel)).to_contain_text(MARKUP)
+    for place in ("#drives", "#why", "#lost"):
+        expect(page.locator(place)).to_contain_text(MARKUP)
+    assert page.locator("#robot option").nth(1).inner_text() == f"lab/{MARKUP}"
+    assert page.locator("img, body script").count() == 0 and page.evaluate("window.broken") is None
+
+
+def test_data_that_stops_coming_is_shown_as_old_within_its_limit(server: Server) -> None:
+    banner = server.page.locator("#banner")
+    server.send({**POSE, "age": 0.1}, state())
+    expect(banner).to_be_visible()
+    expect(banner).to_contain_text("OLD DATA: the pose shown is not the present one.")
+    server.send(POSE, state())
+    expect(banner).to_be_hidden()
+
+
+def test_a_robot_that_is_gone_is_shown_until_it_is_back(server: Server) -> None:
+    server.send({"kind": "gone", "age": None, "why": "no node answers"})
+    expect(server.page.locator("#banner")).to_contain_text("THE ROBOT IS GONE. This picture is old. no node answers")
+    expect(server.page.locator("#stop-state")).to_have_text("robot is gone")
+    server.send(about(), POSE, state())
+    expect(server.page.locator("#banner")).to_be_hidden()
+
+
+def test_a_lost_connection_is_shown_and_comes_back_by_itself(server: Server) -> None:
+    assert server.live is not None
+    first = server.live
+    first.close()
+    banner = server.page.locator("#banner")
+    expect(banner).to_be_visible()
+    expect(banner).to_contain_text("NOT CONNECTED")
+    expect(banner).to_be_hidden()
+    assert server.live is not first
+
+
+def test_space_stops_wherever_the_focus_is_but_types_in_a_field_for_text(server: Server) -> None:
+    page = server.page
+    for name in ("Goal", "Help and keys"):
+        page.get_by_role("button", name=name, exact=True).focus()
+        page.keyboard.press("Space")
+    assert [said["n"] for said in server.said] == [1, 2]
+    expect(page.get_by_role("button", name="Goal", exact=True)).to_have_attribute("aria-pressed", "false")
+    field = open_panel(page, "Compare").get_by_label("Another avoider")
+    field.focus()
+    page.keyboard.type("a b")
+    expect(field).to_have_value("a b")
+    assert len(server.said) == 2
+
+
+def test_a_stop_connection_that_is_down_is_shown_and_the_stop_goes_out_when_it_is_back(server: Server) -> None:
+    assert server.stop is not None
+    page, button = server.page, server.page.locator("#stop-state")
+    server.stop.close()
+    expect(button).to_have_text("no connection")
+    page.keyboard.press("Space")
+    expect(button).to_have_text("NOT SENT: no connection")
+    expect(button).to_contain_text("sent, ")
+    assert [said["n"] for said in server.said] == [1]
+
+
+def test_a_stop_connection_without_heartbeats_counts_as_down(server: Server) -> None:
+    server.acknowledges = False
+    expect(server.page.locator("#stop-state")).to_have_text("no connection")
+    expect(server.page.locator("#said")).to_be_empty()
+
+
+@pytest.mark.parametrize("lost", ["release", "blur", "hidden", "socket"])
+def test_driving_by_hand_ends_with_zero_when_the_dead_man_is_let_go(server: Server, lost: str) -> None:
+    page = server.page
+    open_panel(page, "Drive")
+    page.locator("#stick").focus()
+    page.keyboard.down("w")
+    expect(page.locator("#teleop-state")).to_have_text("asked 0.40 m/s, 0.00 rad/s")
+    page.wait_for_timeout(150)  # the dead-man sends at 20 Hz meanwhile
+    assert server.said[-1]["v"] == pytest.approx(0.4) and len(server.said) >= 2
+    if lost == "release":
+        page.keyboard.up("w")
+    elif lost == "blur":
+        page.locator("#share").focus()
+    elif lost == "hidden":
+        page.evaluate("Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+                      "document.dispatchEvent(new Event('visibilitychange'))")  # fmt: skip
+    elif server.teleop is not None:
+        server.teleop.close()
+    expect(page.locator("#teleop-state")).to_have_text("not held")
+    count = len(server.said)
+    page.wait_for_timeout(200)  # four periods in which nothing may be sent
+    assert len(server.said) == count
+    assert lost == "socket" or (server.said[-1]["v"], server.said[-1]["w"]) == (0, 0)
+
+
+def test_a_wrong_token_is_refused_with_what_to_do(browser: Browser, url: str) -> None:
+    with opened(browser, "phone") as page:
+        page.goto(f"{url}/#token=wrong")
+        expect(page.locator("#login-error")).to_contain_text("wrong token: `navloom dashboard` prints the right one")
+        assert page.url == f"{url}/"
+
+
+@pytest.mark.parametrize("size", ["360", "4k", *SIZES])
+def test_everything_fits_and_stop_is_in_sight_at_every_size(server: Server, size: str) -> None:
+    page = server.page
+    sizes = {**SIZES, "360": {"width": 360, "height": 640}, "4k": {"width": 3840, "height": 2160}}
+    page.set_viewport_size(sizes[size])  # type: ignore[arg-type]
+    for panel in ("Drive", "Compare", "Events"):
+        open_panel(page, panel)
+        expect(page.locator("#stop")).to_be_in_viewport(ratio=1.0)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        small = page.evaluate("""() => [...document.querySelectorAll("button, select, input")]
+            .filter((one) => one.checkVisibility() && one.getBoundingClientRect().height < 43).map(({ id }) => id)""")
+        assert small == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", SIZES)
+def test_axe_finds_no_violation(browser: Browser, url: str, size: str, theme: str) -> None:
+    with opened(browser, size, theme) as page:
+        page.goto(url)
+        expect(page.locator("#login")).to_be_visible()
+        assert violations(page) == []
+        server = Server(page)
+        page.goto(url)
+        expect(page.locator("#stop-state")).to_have_text("ready")
+        server.send(state(stopped=True, latched=True, why="by an operator", remedy="`navloom resume`"), EVENT, COMMANDS)
+        click(page, "Goal")
+        assert violations(page) == []
+        for panel in ("Drive", "Compare", "Parameters", "Events", "Record", "Layers"):
+            open_panel(page, panel)
+            assert violations(page, "#panel") == []
+        click(page, "Help and keys")
+        assert violations(page, "#help") == []
+
+
+@pytest.mark.benchmark
+def test_thirty_frames_a_second_are_drawn_with_1080_beams_at_20_hz(server: Server) -> None:
+    page = server.page
+    click(page, "Follow the robot")
+    page.evaluate("""() => {
+        window.seen = [];
+        const next = (now) => { window.seen.push(now); requestAnimationFrame(next); };
+        requestAnimationFrame(next);
+    }""")
+    ranges = np.full(1080, 3.0, "<f4").tobytes()
+    scan = {"kind": "scan", "name": "laser", "age": 0, "pose": [0, 0, 0], "angle_min": -2.35, "angle_step": 4.7 / 1079}
+    header = json.dumps(scan).encode()
+    for tick in range(60):
+        assert server.live is not None
+        server.live.send(struct.pack("<I", len(header)) + header + ranges)
+        server.send({**POSE, "x": 0.02 * tick}, state())
+        page.wait_for_timeout(45)
+    count, span = page.evaluate("[seen.length, (seen.at(-1) - seen[0]) / 1000]")
+    assert count / span >= 30.0

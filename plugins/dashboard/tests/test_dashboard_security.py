@@ -237,15 +237,15 @@ def test_ten_thousand_connections_keep_no_one_out(site: Served) -> None:
         pytest.skip(f"this host allows {hard} open files")
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, count + 1000), hard))
     operator = site.browser("operate")
-    stop = operator.socket(SOCKETS[1])
+    stop = operator.socket(SOCKETS[1], ping_interval=None)
     with ExitStack() as held:
         for number in range(count):
-            one = held.enter_context(socket.create_connection(("127.0.0.1", site.port), timeout=10.0))
+            one = held.enter_context(socket.create_connection(("127.0.0.1", site.port), timeout=60.0))
             if number % 2:
                 one.sendall(b"GET / HTTP/1.1\r\n")
         assert site.server.connections <= web_server.CONNECTIONS
         stop.send(json.dumps({"n": 7}))
-        while "n" not in (said := json.loads(stop.recv(timeout=10.0))):
+        while "n" not in (said := json.loads(stop.recv(timeout=60.0))):
             pass
         assert said["n"] == 7
         assert site.browser("view").ask("/api/session").status == 200

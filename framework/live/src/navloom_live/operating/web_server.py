@@ -36,7 +36,7 @@ HEAD_SIZE = 16_384
 WS_MESSAGE = 65_536
 """Largest websocket message of a client, bytes."""
 PING_INTERVAL, PING_WAIT = 5.0, 20.0
-"""Interval of pings to websocket clients, and longest wait for an answer, s: longer than the round trip of a bad link."""
+"""Interval of pings to websocket clients, and longest wait for an answer, s: longer than a bad link takes."""
 WAITING = 32_768
 """Most bytes that wait for a slow client before its sender has to wait, in this process and in the kernel each."""
 END_WAIT = 2.0

@@ -165,8 +165,7 @@ class Navigator:
         connect: Endpoint of a router on another host.
         keys: Folder of certificates, see `navloom keys`.
         insecure: Allow plain TCP to another host.
-        identity: Certificate to present if `keys` is a folder: "operator", "viewer", or "operator or viewer" for the
-            first of them that is there.
+        identity: Certificate of a folder `keys`: "operator", "viewer", or "operator or viewer", the first there is.
 
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.

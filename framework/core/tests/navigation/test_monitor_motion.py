@@ -314,10 +314,11 @@ def test_what_is_behind_the_robot_in_the_end_has_been_escaped(point: tuple[float
 
 def test_a_way_on_accelerates_along_the_arc_or_straight() -> None:
     """From 0.5 m/s with 1 m/s²: 1 m/s after 0.5 s, on the same arc with twice the turn rate."""
-    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), ROBOT, PERIOD)
+    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), True, ROBOT, PERIOD)
     assert goes_on[10].tolist() == [0.5, 0.4, 0.0]
     assert on_the_arc[10] == pytest.approx([1.0, 0.8, 0.0])
     assert straight[10] == pytest.approx([1.0, 0.0, 0.0])
+    assert len(ways_on(np.array([0.5, 0.4, 0.0]), False, ROBOT, PERIOD)) == 1
 
 
 def test_a_robot_that_stands_may_accelerate_out_of_the_way() -> None:

@@ -83,7 +83,7 @@ class RobotView:
         self._feedback: Feedback | None = None
         self._result: GoalResult | None = None
         self._commands: dict[str, dict[str, Twist2D]] = {}
-        self._tick, self._tick_stamp_ns, self._granted = -1, 0, Twist2D(0.0, 0.0, 0.0)
+        self._compared_ns, self._granted = -1, Twist2D(0.0, 0.0, 0.0)
         self._stated_ns = -STATE_INTERVAL_NS
         self._events: deque[Frame] = deque(maxlen=EVENTS)
         self._count = 0
@@ -159,15 +159,15 @@ class RobotView:
             yield from self._event_of("selection", "note", "selection", text, "", told.stamp_ns)
 
     def _command(self, told: Told, twist: Twist2D) -> Iterator[Frame]:
-        """Commands of one tick, sent when the first one of another tick comes."""
-        if told.tick != self._tick:
+        """Commands of one tick, which have one stamp, sent when the first one of another tick comes."""
+        if told.stamp_ns != self._compared_ns:
             if self._commands:
                 rows = {role: frames.command_rows([
                     (name, self.active.get(role, name) == name, one.vx, one.wz) for name, one in sorted(found.items())
                 ]) for role, found in self._commands.items()}  # fmt: skip
                 gate = {"v": self._granted.vx, "w": self._granted.wz}
-                yield text_frame("commands", {"tick": self._tick, "roles": rows, "gate": gate}, self._tick_stamp_ns)
-            self._tick, self._tick_stamp_ns, self._commands = told.tick, told.stamp_ns, {}
+                yield text_frame("commands", {"roles": rows, "gate": gate}, self._compared_ns)
+            self._compared_ns, self._commands = told.stamp_ns, {}
         self._commands.setdefault(told.role, {})[told.instance] = twist
 
     def _state(self, stamp_ns: int) -> Frame:

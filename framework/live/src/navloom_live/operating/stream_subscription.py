@@ -25,7 +25,6 @@ class Told(NamedTuple):
         role, instance, port: The stream that it came from.
         message: The message itself.
         stamp_ns: Time of the step on the run clock, ns.
-        tick: Tick of the step.
     """
 
     role: str
@@ -33,7 +32,6 @@ class Told(NamedTuple):
     port: str
     message: Message
     stamp_ns: int
-    tick: int = -1
 
 
 class Listening:
@@ -69,7 +67,7 @@ class Listening:
             self._seen = self._mailbox.wait(self._seen, timeout)
         for inlet in self._inlets.values():
             for message, envelope in inlet.take():
-                found.append(Told(*self._client.keys.split(envelope.key), message, envelope.stamp_ns, envelope.tick))
+                found.append(Told(*self._client.keys.split(envelope.key), message, envelope.stamp_ns))
         return found
 
     def _kept(self, role: str, instance: str, port: str) -> list[Told]:
@@ -80,5 +78,5 @@ class Listening:
             with contextlib.suppress(CodecError):
                 if not answer.refusal:
                     message, envelope = OPENER.open(answer.data, answer.label)
-                    found.append(Told(*self._client.keys.split(answer.key), message, envelope.stamp_ns, envelope.tick))
+                    found.append(Told(*self._client.keys.split(answer.key), message, envelope.stamp_ns))
         return found

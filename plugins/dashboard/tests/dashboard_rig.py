@@ -14,7 +14,7 @@ from navloom_dashboard.robot_link import Where
 from navloom_live import WebServer, guarded
 from websockets.sync.client import ClientConnection, connect
 
-WAIT = 20.0
+WAIT = 60.0
 """Longest wait for an event, s."""
 
 

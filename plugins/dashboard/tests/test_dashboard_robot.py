@@ -9,6 +9,7 @@ import socket
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 from dashboard_rig import WAIT, Served, frames, served
 from live_rig import EMPTY, Up, up
+from navloom_live.operating import web_server
 from websockets.sync.client import ClientConnection
 
 ROBOT = "lab/r1"
@@ -282,15 +284,20 @@ def test_a_page_that_freezes_for_a_while_delays_no_other_and_gets_the_newest_aft
     assert poses[-1]["run_time"] - first["run_time"] > 4.0 and count < 60
 
 
-def test_a_frozen_page_is_disconnected_and_a_killed_one_is_forgotten(site: Served) -> None:
-    link = site.dashboard.robots[ROBOT]
-    until(lambda: len(link._outboxes) == 0)
-    frozen, killed = slow_page(site), site.browser("view").socket(f"/ws/{ROBOT}")
-    until(lambda: len(link._outboxes) == 2)
-    killed.socket.shutdown(socket.SHUT_RDWR)
-    until(lambda: len(link._outboxes) == 1)
-    until(lambda: len(link._outboxes) == 0)  # two intervals of pings later
-    frozen.socket.close()
+def test_a_frozen_page_is_disconnected_and_a_killed_one_is_forgotten(
+    robot: Up, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(web_server, "PING_INTERVAL", 1.0)
+    monkeypatch.setattr(web_server, "PING_WAIT", 1.0)
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", robot.environment["NAVLOOM_RUNTIME_DIR"])
+    with served(tmp_path, ROBOT) as site:
+        link = until(lambda: site.dashboard.robots.get(ROBOT))
+        frozen, killed = slow_page(site), site.browser("view").socket(f"/ws/{ROBOT}")
+        until(lambda: len(link._outboxes) == 2)
+        killed.socket.shutdown(socket.SHUT_RDWR)
+        until(lambda: len(link._outboxes) == 1)
+        until(lambda: len(link._outboxes) == 0)
+        frozen.socket.close()
 
 
 def test_the_robots_own_processes_load_nothing_of_the_dashboard(site: Served, robot: Up) -> None:

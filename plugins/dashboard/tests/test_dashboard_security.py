@@ -217,6 +217,17 @@ def test_a_websocket_message_of_100_mb_ends_its_connection(site: Served, path: s
     assert opened.close_code == 1009
 
 
+@pytest.mark.parametrize("path", SOCKETS)
+@pytest.mark.parametrize("said", [b"\0\1", "nonsense", "[]"], ids=["binary", "no_json", "no_object"])
+def test_nonsense_on_a_websocket_harms_no_other(site: Served, path: str, said: str | bytes) -> None:
+    operator = site.browser("operate")
+    with operator.socket(SOCKETS[1]) as stop, operator.socket(path) as strange:
+        strange.send(said)
+        stop.send(json.dumps({"n": 1}))
+        while "n" not in json.loads(stop.recv(timeout=60.0)):
+            pass
+
+
 def test_a_head_that_does_not_end_is_given_up(site: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(web_server, "HEAD_WAIT", 0.2)
     with socket.create_connection(("127.0.0.1", site.port), timeout=10.0) as slow:
@@ -237,15 +248,15 @@ def test_ten_thousand_connections_keep_no_one_out(site: Served) -> None:
         pytest.skip(f"this host allows {hard} open files")
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, count + 1000), hard))
     operator = site.browser("operate")
-    stop = operator.socket(SOCKETS[1])
+    stop = operator.socket(SOCKETS[1], ping_interval=None)
     with ExitStack() as held:
         for number in range(count):
-            one = held.enter_context(socket.create_connection(("127.0.0.1", site.port), timeout=10.0))
+            one = held.enter_context(socket.create_connection(("127.0.0.1", site.port), timeout=60.0))
             if number % 2:
                 one.sendall(b"GET / HTTP/1.1\r\n")
         assert site.server.connections <= web_server.CONNECTIONS
         stop.send(json.dumps({"n": 7}))
-        while "n" not in (said := json.loads(stop.recv(timeout=10.0))):
+        while "n" not in (said := json.loads(stop.recv(timeout=60.0))):
             pass
         assert said["n"] == 7
         assert site.browser("view").ask("/api/session").status == 200

@@ -271,6 +271,9 @@ def meeting(x: float, y: float, vx: float, vy: float, age: float = 0.0, swing: f
         # It moves away with 1.2 m/s; if it brakes, after 0.24 m.
         ((0.45, 0.0, 1.2, 0.0), True),
         ((0.80, 0.0, 1.2, 0.0), False),
+        # The foot of a walker rests while its walker goes on.
+        ((0.70, 0.0, 1.2, 0.0, 0.0, 0.3), True),
+        ((0.72, 0.0, 1.2, 0.0, 0.0, 0.3), False),
     ],
 )
 def test_a_moving_point_is_met_where_it_will_be(point: tuple[float, ...], met: bool) -> None:

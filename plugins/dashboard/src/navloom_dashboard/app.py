@@ -22,7 +22,7 @@ from navloom_dashboard.outbox import text_frame
 from navloom_dashboard.recordings import Recordings
 from navloom_dashboard.robot_link import RobotLink
 from navloom_dashboard.sessions import Session, Sessions, TooManyLogins
-from navloom_dashboard.teleop import drive
+from navloom_dashboard.teleop import drive, text_of
 
 __all__ = ["Dashboard"]
 
@@ -273,7 +273,7 @@ class Dashboard:
 
         async def receive() -> None:
             while True:  # the page sends nothing; this notices when it leaves
-                await socket.receive_text()
+                await text_of(socket)
 
         await _first_of(send(), receive(), self._until_ended(socket))
 
@@ -292,7 +292,7 @@ class Dashboard:
         async def receive() -> None:
             async with asyncio.TaskGroup() as group:
                 while True:
-                    said = json_object(await socket.receive_text())
+                    said = json_object(await text_of(socket))
                     if "n" in said:
                         group.create_task(stop(said["n"]))
 

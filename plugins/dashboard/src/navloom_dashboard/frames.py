@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from navloom_dashboard.outbox import Frame, binary_frame, text_frame
 
-__all__ = ["map_frame", "path_frame", "pose_frame", "scan_frame", "tracks_frame", "trajectory_frame"]
+__all__ = ["command_rows", "map_frame", "path_frame", "pose_frame", "scan_frame", "tracks_frame", "trajectory_frame"]
 
 SAME = 1e-6
 """Tolerance below which bearings count as equally spaced, rad, and origins as equal, m."""

@@ -14,12 +14,20 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from navloom_dashboard.acts import BadRequest, json_object, number
 from navloom_dashboard.robot_link import RobotLink
 
-__all__ = ["DEAD_MAN", "drive"]
+__all__ = ["DEAD_MAN", "drive", "text_of"]
 
 DEAD_MAN = 0.3
 """Longest silence of a page, s, after which the robot is commanded to stand: six messages of a page at 20 Hz."""
 INTERVAL = 0.05
 """Interval of commands to the robot, s."""
+
+
+async def text_of(socket: WebSocket) -> str:
+    """The next message of a page; empty if it is binary, which no page sends. Raises WebSocketDisconnect."""
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1005))
+    return message.get("text") or ""
 
 
 async def drive(socket: WebSocket, robot: RobotLink) -> None:
@@ -36,7 +44,7 @@ async def drive(socket: WebSocket, robot: RobotLink) -> None:
         nonlocal closed
         try:
             while True:
-                said = json_object(await socket.receive_text())
+                said = json_object(await text_of(socket))
                 if said.get("end"):
                     closed = True
                     return

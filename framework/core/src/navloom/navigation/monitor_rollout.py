@@ -328,8 +328,10 @@ def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float)
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _ways(speed, time, swing):  # type: ignore[no-untyped-def]
     """Least and greatest way of a point after a time, s: it brakes at once, or goes on, as a leg at twice the speed."""
+    if swing > 0.0:  # a foot rests on the floor while its walker goes on
+        return 0.0, speed * time + min(swing, speed * time)
     braking = min(time, speed / HARDEST)
-    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time + min(swing, speed * time)
+    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -165,8 +165,7 @@ class Navigator:
         connect: Endpoint of a router on another host.
         keys: Folder of certificates, see `navloom keys`.
         insecure: Allow plain TCP to another host.
-        identity: Certificate to present if `keys` is a folder: "operator", "viewer", or "operator or viewer" for the
-            first of them that is there.
+        identity: Certificate of a folder `keys`: "operator", "viewer", or "operator or viewer", the first there is.
 
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
@@ -351,10 +350,9 @@ class Navigator:
         return operator_actions.swap(self.client, role, instance, timeout, say)
 
     def listen(self, streams: Sequence[str], limit: int = 4096) -> Listening:
-        """Subscribe to streams, each given as role/port or role/instance/port; `take` of the result gives new messages.
+        """Subscribe to streams, each as role/port or role/instance/port; `take` of the result gives new messages.
 
-        A viewer's certificate over TLS allows the second form only; `streams` lists them. At most `limit` messages of
-        each wait to be taken; then the oldest is dropped.
+        A viewer over TLS may use the second form only; `streams` lists them. `limit` messages of each may wait.
         """
         return Listening(self.client, streams, limit)
 
@@ -363,11 +361,7 @@ class Navigator:
         return streams(listing(self.client))
 
     def config(self) -> Loaded:
-        """The config that the robot runs.
-
-        Raises:
-            ClientError: No process of the robot answers, or its config cannot be read.
-        """
+        """The config that the robot runs. Raises ClientError if no process reports it."""
         from navloom_live.operating.live_recorder import ask_header
 
         return ask_header(self.client).loaded()

@@ -35,8 +35,8 @@ HEAD_SIZE = 16_384
 """Largest request head, bytes."""
 WS_MESSAGE = 65_536
 """Largest websocket message of a client, bytes."""
-PING_INTERVAL = 5.0
-"""Interval of pings to websocket clients, s; one that does not answer within the same time is disconnected."""
+PING_INTERVAL, PING_WAIT = 5.0, 20.0
+"""Interval of pings to websocket clients, and longest wait for an answer, s: longer than a bad link takes."""
 WAITING = 32_768
 """Most bytes that wait for a slow client before its sender has to wait, in this process and in the kernel each."""
 END_WAIT = 2.0
@@ -229,7 +229,7 @@ class WebServer:
             "backlog": BACKLOG,
             "ws_max_size": WS_MESSAGE,
             "ws_ping_interval": PING_INTERVAL,
-            "ws_ping_timeout": PING_INTERVAL,
+            "ws_ping_timeout": PING_WAIT,
             "ws_per_message_deflate": False,
             "h11_max_incomplete_event_size": HEAD_SIZE,
             "timeout_keep_alive": round(HEAD_WAIT),

@@ -5,8 +5,9 @@
 The conditions are the organisers' (Nair et al. 2022): from (11, 0) to within 1 m of (-9, 0) in 100 s, each world at
 several phases of its obstacles. Robot, motors, noise and localizer are those of the config `explore`: BARN's Jackal at
 2 m/s. The field is open: wheels alone carry the pose, 20 m far, where nothing that stands is in sight, so the localizer
-may be less sure of it than in rooms (CONDITIONS). A run ends with the first contact. Two rows are no avoiders: `standing` never moves, and `blind` drives straight
-on at 2 m/s without the gate's monitor. Arrived is by ground truth. Results already in the file are not driven again.
+may be less sure of it than in rooms (CONDITIONS). A run ends with the first contact. Two rows are no avoiders:
+`standing` never moves, and `blind` drives straight on at 2 m/s without the gate's monitor. Arrived is by ground truth.
+Results already in the file are not driven again.
 """
 
 from __future__ import annotations

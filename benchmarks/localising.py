@@ -226,7 +226,10 @@ def main() -> int:
     floors = [f"floor:{seed}" for seed in range(first, end)]
     rows = kept(given.out)
     done = {row["key"] for row in rows}
-    wanted = list(tasks(given.parts.split(","), given.maps.split(","), floors, given.count))
+    parts = given.parts.split(",")
+    if unknown := set(parts) - set(PARTS):
+        parser.error(f"--parts: {', '.join(sorted(unknown))}: expected some of {', '.join(PARTS)}")
+    wanted = list(tasks(parts, given.maps.split(","), floors, given.count))
     left = [(task, given.localizer, given.set, given.peer) for task in wanted if task.key not in done]
     begun = time.perf_counter()
     for number, row in enumerate(rows_of(_work, left, given.jobs, given.out), start=1):

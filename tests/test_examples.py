@@ -7,6 +7,7 @@ import re
 import socket
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -244,6 +245,18 @@ def test_four_robots_swap_places_without_contact(
     assert {"run.png", "result.json", "trace.bin"} <= {Path(file).name for file in result["written"]["out"]}
     own = json.loads((tmp_path / "out" / "robot2" / "result.json").read_text())
     assert own["trace_sha256"] == result["members"]["robot2"]["trace_sha256"]
+
+
+@runs("barn_published.toml")
+def test_each_published_method_drives_under_the_conditions_of_its_score() -> None:
+    """The organisers' DWA and ours are capped at 0.5 m/s, and nothing checks commands against the scans."""
+    config = str(EXAMPLES / "barn_published.toml")
+    methods = [table["name"] for table in tomllib.loads(Path(config).read_text())["method"]]
+    assert methods == ["move_base", "dwa", "vfh_swept", "mppi"]
+    for name in methods[:2]:
+        episode = run_episode(load_config(config, ["run.stop_after=3"], method=name))
+        assert 0.3 < max(command[1] for command in episode.recorder.commands) <= 0.5
+    assert all(load_config(config, method=name).config.gate.monitor is False for name in methods)
 
 
 @runs("study.py")

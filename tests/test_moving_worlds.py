@@ -182,3 +182,25 @@ def test_a_run_that_the_other_s_contact_ends_says_so_and_is_no_success() -> None
     assert (summary["outcome"], summary["own_contacts"], summary["others_contacts"]) == ("collision", 0, 1)
     assert (episode.trail.outcome, episode.trail.reason) == ("struck", "p ran into the robot")
     assert not episode.trail.succeeded
+
+
+@pytest.mark.parametrize(("world", "opens"), [("door_opens", 15.0), ("blocked_door", 20.0)])
+def test_a_patient_robot_goes_through_the_door_when_it_is_open(world: str, opens: float) -> None:
+    """The hall is closed, so that nobody can drive round: |x| stays below the wall's 3 m, and y passes 4 m after."""
+    changes = [f"world.ref={world}", "avoider.plugin=orca", "navigation.patience=30"]
+    trail = run_episode(load_config("explore", changes)).trail
+    through = trail.time[np.flatnonzero(trail.y > 4.2)[0]]
+    assert trail.succeeded and np.abs(trail.x).max() < 3.0 and through > opens
+
+
+def test_an_impatient_robot_ends_before_the_door_opens() -> None:
+    trail = run_episode(load_config("explore", ["world.ref=door_opens", "avoider.plugin=orca"])).trail
+    assert trail.outcome == "no_path" and trail.time[-1] < 15.0
+
+
+def test_a_person_s_true_track_has_the_radius_of_its_trunk() -> None:
+    """0.22 m; its feet are up to 0.39 m off."""
+    person = "{at=0.0,do='actor',name='p',values={body='legs',way=[[2,4],[2,-4]],speed=1.0}}"
+    loaded = load_config("building", ["world.ref=empty", f"event=[{person}]", TOLD, "run.stop_after=2"])
+    told = run_episode(loaded, reads=[("platform", "told")]).trail.streams["platform", "told"]
+    assert {tuple(message.radii.tolist()) for _, message in told if len(message.ids)} == {(0.22,)}

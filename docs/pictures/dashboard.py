@@ -105,6 +105,7 @@ def paper(browser: Browser, url: str) -> None:
             press(page, "Zoom in")
         expect(page.locator("#drives")).to_contain_text("avoider", timeout=60_000)
         page.wait_for_timeout(3000)  # the strip shows how the avoiders answer the obstacle
+        expect(page.locator("#why")).to_be_empty()
         take(page, "compare")
 
 

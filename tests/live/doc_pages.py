@@ -21,6 +21,8 @@ NOT_RUN = {
     ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("comparing.md", "navloom results"): "stores rows; framework/study/tests/test_suite_results.py adds some",
     ("comparing.md", "navloom compare explore --vary avoider=vfh_swept,mppi,dwa"): "450 episodes of the BARN data set",
+    ("simulator-truth.md", "navloom compare"): "200 episodes of the BARN data set",
+    ("simulator-truth.md", "python benchmarks"): "hours of the BARN data set; benchmarks/tests has its table",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",

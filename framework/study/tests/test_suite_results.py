@@ -32,6 +32,18 @@ METRICS = ("barn_2_8", "success", "spl", "time", "clearance_min", "collisions", 
            "pose_error_rms")  # fmt: skip
 
 
+STILL = """
+from navloom import Avoidance, Avoider, Twist2D, hookimpl
+
+
+class Still(Avoider):
+    name = "still"
+
+    def avoid(self, given):
+        return Avoidance(Twist2D(0.0, 0.0, 0.0), "trapped")
+"""
+
+
 def made(worlds: int = 400, seed: int = 0) -> SuiteResult:
     """A result of one method with an episode in each world; two of three succeed."""
     rng = np.random.default_rng(seed)
@@ -134,6 +146,7 @@ def test_a_result_that_fits_its_suite_is_accepted(planned_result: tuple[SuiteRes
     [
         ({"versions": {"navloom": "0.0.0"}}, "was made with navloom 0.0.0"),
         ({"suite_sha256": "00"}, "is of the suite 00"),
+        ({"plugin_files": {"mine.py": "00"}}, "its plugins are in mine.py (00…), given here by --plugin are no files"),
         ({"methods": {"vff": {"set": None, "config_sha256": {"empty": "00"}}}}, "its config is not what the suite"),
         ({"worlds": {"empty": {"empty": "00"}}}, "world empty: is another one here"),
         ({"metrics": ("spl",), "primary": "spl"}, "its metrics are spl"),
@@ -183,15 +196,28 @@ def test_a_suite_run_twice_gives_the_same_bytes_and_a_checked_row(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("tiny-1.toml").write_text(TINY, "utf-8")
-    Path("mine.toml").write_text('[[method]]\nname = "mine"\nset = { avoider.plugin = "vfh" }\n', "utf-8")
-    given = ("--suite", "tiny-1.toml", "--method", "mine.toml", "--methods", "dwa", "--jobs", "1")
+    Path("mine.toml").write_text('[[method]]\nname = "mine"\nset = { avoider.plugin = "still" }\n', "utf-8")
+    Path("still.py").write_text(STILL, "utf-8")
+    given = (
+        "--suite",
+        "tiny-1.toml",
+        "--method",
+        "mine.toml",
+        "--plugin",
+        "still.py",
+        "--methods",
+        "dwa",
+        "--jobs",
+        "1",
+    )
     for out in ("one", "two"):
         code, said, wrong = in_process("compare", *given, "--out", out)
         assert code == 0, said + wrong
     assert Path("one/result.json").read_bytes() == Path("two/result.json").read_bytes()
     code, said, wrong = in_process(
-        "results", "add", "one/result.json", "--suite", "tiny-1.toml", "--sample", "2", "--jobs", "1", "--results", "r"
-    )
+        "results", "add", "one/result.json", "--suite", "tiny-1.toml", "--sample", "2", "--jobs", "1", "--results", "r",
+        "--plugin", "still.py",
+    )  # fmt: skip
     assert (code, "bit for bit" in said) == (0, True), said + wrong
     stored = [(*found.methods, found.checked["sample"]) for found in stored_results(Path("r"))]
     assert stored == [("dwa", 2), ("mine", 2)]

@@ -78,9 +78,11 @@ def test_a_goal_goes_by_the_points_that_were_placed_before_it(page: Page, driven
         drag_on_map(page, -70, -50)
         expect(page.locator("#draft-text")).to_contain_text("by 1 point")
         goal = points_of(page)
+        plans.take(0.0)  # the path of an earlier goal
         click(page, "Drive there")
-        path = next(points for points in new_paths(plans) if np.hypot(*(points[-1] - goal[:2])) < 0.05)
-    assert np.hypot(*(path - via[:2]).T).min() < 0.15
+        paths = new_paths(plans)
+        assert any(np.hypot(*(path - via[:2]).T).min() < 0.05 for path in paths)
+        assert any(np.hypot(*(path[-1] - goal[:2])) < 0.05 for path in paths)
 
 
 def new_paths(plans: Listening) -> Iterator[NDArray[np.float64]]:

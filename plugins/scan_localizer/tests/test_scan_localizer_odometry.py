@@ -268,3 +268,16 @@ def test_a_settled_surface_keeps_its_place_when_the_lattice_follows_the_robot():
         places.append(found.frame[0] + 0.05 * np.flatnonzero(np.isfinite(found.values).any(axis=0)))
     assert len(places[0]) == 0 and len(places[1]) > 2
     np.testing.assert_allclose(places[2], places[1], atol=1e-9)
+
+
+def test_settled_surfaces_in_use_keep_their_place_when_the_lattice_follows_the_robot():
+    """A wall at x = 1 m; the lattice, whose slack is 0.5 m, moves by 0.6 m while the last field is in use."""
+    surface = LocalSurface(0.05, 1.0, 0.2, 0.2, 10.0)
+    beams = np.array([[1.0, 0.05 * k, 1.0, 0.0] for k in range(-8, 9)])
+    for time in (0.0, 0.6, 1.2):
+        surface.add(beams, np.zeros(3))
+        surface.look(beams, len(beams), np.zeros(3), time)
+    field = surface.settled()
+    surface.follow(0.6, 0.0)
+    row, column = round((0.0 - field.frame[1]) / 0.05), round((1.0 - field.frame[0]) / 0.05)
+    assert field.values[row, column] == pytest.approx(0.0, abs=1e-3)

@@ -21,6 +21,7 @@ from navloom.messages import (
     OccupancyGrid,
     Path,
     PlanFailure,
+    PlanRequest,
     Point2D,
     Pose2D,
     PoseEstimate,
@@ -617,6 +618,21 @@ def test_a_robot_that_passes_the_end_of_its_path_or_is_stopped_there_has_not_mis
     stopped = GateStatus("none", "", True, True, StopReason("operator"), ())
     at_end = seen(5.3, estimate=pose(3.7), reference=reference(2, 0.0), gate=stopped)
     assert ports(machine.step(at_end)) == []
+
+
+def test_a_patient_goal_without_a_way_clears_the_map_and_plans_again_until_its_patience_is_over() -> None:
+    """With 2.5 s of patience from the first answer at 0.05 s on, it plans again after 1 s and 2 s, and then ends."""
+    machine = GoalMachine(replace(RULES, patience=2.5, scans_on_request=False))
+    machine.submit(GOAL, seen(0.0, map=a_map(0.0)))
+    plans, clears, out, time = list[int](), list[float](), machine.step(seen(0.0, map=a_map(0.0))), 0.0
+    while "result" not in ports(out):
+        plans += [message.request_id for _, message in out if isinstance(message, PlanRequest)]
+        clears += [time] * ("clear" in ports(out))
+        time += 0.05
+        answer = PlanFailure(plans[-1], "no_path", Point2D(2.0, 0.0), "closed")
+        out = machine.step(seen(time, map=a_map(time), answer=answer))
+    assert clears == pytest.approx([1.05, 2.15], abs=0.11) and len(plans) == 3
+    assert result(out) == ("no_path", "closed") and time < 2.5
 
 
 def test_a_goal_that_no_path_reaches_ends_stuck() -> None:

@@ -271,6 +271,9 @@ def meeting(x: float, y: float, vx: float, vy: float, age: float = 0.0, swing: f
         # It moves away with 1.2 m/s; if it brakes, after 0.24 m.
         ((0.45, 0.0, 1.2, 0.0), True),
         ((0.80, 0.0, 1.2, 0.0), False),
+        # The foot of a walker rests while its walker goes on.
+        ((0.70, 0.0, 1.2, 0.0, 0.0, 0.3), True),
+        ((0.72, 0.0, 1.2, 0.0, 0.0, 0.3), False),
     ],
 )
 def test_a_moving_point_is_met_where_it_will_be(point: tuple[float, ...], met: bool) -> None:
@@ -314,10 +317,11 @@ def test_what_is_behind_the_robot_in_the_end_has_been_escaped(point: tuple[float
 
 def test_a_way_on_accelerates_along_the_arc_or_straight() -> None:
     """From 0.5 m/s with 1 m/s²: 1 m/s after 0.5 s, on the same arc with twice the turn rate."""
-    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), ROBOT, PERIOD)
+    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), True, ROBOT, PERIOD)
     assert goes_on[10].tolist() == [0.5, 0.4, 0.0]
     assert on_the_arc[10] == pytest.approx([1.0, 0.8, 0.0])
     assert straight[10] == pytest.approx([1.0, 0.0, 0.0])
+    assert len(ways_on(np.array([0.5, 0.4, 0.0]), False, ROBOT, PERIOD)) == 1
 
 
 def test_a_robot_that_stands_may_accelerate_out_of_the_way() -> None:

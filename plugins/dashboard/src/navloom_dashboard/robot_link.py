@@ -11,7 +11,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from navloom import MapUpdate, NavloomError
+from navloom import ROLES, MapUpdate, NavloomError
+from navloom.plugins import Discovery
 from navloom_live import ClientError, DirectoryError, Driver, Navigator, Told
 
 from navloom_dashboard import frames
@@ -301,6 +302,7 @@ def _fixed(robot: Navigator) -> tuple[dict[str, Any], str]:
             "deceleration": table.max_deceleration, "drive": table.drive,
         },
         "gate": {"stop_deadline": config.gate.stop_deadline},
+        "plugins": {role: Discovery().names(role) for role in ROLES},
     }, world  # fmt: skip
 
 

@@ -92,6 +92,9 @@ class LocalSurface:
         _shift(self._first, rows, columns, np.float32(np.inf))
         _shift(self._last, rows, columns, np.float32(-np.inf))
         _shift(self._through, rows, columns, np.float32(-np.inf))
+        # Scans are matched with the last settled surfaces before these are brought up to date.
+        _shift(self._settled, rows, columns, np.float32(np.nan))
+        _shift(self._age, rows, columns, np.float32(-np.inf))
         self._changed[:] = 0, len(self._values)
 
     def settled(self) -> DistanceField:

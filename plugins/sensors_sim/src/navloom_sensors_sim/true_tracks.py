@@ -47,9 +47,14 @@ class TrueTracks:
 
 
 def radii_of(bodies: Any) -> Floats:
-    """(n,) radius of the disc round the place of each body that holds its parts, m; `bodies`: navloom's `Bodies`."""
-    radii, owners = np.zeros(len(bodies.names)), bodies.parts[:, 0].astype(np.int64)
-    away = bodies.parts[:, 1:3] - bodies.poses[owners, :2]
-    reach = np.hypot(away[:, 0], away[:, 1]) + np.hypot(bodies.parts[:, 3], bodies.parts[:, 4])
-    np.maximum.at(radii, owners, reach)
-    return radii
+    """(n,) radius of the disc round the place of each body that holds it, m; `bodies`: navloom's `Bodies`.
+
+    Of a person that is the trunk: the feet swing beyond it and back, and the radius must not.
+    """
+    radii, middles = np.zeros((2, len(bodies.names)))
+    owners = bodies.parts[:, 0].astype(np.int64)
+    away = np.hypot(*(bodies.parts[:, 1:3] - bodies.poses[owners, :2]).T)
+    sizes = np.hypot(bodies.parts[:, 3], bodies.parts[:, 4])
+    np.maximum.at(radii, owners, away + sizes)
+    np.maximum.at(middles, owners, np.where(away < 1e-6, sizes, 0.0))
+    return np.where(middles > 0.0, middles, radii)

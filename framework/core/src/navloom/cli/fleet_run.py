@@ -47,7 +47,7 @@ def run_members(
         as_json: Print one JSON object.
         processes: Number of processes that drive the members.
     """
-    from navloom.cli.run import recorded, watched
+    from navloom.cli.run_observers import recorded, watched
     from navloom.runs.fleet import load_fleet, run_fleet
     from navloom.runs.result_folder import OutFolder, ResultFolder
 

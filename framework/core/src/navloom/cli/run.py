@@ -6,11 +6,11 @@ import faulthandler
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,12 +18,11 @@ from navloom.cli.options import Record, RunOptions, ViewOptions
 from navloom.cli.output import LOG, log_of, print_json, say_so, stage
 from navloom.cli.run_summary import is_reached, print_summary, tell_faults
 from navloom.crash_watch import dump_file, is_watched
-from navloom.parts import part
 
 if TYPE_CHECKING:
-    from navloom.config import Loaded
+    pass
 
-__all__ = ["recorded", "run", "watched", "watched_for_stalls"]
+__all__ = ["run", "watched_for_stalls"]
 
 STALLED = 10.0
 """Longest time without a tick before the line that blocks the run is logged, s."""
@@ -52,6 +51,7 @@ def run(
     Repeatable bit for bit. Exit 0: the goal was reached. A config with [[member]] drives several robots in one world.
     """
     from navloom.cli.fleet_run import run_members
+    from navloom.cli.run_observers import recorded, watched
     from navloom.cli.written_files import Written, record_of, rerun_of
     from navloom.config import ConfigError
     from navloom.config.loader import members_of
@@ -138,44 +138,3 @@ def _where(frame: FrameType) -> str:
         frame = frame.f_back
     place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
     return f"a kernel is being compiled for {place}" if compiles else f"the run is at {place}"
-
-
-class _Unwatched:
-    """The place of the viewer's `Watch` in a run that is not shown."""
-
-    observers: Sequence[Any] = ()
-    showing = None
-
-    def between(self, progress: Callable[[float, float], None]) -> Callable[[float, float], None]:
-        """The progress function as it is."""
-        return progress
-
-    def finish(self) -> None:
-        """Nothing is left to draw."""
-
-
-def watched(where: Any, watch: str, shown: Loaded | Sequence[Loaded]) -> AbstractContextManager[Any]:
-    """The viewer's watch over a run, or one that shows nothing.
-
-    Args:
-        where: Where to show it; None for nowhere.
-        watch: Name of the watch: "watch_run", or "watch_fleet" of several configs.
-        shown: What it shows.
-
-    Raises:
-        ViewerError: It cannot be shown there.
-    """
-    if where is None:
-        return nullcontext(_Unwatched())
-    make: Callable[..., AbstractContextManager[Any]] = getattr(part("navloom_viewer.lockstep_viewing"), watch)
-    return make(shown, where, log_of("viewer").info)
-
-
-def recorded(loaded: Loaded, path: Path | None) -> AbstractContextManager[Any]:
-    """The observer that writes a recording, or None."""
-    if path is None:
-        return nullcontext()
-    recording: AbstractContextManager[Any] = part("navloom_recording.lockstep_recorder", "--record").recorded(
-        loaded, path, log_of("recording").warning
-    )
-    return recording

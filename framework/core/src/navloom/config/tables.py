@@ -236,6 +236,9 @@ class NavigationTable(Table):
     handover_release: float = Field(default=0.5, ge=0.0, description="time the corridor must be free to hand back, s")
     stuck_after: Positive = Field(default=15.0, description="time without progress, s")
     max_recoveries: int = Field(default=3, ge=0)
+    patience: float = Field(
+        default=0.0, ge=0.0, description="how long a goal without a way, after its recoveries, waits and plans again, s"
+    )
     map_timeout: Positive = Field(default=10.0, description="longest wait for a map, s")
     localizer_timeout: Positive | None = Field(
         default=None,

@@ -174,6 +174,7 @@ def goal_rules(system: System) -> GoalRules:
         heading_tolerance=math.radians(rules.heading_tolerance_deg),
         stuck_after=rules.stuck_after,
         max_recoveries=rules.max_recoveries,
+        patience=rules.patience,
         map_timeout=rules.map_timeout,
         localizer_timeout=system.localizer_timeout,
         searchers=frozenset(f"{role} {name}" for role, name in system.searchers),

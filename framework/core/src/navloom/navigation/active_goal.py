@@ -37,6 +37,8 @@ END = 0.01
 MISSES = 3
 """How often a goal or via point may be missed like this before it counts as no progress; also how often a robot that
 stopped at the goal, and is not within its tolerances at rest, drives on."""
+TRY_EVERY = 1.0
+"""Time between the plans of a goal that waits for a way, s: a map is a scan or two old then."""
 STEADY = 10.0
 """Time of tracking after which a search counts as over, s."""
 SILENT_RECOVERY = 10.0
@@ -83,6 +85,8 @@ class ActiveGoal:
         code: Why it recovers, waits or searches, or last did.
         avoider: Avoider status at the newest recovery: it is outdated for the drive after that.
         has_driven: A path of this goal was driven.
+        no_way_since: When it first had no way and no recovery left, s.
+        tries_at: When it plans again after that, s; None while it is not to.
         searched: How long the localizer was not tracking when it last found the robot, s.
         found_at: When that was, s.
         looks: How often the recovery was asked to look around.
@@ -112,6 +116,8 @@ class ActiveGoal:
     code: ReasonCode = ""
     avoider: AvoiderStatus | None = None
     has_driven: bool = False
+    no_way_since: float | None = None
+    tries_at: float | None = None
     searched: float = 0.0
     found_at: float = -math.inf
     looks: int = 0
@@ -158,6 +164,15 @@ class ActiveGoal:
         """
         is_again = seen.looks_around and seen.time - self.found_at < STEADY
         return seen.time - self.searched if is_again else seen.time
+
+    def waits_for_way(self, patience: float, time: float) -> bool:
+        """Whether it plans again at `tries_at`, as it has waited for a way for less than `patience`, s."""
+        if self.no_way_since is None:
+            self.no_way_since = time
+        if time + TRY_EVERY > self.no_way_since + patience:
+            return False
+        self.tries_at = time + TRY_EVERY
+        return True
 
     def end_search(self, seen: GoalView) -> None:
         """The localizer tracks again."""

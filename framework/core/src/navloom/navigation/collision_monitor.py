@@ -195,7 +195,9 @@ class CollisionMonitor:
         age = max(0.0, time - self._track.stamps[-1])
         command = (twist.vx, twist.wz, twist.vy)
         in_flight = np.array([(at - self._track.stamps[-1], *sent) for at, *sent in self._given]).reshape(-1, 4)
-        here = Surroundings(in_flight, age, self._near(twist, age), self._moving())
+        robot, period = self.limits.robot, self.limits.period
+        accelerates = abs(pace) - abs(speed) > 0.5 * robot.max_acceleration * period
+        here = Surroundings(in_flight, age, self._near(twist, age), self._moving(), accelerates)
         touched = self._touch(command, here)
         if touched is None:
             return Verdict(twist)
@@ -298,7 +300,7 @@ class CollisionMonitor:
 
     def _goes_on(self, command: Floats, here: Surroundings) -> Iterator[int]:
         """Roll out one of `ways_on` after the other; yields the number of poses of each up to ESCAPE."""
-        for way in ways_on(command, self.limits.robot, self.limits.period):
+        for way in ways_on(command, here.accelerates, self.limits.robot, self.limits.period):
             given = np.column_stack([here.age + self.limits.period * np.arange(len(way)), way])
             count = stopping_way(
                 self._track.twist, np.concatenate([here.in_flight, given]), here.age + ESCAPE, command, self._motor,

@@ -159,14 +159,20 @@ class GoalMachine:
             self._ask_plan(active, seen)
         elif seen.time - active.since <= self.rules.map_timeout:
             self._ask_again(active, self.rules.map_timeout, seen)
-        elif seen.map is not None and active.recoveries:
+        elif seen.map is not None and (active.recoveries or active.no_way_since is not None):
             self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
         else:
             self._finish(GoalEnd("error", "no_map", f"no map within {self.rules.map_timeout:g} s"), seen)
 
     def _while_planning(self, active: ActiveGoal, seen: GoalView) -> None:
         answer = seen.answer
-        if answer is None or answer.request_id != active.plan_id:
+        if active.tries_at is not None:
+            if seen.time >= active.tries_at:
+                active.tries_at = None
+                # What opened behind the robot is on the map as it was: a cleared map lets it go there to look.
+                self._clear_map()
+                self._need_map(seen, is_cleared=True)
+        elif answer is None or answer.request_id != active.plan_id:
             if seen.time - active.since > self.rules.plan_timeout:
                 why = f"the planner gave no answer within {self.rules.plan_timeout:g} s"
                 self._finish(GoalEnd("no_path", "no_answer", why), seen)
@@ -210,9 +216,7 @@ class GoalMachine:
         if step.state == "done":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
             if step.clear_map:
-                self._requests += 1
-                self._out.append(("clear", ClearRequest(self._requests)))
-                self._has_scanned = False
+                self._clear_map()
             self._need_map(seen, is_cleared=step.clear_map)
         elif step.state == "failed":
             self._recover(active, active.why, active.code, seen)
@@ -297,6 +301,11 @@ class GoalMachine:
             return
         self.state = "mapping"
 
+    def _clear_map(self) -> None:
+        self._requests += 1
+        self._out.append(("clear", ClearRequest(self._requests)))
+        self._has_scanned = False
+
     def _ask_scan(self, active: ActiveGoal, request: SweepRequest, seen: GoalView) -> None:
         """Request a sweep once the robot stands."""
         if self._arrival.is_at_rest(active.since, seen):
@@ -312,7 +321,16 @@ class GoalMachine:
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", failure.kind, seen)
             return
-        self._finish(ending_of_plan(failure, active.has_driven), seen, failure.place)
+        if not self._waits_for_way(active, seen):
+            self._finish(ending_of_plan(failure, active.has_driven), seen, failure.place)
+
+    def _waits_for_way(self, active: ActiveGoal, seen: GoalView) -> bool:
+        """Whether a goal without a way is to wait, stopped, and to plan again: what blocks it may move."""
+        if not active.waits_for_way(self.rules.patience, seen.time):
+            return False
+        self._set_drive(NO_DRIVE)
+        self.state = "planning"
+        return True
 
     def _request_plan(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
@@ -348,7 +366,8 @@ class GoalMachine:
             why, code = f"blocked: {STOPS['no_room'].text}", "no_room"
         if active.recoveries >= self.rules.max_recoveries:
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
-            self._finish(GoalEnd("stuck", code, why), seen)
+            if not self._waits_for_way(active, seen):
+                self._finish(GoalEnd("stuck", code, why), seen)
             return
         active.recoveries += 1
         active.why, active.code, active.since, active.avoider = why, code, seen.time, seen.avoider

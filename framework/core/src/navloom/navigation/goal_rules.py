@@ -31,6 +31,7 @@ class GoalRules:
         heading_tolerance: Largest heading error at arrival, rad, if the goal has a heading.
         stuck_after: Time without progress before a recovery, s.
         max_recoveries: Most recoveries for one goal.
+        patience: How long a goal that would end without a way tries again, in all, s.
         map_timeout, plan_timeout: How long to wait for a map or a plan, s.
         localizer_timeout: How long to wait for a localizer that is not tracking before the goal ends lost, s.
         searchers: Localizers that can search and recoveries that look around, as "role instance".
@@ -60,6 +61,7 @@ class GoalRules:
     cruise: float
     # In lockstep no message is lost, so that no request is repeated, and a run has one deadline for all goals.
     is_live: bool = False
+    patience: float = 0.0
     replan: ReplanRules = field(default_factory=ReplanRules)
     searchers: frozenset[str] = frozenset()
 

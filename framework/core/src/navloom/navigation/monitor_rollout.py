@@ -304,17 +304,19 @@ def _distance_at(poses, times, place, outline, moving, hit):  # type: ignore[no-
     return distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
 
 
-def ways_on(command: Floats, robot: RobotSpec, period: float) -> list[Floats]:
-    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded, and with its highest
-    acceleration along the command's arc or straight.
+def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float) -> list[Floats]:
+    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded; if it accelerates, also
+    with its highest acceleration along the command's arc or straight.
 
     Args:
-        command: (3,) forward speed, m/s, turn rate, rad/s, and speed to the left, m/s. period: s.
+        command: (3,) forward speed, m/s, turn rate, rad/s, and speed to the left, m/s.
+        accelerates: Only what it does already counts: a robot that could get away by accelerating may not do so.
+        period: s.
     """
     after = np.arange(math.ceil(ESCAPE / period)) * period
     ways = [np.repeat(command[None], len(after), axis=0)]
     pace = math.hypot(command[0], command[2])
-    if pace == 0.0:
+    if pace == 0.0 or not accelerates:
         return ways
     share = np.minimum(pace + robot.max_acceleration * after, max(robot.max_linear, pace)) / pace
     turn = max(robot.max_angular, abs(command[1]))
@@ -326,8 +328,10 @@ def ways_on(command: Floats, robot: RobotSpec, period: float) -> list[Floats]:
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _ways(speed, time, swing):  # type: ignore[no-untyped-def]
     """Least and greatest way of a point after a time, s: it brakes at once, or goes on, as a leg at twice the speed."""
+    if swing > 0.0:  # a foot rests on the floor while its walker goes on
+        return 0.0, speed * time + min(swing, speed * time)
     braking = min(time, speed / HARDEST)
-    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time + min(swing, speed * time)
+    return min(speed * braking - 0.5 * HARDEST * braking * braking, MOST_GAIN), speed * time
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -48,12 +48,14 @@ class Surroundings(NamedTuple):
         age: Age of the newest odometry, s.
         points: (k, 3) obstacles, m, base frame of the newest odometry, and how far they may reach beyond, m.
         moving: (k, 7) obstacles that move, see `first_meeting`.
+        accelerates: The command is faster than the one before, by half of what the robot can or more.
     """
 
     in_flight: Floats
     age: float
     points: Floats
     moving: Floats
+    accelerates: bool
 
 
 class Verdict(NamedTuple):

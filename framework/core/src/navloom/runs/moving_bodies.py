@@ -47,7 +47,7 @@ def moving_bodies(messages: Sequence[Bodies], time: Floats) -> MovingBodies:
         for name in message.names[: len(message.names) - message.robots]:
             columns.setdefault(name, len(columns))
     places = np.full((len(time), len(columns), 2), np.nan)
-    velocities, radii = places.copy(), np.zeros(len(columns))
+    velocities, (radii, middles) = places.copy(), np.zeros((2, len(columns)))
     stamps = np.array([message.stamp_ns for message in messages], dtype=np.int64)
     rows = np.searchsorted(stamps, np.round(1e9 * time).astype(np.int64), side="right") - 1
     for row, index in enumerate(rows.tolist()):
@@ -58,8 +58,11 @@ def moving_bodies(messages: Sequence[Bodies], time: Floats) -> MovingBodies:
         own = [columns[name] for name in message.names[:count]]
         places[row, own], velocities[row, own] = message.poses[:count, :2], message.velocities[:count, :2]
         owners = message.parts[:, 0].astype(np.int64)
-        away = message.parts[:, 1:3] - message.poses[owners, :2]
-        reach = np.hypot(away[:, 0], away[:, 1]) + np.hypot(message.parts[:, 3], message.parts[:, 4])
+        away = np.hypot(*(message.parts[:, 1:3] - message.poses[owners, :2]).T)
+        sizes = np.hypot(message.parts[:, 3], message.parts[:, 4])
         of_actor = owners < count
-        np.maximum.at(radii, np.array(own, dtype=np.int64)[owners[of_actor]], reach[of_actor])
-    return MovingBodies(places, velocities, radii)
+        columns_of = np.array(own, dtype=np.int64)[owners[of_actor]]
+        np.maximum.at(radii, columns_of, (away + sizes)[of_actor])
+        np.maximum.at(middles, columns_of, np.where(away < 1e-6, sizes, 0.0)[of_actor])
+    # Of a person the trunk: the feet swing beyond it.
+    return MovingBodies(places, velocities, np.where(middles > 0.0, middles, radii))

@@ -25,6 +25,12 @@ def _hall(width: float, length: float = 11.0) -> tuple[Box, ...]:
     )
 
 
+def _ends(width: float) -> tuple[Box, ...]:
+    """The walls that close a hall at both ends, so that its door is the only way."""
+    half = 0.5 * width + 0.2
+    return (Box("near wall", (-half, half), (-2.2, -2.0)), Box("far wall", (-half, half), (11.0, 11.2)))
+
+
 def _world(name: str, width: float, obstacles: tuple[Box, ...], *actors: Actor) -> World:
     return World(
         name,
@@ -64,8 +70,9 @@ def overtaking() -> World:
 def blocked_door() -> World:
     """A person rests in a door of 1.2 m for 20 s, and then walks away through it."""
     wall = (Box("door wall left", (-3.0, -0.6), (4.0, 4.2)), Box("door wall right", (0.6, 3.0), (4.0, 4.2)))
-    points = way_points([(0.0, 4.1), (2.4, 6.5), (2.4, 10.5)], [1.0, 1.0], [20.0, 0.0, 0.0])
-    return _world("blocked_door", 6.0, wall, Actor("person", Course(points, leaves=True), _PERSON))
+    places = [(0.0, 4.1), (0.0, 5.6), (2.4, 8.0), (2.4, 10.5)]
+    points = way_points(places, [1.0, 1.0, 1.0], [20.0, 0.0, 0.0, 0.0])
+    return _world("blocked_door", 6.0, (*wall, *_ends(6.0)), Actor("person", Course(points, leaves=True), _PERSON))
 
 
 def group() -> World:
@@ -86,4 +93,4 @@ def door_opens() -> World:
     """A wall across the way, with a sliding door of 1.4 m that opens after 15 s; no map shows the door."""
     wall = (Box("door wall left", (-3.0, -0.7), (4.0, 4.2)), Box("door wall right", (0.7, 3.0), (4.0, 4.2)))
     door = Course(((15.0, 0.0, 4.1), (17.0, -1.45, 4.1)), heading=0.0)
-    return _world("door_opens", 6.0, wall, Actor("door", door, Body("box", 1.5, 0.1, _WALL)))
+    return _world("door_opens", 6.0, (*wall, *_ends(6.0)), Actor("door", door, Body("box", 1.5, 0.1, _WALL)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,6 +16,7 @@ from navloom.config.config_methods import MethodTable
 from navloom.inputs.bounds import IMAGE_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.plugins import Discovery
+from navloom.plugins.one_file import files_in_use
 from navloom.runs.metrics import Metric, all_metrics
 
 from navloom_study.episode_rows import Row
@@ -135,7 +137,6 @@ def result_of(
         }
         for name in names
     }
-    request = first.request()
     return SuiteResult(
         suite.name,
         suite.sha256,
@@ -144,11 +145,16 @@ def result_of(
         {part: {world.ref: world.sha256 for world in study.worlds} for part, study in studies.items()},
         methods,
         dict(sorted((key, value) for study in studies.values() for key, value in study.versions.items())),
-        request.get("plugin_files", {}),
+        plugin_files(),
         processor_type(),
         tuple(found),
         summary_of(found, metrics),
     )
+
+
+def plugin_files() -> dict[str, str]:
+    """SHA-256 of each file of `--plugin`, by its name without its folder, which is of one machine."""
+    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files_in_use()}
 
 
 def metrics_of(suite: Suite) -> tuple[str, ...]:

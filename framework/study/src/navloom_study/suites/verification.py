@@ -20,6 +20,7 @@ from navloom_study.suites.result_file import (
     SuiteResult,
     as_result_row,
     metrics_of,
+    plugin_files,
     processor_type,
     summary_of,
 )
@@ -141,9 +142,15 @@ def _check_versions(result: SuiteResult, plan: SuitePlan) -> None:
                 f"{result.suite}: was made with {name} {result.versions.get(name, 'not installed')}, here is "
                 f"{here.get(name, 'none')}; install that version, or run it again"
             )
-    files = next(iter(plan.studies.values())).request().get("plugin_files", {})
-    if dict(result.plugin_files) != files:
-        raise ConfigError(f"{result.suite}: the files of its plugins are others than those given here by --plugin")
+    if dict(result.plugin_files) != (files := plugin_files()):
+        raise ConfigError(
+            f"{result.suite}: its plugins are in {_files(result.plugin_files)}, given here by --plugin are "
+            f"{_files(files)}; give the same files"
+        )
+
+
+def _files(files: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} ({digest[:12]}…)" for name, digest in files.items()) or "no files"
 
 
 def is_same_machine(result: SuiteResult, plan: SuitePlan) -> bool:

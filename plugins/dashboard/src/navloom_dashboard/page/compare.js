@@ -28,7 +28,7 @@ export class Compare {
   show(robot, colours, isVisible) {
     const roles = robot?.roles ?? {};
     const key = JSON.stringify([Object.values(roles).map((nodes) => nodes.map(({ instance, active, fault }) => [instance, active, fault])), [...this.strips.keys()]]);
-    if (key !== this.key) this._build(roles);
+    if (key !== this.key) this._build(robot, roles);
     this.key = key;
     if (!isVisible) return;
     const now = performance.now();
@@ -37,13 +37,13 @@ export class Compare {
     for (const strip of this.strips.values()) strip.show(colours, isSpoken);
   }
 
-  _build(roles) {
+  _build(robot, roles) {
     const focused = document.activeElement?.dataset?.swap;
     const sections = Object.entries(roles).map(([role, nodes]) => element("section", { className: "role" },
       element("h3", {}, role),
       this.strips.get(role)?.element ?? null,
       element("ul", {}, ...nodes.map((node) => this._instance(role, node))),
-      role === "platform" ? null : this._other(role)));
+      role === "platform" ? null : this._other(role, (robot.plugins?.[role] ?? []).filter((name) => !nodes.some(({ instance }) => instance === name)))));
     this.panel.replaceChildren(...(sections.length ? sections : [element("p", {}, "The robot has not said its roles so far.")]));
     if (focused) this.panel.querySelector(`[data-swap="${CSS.escape(focused)}"]`)?.focus();
   }
@@ -58,12 +58,14 @@ export class Compare {
   }
 
   /** A plugin that the robot does not have yet: it starts in shadow first. */
-  _other(role) {
+  _other(role, names) {
     const id = `other-${role}`;
     const choice = element("input", { id, type: "text", autocomplete: "off", spellcheck: false });
+    choice.setAttribute("list", `${id}-names`);
     const button = acting(element("button", { type: "button", "aria-label": `Start this ${role} and make it active` }, "Start"), () => this._swap(role, choice.value.trim()));
     refuse(button);
-    return element("p", { className: "row" }, element("label", { for: id }, `Another ${role}`), choice, button);
+    return element("p", { className: "row" }, element("label", { for: id }, `Another ${role}`), choice,
+      element("datalist", { id: `${id}-names` }, ...names.map((name) => element("option", { value: name }))), button);
   }
 
   async _swap(role, instance) {

@@ -41,6 +41,7 @@ export class Drawing {
     if (this._shows("map") && this.map) this._map();
     if (this._shows("path") && newest.path) this._line(newest.path.points, colours.path, 5, [2, 9]);
     if (this._shows("trajectory") && newest.trajectory) this._line(newest.trajectory.points, colours.trajectory, 3);
+    if (this._shows("path") && newest.path?.points.length && newest.state?.goal) this._goal(newest.path.points.at(-1));
     if (this._shows("tracks")) for (const { tracks } of live.tracks.values()) this._tracks(tracks);
     if (this._shows("members")) this._members(newest.members?.members ?? []);
     const { pose, state } = newest;
@@ -72,6 +73,16 @@ export class Drawing {
     context.imageSmoothingEnabled = pixel < 1;
     context.drawImage(bitmap, 0, 0);
     context.restore();
+  }
+
+  _goal([x, y]) {
+    const { context, camera, colours } = this;
+    const at = camera.toScreen(x, y);
+    for (const radius of [3, 11]) {
+      context.beginPath();
+      context.arc(...at, radius, 0, 7);
+      this.stroke(colours.path, 4);
+    }
   }
 
   _trace(points) {

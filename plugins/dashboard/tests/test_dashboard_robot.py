@@ -87,12 +87,14 @@ def state(page: ClientConnection, holds: Callable[[dict[str, Any]], bool]) -> di
 
 @pytest.fixture
 def page(site: Served) -> Iterator[ClientConnection]:
-    """An operator's page; the robot may drive, and has no goal afterwards."""
+    """An operator's page; the robot stands and may drive, and stands without a goal afterwards."""
     browser = site.browser("operate")
     browser.act("resume")
     with browser.socket(f"/ws/{ROBOT}") as opened:
         yield opened
     browser.act("cancel")
+    with browser.socket(f"/ws/{ROBOT}") as later:
+        state(later, lambda now: abs(now["v"]) < 0.01 and now["drives"] == "none")
 
 
 def test_a_page_gets_pose_state_scans_map_and_what_the_robot_is_with_their_ages(page: ClientConnection) -> None:

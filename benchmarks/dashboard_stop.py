@@ -312,7 +312,7 @@ def main() -> None:
         print("the robots are up", file=sys.stderr)
         robots = [f"lab/{name}" for name in names]
         robot = stack.enter_context(Navigator("lab/r1"))
-        found: dict[str, Any] = {"clients": 0 if given.quiet else given.clients}
+        found: dict[str, Any] = {"clients": given.clients if given.paired or not given.quiet else 0}
         if given.paired:
             found |= paired(robot, url, robots, given)
         else:

@@ -191,6 +191,20 @@ def test_a_page_that_is_lost_while_it_drives_stops_the_robot(browser: Browser, d
     driven.robot.run("resume")
 
 
+def test_a_page_that_freezes_while_it_drives_stops_the_robot(page: Page, driven: Driven) -> None:
+    with gate_commands() as gate:
+        open_panel(page, "Drive")
+        page.locator("#stick").focus()
+        page.keyboard.down("ArrowLeft")
+        gate.wait_for_motion(0.0)
+        frozen = time.monotonic()
+        page.evaluate("() => { const until = performance.now() + 1500; while (performance.now() < until); }")
+        moving = [at for at, twist in gate.heard if frozen < at < frozen + 1.4 and abs(twist.wz) > 0.001]
+        assert max(moving, default=0.0) - frozen < DEAD_MAN
+        page.keyboard.up("ArrowLeft")
+        click(page, "Hand back")
+
+
 def test_another_instance_is_made_active_and_its_commands_are_compared(page: Page, driven: Driven) -> None:
     place_goal(page, 0, -70)
     click(page, "Drive there")

@@ -54,10 +54,10 @@ def bodies_ahead(
     beyond = (now @ edges[:, :2].T - edges[:, 2]).max(axis=1)
     keep = np.minimum(near.radii + margin, beyond - TOUCH)
     corner = reach_of(edges, 0.0)
-    soft = soft + headway * np.hypot(near.velocities[:, 0], near.velocities[:, 1])
+    width = soft + headway * np.hypot(near.velocities[:, 0], near.velocities[:, 1])
     found = np.empty((len(times), len(nearest), 5))
     for t, time in enumerate(times):
-        wide = soft + np.minimum(sigmas * near.after(float(time)).sigmas(), UNSURE)
+        wide = width + np.minimum(sigmas * near.after(float(time)).sigmas(), UNSURE)
         found[t, :, :2] = now + time * (near.velocities @ turned)
         found[t, :, 2], found[t, :, 3] = keep, wide
         found[t, :, 4] = (corner + np.maximum(keep, 0.0) + wide) ** 2

@@ -52,7 +52,8 @@ def tell_faults(episode: Any, summary: Mapping[str, Any], recording: Path | None
 
 def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
     """Print a run's result for people."""
-    rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items() if summary[key] is not None]
+    told_of = {key: label for key, label in LABELS.items() if key != "own_contacts" or summary["collisions"]}
+    rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in told_of.items() if summary[key] is not None]
     if summary["pose_error_m"] is not None:
         error = summary["pose_error_m"]
         rows.append(("pose error rms, p95, max, m", f"{error['rms']:.3g}, {error['p95']:.3g}, {error['max']:.3g}"))

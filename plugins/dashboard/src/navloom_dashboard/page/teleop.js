@@ -3,7 +3,7 @@
 import { byId, fixed, say, write } from "./dom.js";
 import { socketAddress } from "./session.js";
 
-/** Time between two commands, ms: several within the 0.3 s after which the robot stops. */
+/** Time between two commands, ms: several within the 0.2 s of silence after which the robot stops. */
 const PERIOD = 50;
 const KEYS = {
   ArrowUp: [1, 0], w: [1, 0], ArrowDown: [-1, 0], s: [-1, 0],

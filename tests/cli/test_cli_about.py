@@ -112,4 +112,5 @@ def test_every_command_that_may_need_a_plugin_takes_files(every_command: dict[st
     assert taking == {
         "run", "compare", "check", "up", "node", "replay", "plugins", "config show", "config check",
         "plan", "map", "report", "graph", "worlds", "messages", "echo", "record", "view",
+        "results add",
     }  # fmt: skip

@@ -18,6 +18,7 @@ import pytest
 from navloom.messages import OUTCOMES
 from navloom.plugins import Discovery, PluginError, Registry, hookimpl
 from navloom.runs.episode_trail import lost_trail
+from navloom.runs.fleet_metrics import FLEET_METRICS
 from navloom.runs.metrics import all_metrics, headlines, measure, timing
 from navloom_study import METRICS, Metric, Trail
 
@@ -254,7 +255,7 @@ DOCS = (Path(__file__).resolve().parents[3] / "docs" / "metrics.md").read_text("
 
 def test_the_docs_have_every_metric_with_its_unit_and_better_side() -> None:
     listed = re.findall(r"^\| `(\w+)` \| (\S+) \| (\w*) ?\|", DOCS, re.MULTILINE)
-    assert listed == [(metric.name, metric.unit, metric.better or "") for metric in METRICS]
+    assert listed == [(metric.name, metric.unit, metric.better or "") for metric in (*METRICS, *FLEET_METRICS)]
 
 
 def test_the_docs_metric_registers_and_measures(

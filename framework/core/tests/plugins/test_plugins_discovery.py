@@ -87,7 +87,7 @@ def test_entry_points_with_invalid_or_duplicate_names_are_reported() -> None:
     )
     assert found.problems() == [
         "entry point 'd' of fake_any: expected ROLE.NAME; known are avoider, command, controller, localizer, "
-        "mapper, message, metric, node, observer, panel, planner, platform, recovery, scheme, world",
+        "mapper, message, metric, node, observer, panel, planner, platform, recovery, scheme, suite, world",
         "entry point 'planer.c' of fake_any: expected ROLE.NAME; did you mean 'planner'?",
         "two plugins are named 'planner.b', from fake_any and fake_any: uninstall or rename one of them",
     ]

@@ -8,6 +8,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Literal
 
+from navloom import NavloomError
+
 __all__ = ["Right", "Session", "Sessions", "TooManyLogins"]
 
 Right = Literal["view", "operate"]
@@ -27,7 +29,7 @@ ACTS_AT_ONCE, ACTS_RATE = 20.0, 10.0
 """Acts that a session may send at once, and per s in the long run."""
 
 
-class TooManyLogins(Exception):
+class TooManyLogins(NavloomError):
     """An address has sent too many wrong tokens; it may try again later."""
 
 

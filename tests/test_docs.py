@@ -25,6 +25,7 @@ from navloom.roles import ROLES
 from navloom.runs.episode import run_episode
 from navloom.runs.fleet import load_fleet
 from navloom.testing import robot
+from navloom_study.suites.suite import SuiteTable
 
 STEPS = [step for page in PAGES for step in steps(page)]
 TYPED = [step for step in STEPS if step.kind in ("command", "inline")]
@@ -135,7 +136,7 @@ CONFIGS = [
     pytest.param(page, block, id=f"{page.stem}-{number}")
     for page in PAGES
     for number, block in enumerate(blocks(page, "toml"))
-    if (page.stem, number) != ("moving-obstacles", 0)  # appended to a shipped config by its page, which is run
+    if (page.stem, number) != ("moving-obstacles", 1)  # appended to a shipped config by its page, which is run
 ]
 
 
@@ -159,6 +160,9 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
         (tmp_path / "fleet.toml").write_text(block, "utf-8")
         count = sum(table.get("count", 1) for table in tree["member"])
         assert len(load_fleet(str(tmp_path / "fleet.toml"))) == count
+        return
+    if "part" in tree:
+        SuiteTable.model_validate(tree)
         return
     config = tmp_path / "robot.toml"
     config.write_text(block + "\n" + "".join(text for key, text in REST.items() if key not in tree), "utf-8")

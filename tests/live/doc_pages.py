@@ -77,9 +77,6 @@ STAND_INS = {
     ("tour.md", "navloom compare"): SHORT_STUDY,
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("comparing.md", "navloom compare examples/circle_swap.toml"): "navloom compare --help",
-    ("simulator-truth.md", "navloom config show"): (
-        f"navloom config show {TOP}/examples/barn_published.toml --method move_base"
-    ),
     ("moving-obstacles.md", "navloom compare swap.toml"): "navloom compare --help",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",

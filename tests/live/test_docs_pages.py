@@ -308,6 +308,7 @@ def reader(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyte
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(folder))
         monkeypatch.chdir(tmp_path)
         monkeypatch.syspath_prepend(tmp_path)  # Python blocks import the files of their page
+        (tmp_path / "examples").symlink_to(TOP / "examples")  # pages name them as in a checkout
         one = Reader(tmp_path, capsys, monkeypatch)
         try:
             yield one

@@ -283,7 +283,7 @@ def tab_to(page: Page, name: str) -> None:
 def test_a_whole_drive_by_keyboard(browser: Browser, driven: Driven, size: str) -> None:
     with opened(browser, size) as page:
         page.goto(driven.site.server.url)
-        page.locator("#token").focus()
+        expect(page.locator("#token")).to_be_focused()
         page.keyboard.type(driven.site.dashboard.sessions.tokens["operate"])
         page.keyboard.press("Enter")
         expect(page.locator("#ages")).to_contain_text("pose")

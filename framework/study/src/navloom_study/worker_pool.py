@@ -18,7 +18,7 @@ from tempfile import NamedTemporaryFile
 from time import monotonic
 from typing import IO, Any
 
-from navloom.crashes import crashed_at, dump_when_broken
+from navloom.crashes import crashed_at, dump_when_broken, ending_of
 from navloom.errors import NavloomError
 from navloom.memory import resident_bytes
 from navloom.parent_process import die_with_parent
@@ -220,7 +220,7 @@ class Workers:
         self.workers.remove(worker)
         # Python's dump at a fatal signal, in a file, since a killed process cannot send it.
         place = crashed_at(worker.dump.read()) if worker.dump is not None else ""
-        how = _ending(worker.process.exitcode) + (f" at {place}" if place else "")
+        how = ending_of(worker.process.exitcode) + (f" at {place}" if place else "")
         if worker.task is not None:
             self.lost += 1
             self.on_row(lost_row(worker.task, reason or f"the worker process {how}", monotonic() - worker.began))
@@ -251,13 +251,6 @@ def _word_of(connection: Connection) -> tuple[str, Any, int]:
     except (EOFError, OSError):
         return "dead", None, 0
     return kind, value, resident
-
-
-def _ending(code: int | None) -> str:
-    # multiprocessing tells a signal as its negative number.
-    if code is not None and code < 0:
-        return f"was killed by {signal.Signals(-code).name}"
-    return f"ended with exit code {code}"
 
 
 @contextmanager

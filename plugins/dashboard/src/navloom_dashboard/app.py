@@ -197,7 +197,7 @@ class Dashboard:
         self._viewer(request)
         robot = self._robot(request).name
         found = self._recordings
-        return _fresh({"recordings": found.files(robot), "recording": found.is_running(robot)})
+        return _fresh({"recordings": found.files(robot), "recording": found.running(robot) is not None})
 
     async def _download(self, request: Request) -> Response:
         self._viewer(request)

@@ -80,10 +80,6 @@ class Recordings:
         child, path = self._running.get(robot, (None, Path()))
         return path.name if child is not None and child.returncode is None else None
 
-    def is_running(self, robot: str) -> bool:
-        """Whether a robot is being recorded."""
-        return robot in self._running and self._running[robot][0].returncode is None
-
     def files(self, robot: str) -> list[dict[str, Any]]:
         """Recordings of a robot, the newest first."""
         found = sorted(self._folder.glob(f"{robot.replace('/', '_')}_*.mcap"), reverse=True)

@@ -185,7 +185,7 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
     """Starts a recorder beside a robot that is up, if one is requested; `cut` gets the reason if it fails."""
     if record is None:
         return None
-    from navloom_live.operating.recorder_process import recorder_beside
+    from navloom_live.operating.processes_beside import recorder_beside
 
     return lambda robot: recorder_beside(robot.keys.prefix, record, say, cut, robot.network.insecure)
 
@@ -215,11 +215,11 @@ def _live(
             run.beside = _beside(record, log_of("recording").info, cut)
             run.recording = record
             if dashboard:
-                from navloom_live.operating.dashboard_process import dashboard_beside
+                from navloom_live.operating.processes_beside import dashboard_beside
 
                 table_of = loaded.config.robot
                 prefix = f"{table_of.realm}/{table_of.name}"
-                observed.enter_context(dashboard_beside(prefix, "", insecure, log_of("dashboard").info))
+                observed.enter_context(dashboard_beside(prefix, insecure, log_of("dashboard").info))
             run.onlookers = observed.enter_context(
                 Onlookers(Discovery(loaded.config.plugins.blocked), log_of("plugins").warning)
             )

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,10 +19,7 @@ from navloom.cli.output import LOG, log_of, print_json, say_so, stage
 from navloom.cli.run_summary import is_reached, print_summary, tell_faults
 from navloom.crash_watch import dump_file, is_watched
 
-if TYPE_CHECKING:
-    pass
-
-__all__ = ["run", "watched_for_stalls"]
+__all__ = ["run"]
 
 STALLED = 10.0
 """Longest time without a tick before the line that blocks the run is logged, s."""

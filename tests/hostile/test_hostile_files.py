@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hostile_rig import MAP_YAML, ZEROS, laughs, merges, navloom, refused
 from navloom.config import load_config
+from navloom_maps.movingai import read_movingai
 
 
 def npy(shape: str, kind: str = "<f8", version: int = 1, padding: int = 0) -> bytes:
@@ -125,6 +126,14 @@ def test_a_file_that_grows_is_read_up_to_the_bound(tmp_path: Path, monkeypatch: 
     path.write_bytes(bytes(3_000_000))
     with pytest.raises(ValueError, match="1 MB; set NAVLOOM_MAX_INPUT_MB"):
         bounds.read_file(path, 1.0, ValueError)
+
+
+def test_a_small_file_takes_no_memory_for_its_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAVLOOM_MAX_INPUT_MB", "1e6")
+    (tmp_path / "c.toml").write_text("# small")
+    (tmp_path / "m.map.gz").write_bytes(gzip.compress(b"type octile\nheight 1\nwidth 2\nmap\n.@\n"))
+    load_config(str(tmp_path / "c.toml"))
+    assert read_movingai(tmp_path / "m.map.gz").cells.shape == (1, 2)
 
 
 @pytest.mark.parametrize("given", ["much", "0", "-1", "nan", "1e300"])

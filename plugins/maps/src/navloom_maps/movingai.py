@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from navloom.geometry.grid import FREE, MAX_CELLS, OCCUPIED, GridMap
 from navloom.geometry.world import Place, Raster, World
-from navloom.inputs import IMAGE_MB, bytes_of, too_large
+from navloom.inputs import IMAGE_MB, bytes_of, read_past, too_large
 from navloom.worlds import WorldError, file_of, length_of, options_of, raster_bounds, read_bytes, wall_height
 from numpy.typing import NDArray
 
@@ -78,7 +78,7 @@ def _text(path: Path) -> bytes:
     limit = bytes_of(IMAGE_MB, WorldError)
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:
-            text = file.read(limit + 1)
+            text = read_past(file, limit)
     except (OSError, EOFError, zlib.error) as error:
         raise WorldError(f"{path}: damaged gzip file: {error}; copy the file again") from None
     if len(text) > limit:

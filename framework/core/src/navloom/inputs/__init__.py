@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from navloom.inputs.bounds import bytes_of as bytes_of
     from navloom.inputs.bounds import open_file as open_file
     from navloom.inputs.bounds import read_file as read_file
+    from navloom.inputs.bounds import read_past as read_past
     from navloom.inputs.bounds import too_large as too_large
     from navloom.inputs.headings import heading_problem as heading_problem
     from navloom.inputs.headings import warn_of_radians as warn_of_radians
@@ -39,7 +40,7 @@ else:
             "navloom.escapes": "printable",
             "navloom.inputs.bounds": (
                 "ARRAYS_MB BAG_MB DEEPEST IMAGE_MB LOG_MB TEXT_MB YAML_MB Refusal bytes_of open_file read_file "
-                "too_large"
+                "read_past too_large"
             ),
             "navloom.inputs.headings": "heading_problem warn_of_radians",
             "navloom.inputs.npz": "Arrays",

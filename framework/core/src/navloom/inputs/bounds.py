@@ -10,11 +10,14 @@ import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
+
+if TYPE_CHECKING:
+    from gzip import GzipFile
 
 __all__ = [
     "ARRAYS_MB", "BAG_MB", "CHUNK_MB", "DEEPEST", "IMAGE_MB", "LOG_MB", "TEXT_MB", "VARIABLE", "YAML_MB", "Refusal",
-    "bytes_of", "open_file", "read_file", "too_large",
+    "bytes_of", "open_file", "read_file", "read_past", "too_large",
 ]  # fmt: skip
 
 VARIABLE = "NAVLOOM_MAX_INPUT_MB"
@@ -108,8 +111,23 @@ def read_file(path: Path, megabytes: float, refusal: Refusal) -> bytes:
     limit = bytes_of(megabytes, refusal)
     with open_file(path, refusal) as file:
         size = os.fstat(file.fileno()).st_size
-        # One byte more than allowed shows a file that has grown.
-        content = file.read(limit + 1) if size <= limit else b""
+        content = read_past(file, limit, size + 1) if size <= limit else b""
     if size > limit or len(content) > limit:
         raise refusal(too_large(f"{path}: {max(size, len(content)) / 1e6:.6g} MB", limit))
+    return content
+
+
+def read_past(file: BinaryIO | GzipFile, limit: int, first: int = 1_000_000) -> bytes:
+    """A stream's content, and at most one byte more than `limit`, which shows that it has more.
+
+    It is read in blocks: one read reserves memory for all that it asks for, however little there is.
+
+    Args:
+        file: The stream.
+        limit: Bytes.
+        first: Size of the first block, bytes; with all in it, nothing is copied.
+    """
+    content = file.read(min(first, limit + 1))
+    while len(content) <= limit and (block := file.read(min(max(len(content), 1), limit + 1 - len(content)))):
+        content += block
     return content

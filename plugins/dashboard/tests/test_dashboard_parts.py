@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import zlib
+from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -11,12 +13,14 @@ import navloom_dashboard
 import numpy as np
 import pytest
 from navloom import MapUpdate, Navigator, OccupancyGrid, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom.messages import Hypotheses, PoseTrack, Sweep, Tracks
 from navloom_dashboard.app import Dashboard
-from navloom_dashboard.frames import map_frame, scan_frame
-from navloom_dashboard.outbox import Outbox, text_frame
+from navloom_dashboard.frames import hypotheses_frame, map_frame, scan_frame, sweep_frame
+from navloom_dashboard.outbox import Frame, Outbox, text_frame
 from navloom_dashboard.robot_link import RobotLink, Where
-from navloom_dashboard.robot_view import AGE_WINDOW, AgeClock
+from navloom_dashboard.robot_view import AGE_WINDOW, AgeClock, RobotView
 from navloom_dashboard.sessions import IDLE_LIMIT, LIFETIME, MOST_SESSIONS, WRONG_WINDOW, Sessions, TooManyLogins
+from navloom_live import Told
 
 
 def opened(sessions: Sessions, now: float) -> str:
@@ -121,6 +125,88 @@ def test_a_binary_frame_begins_with_the_length_of_its_header_which_has_the_age()
     size = int.from_bytes(data[:4], "little")
     header = json.loads(data[4 : 4 + size])
     assert (header["width"], header["height"], header["version"], header["age"]) == (2, 2, 3, 1.25)
+
+
+def sweep(ranges: list[list[float]]) -> Sweep:
+    """Frames at 2 s, level, and 3 s, 45° down; beams ahead and to the left; 1 m above the floor."""
+    pitches, times, bearings = np.array([0.0, -np.pi / 4]), np.array([0.0, 1.0]), np.array([0.0, np.pi / 2])
+    return Sweep(2_000_000_000, 1, np.array(ranges), pitches, times, bearings, "paper", 0.0, 0.0, 1.0, 0.1, 10.0)
+
+
+def seen_from_above(frame: Frame | None) -> dict[tuple[int, int], int]:
+    """Cells with an echo by their middle, cm of the map, and their values."""
+    assert frame is not None and frame.raw is not None
+    head = json.loads(frame.head + "}")
+    cells = np.frombuffer(zlib.decompress(frame.raw), np.int8).reshape(head["height"], head["width"])
+    x, y, _ = head["origin"]
+    places = np.argwhere(cells >= 0) * head["resolution"] + (y, x)
+    return {(round(100 * px), round(100 * py)): int(cells[cells >= 0][i]) for i, (py, px) in enumerate(places.tolist())}
+
+
+def test_a_sweep_is_seen_from_above_with_heights_each_echo_from_where_the_robot_was() -> None:
+    # It has moved by 5 m along x between the two frames, which look 2 m far, and down to the floor.
+    track = PoseTrack(np.array([2_000_000_000, 3_000_000_000]), np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
+    frame = sweep_frame(sweep([[2.0, 10.0], [2.0**0.5, 10.0]]), track, 2.0)
+    assert seen_from_above(frame) == {(200, 0): 50, (600, 0): 0}
+
+
+def test_a_sweep_shows_nothing_above_the_robot_and_the_highest_of_what_is_below() -> None:
+    track = PoseTrack(np.array([0]), np.zeros((1, 3)))
+    assert sweep_frame(sweep([[2.0, 3.0], [10.0, 10.0]]), track, 0.9) is None
+    both_at_1_m = sweep([[1.0, 10.0], [2.0**0.5, 10.0]])
+    assert seen_from_above(sweep_frame(both_at_1_m, track, 1.0)) == {(100, 0): 100}
+
+
+def test_a_far_echo_makes_the_cells_of_a_sweep_larger_not_more() -> None:
+    wide = sweep([[9000.0, 9000.0], [20000.0, 20000.0]])
+    frame = sweep_frame(replace(wide, range_max=10000.0), PoseTrack(np.array([0]), np.zeros((1, 3))), 2.0)
+    assert frame is not None and frame.raw is not None
+    assert len(zlib.decompress(frame.raw)) < 1.01e6
+
+
+def test_a_view_places_a_sweep_by_the_poses_it_has_heard_of_the_run_that_lasts() -> None:
+    view = RobotView({"localizer": "main"}, 2.0)
+
+    def heard(role: str, port: str, stamp_ns: int, message: object) -> list[Frame]:
+        return [one for one in view.take([Told(role, "main", port, message, stamp_ns)]) if one.slot == "sweep"]  # type: ignore[arg-type]
+
+    image = sweep([[2.0, 10.0], [10.0, 10.0]])
+    assert heard("platform", "laser", 3_000_000_000, image) == []
+    for stamp_ns, x in ((9_000_000_000, 50.0), (1_000_000_000, 1.0)):  # the robot has restarted
+        pose = PoseEstimate(stamp_ns, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+        heard("localizer", "pose", stamp_ns, pose)
+    (frame,) = heard("platform", "laser", 3_000_000_000, image)
+    assert seen_from_above(frame) == {(300, 0): 50}
+
+
+def test_places_where_a_robot_may_be_are_sent_if_there_are_several() -> None:
+    poses, weights = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, -0.5]]), np.array([0.7, 0.2])
+    sent = json.loads(hypotheses_frame(Hypotheses(5, poses, weights)).head + "}")["places"]
+    assert [(one["x"], one["heading"], one["weight"]) for one in sent] == [(1.0, 0.5, 0.7), (3.0, -0.5, 0.2)]
+    assert json.loads(hypotheses_frame(Hypotheses(5, poses[:1], weights[:1])).head + "}")["places"] == []
+
+
+def test_tracks_of_a_shadow_are_not_shown() -> None:
+    none, two = np.empty((0, 2)), RobotView({"tracker": "a"}, 1.0)
+    tracks = Tracks(0, np.empty(0, np.int64), none, none, np.empty((0, 4, 4)), np.empty(0), np.empty(0))
+    sent = [[frame.slot for frame in two.take([Told("tracker", name, "tracks", tracks, 0)])] for name in ("a", "b")]
+    assert sent == [["tracks tracker"], []]
+
+
+def test_a_robot_that_was_gone_shows_its_map_again_though_it_is_the_same() -> None:
+    async def maps() -> list[bool]:
+        link = RobotLink("lab/a", Where("lab/a"), asyncio.get_running_loop())
+        grid = OccupancyGrid(np.zeros((2, 2), np.int8), 0.5, Pose2D(0.0, 0.0, 0.0))
+        found = []
+        for _ in range(2):
+            link._encode(MapUpdate(7, grid, np.empty((0, 4)), ()))
+            await asyncio.sleep(0)
+            found.append("map" in link.latest)
+            link._put([text_frame("gone", {}, None)])
+        link.close()
+        return found
+
+    assert asyncio.run(maps()) == [True, True]
 
 
 def test_what_it_adds_to_an_installation_is_below_4_mb() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -10,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from dashboard_rig import served
-from page_rig import SIZES, click, open_panel, opened, violations
+from navloom import MapUpdate, OccupancyGrid, Pose2D
+from navloom_dashboard.frames import map_frame
+from page_rig import SIZES, click, drag_on_map, open_panel, opened, violations
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 MARKUP = '<img src=x onerror="window.broken = 1"><script>window.broken = 1</script>'
@@ -152,6 +155,88 @@ def test_a_robot_that_is_gone_is_shown_until_it_is_back(server: Server) -> None:
     expect(server.page.locator("#banner")).to_be_hidden()
 
 
+HELD_WORKERS = """
+    window.held = [];
+    window.Worker = class extends Worker {
+        set onmessage(take) { super.onmessage = (event) => held.push(() => take(event)); }
+    };
+"""
+"""Script of a page whose workers' answers wait until the test lets them through."""
+GROUND, WALL = [195, 202, 210, 255], [23, 27, 33, 255]
+"""Colours of what is unknown, and of what is occupied, in light colours."""
+
+
+def colour_at(page: Page, x: float, y: float) -> list[int]:
+    """Colour of the map in the next frame, at pixels from its middle."""
+    found: list[int] = page.evaluate(
+        """([x, y]) => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
+            const map = document.getElementById("map");
+            done([...map.getContext("2d").getImageData(map.width / 2 + x, map.height / 2 + y, 1, 1).data]);
+        })))""",
+        [x, y],
+    )
+    return found
+
+
+def occupied_map() -> bytes:
+    """The message of a map of 20 m x 20 m without free space."""
+    grid = OccupancyGrid(np.full((40, 40), 100, np.int8), 0.5, Pose2D(-10.0, -10.0, 0.0))
+    data = map_frame(MapUpdate(0, grid, np.empty((0, 4)), ()), 1).wire(0.0)
+    assert isinstance(data, bytes)
+    return data
+
+
+@pytest.mark.parametrize(("is_changed", "colour"), [(False, WALL), (True, GROUND)], ids=["same", "another"])
+def test_a_map_that_is_unpacked_late_is_not_shown_for_another_robot(
+    browser: Browser, url: str, is_changed: bool, colour: list[int]
+) -> None:
+    with opened(browser, "desk") as page:
+        page.add_init_script(HELD_WORKERS)
+        server = Server(page)
+        page.goto(url)
+        expect(page.locator("#stop-state")).to_have_text("ready")
+        assert server.live is not None
+        server.live.send(occupied_map())
+        page.wait_for_function("held.length === 1")
+        if is_changed:
+            page.locator("#robot").select_option(index=1)
+            expect(page.locator("#stop-state")).to_have_text("ready")
+        page.evaluate("held.forEach((take) => take())")
+        assert colour_at(page, 100, 100) == colour
+
+
+def test_a_robot_that_is_back_does_not_have_the_map_and_the_path_of_before(server: Server) -> None:
+    assert server.live is not None
+    server.live.send(occupied_map())
+    server.send({"kind": "path", "age": 0.0, "points": [[0, 0], [1, 0]]})
+    expect(server.page.locator("#ages")).to_contain_text("path")
+    server.send({"kind": "gone", "age": None, "why": "no node answers"}, about(), POSE, state())
+    expect(server.page.locator("#ages")).not_to_contain_text("path")
+    assert colour_at(server.page, 100, 100) == GROUND
+
+
+def test_a_command_that_is_old_is_not_drawn_as_if_it_were_new(server: Server) -> None:
+    rows = [{"instance": name, "active": name == "a", "v": 0.5, "w": 0.0} for name in "ab"]
+    page, shown = server.page, []
+    for age in (0.0, 5.0):
+        server.send({"kind": "commands", "age": age, "roles": {"avoider": rows}}, POSE)
+        page.wait_for_function("true")
+        shown.append(colour_at(page, 60, 0) != GROUND)
+    assert shown == [True, False]
+
+
+def test_without_a_robot_the_page_says_how_to_start_one_until_there_is_one(browser: Browser, url: str) -> None:
+    with opened(browser, "phone") as page:
+        Server(page)
+        robots: list[str] = []
+        answer = {"right": "operate", "csrf": "", "robots": robots}
+        page.route("**/api/session", lambda route: route.fulfill(json=answer))
+        page.goto(url)
+        expect(page.locator("#lost")).to_have_text("No robot is up → navloom up starts one.")
+        robots.append(ROBOT)
+        expect(page.locator("#lost")).to_be_empty()
+
+
 def test_a_lost_connection_is_shown_and_comes_back_by_itself(server: Server) -> None:
     assert server.live is not None
     first = server.live
@@ -217,6 +302,67 @@ def test_driving_by_hand_ends_with_zero_when_the_dead_man_is_let_go(server: Serv
     page.wait_for_timeout(200)  # four periods in which nothing may be sent
     assert len(server.said) == count
     assert lost == "socket" or (server.said[-1]["v"], server.said[-1]["w"]) == (0, 0)
+
+
+class Fingers:
+    """Two fingers on the map of a phone, at pixels from its middle."""
+
+    def __init__(self, page: Page) -> None:
+        self._session = page.context.new_cdp_session(page)
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        self._middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def at(self, event: str, *places: tuple[float, float]) -> None:
+        """Touch, move or lift."""
+        x, y = self._middle
+        points = [{"x": x + dx, "y": y + dy, "id": number} for number, (dx, dy) in enumerate(places)]
+        self._session.send("Input.dispatchTouchEvent", {"type": event, "touchPoints": points})
+
+
+def placed(page: Page, *drag: float) -> list[float]:
+    """x and y, m, and heading, degrees, of a goal that is placed by pixels from the middle."""
+    click(page, "Goal")
+    drag_on_map(page, *drag)
+    found = re.findall(r"-?\d+\.?\d*", page.locator("#draft-text").inner_text())
+    click(page, "Goal")
+    return [float(number) for number in found]
+
+
+@pytest.mark.parametrize("is_followed", [False, True], ids=["free", "followed"])
+def test_two_fingers_zoom_and_turn_the_map(browser: Browser, url: str, is_followed: bool) -> None:
+    with opened(browser, "phone") as page:
+        Server(page)
+        page.goto(url)
+        expect(page.locator("#ages")).to_contain_text("pose")
+        if is_followed:
+            click(page, "Follow the robot")
+        x, y, heading = placed(page, -100, 0, 40, 0)
+        assert (y, heading) == (pytest.approx(0.0, abs=0.5), 0.0)
+        fingers = Fingers(page)
+        fingers.at("touchStart", (-40, 0), (40, 0))
+        fingers.at("touchMove", (0, -80), (0, 80))  # twice as far apart, and a quarter turn to the right
+        fingers.at("touchEnd")
+        turned = placed(page, 0, -100, 0, -40)
+        # What was 100 pixels to the left is now 200 above; so 100 pixels above the middle it is half as far.
+        assert turned[2] == 180.0
+        assert turned[0] == pytest.approx(x / 2, abs=0.02)
+        pressed = page.locator("#follow").get_attribute("aria-pressed")
+        assert pressed == str(is_followed).lower()
+
+
+def test_a_second_finger_abandons_what_the_first_was_placing(browser: Browser, url: str) -> None:
+    with opened(browser, "phone") as page:
+        Server(page)
+        page.goto(url)
+        expect(page.locator("#ages")).to_contain_text("pose")
+        click(page, "Goal")
+        fingers = Fingers(page)
+        fingers.at("touchStart", (-40, 0))
+        fingers.at("touchStart", (-40, 0), (40, 0))
+        fingers.at("touchMove", (-50, 0), (50, 0))
+        fingers.at("touchEnd")
+        expect(page.locator("#draft-text")).to_contain_text("Press on the map where to drive to")
 
 
 def test_a_wrong_token_is_refused_with_what_to_do(browser: Browser, url: str) -> None:

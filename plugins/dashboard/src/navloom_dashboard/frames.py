@@ -8,17 +8,40 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from navloom.messages import MapUpdate, Path, PoseEstimate, RangeScan, Tracks, Trajectory
+from navloom.geometry.echoes import sweep_points_in_map
+from navloom.messages import (
+    Hypotheses,
+    MapUpdate,
+    Path,
+    PoseEstimate,
+    PoseTrack,
+    RangeScan,
+    Sweep,
+    Tracks,
+    Trajectory,
+)
 from numpy.typing import NDArray
 
 from navloom_dashboard.outbox import Frame, binary_frame, text_frame
 
-__all__ = ["command_rows", "map_frame", "path_frame", "pose_frame", "scan_frame", "tracks_frame", "trajectory_frame"]
+__all__ = [
+    "command_rows",
+    "hypotheses_frame",
+    "map_frame",
+    "path_frame",
+    "pose_frame",
+    "scan_frame",
+    "sweep_frame",
+    "tracks_frame",
+    "trajectory_frame",
+]
 
 SAME = 1e-6
 """Tolerance below which bearings count as equally spaced, rad, and origins as equal, m."""
 MM = 3
 """Decimals of lengths, m, and of angles, rad."""
+FINEST, MOST_CELLS = 0.05, 1_000_000
+"""Smallest cell of a sweep seen from above, m, and most of them: larger cells show a larger area."""
 
 
 def _rounded(values: NDArray[np.float64]) -> list[Any]:
@@ -35,6 +58,13 @@ def pose_frame(estimate: PoseEstimate) -> Frame:
         "cov": estimate.covariance.tolist() if known and np.isfinite(estimate.covariance).all() else None,
     }  # fmt: skip
     return text_frame("pose", fields, estimate.stamp_ns)
+
+
+def hypotheses_frame(places: Hypotheses) -> Frame:
+    """Places where a robot may be that does not know where it is, the likeliest first; none where there is one only."""
+    rows = zip(_rounded(places.poses), _rounded(places.weights), strict=True) if len(places.poses) > 1 else ()
+    found = [{"x": x, "y": y, "heading": heading, "weight": weight} for (x, y, heading), weight in rows]
+    return text_frame("hypotheses", {"places": found}, places.stamp_ns)
 
 
 def path_frame(path: Path, stamp_ns: int) -> Frame:
@@ -92,15 +122,36 @@ def _finite(value: float) -> float | None:
 
 
 def map_frame(update: MapUpdate, version: int) -> Frame:
-    """The raster, compressed: int8, row by row from the lowest y, -1 unknown, 0 free to 100 occupied."""
-    grid = update.grid
-    rows, columns = grid.cells.shape
-    at = grid.origin
-    header = {
-        "width": columns, "height": rows, "resolution": grid.resolution, "origin": [at.x, at.y, at.heading],
-        "version": version, "encoding": "zlib",
-    }  # fmt: skip
-    return binary_frame("map", header, zlib.compress(np.ascontiguousarray(grid.cells).tobytes(), 1), update.stamp_ns)
+    """The map: -1 unknown, 0 free to 100 occupied."""
+    grid, at = update.grid, update.grid.origin
+    header = {"origin": [at.x, at.y, at.heading], "version": version}
+    return _raster_frame("map", header, grid.cells, grid.resolution, update.stamp_ns)
+
+
+def sweep_frame(sweep: Sweep, track: PoseTrack, height: float) -> Frame | None:
+    """The 3D image of a pitched laser from above: the highest echo in each cell; None without any.
+
+    -1 is no echo, 0 the floor or below, 100 the robot's height, m; it passes below what is higher.
+    """
+    points = sweep_points_in_map(sweep, track)
+    points = points[points[:, 2] <= height]
+    if not len(points):
+        return None
+    flat, z = points[:, :2], points[:, 2]
+    corner, size = flat.min(axis=0), np.ptp(flat, axis=0)
+    cell = max(FINEST, math.sqrt((size + FINEST).prod() / MOST_CELLS))
+    columns, rows = (size / cell).astype(int) + 1
+    column, row = ((flat - corner) / cell).astype(int).T
+    cells = np.full((rows, columns), -1, np.int8)
+    np.maximum.at(cells, (row, column), (100.0 * np.maximum(z, 0.0) / height).astype(np.int8))
+    return _raster_frame("sweep", {"origin": [*corner.tolist(), 0.0]}, cells, cell, sweep.stamp_ns)
+
+
+def _raster_frame(kind: str, header: dict[str, Any], cells: NDArray[np.int8], cell: float, stamp_ns: int) -> Frame:
+    """Cells of `cell` m, compressed: int8, row by row from the lowest y."""
+    rows, columns = cells.shape
+    header = {"width": columns, "height": rows, "resolution": cell, "encoding": "zlib", **header}
+    return binary_frame(kind, header, zlib.compress(np.ascontiguousarray(cells).tobytes(), 1), stamp_ns)
 
 
 def command_rows(commands: Sequence[tuple[str, bool, float, float]]) -> list[dict[str, Any]]:

@@ -34,7 +34,7 @@ GONE_AFTER = 3
 """Number of looks in a row that find no node, after which the robot is gone."""
 QUEUE = 16
 """Most messages of a stream that wait for the reader."""
-UNREAD = ("step", "fault", "known", "hypotheses", "rollouts", "truth", "bodies", "handover", "drive", "plan", "clear",
+UNREAD = ("step", "fault", "known", "rollouts", "truth", "bodies", "handover", "drive", "plan", "clear",
           "request", "reference")  # fmt: skip
 """Ports that the page does not show."""
 
@@ -80,7 +80,7 @@ class RobotLink:
         self._ends = False
         self._acting: Navigator | None = None
         self._reader: Navigator | None = None
-        self._view = RobotView({})
+        self._view = RobotView({}, 0.0)
         self._encoding: Future[None] | None = None
         self._map: tuple[int, int] = (0, 0)
         self._mapped = -MAP_INTERVAL
@@ -118,8 +118,10 @@ class RobotLink:
         with self.where.navigator() as acting, self.where.navigator() as robot:
             self.may_operate = robot.client.may_operate
             nodes = robot.client.describe()
-            self._view = RobotView({node.role: node.instance for node in nodes if node.active})
-            self._send([self._about(robot, nodes)])
+            about = self._about(robot, nodes)
+            active = {node.role: node.instance for node in nodes if node.active}
+            self._view = RobotView(active, self._fixed["height"])
+            self._send([about])
             listening = robot.listen(_shown(robot.streams()), QUEUE)
             self._acting, self._reader = acting, robot
             looked, absent, looking = self._loop.time(), 0, None
@@ -156,7 +158,7 @@ class RobotLink:
     def _encode(self, update: MapUpdate) -> None:
         """Send a map that has changed; on a thread of its own, because a large one takes a while."""
         sum_of = zlib.crc32(update.grid.cells.tobytes())
-        if sum_of != self._map[0]:
+        if sum_of != self._map[0] or "map" not in self.latest:  # a robot that was gone may have the same map again
             self._map = sum_of, self._map[1] + 1
             self._send([frames.map_frame(update, self._map[1])])
 
@@ -208,12 +210,14 @@ class RobotLink:
 
     @property
     def pose(self) -> dict[str, Any] | None:
-        """Its name and pose, for the pages of other robots; None while it is gone or does not know it."""
+        """Its name, footprint, pose and the age of that, for the pages of other robots; None while it is gone or does
+        not know it."""
         estimate = self._view.pose if self._reader is not None else None
         if estimate is None:
             return None
-        pose = estimate.pose
-        return {"name": self.name, "x": pose.x, "y": pose.y, "heading": pose.heading}
+        pose, age = estimate.pose, self._clock.age(estimate.stamp_ns, self._loop.time())
+        return {"name": self.name, "x": pose.x, "y": pose.y, "heading": pose.heading,
+                "footprint": self._fixed.get("footprint", []), "age": round(age or 0.0, 1)}  # fmt: skip
 
     def age(self, frame: Frame) -> float | None:
         """Age of what a frame shows, s."""
@@ -297,6 +301,7 @@ def _fixed(robot: Navigator) -> tuple[dict[str, Any], str]:
     world = " ".join((table.realm, *(one.ref for one in (config.map, config.world) if one is not None)))
     return {
         "footprint": robot.footprint().round(4).tolist(),
+        "height": table.height,
         "limits": {
             "v": table.max_linear, "w": table.max_angular, "acceleration": table.max_acceleration,
             "deceleration": table.max_deceleration, "drive": table.drive,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
 from navloom import (
     Command,
     Feedback,
@@ -25,7 +26,7 @@ from navloom import (
     Trajectory,
     Twist2D,
 )
-from navloom.messages import Tracks
+from navloom.messages import Hypotheses, PoseTrack, Sweep, Tracks
 from navloom_live import Told, progress, what_limits, who_drives, why_stopped
 
 from navloom_dashboard import frames
@@ -37,6 +38,8 @@ SHADOWED = ("controller", "avoider", "recovery")
 """Roles whose commands are compared."""
 EVENTS = 64
 """Number of events that a page gets when it is opened, and most that wait for one."""
+TRACK = 2000
+"""Most poses that are kept to place a sweep: more than a robot has during one."""
 STATE_INTERVAL_NS = 80_000_000
 """Shortest time between two states, ns of the run clock."""
 AGE_WINDOW = 5.0
@@ -73,10 +76,12 @@ class RobotView:
 
     Args:
         active: Active instance of each role at the start.
+        height: Of the robot, m.
     """
 
-    def __init__(self, active: dict[str, str]) -> None:
-        self.active = active
+    def __init__(self, active: dict[str, str], height: float) -> None:
+        self.active, self._height = active, height
+        self._track: deque[PoseEstimate] = deque(maxlen=TRACK)
         self.pose: PoseEstimate | None = None
         self.odometry: Odometry | None = None
         self._gate: GateStatus | None = None
@@ -111,10 +116,17 @@ class RobotView:
             yield from self._command(told, message.twist)
         elif isinstance(message, RangeScan):
             yield frames.scan_frame(message, told.port)
-        elif isinstance(message, Tracks):
-            yield frames.tracks_frame(message, f"{role} {told.instance}")
+        elif isinstance(message, Sweep):
+            yield from self._sweep(message)
+        elif isinstance(message, Tracks) and is_active:
+            yield frames.tracks_frame(message, role)
+        elif isinstance(message, Hypotheses) and is_active:
+            yield frames.hypotheses_frame(message)
         elif isinstance(message, PoseEstimate) and is_active:
             self.pose = message
+            if self._track and message.stamp_ns <= self._track[-1].stamp_ns:  # the robot has restarted
+                self._track.clear()
+            self._track.append(message)
             yield frames.pose_frame(message)
             if message.state != "tracking":
                 yield from self._event_of("localizer", "warning", f"localizer {message.state}", message.reason,
@@ -127,6 +139,15 @@ class RobotView:
             yield frames.trajectory_frame(message, told.stamp_ns)
         else:
             yield from self._word(told)
+
+    def _sweep(self, sweep: Sweep) -> Iterator[Frame]:
+        """A sweep, each of its echoes from where the robot was then; nothing before the first pose."""
+        if self._track:
+            stamps, poses = zip(*((one.stamp_ns, one.pose) for one in self._track), strict=True)
+            track = PoseTrack(np.array(stamps), np.array([(at.x, at.y, at.heading) for at in poses]))
+            frame = frames.sweep_frame(sweep, track, self._height)
+            if frame is not None:
+                yield frame
 
     def _word(self, told: Told) -> Iterator[Frame]:
         message = told.message

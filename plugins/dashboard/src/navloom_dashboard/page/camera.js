@@ -49,12 +49,12 @@ export class Camera {
     this.y += y - ny;
   }
 
-  /** Shows a rectangle of the map frame, north up. */
-  fit([x0, y0, x1, y1]) {
+  /** Shows a rectangle of the map frame, north up, below pixels at the top that something covers. */
+  fit([x0, y0, x1, y1], covered = 0) {
     const margin = 1.08;
-    const scale = Math.min(this.width / ((x1 - x0) * margin), this.height / ((y1 - y0) * margin));
+    const scale = Math.min(this.width / ((x1 - x0) * margin), (this.height - covered) / ((y1 - y0) * margin));
     this.scale = Math.min(SCALES[1], Math.max(SCALES[0], scale));
-    Object.assign(this, { x: (x0 + x1) / 2, y: (y0 + y1) / 2, angle: 0, follows: false });
+    Object.assign(this, { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + covered / 2 / this.scale, angle: 0, follows: false });
   }
 
   /** Brings a followed robot nearer to the centre; whether it is not there yet. */

@@ -1,32 +1,44 @@
 // Draws what the robot says on the canvas. Lengths of marks are pixels of the screen, places are m in the map frame.
 
+import { seconds } from "./dom.js";
+import { OLD } from "./live.js";
+
 const OKABE_ITO = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"];
 /** Colours of shadows: of those of Okabe and Ito, what nothing else on the map has. */
 export const SHADOWS = ["#CC79A7", "#E69F00", "#009E73", "#D55E00"];
 /** Time that an arrow of a command looks ahead, s. */
 const AHEAD = 3;
+/** Number of places, the likeliest ones, that have their share beside them. */
+const NAMED = 5;
 /** Semi-axis, in standard deviations, of the ellipse that holds the robot with 95 %. */
 const SIGMAS_95 = 2.4477;
 
 export const LAYERS = {
-  map: "Map", scan: "Scans", path: "Plan", trajectory: "Trajectory", pose: "Uncertainty of the pose", robot: "Robot",
+  map: "Map", sweep: "3D image, by height", scan: "Scans", path: "Plan", trajectory: "Trajectory", pose: "Uncertainty of the pose, other places", robot: "Robot",
   tracks: "People and other tracks", members: "Other robots", limit: "What limits the robot", commands: "Commands",
 };
 
 export function palette(isDark) {
   return isDark
     ? { ground: "#1a2028", free: [43, 52, 63], occupied: [238, 242, 246], ink: "#eef2f6", halo: "#10151b", path: "#E69F00",
-        trajectory: "#56B4E9", robot: "#56B4E9", scan: "#F0E442", track: "#CC79A7", limit: "#ff8a3d", member: "#4cc9a0" }
+        trajectory: "#56B4E9", low: [66, 118, 196], high: [255, 234, 70], robot: "#56B4E9", scan: "#F0E442", track: "#CC79A7", limit: "#ff8a3d", member: "#4cc9a0" }
     : { ground: "#c3cad2", free: [250, 251, 252], occupied: [23, 27, 33], ink: "#14181d", halo: "#ffffff", path: "#b97f00",
-        trajectory: OKABE_ITO[0], robot: OKABE_ITO[0], scan: "#c2410c", track: "#a8447f", limit: OKABE_ITO[1], member: "#00755a" };
+        trajectory: OKABE_ITO[0], low: [140, 180, 225], high: [0, 32, 77], robot: OKABE_ITO[0], scan: "#c2410c", track: "#a8447f", limit: OKABE_ITO[1], member: "#00755a" };
 }
+
+/** Colours of the layers, as CSS backgrounds. */
+export const keyColours = ({ free, occupied, low, high, scan, path, trajectory, robot, track, member, limit, ink }) => ({
+  map: graded(free, occupied), sweep: graded(low, high), scan, path, trajectory, pose: robot, robot, tracks: track, members: member, limit, commands: ink,
+});
+const graded = (from, to) => `linear-gradient(90deg, rgb(${from}), rgb(${to}))`;
 
 export class Drawing {
   constructor(context, camera) {
     this.context = context;
     this.camera = camera;
     this.shown = new Set(Object.keys(LAYERS));
-    this.map = null; // {bitmap, message}
+    this.unit = 1; // size of marks and text, above 1 on very large screens
+    this.rasters = {}; // kind -> {bitmap, message}
     this.colours = palette(false);
   }
 
@@ -38,7 +50,7 @@ export class Drawing {
     context.lineJoin = context.lineCap = "round";
     const { newest } = live;
     this.ratio = ratio;
-    if (this._shows("map") && this.map) this._map();
+    for (const kind of ["map", "sweep"]) if (this._shows(kind) && this.rasters[kind]) this._raster(this.rasters[kind]);
     if (this._shows("path") && newest.path) this._line(newest.path.points, colours.path, 5, [2, 9]);
     if (this._shows("trajectory") && newest.trajectory) this._line(newest.trajectory.points, colours.trajectory, 3);
     if (this._shows("path") && newest.path?.points.length && newest.state?.goal) this._goal(newest.path.points.at(-1));
@@ -48,9 +60,10 @@ export class Drawing {
     if (pose) {
       if (this._shows("scan")) for (const scan of live.scans.values()) this._scan(pose, scan);
       if (this._shows("pose") && pose.cov) this._uncertainty(pose);
+      if (this._shows("pose")) this._places(newest.hypotheses?.places ?? []);
       if (this._shows("robot")) this._robot(pose, newest.robot?.footprint, colours.robot);
       if (this._shows("limit") && state?.limit?.place_in_base) this._limit(pose, state.limit);
-      if (this._shows("commands")) this._commands(pose, newest.commands?.roles ?? {});
+      if (this._shows("commands") && live.age("commands") < OLD.state) this._commands(pose, newest.commands.roles);
     }
     tool.draw(this);
     this._scaleBar();
@@ -60,9 +73,8 @@ export class Drawing {
     return this.shown.has(layer);
   }
 
-  _map() {
+  _raster({ bitmap, message }) {
     const { context, camera } = this;
-    const { bitmap, message } = this.map;
     const [ox, oy, turn] = message.origin;
     const [px, py] = camera.toScreen(ox, oy);
     context.save();
@@ -106,17 +118,17 @@ export class Drawing {
     const { context } = this;
     context.setLineDash(dash);
     context.strokeStyle = this.colours.halo;
-    context.lineWidth = width + 2.5;
+    context.lineWidth = (width + 2.5) * this.unit;
     context.stroke();
     context.strokeStyle = colour;
-    context.lineWidth = width;
+    context.lineWidth = width * this.unit;
     context.stroke();
     context.setLineDash([]);
   }
 
   label(text, px, py, colour = this.colours.ink) {
     const { context } = this;
-    context.font = "600 13px system-ui, sans-serif";
+    context.font = `600 ${13 * this.unit}px system-ui, sans-serif`;
     context.strokeStyle = this.colours.halo;
     context.lineWidth = 4;
     context.strokeText(text, px, py);
@@ -136,7 +148,7 @@ export class Drawing {
 
   _head([px, py], angle, colour, width) {
     const { context } = this;
-    const size = 6 + 2 * width;
+    const size = (6 + 2 * width) * this.unit;
     context.beginPath();
     for (const turn of [0, 2.5, -2.5]) context.lineTo(px + size * Math.cos(angle + turn), py + size * Math.sin(angle + turn));
     context.closePath();
@@ -155,7 +167,7 @@ export class Drawing {
     const [bx, by, mount] = scan.pose;
     const [px, py] = place(bx, by);
     const first = pose.heading + mount + scan.angle_min + camera.angle;
-    const size = scale > 150 ? 4 : 3;
+    const size = (scale > 150 ? 4 : 3) * this.unit;
     context.beginPath();
     scan.ranges.forEach((range, i) => {
       if (!Number.isFinite(range)) return;
@@ -204,6 +216,18 @@ export class Drawing {
     context.globalAlpha = 1;
   }
 
+  /** Where a robot may be that does not know where it is, with how likely each place is. */
+  _places(places) {
+    const { camera, context, colours } = this;
+    places.forEach(({ x, y, heading, weight }, i) => {
+      const at = camera.toScreen(x, y);
+      context.globalAlpha = Math.min(1, 0.4 + weight);
+      this._head(at, -camera.angle - heading, colours.track, 3);
+      context.globalAlpha = 1;
+      if (i < NAMED) this.label(`${Math.round(100 * weight)} %`, at[0] + 12, at[1] - 10, colours.track);
+    });
+  }
+
   _robot({ x, y, heading }, footprint, colour, name = "") {
     const { context, camera } = this;
     const [c, s] = [Math.cos(heading), Math.sin(heading)];
@@ -223,7 +247,10 @@ export class Drawing {
   }
 
   _members(members) {
-    for (const member of members) this._robot(member, member.footprint, this.colours.member, member.name);
+    for (const member of members) {
+      const since = member.age > OLD.pose ? `, ${seconds(member.age)} ago` : "";
+      this._robot(member, member.footprint, this.colours.member, member.name + since);
+    }
   }
 
   _tracks(tracks) {

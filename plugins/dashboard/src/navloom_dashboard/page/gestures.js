@@ -41,7 +41,7 @@ export function listen(canvas, camera, tool, changed) {
     down.set(event.pointerId, [x, y]);
     if (down.size === 2) {
       const now = pairOf();
-      camera.pan(now.x - pair.x, now.y - pair.y);
+      if (!camera.follows) camera.pan(now.x - pair.x, now.y - pair.y);
       camera.zoom(now.span / Math.max(pair.span, 1), now.x, now.y, pair.angle - now.angle);
       pair = now;
     } else if (works) {

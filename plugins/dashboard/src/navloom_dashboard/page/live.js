@@ -4,7 +4,7 @@ import { ENDED, continued, sessionEnded, socketAddress } from "./session.js";
 
 const RETRY = [300, 600, 1200, 2500];
 /** Age above which a kind counts as old, s. What is not listed is published on change, and may be as old as it likes. */
-export const OLD = { pose: 1.0, scan: 1.0, state: 1.0 };
+export const OLD = { pose: 1.0, scan: 1.0, state: 1.0, tracks: 1.0 };
 /** Longest silence of the server, s: longer than the second between two of its looks at the robot. */
 const SILENT = 3.0;
 /** Most events that are kept. */
@@ -70,8 +70,17 @@ export class Live extends EventTarget {
     } else {
       this.newest[kind] = message;
     }
-    if (kind === "pose" || kind === "robot") this.gone = null;
+    if (this.gone && (kind === "pose" || kind === "robot")) this._begin(message);
     this._tell(kind);
+  }
+
+  /** The robot is back, perhaps started anew: what it said before does not hold. */
+  _begin(message) {
+    this.gone = null;
+    this.newest = { [message.kind]: message };
+    this.scans.clear();
+    this.tracks.clear();
+    this._tell("back");
   }
 
   /** The events, the newest first. */
@@ -83,9 +92,10 @@ export class Live extends EventTarget {
     this.dispatchEvent(new CustomEvent("news", { detail: kind }));
   }
 
-  /** Age of the newest message of a kind, s; of the oldest scan; not finite without one. */
+  /** Age of the newest message of a kind, s; of the oldest scan or tracks; not finite without one. */
   age(kind, now = performance.now()) {
-    const messages = kind === "scan" ? [...this.scans.values()] : this.newest[kind] ? [this.newest[kind]] : [];
+    const several = { scan: this.scans, tracks: this.tracks }[kind];
+    const messages = several ? [...several.values()] : this.newest[kind] ? [this.newest[kind]] : [];
     if (!messages.length) return Number.NaN;
     return Math.max(...messages.map(({ age, received }) => (age ?? 0) + (now - received) / 1000));
   }

@@ -3,7 +3,7 @@
 import { Camera } from "./camera.js";
 import { Compare } from "./compare.js";
 import { acting, byId, degrees, element, fixed, refusal, refuseActs, say, seconds, withCode, write } from "./dom.js";
-import { Drawing, palette } from "./draw.js";
+import { Drawing, keyColours, palette } from "./draw.js";
 import { listen } from "./gestures.js";
 import { listenKeys } from "./keys.js";
 import { Live, OLD } from "./live.js";
@@ -57,23 +57,36 @@ const tabs = new Tabs((name) => {
 
 // --- the map -------------------------------------------------------------------------------------------------------
 
-const painter = new Worker("/page/map_worker.js");
-let mapMessage = null;
-painter.onmessage = ({ data }) => {
-  drawing.map?.bitmap.close();
-  drawing.map = { bitmap: data.bitmap, message: mapMessage };
-  changed();
-};
+const painters = Object.fromEntries(["map", "sweep"].map((kind) => {
+  const painter = new Worker("/page/map_worker.js");
+  painter.onmessage = ({ data: { bitmap, message } }) => {
+    if (message.robot !== robot) return bitmap.close(); // another one has been chosen meanwhile
+    forget(kind);
+    drawing.rasters[kind] = { bitmap, message };
+    changed();
+  };
+  return [kind, painter];
+}));
 
-function takeMap(message) {
-  mapMessage = message;
-  painter.postMessage({ bytes: message.bytes, width: message.width, height: message.height, version: message.version });
+function forgetRasters() {
+  Object.keys(painters).forEach(forget);
+  isFitted = false;
+}
+
+function forget(kind) {
+  drawing.rasters[kind]?.bitmap.close();
+  delete drawing.rasters[kind];
+}
+
+function takeRaster(message) {
+  painters[message.kind].postMessage({ ...message, robot });
   message.bytes = null;
   if (!isFitted) fit();
 }
 
 function fit() {
-  const { map, pose } = live?.newest ?? {};
+  const { sweep, pose, map = sweep } = live?.newest ?? {};
+  const covered = byId("notices").offsetHeight;
   if (map) {
     const [x, y, turn] = map.origin;
     const [w, h] = [map.width * map.resolution, map.height * map.resolution];
@@ -84,17 +97,19 @@ function fit() {
       xs.push(pose.x - 0.5, pose.x + 0.5);
       ys.push(pose.y - 0.5, pose.y + 0.5);
     }
-    camera.fit([Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]);
-  } else if (pose) camera.fit([pose.x - 4, pose.y - 4, pose.x + 4, pose.y + 4]);
-  isFitted = Boolean(map);
+    camera.fit([Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)], covered);
+  } else if (pose) camera.fit([pose.x - 4, pose.y - 4, pose.x + 4, pose.y + 4], covered);
+  isFitted = Boolean(live?.newest.map);
   showFollow();
   changed();
 }
 
 function paint() {
   drawing.colours = palette(isDark.matches);
-  const { free, occupied } = drawing.colours;
-  painter.postMessage({ colours: { free, occupied } });
+  const { free, occupied, low, high } = drawing.colours;
+  painters.map.postMessage({ colours: { free, occupied } });
+  painters.sweep.postMessage({ colours: { free: low, occupied: high } });
+  for (const [layer, colour] of Object.entries(keyColours(drawing.colours))) document.querySelector(`.key.${layer}`).style.background = colour;
   changed();
 }
 isDark.addEventListener("change", paint);
@@ -104,6 +119,7 @@ new ResizeObserver(() => {
   const ratio = devicePixelRatio || 1;
   Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
   Object.assign(camera, { width, height });
+  drawing.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
   changed();
 }).observe(canvas);
 listen(canvas, camera, tool, () => {
@@ -128,9 +144,9 @@ function show(name) {
   for (const part of [live, stop, teleop]) part?.close();
   robot = name;
   tool.close();
-  drawing.map?.bitmap.close();
-  drawing.map = null;
-  isFitted = camera.follows = false;
+  forgetRasters();
+  camera.follows = false;
+  notice("lost", "");
   live = new Live(name);
   stop = new Stop(name, refusal);
   teleop = new Teleop(name, () => live.newest.robot?.limits ?? { v: 0, w: 0 }, refusal);
@@ -144,13 +160,14 @@ function show(name) {
 
 function take(kind) {
   const { newest } = live;
-  if (kind === "map") takeMap(newest.map);
+  if (kind in painters) takeRaster(newest[kind]);
   if (kind === "commands") compare.take(newest.commands);
   if (kind === "event") events.show(live.events);
   if (kind === "state") showState(newest.state);
   if (kind === "pose") showPose(newest.pose);
   if (kind === "robot") teleop.show();
   if (kind === "gone") stop.take("robot is gone");
+  if (kind === "back") forgetRasters();
   if (kind === "pose" && !isFitted && !newest.map) fit();
   changed();
 }
@@ -248,7 +265,7 @@ function begin() {
   document.body.classList.toggle("views", session.right !== "operate");
   byId("robot").replaceChildren();
   listRobots();
-  if (!robot) say("No robot is up: start one with `navloom up`.", true);
+  if (!robot) notice("lost", "No robot is up → `navloom up` starts one.");
 }
 
 /** Adds robots that have come up to the choice, and shows the first one. */

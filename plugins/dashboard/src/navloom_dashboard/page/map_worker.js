@@ -1,7 +1,7 @@
-// Unpacks and colours the cells of a map outside the page's thread: one of 4000 x 4000 cells takes some 0.2 s.
+// Unpacks and colours the cells of a map or a sweep outside the page's thread: one of 4000 x 4000 cells takes some 0.2 s.
 
 let cells = null;
-let size = null;
+let about = null; // the message, without its bytes
 let colours = null;
 
 async function inflated(bytes) {
@@ -11,11 +11,11 @@ async function inflated(bytes) {
 
 async function paint() {
   if (!cells || !colours) return;
-  const image = new ImageData(size.width, size.height);
+  const image = new ImageData(about.width, about.height);
   const pixels = new Uint32Array(image.data.buffer);
   for (let i = 0; i < cells.length; i++) pixels[i] = colours[cells[i] & 255];
   const bitmap = await createImageBitmap(image);
-  postMessage({ bitmap, version: size.version }, [bitmap]);
+  postMessage({ bitmap, message: about }, [bitmap]);
 }
 
 /** Colour of each cell value: free, occupied and between them; unknown is clear, so that the ground shows. */
@@ -33,8 +33,9 @@ onmessage = ({ data }) => {
   work = work.then(async () => {
     if (data.colours) colours = palette(data.colours);
     if (data.bytes) {
-      cells = await inflated(data.bytes);
-      size = data;
+      const { bytes, ...others } = data;
+      cells = await inflated(bytes);
+      about = others;
     }
     await paint();
   });

@@ -103,7 +103,7 @@ export function layerButtons(panel, shown, changed) {
 
 /** Ages of what is shown, each with a mark if it is old. */
 export function showAges(live, old, now) {
-  const kinds = ["pose", "scan", "state", "trajectory", "map"];
+  const kinds = ["pose", "scan", "state", "tracks", "path", "trajectory", "map", "sweep"];
   const rows = kinds.map((kind) => [kind, live.age(kind, now)]).filter(([, age]) => Number.isFinite(age));
   const list = byId("ages");
   while (list.children.length > rows.length) list.lastChild.remove();

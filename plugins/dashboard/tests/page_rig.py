@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,13 +16,17 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect, sy
 
 __all__ = [
     "SIZES",
+    "Fingers",
     "chromium",
     "click",
     "close_panels",
+    "colour_at",
     "drag_on_map",
     "logged_in",
     "open_panel",
     "opened",
+    "placed",
+    "points_of",
     "violations",
 ]
 
@@ -117,6 +122,48 @@ def drag_on_map(page: Page, x: float, y: float, dx: float = 0.0, dy: float = 0.0
     page.mouse.down()
     page.mouse.move(x + dx, y + dy, steps=4)
     page.mouse.up()
+
+
+def points_of(page: Page) -> tuple[float, ...]:
+    """x and y, m, and heading, degrees if given, of the point that a tool has placed last."""
+    return tuple(float(number) for number in re.findall(r"-?\d+\.?\d*", page.locator("#draft-text").inner_text())[:3])
+
+
+def placed(page: Page, *drag: float) -> tuple[float, ...]:
+    """x and y, m, and heading, degrees, of a goal that is placed by pixels from the middle, and not sent."""
+    click(page, "Goal")
+    drag_on_map(page, *drag)
+    found = points_of(page)
+    click(page, "Goal")
+    return found
+
+
+def colour_at(page: Page, x: float, y: float) -> list[int]:
+    """Colour of the map in the next frame, at pixels from its middle."""
+    found: list[int] = page.evaluate(
+        """([x, y]) => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
+            const map = document.getElementById("map");
+            done([...map.getContext("2d").getImageData(map.width / 2 + x, map.height / 2 + y, 1, 1).data]);
+        })))""",
+        [x, y],
+    )
+    return found
+
+
+class Fingers:
+    """Two fingers on the map of a phone, at pixels from its middle."""
+
+    def __init__(self, page: Page) -> None:
+        self._session = page.context.new_cdp_session(page)
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        self._middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def at(self, event: str, *places: tuple[float, float]) -> None:
+        """Touch, move or lift."""
+        x, y = self._middle
+        points = [{"x": x + dx, "y": y + dy, "id": number} for number, (dx, dy) in enumerate(places)]
+        self._session.send("Input.dispatchTouchEvent", {"type": event, "touchPoints": points})
 
 
 def violations(page: Page, part: str | None = None) -> list[str]:

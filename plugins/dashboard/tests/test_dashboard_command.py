@@ -11,10 +11,12 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from dashboard_rig import Browser, frames
 from live_rig import EMPTY, up
@@ -121,6 +123,23 @@ def test_up_dashboard_serves_the_robot_and_ends_with_it(tmp_path: Path) -> None:
         robot.end()
         with pytest.raises(ConnectionError):
             browser.ask("/")
+
+
+def test_up_building_dashboard_shows_the_known_map_before_any_goal() -> None:
+    with up("building", "--dashboard", "--start-anew", "--set", "navigation.drive=false") as robot:
+        number = robot.wait_for("dashboard: operators: http://")
+        url, token = robot.said[number - 1].split()[-1].split("/#token=")
+        robot.wait_for("every node is there")
+        browser = Browser(int(url.rpartition(":")[2]))
+        assert browser.login(token).status == 200
+        while "lab/r1" not in browser.ask("/api/session").body["robots"]:
+            pass
+        with browser.socket("/ws/lab/r1") as page:
+            (found,) = frames(page, "map")
+            assert frames(page, "state")[0]["goal"] is None
+        cells = np.frombuffer(zlib.decompress(found["bytes"]), np.int8)
+        # A room of 8 m x 10 m with a wall and a door, all of it known.
+        assert set(np.unique(cells)) == {0, 100}
 
 
 def test_up_dashboard_and_barrier_contradict_each_other(in_process: Callable[..., tuple[int, str, str]]) -> None:

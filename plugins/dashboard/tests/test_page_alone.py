@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import struct
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 from dashboard_rig import served
 from navloom import MapUpdate, OccupancyGrid, Pose2D
 from navloom_dashboard.frames import map_frame
-from page_rig import SIZES, click, drag_on_map, open_panel, opened, violations
+from page_rig import SIZES, Fingers, click, colour_at, open_panel, opened, placed, violations
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 MARKUP = '<img src=x onerror="window.broken = 1"><script>window.broken = 1</script>'
@@ -166,18 +165,6 @@ GROUND, WALL = [195, 202, 210, 255], [23, 27, 33, 255]
 """Colours of what is unknown, and of what is occupied, in light colours."""
 
 
-def colour_at(page: Page, x: float, y: float) -> list[int]:
-    """Colour of the map in the next frame, at pixels from its middle."""
-    found: list[int] = page.evaluate(
-        """([x, y]) => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
-            const map = document.getElementById("map");
-            done([...map.getContext("2d").getImageData(map.width / 2 + x, map.height / 2 + y, 1, 1).data]);
-        })))""",
-        [x, y],
-    )
-    return found
-
-
 def occupied_map() -> bytes:
     """The message of a map of 20 m x 20 m without free space."""
     grid = OccupancyGrid(np.full((40, 40), 100, np.int8), 0.5, Pose2D(-10.0, -10.0, 0.0))
@@ -302,31 +289,6 @@ def test_driving_by_hand_ends_with_zero_when_the_dead_man_is_let_go(server: Serv
     page.wait_for_timeout(200)  # four periods in which nothing may be sent
     assert len(server.said) == count
     assert lost == "socket" or (server.said[-1]["v"], server.said[-1]["w"]) == (0, 0)
-
-
-class Fingers:
-    """Two fingers on the map of a phone, at pixels from its middle."""
-
-    def __init__(self, page: Page) -> None:
-        self._session = page.context.new_cdp_session(page)
-        box = page.locator("#map").bounding_box()
-        assert box is not None
-        self._middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-
-    def at(self, event: str, *places: tuple[float, float]) -> None:
-        """Touch, move or lift."""
-        x, y = self._middle
-        points = [{"x": x + dx, "y": y + dy, "id": number} for number, (dx, dy) in enumerate(places)]
-        self._session.send("Input.dispatchTouchEvent", {"type": event, "touchPoints": points})
-
-
-def placed(page: Page, *drag: float) -> list[float]:
-    """x and y, m, and heading, degrees, of a goal that is placed by pixels from the middle."""
-    click(page, "Goal")
-    drag_on_map(page, *drag)
-    found = re.findall(r"-?\d+\.?\d*", page.locator("#draft-text").inner_text())
-    click(page, "Goal")
-    return [float(number) for number in found]
 
 
 @pytest.mark.parametrize("is_followed", [False, True], ids=["free", "followed"])

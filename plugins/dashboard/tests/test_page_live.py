@@ -19,7 +19,7 @@ from navloom.messages import Path as PlannedPath
 from navloom.messages.codec import decode
 from navloom_live import Listening, Navigator
 from numpy.typing import NDArray
-from page_rig import ROBOT, WAIT, Driven, click, close_panels, drag_on_map, logged_in, open_panel, opened
+from page_rig import ROBOT, WAIT, Driven, click, close_panels, drag_on_map, logged_in, open_panel, opened, points_of
 from playwright.sync_api import Browser, Page, expect
 
 DEAD_MAN = 0.3
@@ -34,11 +34,6 @@ def status_of(driven: Driven, holds: Callable[[dict[str, Any]], Any]) -> dict[st
         if holds(status):
             return status
         assert time.monotonic() < limit, status
-
-
-def points_of(page: Page) -> tuple[float, ...]:
-    """x and y, m, and heading, degrees if given, of the point that a tool has placed last."""
-    return tuple(float(number) for number in re.findall(r"-?\d+\.?\d*", page.locator("#draft-text").inner_text())[:3])
 
 
 def place_goal(page: Page, *drag: float) -> tuple[float, ...]:

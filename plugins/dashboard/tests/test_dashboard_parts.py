@@ -120,11 +120,11 @@ def test_sonars_are_sent_beam_by_beam() -> None:
 
 def test_a_binary_frame_begins_with_the_length_of_its_header_which_has_the_age() -> None:
     grid = OccupancyGrid(np.array([[0, 100], [-1, 50]], np.int8), 0.5, Pose2D(1.0, 2.0, 0.0))
-    data = map_frame(MapUpdate(7, grid, np.empty((0, 4)), ()), 3).wire(1.25)
+    data = map_frame(MapUpdate(7, grid, np.empty((0, 4)), ()), 3).wire(1.25, 7.5)
     assert isinstance(data, bytes)
     size = int.from_bytes(data[:4], "little")
     header = json.loads(data[4 : 4 + size])
-    assert (header["width"], header["height"], header["version"], header["age"]) == (2, 2, 3, 1.25)
+    assert (header["width"], header["height"], header["version"], header["age"], header["sent"]) == (2, 2, 3, 1.25, 7.5)
 
 
 def sweep(ranges: list[list[float]]) -> Sweep:

@@ -208,12 +208,13 @@ def test_a_drive_is_recorded_and_downloaded(site: Served, page: ClientConnection
 
 def hold(wheel: ClientConnection, holds: Callable[[dict[str, Any]], bool], v: float = 0.3) -> dict[str, Any]:
     """Hold the stick as a page does, 20 times a second, until an answer fulfils a condition."""
-    limit, number = time.monotonic() + WAIT, 0
+    limit, number, heard = time.monotonic() + WAIT, 0, None
     while time.monotonic() < limit:
         number += 1
-        wheel.send(json.dumps({"v": v, "w": 0.0, "n": number}))
+        wheel.send(json.dumps({"v": v, "w": 0.0, "n": number, "heard": heard}))
         said = json.loads(wheel.recv(timeout=WAIT))
         assert "error" not in said, said
+        heard = said["at"]
         if holds(said):
             return said
         time.sleep(0.05)

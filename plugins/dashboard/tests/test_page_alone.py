@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,98 +12,8 @@ from dashboard_rig import served
 from navloom import MapUpdate, OccupancyGrid, Pose2D
 from navloom_dashboard.frames import map_frame
 from page_rig import SIZES, Fingers, click, colour_at, open_panel, opened, placed, violations
-from playwright.sync_api import Browser, Page, WebSocketRoute, expect
-
-MARKUP = '<img src=x onerror="window.broken = 1"><script>window.broken = 1</script>'
-ROBOT = "lab/r1"
-PARAMETERS = [
-    {"name": "k1", "value": 1.0, "default": 1.0, "min": 0.0, "max": 5.0, "type": "number", "unit": "1/s"},
-    {"name": "kind", "value": "a", "default": "a", "choices": ["a", "b"], "type": "string", "meaning": MARKUP},
-    {"name": "deep", "value": True, "default": None, "type": "boolean"},
-]  # fmt: skip
-EVENT = {
-    "kind": "event", "age": 0, "id": 1, "time": "2026-01-01T00:00:00Z", "level": "warning", "code": MARKUP,
-    "text": MARKUP, "remedy": f"`{MARKUP}`",
-}  # fmt: skip
-COMMANDS = {"kind": "commands", "age": 0, "roles": {"avoider": [
-    {"instance": MARKUP, "active": True, "v": 0.1, "w": 0.0}, {"instance": "b", "active": False, "v": 0, "w": 0},
-]}}  # fmt: skip
-LIMITS = {"v": 0.8, "w": 1.0}
-POSE = {"kind": "pose", "age": 0.0, "x": 0.0, "y": 0.0, "heading": 0.0, "cov": None, "state": "tracking", "reason": ""}
-
-
-def about(instance: str = "vfh") -> dict[str, Any]:
-    nodes = [{"instance": instance, "plugin": "vfh", "active": True, "enabled": True, "fault": ""}]
-    square = [[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]
-    return {
-        "kind": "robot",
-        "age": None,
-        "name": ROBOT,
-        "footprint": square,
-        "limits": LIMITS,
-        "roles": {"avoider": nodes},
-    }
-
-
-def state(**fields: Any) -> dict[str, Any]:
-    driving = {"driver": "avoider vfh drives", "stopped": False, "latched": False, "at_rest": False}
-    quiet = {"why": "", "remedy": "", "goal": None, "limit": None, "v": 0.0, "w": 0.0}
-    return {"kind": "state", "age": 0.0, **driving, **quiet, **fields}
-
-
-class Server:
-    """What the page's websockets are connected to.
-
-    Attributes:
-        page: The page.
-        live, stop, teleop: Its newest connection of each kind; None before the first.
-        said: What the page has sent over `stop` and `teleop`, in order.
-        acknowledges: Whether the server answers stops and heartbeats.
-    """
-
-    def __init__(self, page: Page) -> None:
-        self.page = page
-        self.live: WebSocketRoute | None = None
-        self.stop: WebSocketRoute | None = None
-        self.teleop: WebSocketRoute | None = None
-        self.said: list[dict[str, Any]] = []
-        self.acknowledges = True
-        page.route_web_socket("**/ws/**", self._open("live"))
-        page.route_web_socket("**/stop/**", self._open("stop"))
-        page.route_web_socket("**/teleop/**", self._open("teleop"))
-        answers = {
-            "session": {"right": "operate", "csrf": "", "robots": [ROBOT, f"lab/{MARKUP}"]},
-            "recordings": {"recordings": [{"name": "lab_r1_1.mcap", "bytes": 1e6}], "recording": False},
-            "doctor": {"healthy": False, "findings": [{"severity": "problem", "what": MARKUP, "remedy": MARKUP}]},
-            "params": {"nodes": [{"node": "avoider vfh", "params": PARAMETERS}]},
-        }
-        page.route("**/api/**", lambda route: route.fulfill(json=answers[route.request.url.rpartition("/")[2]]))
-
-    def _open(self, kind: str) -> Callable[[WebSocketRoute], None]:
-        def open_one(socket: WebSocketRoute) -> None:
-            setattr(self, kind, socket)
-            if kind == "stop":
-                socket.on_message(self._hear_stop)
-                socket.send(json.dumps({"heartbeat": True}))
-            elif kind == "teleop":
-                socket.on_message(lambda text: self.said.append(json.loads(text)))
-            else:
-                self.send(about(), POSE, state())
-
-        return open_one
-
-    def _hear_stop(self, text: str | bytes) -> None:
-        said = json.loads(text)
-        if "n" in said:
-            self.said.append(said)
-        if self.stop is not None and self.acknowledges:
-            self.stop.send(json.dumps({"n": said["n"], "sent": True} if "n" in said else {"heartbeat": True}))
-
-    def send(self, *messages: dict[str, Any]) -> None:
-        """Send what a robot says."""
-        assert self.live is not None
-        for message in messages:
-            self.live.send(json.dumps(message))
+from page_server import COMMANDS, EVENT, MARKUP, POSE, ROBOT, Server, about, state
+from playwright.sync_api import Browser, expect
 
 
 @pytest.fixture(scope="module")
@@ -146,6 +55,26 @@ def test_data_that_stops_coming_is_shown_as_old_within_its_limit(server: Server)
     expect(banner).to_be_hidden()
 
 
+def test_data_that_is_long_on_the_way_is_shown_as_old(browser: Browser, url: str) -> None:
+    with opened(browser, "desk") as page:
+        page.clock.install()
+        server = Server(page)
+        page.goto(url)
+        expect(page.locator("#stop-state")).to_have_text("ready")
+        for way, is_old in ((3.0, True), (0.0, False)):
+            server.asked.clear()
+            while not server.asked:
+                page.clock.fast_forward(1000)
+            asked = server.asked[0]["ping"]
+            page.clock.fast_forward(round(1000 * way))
+            now = page.evaluate("performance.now() / 1000")
+            # Half of the 3 s is the way from the server.
+            server.send({"kind": "pong", "ping": asked, "sent": now}, {**POSE, "sent": now}, state(sent=now))
+            expect(page.locator("#banner")).to_be_visible(visible=is_old)
+            if is_old:
+                expect(page.locator("#banner")).to_contain_text("OLD DATA: the pose")
+
+
 def test_a_robot_that_is_gone_is_shown_until_it_is_back(server: Server) -> None:
     server.send({"kind": "gone", "age": None, "why": "no node answers"})
     expect(server.page.locator("#banner")).to_contain_text("THE ROBOT IS GONE. This picture is old. no node answers")
@@ -168,7 +97,7 @@ GROUND, WALL = [195, 202, 210, 255], [23, 27, 33, 255]
 def occupied_map() -> bytes:
     """The message of a map of 20 m x 20 m without free space."""
     grid = OccupancyGrid(np.full((40, 40), 100, np.int8), 0.5, Pose2D(-10.0, -10.0, 0.0))
-    data = map_frame(MapUpdate(0, grid, np.empty((0, 4)), ()), 1).wire(0.0)
+    data = map_frame(MapUpdate(0, grid, np.empty((0, 4)), ()), 1).wire(0.0, 0.0)
     assert isinstance(data, bytes)
     return data
 

@@ -12,12 +12,14 @@ from navloom import NavloomError
 from navloom.plugins import Discovery, PluginError
 from navloom_live import Navigator
 
-__all__ = ["ACTS", "BadRequest", "json_object", "number", "parameters", "text"]
+__all__ = ["ACTS", "LONGEST", "BadRequest", "json_object", "number", "parameters", "text"]
 
 MOST_POINTS = 512
 """Most points of a goal."""
 FULL_SCALE = 1e6
 """Largest coordinate, m."""
+LONGEST = 1e12
+"""Largest time of a clock, s or ms."""
 
 Given = Mapping[str, Any]
 
@@ -37,13 +39,13 @@ def json_object(data: str | bytes) -> dict[str, Any]:
     return found
 
 
-def number(given: Given, name: str) -> float:
+def number(given: Given, name: str, largest: float = FULL_SCALE) -> float:
     """A finite number of a request. Raises BadRequest."""
     value = given.get(name)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise BadRequest(f"{name} is {_shown(value)}, expected a finite number")
-    if abs(value) > FULL_SCALE:
-        raise BadRequest(f"{name} is {value:g}, expected at most {FULL_SCALE:g}")
+    if abs(value) > largest:
+        raise BadRequest(f"{name} is {value:g}, expected at most {largest:g}")
     return float(value)
 
 

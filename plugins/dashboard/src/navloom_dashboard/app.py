@@ -17,7 +17,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from navloom_dashboard.acts import ACTS, BadRequest, json_object, parameters, text
+from navloom_dashboard.acts import ACTS, LONGEST, BadRequest, json_object, number, parameters, text
 from navloom_dashboard.outbox import text_frame
 from navloom_dashboard.recordings import Recordings
 from navloom_dashboard.robot_link import RobotLink
@@ -265,17 +265,19 @@ class Dashboard:
             return
 
         async def send() -> None:
-            with robot.outbox() as outbox:
-                while True:
-                    frame = await outbox.take()
-                    data = frame.wire(robot.age(frame))
-                    await (socket.send_text(data) if isinstance(data, str) else socket.send_bytes(data))
+            while True:
+                frame = await outbox.take()
+                data = frame.wire(robot.age(frame), loop.time())
+                await (socket.send_text(data) if isinstance(data, str) else socket.send_bytes(data))
 
         async def receive() -> None:
-            while True:  # the page sends nothing; this notices when it leaves
-                await text_of(socket)
+            while True:  # a page asks how long the way is, which it adds to the ages
+                asked = json_object(await text_of(socket))
+                outbox.put(text_frame("pong", {"ping": number(asked, "ping", LONGEST)}, None))
 
-        await _first_of(send(), receive(), self._until_ended(socket))
+        loop = asyncio.get_running_loop()
+        with robot.outbox() as outbox:
+            await _first_of(send(), receive(), self._until_ended(socket))
 
     async def _stop(self, socket: WebSocket) -> None:
         robot = await self._opened(socket, acts=True)

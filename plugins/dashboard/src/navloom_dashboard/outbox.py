@@ -12,7 +12,7 @@ __all__ = ["Frame", "Outbox", "binary_frame", "text_frame"]
 
 @dataclass(frozen=True)
 class Frame:
-    """A message for browsers, encoded once for all of them; only its age is added when it is sent.
+    """A message for browsers, encoded once for all of them; only its age and the time are added when it is sent.
 
     Attributes:
         slot: Its kind; a newer frame of the same slot replaces it.
@@ -26,9 +26,9 @@ class Frame:
     raw: bytes | None
     stamp_ns: int | None
 
-    def wire(self, age: float | None) -> str | bytes:
-        """What is sent, with the age, s."""
-        head = f'{self.head},"age":{"null" if age is None else f"{age:.3f}"}}}'
+    def wire(self, age: float | None, now: float) -> str | bytes:
+        """What is sent, with the age, s, and the server's time, s."""
+        head = f'{self.head},"age":{"null" if age is None else f"{age:.3f}"},"sent":{now:.3f}}}'
         if self.raw is None:
             return head
         encoded = head.encode()

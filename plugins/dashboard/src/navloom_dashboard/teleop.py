@@ -11,7 +11,7 @@ from navloom import NavloomError
 from navloom_live import Driver
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from navloom_dashboard.acts import BadRequest, json_object, number
+from navloom_dashboard.acts import LONGEST, BadRequest, json_object, number
 from navloom_dashboard.robot_link import RobotLink
 
 __all__ = ["DEAD_MAN", "drive", "text_of"]
@@ -20,6 +20,8 @@ DEAD_MAN = 0.2
 """Longest silence of a page, s, after which the robot is commanded to stand: four messages of a page at 20 Hz.
 
 With an interval here and a tick of the robot it is 0.3 s until the wheels are commanded to stand."""
+LINK = 0.5
+"""Longest time between what a page has heard and what it then asks, s: who sees the robot later may not drive it."""
 INTERVAL = 0.05
 """Interval of commands to the robot, s."""
 
@@ -39,7 +41,7 @@ async def drive(socket: WebSocket, robot: RobotLink) -> None:
     stops the robot until it is resumed, as with `navloom teleop`.
     """
     loop = asyncio.get_running_loop()
-    wish: dict[str, Any] = {"v": 0.0, "w": 0.0, "at": -math.inf, "n": None}
+    wish: dict[str, Any] = {"v": 0.0, "w": 0.0, "at": -math.inf, "heard": -math.inf, "n": None}
     begun, closed = asyncio.Event(), False
 
     async def receive() -> None:
@@ -51,6 +53,8 @@ async def drive(socket: WebSocket, robot: RobotLink) -> None:
                     closed = True
                     return
                 wish.update(v=number(said, "v"), w=number(said, "w"), n=said.get("n"), at=loop.time())
+                if said.get("heard") is not None:
+                    wish["heard"] = number(said, "heard", LONGEST)
                 begun.set()
         except WebSocketDisconnect as left:
             closed = left.code == 1000
@@ -80,10 +84,11 @@ async def _command(
     socket: WebSocket,
     loop: asyncio.AbstractEventLoop,
 ) -> None:
-    """Send the wish as long as the page is there; zero if the page is silent."""
-    answered = None
+    """Send the wish as long as the page is there; zero if the page is silent, or hears too late what the robot does."""
+    answered, begun = None, loop.time()
     while not listening.done():
-        is_held = loop.time() - wish["at"] <= DEAD_MAN
+        late = wish["at"] - max(wish["heard"], begun)
+        is_held = loop.time() - wish["at"] <= DEAD_MAN and wish["heard"] >= begun and late <= LINK
         v, w = (wish["v"], wish["w"]) if is_held else (0.0, 0.0)
         driver.send(v, math.degrees(w))
         if wish["n"] != answered or not is_held:
@@ -91,6 +96,7 @@ async def _command(
             granted, measured = driver.granted, driver.measured
             await socket.send_json({
                 "n": answered, "held": is_held, "limits": {"v": granted.vx, "w": granted.wz},
-                "measured": {"v": measured.vx, "w": measured.wz}, "limited_by": driver.limit,
+                "measured": {"v": measured.vx, "w": measured.wz}, "at": loop.time(),
+                "limited_by": f"the link is too slow to drive: {late:.1f} s" if late > LINK else driver.limit,
             })  # fmt: skip
         await asyncio.sleep(INTERVAL)

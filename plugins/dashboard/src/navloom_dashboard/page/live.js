@@ -7,6 +7,8 @@ const RETRY = [300, 600, 1200, 2500];
 export const OLD = { pose: 1.0, scan: 1.0, state: 1.0, tracks: 1.0 };
 /** Longest silence of the server, s: longer than the second between two of its looks at the robot. */
 const SILENT = 3.0;
+/** Time after which the fastest message and answer count no more, ms: clocks drift, and links change. */
+const WINDOW = 30000;
 /** Most events that are kept. */
 const EVENTS = 200;
 
@@ -25,6 +27,11 @@ export class Live extends EventTarget {
     this._connect();
   }
 
+  /** Asks for an answer, which tells how long the way to the server is. */
+  ping() {
+    if (this.isOpen) this._socket.send(JSON.stringify({ ping: performance.now() }));
+  }
+
   close() {
     this._closed = true;
     clearTimeout(this._retry);
@@ -35,6 +42,7 @@ export class Live extends EventTarget {
     const socket = new WebSocket(socketAddress("ws", this.robot));
     this._socket = socket;
     socket.binaryType = "arraybuffer";
+    this._link = new Link();
     socket.onopen = () => {
       this.isOpen = true;
       this._tries = 0;
@@ -55,9 +63,11 @@ export class Live extends EventTarget {
   }
 
   _take(message) {
-    message.received = performance.now();
-    this.heard = message.received;
     const { kind } = message;
+    this.heard = performance.now();
+    if (kind === "pong") return this._link.answered(message.ping, this.heard);
+    // As if it had arrived without the delay of the link, which the age of sending does not contain.
+    message.received = this.heard - this._link.delay(message.sent, this.heard);
     if (kind === "event") {
       this._events.set(message.id, message);
       if (this._events.size > EVENTS) this._events.delete(this._events.keys().next().value);
@@ -111,6 +121,31 @@ export class Live extends EventTarget {
       if (age > limit) return { text: `OLD DATA: the ${kind} shown is not the present one.`, age };
     }
     return null;
+  }
+}
+
+/** How late messages arrive, ms: half the shortest way there and back, and what one takes longer than the fastest. */
+class Link {
+  constructor() {
+    this._now = this._before = { least: Infinity, way: Infinity };
+    this._began = -Infinity;
+  }
+
+  /** Delay of a message that the server has sent at `sent`, s of a clock of its own. */
+  delay(sent, now) {
+    if (sent === undefined) return 0;
+    if (now - this._began > WINDOW) {
+      [this._before, this._now] = [this._now, { least: Infinity, way: Infinity }];
+      this._began = now;
+    }
+    const apart = now - 1000 * sent;
+    this._now.least = Math.min(this._now.least, apart);
+    const way = Math.min(this._now.way, this._before.way);
+    return apart - Math.min(this._now.least, this._before.least) + (Number.isFinite(way) ? way / 2 : 0);
+  }
+
+  answered(asked, now) {
+    this._now.way = Math.min(this._now.way, now - asked);
   }
 }
 

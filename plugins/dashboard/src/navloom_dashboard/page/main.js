@@ -215,6 +215,7 @@ function watch() {
   document.body.classList.toggle("old", Boolean(trouble));
 }
 setInterval(watch, 200);
+setInterval(() => live?.ping(), 1000);
 
 // --- acts ----------------------------------------------------------------------------------------------------------
 

@@ -120,6 +120,7 @@ export class Teleop {
     if (this._socket && this._socket.readyState <= WebSocket.OPEN) return;
     const socket = new WebSocket(socketAddress("teleop", this.robot));
     this._socket = socket;
+    this._answer = null;
     socket.onmessage = ({ data }) => {
       this._answer = JSON.parse(data);
       if (this._answer.error) {
@@ -150,7 +151,7 @@ export class Teleop {
   }
 
   _send() {
-    this._put({ ...this._asked(), n: ++this._number });
+    this._put({ ...this._asked(), n: ++this._number, heard: this._answer?.at });
     this.show();
   }
 

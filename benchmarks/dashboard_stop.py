@@ -1,11 +1,12 @@
 """How long a STOP from the dashboard's page takes to reach the wheels, and what its pages cost the robot.
 
-    python benchmarks/dashboard_stop.py [--stops 200] [--clients 9] [--quiet] [--json]
+    python benchmarks/dashboard_stop.py [--stops 200] [--clients 9] [--chromium] [--quiet] [--paired N] [--half 150]
 
 A STOP is timed from the websocket message to the first command of the gate that brakes, as this process receives it,
-while another robot is shown, the map has 4000 x 4000 cells, websocket clients read everything, and the server sends
-a download of 100 MB again and again; `--quiet` leaves the load out. `--paired N` measures the robot's late ticks
-instead, N times 30 s with the clients and without, in turns.
+while another robot is shown, the map has 4000 x 4000 cells, websocket clients read everything, `--chromium` shows the
+page, and the server sends a download of 100 MB again and again; `--quiet` leaves the load out. `--paired N` measures
+the robots' late ticks instead, N times with the clients and without, in turns, each for `--half` s: 150 s are 3000
+ticks of each robot.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import itertools
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,7 +25,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +70,6 @@ LIMIT = 30.0
 """Longest wait for the robot, s."""
 BRAKES = 0.005
 """Fall of the commanded speed that counts as braking, m/s."""
-PAIR = 30.0
-"""Duration of one half of a pair, s."""
 
 
 @contextmanager
@@ -141,9 +141,48 @@ def read_all(url: str, robots: list[str], clients: int) -> None:
     asyncio.run(every())
 
 
+def show(url: str) -> None:
+    """Show the page in Debian's Chromium, say so when it has the robot's pose, and end when stdin does."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), chromium_sandbox=os.getuid() != 0
+        )
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        page.goto(url)
+        page.locator("#ages li").first.wait_for()
+        print("shown", flush=True)
+        sys.stdin.read()
+        browser.close()
+
+
 @contextmanager
-def load(url: str, robots: list[str], clients: int, downloads: bool) -> Iterator[None]:
-    """Clients in a process of their own, and a thread that downloads."""
+def chromium(url: str) -> Iterator[None]:
+    """The page in a browser, which a process of its own drives."""
+    code = f"from dashboard_stop import show; show({url!r})"
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=Path(__file__).parent, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert child.stdin is not None and child.stdout is not None
+    try:
+        if child.stdout.readline() != b"shown\n":
+            raise SystemExit("Chromium does not show the page")
+        yield
+    finally:
+        child.stdin.close()
+        child.wait(30.0)
+
+
+@contextmanager
+def load(url: str, robots: list[str], given: argparse.Namespace, downloads: bool) -> Iterator[None]:
+    """Clients in a process of their own, Chromium, and a thread that downloads."""
+    with chromium(url) if given.chromium else nullcontext(), _load(url, robots, given.clients, downloads):
+        yield
+
+
+@contextmanager
+def _load(url: str, robots: list[str], clients: int, downloads: bool) -> Iterator[None]:
     code = f"from dashboard_stop import read_all; read_all({url!r}, {robots!r}, {clients})"
     child = subprocess.Popen([sys.executable, "-c", code], cwd=Path(__file__).parent)
     ends = threading.Event()
@@ -292,6 +331,8 @@ def main() -> None:
     parser.add_argument("--stops", type=int, default=200)
     parser.add_argument("--clients", type=int, default=9)
     parser.add_argument("--paired", type=int, default=0)
+    parser.add_argument("--half", type=float, default=150.0)
+    parser.add_argument("--chromium", action="store_true", help="with the page in Chromium too")
     parser.add_argument("--quiet", action="store_true", help="without load")
     given = parser.parse_args()
     with ExitStack() as stack:
@@ -312,13 +353,16 @@ def main() -> None:
         print("the robots are up", file=sys.stderr)
         robots = [f"lab/{name}" for name in names]
         robot = stack.enter_context(Navigator("lab/r1"))
-        found: dict[str, Any] = {"clients": given.clients if given.paired or not given.quiet else 0}
+        is_loaded = bool(given.paired) or not given.quiet
+        found: dict[str, Any] = {
+            "clients": given.clients if is_loaded else 0, "chromium": is_loaded and given.chromium
+        }  # fmt: skip
         if given.paired:
-            found |= paired(robot, url, robots, given)
+            found |= paired([stack.enter_context(Navigator(name)) for name in robots], url, robots, given)
         else:
             wheels = Wheels(robot)
             if not given.quiet:
-                stack.enter_context(load(url, robots, given.clients, downloads=True))
+                stack.enter_context(load(url, robots, given, downloads=True))
             before = late_ticks(robot)
             hiccups = Hiccups()
             took = asyncio.run(stops(Page(url), robot, wheels, given.stops))
@@ -331,20 +375,21 @@ def main() -> None:
         print(json.dumps(found))
 
 
-def paired(robot: Navigator, url: str, robots: list[str], given: argparse.Namespace) -> dict[str, Any]:
-    """Late ticks with the clients and without."""
-    rates: dict[str, list[float]] = {"with": [], "without": []}
-    for _ in range(given.paired):
-        for which in rates:
+def paired(there: list[Navigator], url: str, names: list[str], given: argparse.Namespace) -> dict[str, Any]:
+    """Late ticks and ticks of each robot with the clients and without, and late ones of 1000 that the clients cost."""
+    counts = {which: np.zeros((given.paired, len(there), 2), int) for which in ("with", "without")}
+    for turn in range(given.paired):
+        for which, found in counts.items():
             with ExitStack() as stack:
                 if which == "with":
-                    stack.enter_context(load(url, robots, given.clients, downloads=False))
-                before = late_ticks(robot)
-                time.sleep(PAIR)
-                after = late_ticks(robot)
-                rates[which].append((after[0] - before[0]) / (after[1] - before[1]))
-    apart = np.subtract(rates["with"], rates["without"])
-    return {**rates, "mean_difference": float(apart.mean())}
+                    stack.enter_context(load(url, names, given, downloads=False))
+                before = [late_ticks(robot) for robot in there]
+                time.sleep(given.half)
+                found[turn] = np.subtract([late_ticks(robot) for robot in there], before)
+                print(f"pair {turn} {which} clients: {found[turn].tolist()}", file=sys.stderr)
+    rates = {which: found[..., 0].sum() / found[..., 1].sum() for which, found in counts.items()}
+    more = 1000.0 * (rates["with"] - rates["without"])
+    return {**{which: found.tolist() for which, found in counts.items()}, "more_of_1000": round(float(more), 3)}
 
 
 if __name__ == "__main__":

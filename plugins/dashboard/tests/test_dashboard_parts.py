@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sys
 import zlib
 from dataclasses import replace
 from importlib.metadata import distribution
@@ -12,11 +13,12 @@ from pathlib import Path
 import navloom_dashboard
 import numpy as np
 import pytest
-from navloom import MapUpdate, Navigator, OccupancyGrid, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom import MapUpdate, Navigator, NavloomError, OccupancyGrid, Pose2D, PoseEstimate, RangeScan, Twist2D
 from navloom.messages import Hypotheses, PoseTrack, Sweep, Tracks
 from navloom_dashboard.app import Dashboard
 from navloom_dashboard.frames import hypotheses_frame, map_frame, scan_frame, sweep_frame
 from navloom_dashboard.outbox import Frame, Outbox, text_frame
+from navloom_dashboard.recordings import Recordings
 from navloom_dashboard.robot_link import RobotLink, Where
 from navloom_dashboard.robot_view import AGE_WINDOW, AgeClock, RobotView
 from navloom_dashboard.sessions import IDLE_LIMIT, LIFETIME, MOST_SESSIONS, WRONG_WINDOW, Sessions, TooManyLogins
@@ -207,6 +209,36 @@ def test_a_robot_that_was_gone_shows_its_map_again_though_it_is_the_same() -> No
         return found
 
     assert asyncio.run(maps()) == [True, True]
+
+
+RECORDER = """#!/bin/sh
+echo "navloom: recording lab/a to it" >&2
+head -c 200000 /dev/zero | tr "\\0" "\\n" >&2
+echo "navloom: no space left" >&2
+exit 1
+"""
+"""Says more than a pipe holds, and fails."""
+
+
+def test_a_recorder_that_says_much_is_not_held_and_its_failure_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "recorder").write_text(RECORDER)
+    (tmp_path / "recorder").chmod(0o700)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "recorder"))
+
+    async def record() -> tuple[str | None, str]:
+        recordings = Recordings(tmp_path)
+        await recordings.start("lab/a", Where("lab/a"))
+        async with asyncio.timeout(20.0):
+            while not recordings.failure("lab/a"):
+                await asyncio.sleep(0.01)
+        found = recordings.running("lab/a"), recordings.failure("lab/a")
+        with pytest.raises(NavloomError, match="ended by itself: no space left"):
+            await recordings.stop("lab/a")
+        return found
+
+    assert asyncio.run(record()) == (None, "no space left")
 
 
 def test_what_it_adds_to_an_installation_is_below_4_mb() -> None:

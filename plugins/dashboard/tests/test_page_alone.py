@@ -131,6 +131,14 @@ def test_a_robot_that_is_back_does_not_have_the_map_and_the_path_of_before(serve
     assert colour_at(server.page, 100, 100) == GROUND
 
 
+def test_a_recording_is_shown_on_every_page_and_why_it_has_ended_by_itself(server: Server) -> None:
+    server.send({"kind": "recording", "age": None, "file": "a.mcap", "why": ""})
+    expect(server.page.locator("#recording")).to_be_visible()
+    server.send({"kind": "recording", "age": None, "file": None, "why": MARKUP})
+    expect(server.page.locator("#recording")).to_be_hidden()
+    expect(server.page.locator("#said")).to_have_text(f"The recording has ended by itself: {MARKUP}")
+
+
 def test_a_command_that_is_old_is_not_drawn_as_if_it_were_new(server: Server) -> None:
     rows = [{"instance": name, "active": name == "a", "v": 0.5, "w": 0.0} for name in "ab"]
     page, shown = server.page, []

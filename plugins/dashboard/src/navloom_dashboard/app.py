@@ -114,7 +114,8 @@ class Dashboard:
                           if other != name and world == link.world and pose is not None]  # fmt: skip
                 if others or "members" in link.latest:
                     link.show(text_frame("members", {"members": others}, None))
-                link.show(text_frame("recording", {"file": self._recordings.running(name)}, None))
+                found = self._recordings
+                link.show(text_frame("recording", {"file": found.running(name), "why": found.failure(name)}, None))
             await asyncio.sleep(MEMBERS_INTERVAL)
 
     def _robot(self, connection: HTTPConnection) -> RobotLink:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sys
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,27 @@ class RecordError(NavloomError, RuntimeError):
     """A recording cannot be started or ended."""
 
 
+@dataclass
+class _Recorder:
+    """A recorder that was started, the file that it writes, and what it has said last."""
+
+    child: asyncio.subprocess.Process
+    path: Path
+    said: str = ""
+    listening: asyncio.Task[None] | None = None
+
+    async def listen(self) -> None:
+        """Read what it says until it ends: a full pipe would hold it."""
+        assert self.child.stderr is not None
+        async for line in self.child.stderr:
+            self.said = line.decode(errors="replace").removeprefix("navloom: ").strip() or self.said
+        await self.child.wait()
+
+    @property
+    def is_running(self) -> bool:
+        return self.child.returncode is None
+
+
 class Recordings:
     """Recordings of the robots of a dashboard.
 
@@ -33,7 +55,7 @@ class Recordings:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._running: dict[str, tuple[asyncio.subprocess.Process, Path]] = {}
+        self._recorders: dict[str, _Recorder] = {}
 
     async def start(self, robot: str, where: Where) -> str:
         """Start to record, and return the name of the file. Raises RecordError."""
@@ -59,26 +81,35 @@ class Recordings:
                 child.kill()
             await child.wait()
             raise RecordError(first or f"the recorder did not start within {START_WAIT:g} s")
-        self._running[robot] = child, path
+        recorder = self._recorders[robot] = _Recorder(child, path)
+        recorder.listening = asyncio.create_task(recorder.listen())
         return path.name
 
     async def stop(self, robot: str) -> str:
         """End the recording, and return the name of its file. Raises RecordError."""
-        if robot not in self._running:
+        recorder = self._recorders.pop(robot, None)
+        if recorder is None:
             raise RecordError(f"{robot} is not being recorded")
-        child, path = self._running.pop(robot)
-        await _end(child)
-        return path.name
+        if not recorder.is_running:
+            raise RecordError(f"the recording has ended by itself: {recorder.said}")
+        await _end(recorder)
+        return recorder.path.name
 
     async def close(self) -> None:
         """End every recording."""
-        for robot in list(self._running):
-            await self.stop(robot)
+        for robot in list(self._recorders):
+            with contextlib.suppress(RecordError):
+                await self.stop(robot)
 
     def running(self, robot: str) -> str | None:
         """Name of the file to which a robot is being recorded; None if it is not."""
-        child, path = self._running.get(robot, (None, Path()))
-        return path.name if child is not None and child.returncode is None else None
+        recorder = self._recorders.get(robot)
+        return recorder.path.name if recorder is not None and recorder.is_running else None
+
+    def failure(self, robot: str) -> str:
+        """Why the newest recording of a robot has ended by itself; empty if it has not."""
+        recorder = self._recorders.get(robot)
+        return "" if recorder is None or recorder.is_running else recorder.said or "its recorder was killed"
 
     def files(self, robot: str) -> list[dict[str, Any]]:
         """Recordings of a robot, the newest first."""
@@ -90,12 +121,13 @@ class Recordings:
         return next((self._folder / one["name"] for one in self.files(robot) if one["name"] == name), None)
 
 
-async def _end(child: asyncio.subprocess.Process) -> None:
+async def _end(recorder: _Recorder) -> None:
     with contextlib.suppress(ProcessLookupError):
-        child.terminate()
+        recorder.child.terminate()
+    assert recorder.listening is not None
     try:
         async with asyncio.timeout(END_WAIT):
-            await child.communicate()
+            await asyncio.shield(recorder.listening)
     except TimeoutError:
-        child.kill()
-        await child.wait()
+        recorder.child.kill()
+        await recorder.listening

@@ -147,6 +147,7 @@ function show(name) {
   forgetRasters();
   camera.follows = false;
   notice("lost", "");
+  byId("recording").hidden = true;
   live = new Live(name);
   stop = new Stop(name, refusal);
   teleop = new Teleop(name, () => live.newest.robot?.limits ?? { v: 0, w: 0 }, refusal);
@@ -163,6 +164,7 @@ function take(kind) {
   if (kind in painters) takeRaster(newest[kind]);
   if (kind === "commands") compare.take(newest.commands);
   if (kind === "event") events.show(live.events);
+  if (kind === "recording") record.take(newest.recording);
   if (kind === "state") showState(newest.state);
   if (kind === "pose") showPose(newest.pose);
   if (kind === "robot") teleop.show();

@@ -70,9 +70,22 @@ export class Record {
     await this.list();
   }
 
+  /** Takes what the server says: another page may have started or ended it, and its recorder may have failed. */
+  take({ file, why }) {
+    byId("recording").hidden = !file;
+    const isNew = why && why !== this.why;
+    this.why = why;
+    if (isNew) say(this._failure, true);
+    if (isNew || Boolean(file) !== this.isOn) this.list();
+  }
+
+  get _failure() {
+    return `The recording has ended by itself: ${this.why}`;
+  }
+
   _show() {
     this.button.textContent = this.isOn ? "Stop recording" : "Start recording";
-    this.state.textContent = this.isOn ? "Recording all streams of the robot." : "Not recording.";
+    this.state.textContent = this.isOn ? "Recording all streams of the robot." : this.why ? this._failure : "Not recording.";
   }
 
   async list() {

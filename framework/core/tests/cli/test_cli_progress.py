@@ -12,10 +12,11 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from navloom.cli import run as run_module
+from navloom.cli import run_observers
 from navloom.cli.output import LOG, paced, stage
 from navloom.kernel_cache import _count_compiled
 from navloom.messages import PoseEstimate
@@ -23,6 +24,8 @@ from navloom.navigation.dead_reckoning import OdometryLocalizer
 from navloom.roles import LocalizerInput
 
 Run = Callable[..., tuple[int, str, str]]
+MEMBERS = (("a", 0.0), ("b", 2.0))
+"""Names, and where they start along x, m."""
 
 
 @pytest.fixture
@@ -119,11 +122,31 @@ def test_a_plugin_that_keeps_up_is_not_named(in_process: Run) -> None:
     assert code == 1 and json.loads(said)["warnings"] == [] and "is slow" not in errors
 
 
+def impatient(monkeypatch: pytest.MonkeyPatch, patience: float) -> None:
+    """Report a run without a tick for this long, s."""
+    monkeypatch.setattr(
+        run_observers, "watched_for_stalls", partial(run_observers.watched_for_stalls, patience=patience)
+    )
+
+
+def test_a_fleet_that_makes_no_progress_reports_where_it_is(
+    in_process: Run, slowed: Callable[[float], None], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    fleet = "[run]\nstop_after = 0.1\n" + "".join(
+        f'[[member]]\nname = "{name}"\nconfig = "paper"\nstart = {{ x = {x}, y = 0.0 }}\n' for name, x in MEMBERS
+    )
+    (tmp_path / "fleet.toml").write_text(fleet)
+    slowed(1.0)
+    impatient(monkeypatch, 0.2)
+    _, _, errors = in_process("run", str(tmp_path / "fleet.toml"), "--json")
+    assert "no tick for 0.2 s: the run is at test_cli_progress.py:" in errors
+
+
 def test_a_run_of_slow_ticks_is_not_reported_as_hanging(
     in_process: Run, slowed: Callable[[float], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slowed(0.1)
-    monkeypatch.setattr(run_module, "watched_for_stalls", partial(run_module.watched_for_stalls, patience=1.0))
+    impatient(monkeypatch, 1.0)
     code, _, errors = in_process("run", "paper", "--set", "run.stop_after=0.75", "--json")
     assert code == 1 and "no tick for 1 s" not in errors  # 17 ticks in 1.7 s
 

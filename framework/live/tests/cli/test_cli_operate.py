@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from navloom.cli.main import app
-from navloom.cli.run import watched_for_stalls
+from navloom.cli.run_observers import watched_for_stalls
 from navloom.runs import episode
 from navloom_live.hosting.runtime_folders import DirectoryError
 from navloom_live.operating.host_faults import left_running
@@ -144,7 +144,7 @@ def test_a_run_that_compiles_is_not_reported_as_hanging_but_one_that_never_begin
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     said: list[str] = []
-    monkeypatch.setattr("navloom.cli.run.LOG.warning", said.append)
+    monkeypatch.setattr("navloom.cli.run_observers.LOG.warning", said.append)
     limit = time.monotonic() + 20.0
     with watched_for_stalls(lambda done, total: None, patience=0.05):
         while not said and time.monotonic() < limit:
@@ -154,7 +154,7 @@ def test_a_run_that_compiles_is_not_reported_as_hanging_but_one_that_never_begin
 
 def test_a_run_that_makes_no_progress_reports_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    monkeypatch.setattr("navloom.cli.run.LOG.warning", said.append)
+    monkeypatch.setattr("navloom.cli.run_observers.LOG.warning", said.append)
     limit = time.monotonic() + 20.0
     with watched_for_stalls(lambda done, total: None, patience=0.05) as tell:
         tell(0.0, 1.0)
@@ -167,7 +167,7 @@ def test_a_run_that_makes_no_progress_reports_where_it_is(monkeypatch: pytest.Mo
 
 def test_the_compilation_of_a_kernel_is_not_reported_as_hanging(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    monkeypatch.setattr("navloom.cli.run.LOG.warning", said.append)
+    monkeypatch.setattr("navloom.cli.run_observers.LOG.warning", said.append)
     compiler: dict[str, Any] = {"__name__": "numba.core.compiler", "time": time}
     exec("def compiled(said, limit):\n    while not said and time.monotonic() < limit: pass", compiler)
     with watched_for_stalls(lambda done, total: None, patience=0.05) as tell:

@@ -47,7 +47,7 @@ def run_members(
         as_json: Print one JSON object.
         processes: Number of processes that drive the members.
     """
-    from navloom.cli.run_observers import recorded, watched
+    from navloom.cli.run_observers import recorded, watched, watched_for_stalls
     from navloom.runs.fleet import load_fleet, run_fleet
     from navloom.runs.result_folder import OutFolder, ResultFolder
 
@@ -67,10 +67,10 @@ def run_members(
             for name, observer in zip(observers, watch.observers, strict=False):
                 observers[name].append(observer)
             say, progress = within.enter_context(stage(as_json))
-            with redirect_stdout(sys.stderr):  # plugins may print
+            with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
                 traces = {name: held.trace for name, held in own.items() if held.trace is not None}
                 fleet = run_fleet(
-                    members, traces=traces, say=say, progress=watch.between(progress), onlookers=onlookers,
+                    members, traces=traces, say=say, progress=tell, onlookers=onlookers,
                     observers=observers, processes=processes,
                 )  # fmt: skip
             if fleet.unheard:

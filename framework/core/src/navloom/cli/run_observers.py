@@ -1,19 +1,33 @@
-"""The observers of a run that `--record` and the viewer's options ask for."""
+"""The observers of a run that `--record` and the viewer's options ask for, and who sees that it stands still."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+import faulthandler
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from navloom.cli.output import log_of
+from navloom.cli.output import LOG, log_of
+from navloom.crash_watch import dump_file, is_watched
 from navloom.parts import part
 
 if TYPE_CHECKING:
     from navloom.config import Loaded
 
-__all__ = ["recorded", "watched"]
+__all__ = ["recorded", "watched", "watched_for_stalls"]
+
+STALLED = 10.0
+"""Longest time without a tick before the line that blocks the run is logged, s."""
+COMPILING = 12
+"""Factor by which the first tick may take longer, because kernels compile."""
+COMPILER = {"numba", "llvmlite"}
+BENEATH = sys.stdlib_module_names | COMPILER
+"""Modules whose lines are of no use to a user."""
 
 
 class _Unwatched:
@@ -55,3 +69,49 @@ def recorded(loaded: Loaded, path: Path | None) -> AbstractContextManager[Any]:
         loaded, path, log_of("recording").warning
     )
     return recording
+
+
+@contextmanager
+def watched_for_stalls(
+    progress: Callable[[float, float], None], patience: float = STALLED
+) -> Iterator[Callable[[float, float], None]]:
+    """A progress function. If it is not called for `patience`, s, the line of code that blocks the run is logged.
+
+    Before the first tick kernels may compile, so the limit is `COMPILING` times as long until then.
+    """
+    runs, moved, ended = threading.get_ident(), [time.monotonic()], threading.Event()
+    limits = [COMPILING * patience]
+
+    def tell(done: float, total: float) -> None:
+        moved[0], limits[0] = time.monotonic(), patience
+        if is_watched():  # while code holds the GIL, the thread below cannot run
+            faulthandler.dump_traceback_later(1.5 * patience, file=dump_file())
+        progress(done, total)
+
+    def look() -> None:
+        told = 0.0
+        while not ended.wait(0.1 * patience):
+            last, limit = moved[0], limits[0]
+            if last != told and time.monotonic() - last > limit:
+                told = last
+                faulthandler.cancel_dump_traceback_later()
+                LOG.warning(f"no tick for {limit:g} s: {_where(sys._current_frames()[runs])}; Ctrl-C ends it")
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield tell
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        ended.set()
+        thread.join()
+
+
+def _where(frame: FrameType) -> str:
+    """The line that a thread is at, in words, outside Python's own modules and the kernel compiler."""
+    compiles = False
+    while frame.f_back and (top := frame.f_globals["__name__"].partition(".")[0]) in BENEATH:
+        compiles |= top in COMPILER
+        frame = frame.f_back
+    place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
+    return f"a kernel is being compiled for {place}" if compiles else f"the run is at {place}"

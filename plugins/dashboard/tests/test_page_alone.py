@@ -278,6 +278,8 @@ def test_everything_fits_and_stop_is_in_sight_at_every_size(server: Server, size
     page.set_viewport_size(sizes[size])  # type: ignore[arg-type]
     for panel in ("Drive", "Compare", "Events"):
         open_panel(page, panel)
+        if panel == "Drive":
+            expect(page.locator("#stick")).to_be_in_viewport(ratio=1.0)
         expect(page.locator("#stop")).to_be_in_viewport(ratio=1.0)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         small = page.evaluate("""() => [...document.querySelectorAll("button, select, input")]

@@ -110,6 +110,16 @@ def test_a_robot_that_searches_for_itself_is_told_where_it_is(page: Page, driven
     expect(page.locator("#lost")).to_be_empty()
 
 
+def test_the_robot_forgets_what_it_has_mapped(page: Page, driven: Driven) -> None:
+    open_panel(page, "Layers")
+    with Navigator(ROBOT) as robot:
+        maps = robot.listen(["mapper/map"])
+        maps.take(WAIT)  # the map of before
+        click(page, "Clear the map")
+        expect(page.locator("#said")).to_have_text("The robot has forgotten what it has mapped.")
+        assert maps.take(WAIT)
+
+
 class Commands:
     """Commands of the gate as they arrive: time, s, and the twist."""
 

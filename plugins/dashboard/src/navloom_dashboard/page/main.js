@@ -227,6 +227,7 @@ const simple = (id, name, sent) => acting(byId(id), async () => {
 });
 simple("cancel", "cancel", "The goal is cancelled.");
 simple("relocalise", "relocalise", "The robot searches for itself on the whole map.");
+simple("clear", "clear", "The robot has forgotten what it has mapped.");
 simple("resume", "resume", "The robot may drive again.");
 // At the press, not at the release: a finger that slips off has meant it.
 byId("stop").addEventListener("pointerdown", (event) => event.button === 0 && stop?.press());
@@ -253,7 +254,7 @@ for (const [id, action] of Object.entries({
   "zoom-in": () => zoom(1.25), "zoom-out": () => zoom(0.8), "turn-left": () => zoom(1, Math.PI / 12), "turn-right": () => zoom(1, -Math.PI / 12),
   fit, follow, "open-help": () => byId("help").showModal(), "open-panel": () => tabs.toggle(), logout: () => logout().then(end),
 })) byId(id).addEventListener("click", action);
-layerButtons(byId("panel-layers"), drawing.shown, changed);
+layerButtons(byId("layers"), drawing.shown, changed);
 
 // --- the session ---------------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import ssl
@@ -55,6 +56,7 @@ def test_it_prints_an_address_for_each_right_waits_for_robots_and_ends_on_ctrl_c
         (["--bind", "0.0.0.0"], "anyone on the network could read the tokens; add --tls"),
         (["--bind", "203.0.113.9", "--insecure"], "203.0.113.9:8787: cannot be listened at"),
         (["--tls", "no/such.pem"], "no/such.pem"),
+        (["--certificates"], "--certificates: browsers show theirs over TLS only"),
         (["--connect", "tls/10.0.0.1:7447"], "--connect: name the robot"),
     ],
 )
@@ -79,6 +81,57 @@ def test_over_tls_it_shows_the_robots_certificate_and_marks_its_cookie_secure(tm
             assert "Secure" in answer.headers["set-cookie"]
         with pytest.raises(urllib.error.URLError, match="CERTIFICATE_VERIFY_FAILED"):
             urllib.request.urlopen(there, timeout=20.0)
+
+
+def keys_in(folder: Path) -> Path:
+    """A folder of certificates of a robot."""
+    subprocess.run([*NAVLOOM, "keys", "new", "keys", "--host", "localhost"], cwd=folder, check=True)
+    return folder / "keys"
+
+
+def login_with(url: str, authority: Path, certificate: Path | None) -> str | int:
+    """The right that a browser with this certificate gets, or the status of the refusal."""
+    context = ssl.create_default_context(cafile=str(authority))
+    if certificate is not None:
+        context.load_cert_chain(certificate, certificate.with_name(f"{certificate.stem}-key.pem"))
+    asked = urllib.request.Request(f"{url}/api/login", b'{"certificate": true}', {"Content-Type": "application/json"})
+    try:
+        with urllib.request.urlopen(asked, context=context, timeout=20.0) as answer:
+            return str(json.load(answer)["right"])
+    except urllib.error.HTTPError as refused:
+        return refused.code
+
+
+def test_certificates_of_the_robot_log_in_with_their_right_until_they_are_revoked(tmp_path: Path) -> None:
+    keys = keys_in(tmp_path)
+    shutil.copytree(keys, tmp_path / "kept")
+    with dashboard(tmp_path, "--tls", "keys/router.pem", "--certificates") as addresses:
+        url = addresses["viewer"].split("/#token=")[0].replace("127.0.0.1", "localhost")
+        got = {
+            name: login_with(url, keys / "ca.pem", keys / f"{name}.pem" if name else None)
+            for name in ("operator", "viewer", "router", "")
+        }
+        assert got == {"operator": "operate", "viewer": "view", "router": 401, "": 401}
+        subprocess.run([*NAVLOOM, "keys", "revoke", "keys", "operator"], cwd=tmp_path, check=True)
+        assert login_with(url, keys / "ca.pem", keys / "viewer.pem") == "view"
+        assert login_with(url, keys / "ca.pem", tmp_path / "kept" / "operator.pem") == 401
+
+
+def test_a_certificate_of_another_authority_does_not_connect(tmp_path: Path) -> None:
+    keys = keys_in(tmp_path)
+    (tmp_path / "other").mkdir()
+    foreign = keys_in(tmp_path / "other")
+    with dashboard(tmp_path, "--tls", "keys/router.pem", "--certificates") as addresses:
+        url = addresses["viewer"].split("/#token=")[0].replace("127.0.0.1", "localhost")
+        with pytest.raises((urllib.error.URLError, ssl.SSLError, ConnectionError)):
+            login_with(url, keys / "ca.pem", foreign / "operator.pem")
+
+
+def test_without_the_option_no_certificate_logs_in(tmp_path: Path) -> None:
+    keys = keys_in(tmp_path)
+    with dashboard(tmp_path, "--tls", "keys/router.pem") as addresses:
+        url = addresses["viewer"].split("/#token=")[0].replace("127.0.0.1", "localhost")
+        assert login_with(url, keys / "ca.pem", keys / "operator.pem") == 401
 
 
 @pytest.mark.parametrize(("certificate", "right", "status"), [("viewer.pem", "view", 409), ("", "operate", 200)])

@@ -42,6 +42,14 @@ def test_a_session_ends_when_it_is_idle_and_at_the_latest_after_its_lifetime() -
     assert sessions.find(secret, LIFETIME + 1.0) is None
 
 
+def test_a_session_ends_when_its_certificate_is_revoked() -> None:
+    sessions, is_good = Sessions(), [True]
+    secret, _ = sessions.begin("operate", 0.0, lambda: is_good[0])
+    assert sessions.find(secret, 1.0) is not None
+    is_good[0] = False
+    assert sessions.find(secret, 2.0) is None
+
+
 def test_the_longest_idle_session_makes_room_for_one_more() -> None:
     sessions = Sessions()
     secrets = [opened(sessions, float(number)) for number in range(MOST_SESSIONS)]

@@ -21,7 +21,7 @@ from navloom_dashboard.acts import ACTS, LONGEST, BadRequest, json_object, numbe
 from navloom_dashboard.outbox import text_frame
 from navloom_dashboard.recordings import Recordings
 from navloom_dashboard.robot_link import RobotLink
-from navloom_dashboard.sessions import Session, Sessions, TooManyLogins
+from navloom_dashboard.sessions import Right, Session, Sessions, TooManyLogins
 from navloom_dashboard.teleop import drive, text_of
 
 __all__ = ["Dashboard"]
@@ -37,6 +37,8 @@ MEMBERS_INTERVAL = 0.2
 """Interval of the poses of other robots, s."""
 HEARTBEAT = 1.0
 """Interval of heartbeats of the STOP connection, s."""
+RIGHTS: dict[str, Right] = {"operator": "operate", "viewer": "view"}
+"""Right of each kind of certificate that may log in."""
 ENDED = 4401
 """Code with which a websocket is closed when its session has ended: the page shows the login."""
 
@@ -49,9 +51,18 @@ class Dashboard:
         recordings: Where recordings go.
         cookie: Name of the session's cookie; one of each port, because browsers share cookies between ports.
         is_secure: It is served over TLS.
+        kind_of: Kind of the identity whose certificate a request came with, by its scope; empty without one.
     """
 
-    def __init__(self, find: Callable[[], Mapping[str, Any]], recordings: Path, cookie: str, is_secure: bool) -> None:
+    def __init__(
+        self,
+        find: Callable[[], Mapping[str, Any]],
+        recordings: Path,
+        cookie: str,
+        is_secure: bool,
+        kind_of: Callable[[Mapping[str, Any]], str] = lambda scope: "",
+    ) -> None:
+        self._kind_of = kind_of
         self.sessions = Sessions()
         self.robots: dict[str, RobotLink] = {}
         self._find, self._cookie, self._is_secure = find, cookie, is_secure
@@ -158,12 +169,20 @@ class Dashboard:
         return session
 
     async def _login(self, request: Request) -> Response:
-        given = await _json(request)
-        address = request.client.host if request.client else ""
-        try:
-            opened = self.sessions.login(text(given, "token"), address, asyncio.get_running_loop().time())
-        except TooManyLogins:
-            raise HTTPException(429, "too many wrong tokens: try again in a minute") from None
+        given, now = await _json(request), asyncio.get_running_loop().time()
+        if given.get("certificate"):
+            scope = request.scope
+            right = RIGHTS.get(self._kind_of(scope))
+            if right is None:
+                raise HTTPException(401, "the browser has no certificate of an operator or viewer of this robot")
+            opened: tuple[str, Session] | None = self.sessions.begin(
+                right, now, lambda: RIGHTS.get(self._kind_of(scope)) == right
+            )
+        else:
+            try:
+                opened = self.sessions.login(text(given, "token"), request.client.host if request.client else "", now)
+            except TooManyLogins:
+                raise HTTPException(429, "too many wrong tokens: try again in a minute") from None
         if opened is None:
             raise HTTPException(401, "wrong token: `navloom dashboard` prints the right one at its start")
         secret, session = opened

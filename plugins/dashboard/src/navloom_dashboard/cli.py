@@ -30,6 +30,9 @@ def dashboard(
         Path | None,
         typer.Option(metavar="CERT.pem", help="Serve over TLS with this certificate of the robot, as keys/router.pem."),
     ] = None,
+    certificates: Annotated[
+        bool, typer.Option("--certificates", help="Browsers may log in with a certificate of the robot; with --tls.")
+    ] = False,
     recordings: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of recordings that are made from the page.")
     ] = Path("recordings"),
@@ -58,6 +61,8 @@ def dashboard(
             f"--bind {bind}: anyone on the network could read the tokens; add --tls keys/router.pem, or, in a closed "
             "test network, --insecure"
         )
+    if certificates and tls is None:
+        raise ConfigError("--certificates: browsers show theirs over TLS only; add --tls keys/router.pem")
     if connect is not None and len(robots or ()) != 1:
         raise ConfigError("--connect: name the robot, as `navloom dashboard lab/r1 --connect tls/10.0.0.1:7447`")
 
@@ -66,8 +71,8 @@ def dashboard(
             return {robots[0]: Where(robots[0], connect, keys, insecure)}  # type: ignore[index]
         return {one: Where(one, None, keys, insecure) for one in _up(robots or [])}
 
-    server = WebServer((bind, port), tls, websockets=True)
-    made = Dashboard(find, recordings, f"navloom-{server.port}", tls is not None)
+    server = WebServer((bind, port), tls, websockets=True, certificates=certificates)
+    made = Dashboard(find, recordings, f"navloom-{server.port}", tls is not None, server.kind_of)
     names = {*(name or ()), *server.names}
     url = f"{server.url}/#token="
     say_so(f"operators: {url}{made.sessions.tokens['operate']}")

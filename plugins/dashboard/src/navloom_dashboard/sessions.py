@@ -5,6 +5,7 @@ from __future__ import annotations
 import hmac
 import secrets
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -41,12 +42,14 @@ class Session:
         right: What it may do.
         csrf: What its requests that change something must carry, which other sites cannot know.
         began, used: Times of login and last use, s.
+        holds: Whether what it was opened with is still good; a certificate may be revoked.
     """
 
     right: Right
     csrf: str
     began: float
     used: float
+    holds: Callable[[], bool] = lambda: True
     _left: float = ACTS_AT_ONCE
     _acted: float = 0.0
 
@@ -94,17 +97,24 @@ class Sessions:
                 del self._wrong[next(iter(self._wrong))]
             return None
         self._wrong.pop(address, None)
+        return self.begin(rights[0], now)
+
+    def begin(self, right: Right, now: float, holds: Callable[[], bool] = lambda: True) -> tuple[str, Session]:
+        """Open a session with a right, as long as that holds; the secret of its cookie, and the session."""
         self._end_old(now)
         if len(self._open) >= MOST_SESSIONS:
             del self._open[min(self._open, key=lambda secret: self._open[secret].used)]
         secret = secrets.token_urlsafe(24)
-        session = self._open[secret] = Session(rights[0], secrets.token_urlsafe(18), now, now)
+        session = self._open[secret] = Session(right, secrets.token_urlsafe(18), now, now, holds)
         return secret, session
 
     def find(self, secret: str, now: float) -> Session | None:
         """The session of a cookie, which counts as used; None if there is none, or it has ended."""
         self._end_old(now)
         session = self._open.get(secret)
+        if session is not None and not session.holds():
+            del self._open[secret]
+            return None
         if session is not None:
             session.used = now
         return session

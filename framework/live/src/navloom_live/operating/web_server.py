@@ -14,7 +14,7 @@ import logging
 import socket
 import ssl
 import threading
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,8 @@ WAITING = 32_768
 """Most bytes that wait for a slow client before its sender has to wait, in this process and in the kernel each."""
 END_WAIT = 2.0
 """Longest orderly end of connections, s."""
+OWNER = "navloom.certificate"
+"""Key of a request's scope with the common name of its browser's certificate."""
 HEADERS = [
     (b"content-security-policy", b"default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
                                  b"frame-ancestors 'none'"),
@@ -150,6 +152,8 @@ class _Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        if certificate := transport.get_extra_info("peercert"):
+            self.app = _named(self.app, dict(part[0] for part in certificate["subject"])["commonName"])
         transport.set_write_buffer_limits(high=WAITING)
         with contextlib.suppress(OSError, AttributeError):
             # Old frames must not wait in the kernel for a slow client: what is not sent yet can still be replaced.
@@ -190,6 +194,15 @@ class _Connection(H11Protocol):
         self.transport.abort()
 
 
+def _named(app: Any, name: str) -> Application:
+    """The application, with the common name of the browser's certificate in its scope."""
+
+    async def named(scope: Scope, receive: Receive, send: Send) -> None:
+        await app({**scope, OWNER: name}, receive, send)
+
+    return named
+
+
 def _abrupt_websockets() -> type[asyncio.Protocol]:
     """uvicorn's websockets, but one that does not answer pings is cut off: an orderly end would wait until it reads."""
     from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -209,12 +222,16 @@ class WebServer:
         address: Host and port to listen at; port 0 takes a free one.
         tls: Certificate file NAME.pem of a kind that accepts connections; NAME-key.pem is beside it. None for HTTP.
         websockets: The application takes websockets; the package `websockets` is needed then.
+        certificates: Ask browsers for a certificate of the same authority, `ca.pem` beside `tls`; they need not have
+            one. `kind_of` tells whose it is.
 
     Raises:
         BindError: The address is taken, does not belong to this host, or the certificate cannot be used.
     """
 
-    def __init__(self, address: tuple[str, int], tls: Path | None = None, websockets: bool = False) -> None:
+    def __init__(
+        self, address: tuple[str, int], tls: Path | None = None, websockets: bool = False, certificates: bool = False
+    ) -> None:
         self._tls = tls
         protocol = type("Connection", (_Connection,), {"waiting": {}})
         self._settings: dict[str, Any] = {
@@ -234,11 +251,11 @@ class WebServer:
             "h11_max_incomplete_event_size": HEAD_SIZE,
             "timeout_keep_alive": round(HEAD_WAIT),
             "timeout_graceful_shutdown": round(END_WAIT),
-            "ssl_context_factory": None if tls is None else lambda *_: _context(tls),
+            "ssl_context_factory": None if tls is None else lambda *_: _context(tls, certificates),
         }
         try:
             if tls is not None:
-                _context(tls)
+                _context(tls, certificates)
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", "") or error
             raise BindError(f"certificate {tls}: {why}; expected NAME.pem with NAME-key.pem beside it") from None
@@ -269,6 +286,13 @@ class WebServer:
         from navloom_live.transport.certificates import hosts_of
 
         return tuple(f"[{name}]" if ":" in name else name for name in hosts_of(self._tls))
+
+    def kind_of(self, scope: Mapping[str, Any]) -> str:
+        """Kind of the identity whose certificate a request came with; empty without one that is admitted now."""
+        from navloom_live.transport.access import kind_of
+
+        name = scope.get(OWNER)
+        return "" if name is None or self._tls is None else kind_of(self._tls.parent, name)
 
     @property
     def connections(self) -> int:
@@ -312,10 +336,13 @@ def _listening(address: tuple[str, int]) -> socket.socket:
     return socket.create_server(where[:2], family=family, backlog=BACKLOG)
 
 
-def _context(certificate: Path) -> ssl.SSLContext:
+def _context(certificate: Path, asks: bool) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.load_cert_chain(certificate, certificate.with_name(f"{certificate.stem}-key.pem"))
+    if asks:
+        context.load_verify_locations(certificate.with_name("ca.pem"))
+        context.verify_mode = ssl.CERT_OPTIONAL
     return context
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from navloom.inputs.texts import INSTANCE, json_of
 from navloom_live.transport.keyspace import ALIVE
 
 __all__ = ["ACTING", "HERE", "IDENTITIES", "KINDS", "MOVED", "READABLE", "AccessError", "Identity", "common_name",
-           "limits", "read_identities", "rules"]  # fmt: skip
+           "kind_of", "limits", "read_identities", "rules"]  # fmt: skip
 
 IDENTITIES = "identities.json"
 """File, beside the certificates, with the identities that a listener admits; all others are refused."""
@@ -156,6 +157,16 @@ def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...
     for identity in found:
         _check(path, identity)
     return found
+
+
+def kind_of(folder: Path, name: str) -> str:
+    """Kind of the identity that a folder of certificates lists with a common name; empty if it admits none."""
+    realm, _, robot = name.rpartition("@")[2].partition("/")
+    with contextlib.suppress(AccessError):
+        for one in read_identities(folder, realm, robot):
+            if common_name(one, realm, robot) == name:
+                return one.kind
+    return ""
 
 
 def _check(path: Path, identity: Identity) -> None:

@@ -11,6 +11,7 @@ export class Camera {
     this.scale = 60; // pixels per m
     this.angle = 0; // rad, by which the map is turned to the left
     this.follows = false;
+    this.isFit = false; // shows what was asked with `fit`, and nobody has moved it since
     this.width = 1;
     this.height = 1;
   }
@@ -35,13 +36,14 @@ export class Camera {
   /** Moves the map by pixels. */
   pan(dx, dy) {
     const [x, y] = this.toMap(this.width / 2 - dx, this.height / 2 - dy);
-    Object.assign(this, { x, y, follows: false });
+    Object.assign(this, { x, y, follows: false, isFit: false });
   }
 
   /** Zooms and turns about a point of the screen, which stays where it is; about the centre while it follows. */
   zoom(factor, px = this.width / 2, py = this.height / 2, turn = 0) {
     if (this.follows) [px, py] = [this.width / 2, this.height / 2];
     const [x, y] = this.toMap(px, py);
+    this.isFit = false;
     this.scale = Math.min(SCALES[1], Math.max(SCALES[0], this.scale * factor));
     this.angle = wrapped(this.angle + turn);
     const [nx, ny] = this.toMap(px, py);
@@ -54,13 +56,14 @@ export class Camera {
     const margin = 1.08;
     const scale = Math.min(this.width / ((x1 - x0) * margin), (this.height - covered) / ((y1 - y0) * margin));
     this.scale = Math.min(SCALES[1], Math.max(SCALES[0], scale));
-    Object.assign(this, { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + covered / 2 / this.scale, angle: 0, follows: false });
+    Object.assign(this, { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + covered / 2 / this.scale, angle: 0, follows: false, isFit: true });
   }
 
   /** Brings a followed robot nearer to the centre; whether it is not there yet. */
   chase(pose, isCalm) {
     const [dx, dy] = [pose.x - this.x, pose.y - this.y];
     const share = isCalm || Math.hypot(dx, dy) * this.scale < 1 ? 1 : EASE;
+    this.isFit = false;
     this.x += share * dx;
     this.y += share * dy;
     return share < 1;

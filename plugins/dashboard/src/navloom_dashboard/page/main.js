@@ -10,7 +10,7 @@ import { Live, OLD } from "./live.js";
 import { Tabs } from "./tabs.js";
 import { showParams } from "./params.js";
 import { Events, Record, layerButtons, showAges } from "./reports.js";
-import { act, continued, login, logout, session, tokenOfAddress } from "./session.js";
+import { act, continued, found, login, logout, session, tokenOfAddress } from "./session.js";
 import { STOPPED, Stop } from "./stop.js";
 import { Teleop } from "./teleop.js";
 import { Tool } from "./tools.js";
@@ -86,6 +86,7 @@ function takeRaster(message) {
 
 function fit() {
   const { sweep, pose, map = sweep } = live?.newest ?? {};
+  watch(); // what is no more so covers nothing
   const covered = byId("notices").offsetHeight;
   if (map) {
     const [x, y, turn] = map.origin;
@@ -119,6 +120,7 @@ new ResizeObserver(() => {
   const ratio = devicePixelRatio || 1;
   Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
   Object.assign(camera, { width, height });
+  if (camera.isFit && !tool.isOn) fit();
   drawing.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
   changed();
 }).observe(canvas);
@@ -307,7 +309,7 @@ async function start() {
   paint();
   const token = tokenOfAddress();
   try {
-    await (token ? login(token) : continued());
+    await (token ? login(token) : found());
     begin();
   } catch (error) {
     end(token ? error.message : "");

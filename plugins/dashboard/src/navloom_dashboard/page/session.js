@@ -44,6 +44,18 @@ export async function login(token) {
   await continued();
 }
 
+/** Logs in with the certificate of the browser; raises if it has none that the robot admits. */
+async function loginByCertificate() {
+  Object.assign(session, await post("/api/login", { certificate: true }));
+  await continued();
+}
+
+/** The session of the cookie, or of the browser's certificate; raises if there is none. */
+export async function found() {
+  if (location.protocol === "https:") await continued().catch(loginByCertificate);
+  else await continued();
+}
+
 /** Continues the session of the cookie; raises if there is none. */
 export async function continued() {
   Object.assign(session, await request("/api/session"));

@@ -200,7 +200,7 @@ def test_tracks_of_a_shadow_are_not_shown() -> None:
     none, two = np.empty((0, 2)), RobotView({"tracker": "a"}, 1.0)
     tracks = Tracks(0, np.empty(0, np.int64), none, none, np.empty((0, 4, 4)), np.empty(0), np.empty(0))
     sent = [[frame.slot for frame in two.take([Told("tracker", name, "tracks", tracks, 0)])] for name in ("a", "b")]
-    assert sent == [["tracks tracker"], []]
+    assert sent == [["tracks tracker tracks"], []]
 
 
 def test_a_robot_that_was_gone_shows_its_map_again_though_it_is_the_same() -> None:

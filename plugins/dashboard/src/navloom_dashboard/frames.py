@@ -85,9 +85,13 @@ def tracks_frame(tracks: Tracks, source: str) -> Frame:
         _rounded(tracks.positions),
         _rounded(tracks.velocities),
         _rounded(tracks.radii),
+        _rounded(tracks.unseen),
         strict=True,
     )
-    found = [{"id": i, "x": x, "y": y, "vx": vx, "vy": vy, "radius": r} for i, (x, y), (vx, vy), r in rows]
+    found = [
+        {"id": i, "x": x, "y": y, "vx": vx, "vy": vy, "radius": radius, "unseen": unseen}
+        for i, (x, y), (vx, vy), radius, unseen in rows
+    ]
     return text_frame("tracks", {"tracks": found, "source": source}, tracks.stamp_ns, f"tracks {source}")
 
 

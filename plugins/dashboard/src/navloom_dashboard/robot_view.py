@@ -119,7 +119,7 @@ class RobotView:
         elif isinstance(message, Sweep):
             yield from self._sweep(message)
         elif isinstance(message, Tracks) and is_active:
-            yield frames.tracks_frame(message, role)
+            yield frames.tracks_frame(message, f"{role} {told.port}")
         elif isinstance(message, Hypotheses) and is_active:
             yield frames.hypotheses_frame(message)
         elif isinstance(message, PoseEstimate) and is_active:

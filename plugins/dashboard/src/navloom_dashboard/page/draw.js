@@ -8,6 +8,8 @@ const OKABE_ITO = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4
 export const SHADOWS = ["#CC79A7", "#E69F00", "#009E73", "#D55E00"];
 /** Time that an arrow of a command looks ahead, s. */
 const AHEAD = 3;
+/** Time since its last echo from which a body is drawn faintly, s. */
+const UNSEEN = 0.3;
 /** Number of places, the likeliest ones, that have their share beside them. */
 const NAMED = 5;
 /** Semi-axis, in standard deviations, of the ellipse that holds the robot with 95 %. */
@@ -255,14 +257,16 @@ export class Drawing {
 
   _tracks(tracks) {
     const { context, camera, colours } = this;
-    for (const { id, x, y, vx, vy, radius } of tracks) {
+    for (const { id, x, y, vx, vy, radius, unseen } of tracks) {
       const at = camera.toScreen(x, y);
+      context.globalAlpha = unseen > UNSEEN ? 0.4 : 1;
       context.beginPath();
       context.arc(...at, Math.max(5, (radius || 0.25) * camera.scale), 0, 7);
       this.stroke(colours.track, 2.5);
       if (Math.hypot(vx, vy) > 0.05) this.arrow(at, camera.toScreen(x + vx, y + vy), colours.track, 2.5);
       this.label(`${id}`, at[0] + 9, at[1] - 9, colours.track);
     }
+    context.globalAlpha = 1;
   }
 
   _limit(pose, { place_in_base: [u, v], text }) {

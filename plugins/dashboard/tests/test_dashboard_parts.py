@@ -13,7 +13,17 @@ from pathlib import Path
 import navloom_dashboard
 import numpy as np
 import pytest
-from navloom import MapUpdate, Navigator, NavloomError, OccupancyGrid, Pose2D, PoseEstimate, RangeScan, Twist2D
+from navloom import (
+    MapUpdate,
+    Navigator,
+    NavloomError,
+    OccupancyGrid,
+    Pose2D,
+    PoseEstimate,
+    RangeScan,
+    Selection,
+    Twist2D,
+)
 from navloom.messages import Hypotheses, PoseTrack, Sweep, Tracks
 from navloom_dashboard.app import Dashboard
 from navloom_dashboard.frames import hypotheses_frame, map_frame, scan_frame, sweep_frame
@@ -247,6 +257,32 @@ def test_a_recorder_that_says_much_is_not_held_and_its_failure_is_told(
         return found
 
     assert asyncio.run(record()) == (None, "no space left")
+
+
+def test_another_active_mapper_shows_its_map_of_before_and_another_localizer_no_places_of_the_last() -> None:
+    def grid(columns: int) -> MapUpdate:
+        cells = OccupancyGrid(np.zeros((2, columns), np.int8), 0.5, Pose2D(0.0, 0.0, 0.0))
+        return MapUpdate(0, cells, np.empty((0, 4)), ())
+
+    async def shown() -> tuple[list[int], list[str]]:
+        link, widths = RobotLink("lab/a", Where("lab/a"), asyncio.get_running_loop()), []
+        link._view = RobotView({"mapper": "a", "localizer": "a"}, 1.0)
+        chosen = Selection(1, 0, ("localizer b", "mapper b"))
+        places = Hypotheses(0, np.zeros((2, 3)), np.array([0.5, 0.5]))
+        for told in (
+            [Told("mapper", "b", "map", grid(5), 0), Told("mapper", "a", "map", grid(3), 0)],
+            [Told("localizer", "a", "hypotheses", places, 0), Told("gate", "main", "selection", chosen, 1)],
+        ):
+            link._mapped = -100.0
+            link._take(told)
+            assert link._encoding is not None
+            await asyncio.wrap_future(link._encoding)
+            await asyncio.sleep(0)
+            widths.append(json.loads(link.latest["map"].head + "}")["width"])
+        link.close()
+        return widths, json.loads(link.latest["hypotheses"].head + "}")["places"]
+
+    assert asyncio.run(shown()) == ([3, 5], [])
 
 
 def test_what_it_adds_to_an_installation_is_below_4_mb() -> None:

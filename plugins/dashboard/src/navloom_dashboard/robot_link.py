@@ -17,7 +17,7 @@ from navloom_live import ClientError, DirectoryError, Driver, Navigator, Told
 
 from navloom_dashboard import frames
 from navloom_dashboard.outbox import Frame, Outbox, text_frame
-from navloom_dashboard.robot_view import AgeClock, RobotView, is_map
+from navloom_dashboard.robot_view import AgeClock, RobotView
 
 __all__ = ["RobotLink", "Where"]
 
@@ -85,6 +85,8 @@ class RobotLink:
         self._map: tuple[int, int] = (0, 0)
         self._mapped = -MAP_INTERVAL
         self._next_map: MapUpdate | None = None
+        self._shown_map: MapUpdate | None = None
+        self._maps: dict[str, MapUpdate] = {}
         self._stopping = asyncio.Lock()
         self._next_stop: asyncio.Task[None] | None = None
         self._fixed: dict[str, Any] = {}
@@ -121,6 +123,7 @@ class RobotLink:
             about = self._about(robot, nodes)
             active = {node.role: node.instance for node in nodes if node.active}
             self._view = RobotView(active, self._fixed["height"])
+            self._maps, self._shown_map = {}, None
             self._send([about])
             listening = robot.listen(_shown(robot.streams()), QUEUE)
             self._acting, self._reader = acting, robot
@@ -144,14 +147,15 @@ class RobotLink:
         for one in told:
             if one.role in ("platform", "localizer"):
                 self._clock.hear(one.stamp_ns, now)
-        maps = [one.message for one in told if is_map(one, self._view.active)]
-        if maps:
-            self._next_map = maps[-1]  # type: ignore[assignment]
+        found = list(self._view.take(told))
+        self._maps |= {one.instance: one.message for one in told if isinstance(one.message, MapUpdate)}
+        active = self._maps.get(self._view.active.get("mapper", next(reversed(self._maps), "")))
+        if active is not self._shown_map:  # a new one, or that of another mapper, which may not change for long
+            self._shown_map = self._next_map = active
         is_free = self._encoding is None or self._encoding.done()
         if self._next_map is not None and is_free and now - self._mapped > MAP_INTERVAL:
             self._mapped, update, self._next_map = now, self._next_map, None
             self._encoding = self._encodes.submit(self._encode, update)
-        found = list(self._view.take(told))
         if found:
             self._send(found)
 

@@ -15,7 +15,6 @@ from navloom import (
     Feedback,
     GateStatus,
     GoalResult,
-    MapUpdate,
     Odometry,
     Path,
     PlanFailure,
@@ -175,7 +174,10 @@ class RobotView:
             yield from self._event_of("plan", "problem", message.kind, message.detail, "choose another goal, or clear "
                                       "the map", told.stamp_ns)  # fmt: skip
         elif isinstance(message, Selection):
+            before = self.active.get("localizer")
             self.active |= message.chosen
+            if self.active.get("localizer") != before:
+                yield text_frame("hypotheses", {"places": []}, told.stamp_ns)  # those known are of the one before
             text = "active: " + ", ".join(message.instances)
             yield from self._event_of("selection", "note", "selection", text, "", told.stamp_ns)
 
@@ -244,8 +246,3 @@ class RobotView:
         """The event that something which was told is over; nothing if nothing was."""
         if about in self._said:
             yield from self._event_of(about, "note", about, text, "", stamp_ns)
-
-
-def is_map(told: Told, active: dict[str, str]) -> bool:
-    """Whether a message is the map of the active mapper, which is encoded apart from the other messages."""
-    return isinstance(told.message, MapUpdate) and active.get(told.role, told.instance) == told.instance

@@ -27,12 +27,15 @@ from navloom.messages import (
     Feedback,
     GateStatus,
     GoalResult,
+    MapUpdate,
     Message,
+    OccupancyGrid,
     OperatorRequest,
     Point2D,
     PoseEstimate,
     Selection,
     StepReport,
+    Truth,
 )
 from navloom.plugins.run_observers import Onlookers
 from navloom.runs.episode import Episode, run_info
@@ -71,6 +74,8 @@ POLL_INTERVAL = 0.1
 """Polling interval for messages and processes, s: most messages do not wake this thread."""
 TELLING = ("goal", "gate")
 """Roles whose messages wake this thread immediately."""
+KEPT_AFTER_NS = 10_000_000_000
+"""Run time after the end of a goal in which its data is still kept, ns; then only maps are, until the next goal."""
 NO_GOAL_LIMIT = 1.0
 """Time without a goal after which a run that ends with its goals ends, s."""
 
@@ -94,7 +99,8 @@ class LiveRun:
         judges: Whether the run is judged here, on the host of the platform; other hosts do not receive the data for it.
         feedback, status: Newest feedback of the goal and status of the gate.
         result: Result of the newest goal that has ended.
-        log, recorder: Data of the newest goal only, as in lockstep: a robot may be up for weeks.
+        log, recorder: Data of the newest goal only, as in lockstep, and none from `KEPT_AFTER_NS` after its end to the
+            next one: a robot may be up for weeks, and stand for most of them.
     """
 
     loaded: Loaded
@@ -135,6 +141,8 @@ class LiveRun:
         self._ended: deque[GoalResult] = deque()
         self._place = Point2D(0.0, 0.0)
         self._newest_goal = self._first_tick = self._last_tick = self._own_goal = 0
+        self._keeps_until_ns: float = 0.0
+        self._stamp_ns = 0
         self._told_faults: dict[tuple[str, str], float] = {}
         self._warned: list[RunWarning] = []
         self._warnings: LiveWarnings | None = None
@@ -286,6 +294,8 @@ class LiveRun:
     def _tell_ended(self, client: Client, tell: Callable[[Episode], None] | None) -> None:
         while self._ended:
             self.log.results = [self._ended.popleft()]
+            if self.log.results[0].goal_id == self._newest_goal and math.isinf(self._keeps_until_ns):
+                self._keeps_until_ns = self._stamp_ns + KEPT_AFTER_NS
             self._learn_times(client)
             self._warned = [] if self._warnings is None else self._warnings.look()
             if tell is not None:
@@ -309,7 +319,7 @@ class LiveRun:
 
     def _begin(self, goal_id: int, tick: int) -> None:
         """Begin a goal: drop the data of the previous one, except the map."""
-        self._newest_goal, self._first_tick = goal_id, tick
+        self._newest_goal, self._first_tick, self._keeps_until_ns = goal_id, tick, math.inf
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
         old = self.recorder
         self.recorder = Recorder(map=old.map, known=old.known, began=old.began, missed=old.missed, reads=self.reads)
@@ -392,7 +402,10 @@ class LiveRun:
             self._chosen, self._epoch = message.chosen, message.epoch
             self.log.swaps = message.epoch
         # After a feedback, which begins a new goal.
-        self.recorder.on_message(role, name, active, port, message, at)
+        is_first = isinstance(message, Truth) and math.isnan(self.recorder.began)
+        if at.stamp_ns <= self._keeps_until_ns or is_first or isinstance(message, (MapUpdate, OccupancyGrid)):
+            self.recorder.on_message(role, name, active, port, message, at)
+        self._stamp_ns = max(self._stamp_ns, at.stamp_ns)
 
     def _tell_fault(self, source: tuple[str, str], fault: str, tick: int) -> None:
         """Report a node's exception; one that raises in each tick is not reported each time."""

@@ -231,7 +231,8 @@ def first_meeting(  # type: ignore[no-untyped-def]
     it, or later, if the robot stayed at its first pose, and when, s; -1 and inf for none. Such points come first.
 
     At each time a point may be anywhere between where it is if it goes on as it does and, if it may brake, where it is
-    if it brakes with HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than if it stayed.
+    if it brakes with HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than
+    if it stayed.
 
     Args:
         poses, times, count: Of `stopping_way`, in the frame of the points.

@@ -231,8 +231,8 @@ def first_meeting(  # type: ignore[no-untyped-def]
     it, or later, if the robot stayed at its first pose, and when, s; -1 and inf for none. Such points come first.
 
     At each time a point may be anywhere between where it is if it goes on as it does and, if it may brake, where it is
-    if it brakes with HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than
-    if it stayed.
+    if it brakes with HARDEST, or its leg swings. One that is too near from the beginning counts only if the robot comes
+    nearer to it than if it stayed.
 
     Args:
         poses, times, count: Of `stopping_way`, in the frame of the points.
@@ -263,7 +263,8 @@ def first_meeting(  # type: ignore[no-untyped-def]
             for i in range(moving.shape[0]):
                 speed = math.hypot(moving[i, 3], moving[i, 4])
                 least, most = _ways(speed, time + moving[i, 6], moving[i, 5])
-                least = least if may_brake else most
+                if not may_brake:
+                    least = most = speed * (time + moving[i, 6])
                 px, py = moving[i, 0] - x, moving[i, 1] - y
                 # Most points are too far away to be met.
                 close = margin[i] + MISJUDGED * (time + moving[i, 6])

@@ -80,7 +80,7 @@ class RobotView:
 
     def __init__(self, active: dict[str, str], height: float) -> None:
         self.active, self._height = active, height
-        self._track: deque[PoseEstimate] = deque(maxlen=TRACK)
+        self._track: deque[tuple[int, float, float, float]] = deque(maxlen=TRACK)
         self.pose: PoseEstimate | None = None
         self.odometry: Odometry | None = None
         self._gate: GateStatus | None = None
@@ -123,9 +123,9 @@ class RobotView:
             yield frames.hypotheses_frame(message)
         elif isinstance(message, PoseEstimate) and is_active:
             self.pose = message
-            if self._track and message.stamp_ns <= self._track[-1].stamp_ns:  # the robot has restarted
+            if self._track and message.stamp_ns <= self._track[-1][0]:  # the robot has restarted
                 self._track.clear()
-            self._track.append(message)
+            self._track.append((message.stamp_ns, message.pose.x, message.pose.y, message.pose.heading))
             yield frames.pose_frame(message)
             if message.state != "tracking":
                 yield from self._event_of("localizer", "warning", f"localizer {message.state}", message.reason,
@@ -142,8 +142,8 @@ class RobotView:
     def _sweep(self, sweep: Sweep) -> Iterator[Frame]:
         """A sweep, each of its echoes from where the robot was then; nothing before the first pose."""
         if self._track:
-            stamps, poses = zip(*((one.stamp_ns, one.pose) for one in self._track), strict=True)
-            track = PoseTrack(np.array(stamps), np.array([(at.x, at.y, at.heading) for at in poses]))
+            stamps, *poses = zip(*self._track, strict=True)
+            track = PoseTrack(np.array(stamps), np.column_stack(poses))
             frame = frames.sweep_frame(sweep, track, self._height)
             if frame is not None:
                 yield frame

@@ -69,7 +69,7 @@ def svg_of(figure: Figure) -> str:
     """
     buffer = io.StringIO()
     # Not `savefig`, which draws twice, the first time for the layout alone: one drawing lays the figure out too.
-    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     return re.sub(r'<g id="[^"]*">', "<g>", text)

@@ -135,7 +135,7 @@ def looked_through(near, x, y, points, margins, found):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def are_fresh(nears, eyes, margins, are_old, points, found):  # type: ignore[no-untyped-def]
-    """Whether a view looked through the place of each echo, and no old one shows that something stood there.
+    """Whether a view looked through the place of each echo, and no old one after that shows that something stood there.
 
     Args:
         nears, eyes: (k, bins) and (k, 2) `near`, and x, y, m, of the views, the oldest first.
@@ -150,11 +150,10 @@ def are_fresh(nears, eyes, margins, are_old, points, found):  # type: ignore[no-
             x, y = eyes[k, 0], eyes[k, 1]
             far = math.hypot(points[i, 0] - x, points[i, 1] - y)
             said = _passes(nears[k], x, y, points[i, 0], points[i, 1], margins[k, 0] + margins[k, 1] * far)
-            if said < 0 and are_old[k]:
-                found[i] = False
-                break
             if said > 0:
                 found[i] = True
+            elif said < 0 and are_old[k]:
+                found[i] = False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -171,7 +171,7 @@ class Tracker:
         return bodies_in(points, marks, (view.x, view.y), step, expected, self.settings)
 
     def _fresh(self, sensor: str, points: Floats) -> Bools:
-        """(n,) whether an earlier view looked through the place of each echo, and none after it shows that something stood."""
+        """(n,) whether an earlier view looked through the place of each echo, and none after it shows what stood."""
         fresh = np.zeros(len(points), np.bool_)
         views = [view for view in self._views.get(sensor, ()) if self.time - view.time >= LEAST_AGE]
         if not views or self.time - views[0].time < STOOD:

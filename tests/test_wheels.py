@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 from navloom.parts import PARTS
 
@@ -56,6 +57,20 @@ def test_a_wheel_has_every_file_of_its_package_its_licence_and_its_authors(house
     assert {path.relative_to(source).as_posix() for path in files} <= packed
     assert (metadata["License-Expression"], metadata["Author"]) == ("Apache-2.0", "The navloom authors")
     assert metadata["Summary"] and licence == (TOP / "LICENSE").read_bytes()
+
+
+@pytest.mark.parametrize("builder", [WheelBuilder, SdistBuilder])
+def test_the_stored_results_are_in_the_study_without_their_pictures(builder: Any, tmp_path: Path) -> None:
+    """Who installs navloom-study has a row beside ours: `suites/rows` is a link, and a package needs the files."""
+    versions = {"versions": ["standard"]}
+    shutil.unpack_archive(
+        next(builder(str(TOP / "framework" / "study")).build(directory=str(tmp_path), **versions)),
+        tmp_path / "package", "zip" if builder is WheelBuilder else "gztar",
+    )  # fmt: skip
+    (rows,) = (tmp_path / "package").glob("**/suites/rows")
+    stored = {path.relative_to(TOP / "docs" / "results") for path in (TOP / "docs" / "results").glob("*/*.json")}
+    assert {path.relative_to(rows) for path in rows.rglob("*") if path.is_file()} == stored
+    assert Path("barn-1", "dwa.json") in stored
 
 
 def test_the_extra_all_is_every_plugin_of_the_project() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.config import ConfigError
+from navloom_study.suites import results_store
 from navloom_study.suites.result_file import (
     Key,
     ResultRow,
@@ -21,7 +22,7 @@ from navloom_study.suites.result_file import (
     summary_of,
 )
 from navloom_study.suites.results_page import command_of, results_page, verdict
-from navloom_study.suites.results_store import store, stored_results
+from navloom_study.suites.results_store import known_results, store, stored_cost, stored_results
 from navloom_study.suites.suite import read_suite
 from navloom_study.suites.suite_run import plan_suite
 from navloom_study.suites.verification import check_request, check_rows, check_sample, detection, drawn
@@ -191,6 +192,48 @@ def test_a_stored_row_is_not_replaced_by_another_method_of_its_name(tmp_path: Pa
     assert len(stored_results(tmp_path)) == 1
 
 
+def test_shipped_rows_are_beside_those_of_a_folder_whose_own_come_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def named(method: str) -> SuiteResult:
+        one = made(5)
+        return replace(
+            one, methods={method: one.methods["m"]}, summary={method: one.summary["m"]},
+            rows=tuple(replace(row, method=method) for row in one.rows),
+        )  # fmt: skip
+
+    monkeypatch.setattr(results_store, "SHIPPED", tmp_path / "shipped")
+    cost = {"step_us": 1000.0}
+    store(tmp_path / "shipped", named("ours"), {"ours": cost}, {})
+    store(tmp_path / "shipped", replace(named("both"), processor="theirs"), {"both": cost}, {})
+    store(tmp_path / "own", named("both"), {}, {})
+    store(tmp_path / "own", named("mine"), {}, {})
+    found = {method: one.processor for one in known_results(tmp_path / "own") for method in one.methods}
+    assert [*found] == ["both", "mine", "ours"]
+    assert found["both"] != "theirs"
+    assert stored_cost(tmp_path / "own", "made-1", "ours")["step_us"] == 1000.0
+    assert stored_cost(tmp_path / "own", "made-1", "both") == {}
+
+
+def test_a_method_is_told_beside_the_shipped_rows_and_without_the_baseline(
+    in_process: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a folder without any results, as that of who has installed navloom."""
+    monkeypatch.chdir(tmp_path)
+    Path("tiny-1.toml").write_text(TINY, "utf-8")
+    Path("mine.toml").write_text('[[method]]\nname = "mine"\nset = { avoider.plugin = "vff" }\n', "utf-8")
+    code, said, wrong = in_process(
+        "compare", "--suite", "tiny-1.toml", "--methods", "dwa", "--out", "ours", "--jobs", "1"
+    )
+    assert code == 0, said + wrong
+    monkeypatch.setattr(results_store, "SHIPPED", tmp_path / "shipped")
+    store(tmp_path / "shipped", read_result(Path("ours/result.json")), {}, {})
+    code, said, wrong = in_process("compare", "--suite", "tiny-1.toml", "--method", "mine.toml", "--jobs", "1")
+    assert code == 0, said + wrong
+    rows = {line.split()[0]: line.split()[-1] for line in said.splitlines() if line.split()[0] in ("mine", "dwa")}
+    assert [*rows] == ["mine", "dwa"] and rows["dwa"] == "stored"
+
+
 def test_a_suite_run_twice_gives_the_same_bytes_and_a_checked_row(
     in_process: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -259,7 +302,10 @@ def test_a_claim_is_judged_by_the_counts(
     assert verdict(claim, found)[0] == word
 
 
-def test_every_cell_of_the_page_has_its_command_and_says_if_it_was_not_run(tmp_path: Path) -> None:
+def test_every_cell_of_the_page_has_its_command_and_says_if_it_was_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(results_store, "SHIPPED", tmp_path / "shipped")
     page = results_page(tmp_path, tmp_path)
     assert page.count(">not run</td>") > 100
     assert f'data-command="{command_of("doors-1", "vff@printed")}"' in page

@@ -25,14 +25,14 @@ def results(
     folder: ResultsFolder = RESULTS,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summaries as one JSON object.")] = False,
 ) -> None:
-    """List the stored results of suites."""
+    """List the results of suites: those in the folder, and those that come with navloom."""
     from navloom.cli.output import print_json, print_table
 
-    from navloom_study.suites.results_store import stored_results
+    from navloom_study.suites.results_store import known_results
 
     if ctx.invoked_subcommand is not None:
         return
-    found = stored_results(folder)
+    found = known_results(folder)
     if as_json:
         print_json([{"suite": one.suite, "summary": one.summary, "checked": one.checked} for one in found])
         return

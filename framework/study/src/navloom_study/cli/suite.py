@@ -22,7 +22,10 @@ RESULTS = Path("docs") / "results"
 SECTION = "Suite"
 
 ResultsFolder = Annotated[
-    Path, typer.Option("--results", metavar="DIR", help="Folder of the stored results.", rich_help_panel=SECTION)
+    Path,
+    typer.Option(
+        "--results", metavar="DIR", help="Folder of stored results, beside those of navloom.", rich_help_panel=SECTION
+    ),
 ]
 
 
@@ -72,13 +75,13 @@ def compare_in_suite(
     from navloom.plugins import Discovery
 
     from navloom_study.suites.method_files import read_methods
-    from navloom_study.suites.results_store import stored_results
+    from navloom_study.suites.results_store import known_results
     from navloom_study.suites.suite import suite_named
     from navloom_study.suites.suite_run import plan_suite, run_suite
 
     suite = suite_named(asked.suite, Discovery())
     given = {name: table for file in asked.method or () for name, table in read_methods(file).items()}
-    stored = [found for found in stored_results(asked.results) if found.suite == suite.name]
+    stored = [found for found in known_results(asked.results) if found.suite == suite.name]
     own = [name.strip() for name in asked.methods.split(",") if name.strip()]
     if not own and (not stored or not given):
         own = [suite.baseline]

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from matplotlib import rc_context
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 __all__ = ["MM", "new_figure", "pdf_of", "png_of", "styled", "svg_of"]
@@ -60,12 +61,16 @@ def new_figure(width_mm: float, height_mm: float, rows: int = 1, columns: int = 
     return figure, figure.subplots(rows, columns)
 
 
+@styled()
 def svg_of(figure: Figure) -> str:
     """The figure as one `<svg>` element for a page: without prologue, reproducible.
 
     The remaining ids are content hashes, so that one page can contain several figures.
     """
-    text = _saved(figure, "svg", metadata={"Date": None, "Creator": None}).decode()
+    buffer = io.StringIO()
+    # Not `savefig`, which draws twice, the first time for the layout alone: one drawing lays the figure out too.
+    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
+    text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     return re.sub(r'<g id="[^"]*">', "<g>", text)
 

@@ -13,7 +13,7 @@ from navloom.config import ConfigError
 from navloom.plugins import Discovery, PluginError
 
 from navloom_study.suites.result_file import SuiteResult
-from navloom_study.suites.results_store import stem_of, stored_cost, stored_results
+from navloom_study.suites.results_store import known_results, stem_of, stored_cost
 from navloom_study.suites.suite import SuiteTable, read_suite_table, suite_names
 from navloom_study.suites.suite_run import family_names
 
@@ -39,11 +39,11 @@ def results_page(folder: Path, base: Path) -> str:
     """The page, Markdown whose wide tables are HTML.
 
     Args:
-        folder: The stored results.
+        folder: The stored results; those that come with navloom are beside them.
         base: Folder of the page, which paths of pictures are relative to.
     """
     suites = _suites()
-    found = {(result.suite, method): result for result in stored_results(folder) for method in result.methods}
+    found = {(result.suite, method): result for result in known_results(folder) for method in result.methods}
     parts = [HEAD, "## All suites\n", _matrix(suites, found)]
     for name, table in suites.items():
         parts += [f"## {name}\n", f"{table.about} Primary metric: `{table.primary}`.\n"]

@@ -15,12 +15,22 @@ from navloom.inputs.texts import json_of
 from navloom_study.study_folder import StudyError
 from navloom_study.suites.result_file import SuiteResult, read_result
 
-__all__ = ["cost_beside", "store", "stem_of", "stored_cost", "stored_results"]
+__all__ = ["SHIPPED", "cost_beside", "known_results", "store", "stem_of", "stored_cost", "stored_results"]
+
+SHIPPED = Path(__file__).with_name("rows")
+"""The rows that come with navloom: in a copy of the project a link to `docs/results`."""
 
 
 def stored_results(folder: Path) -> list[SuiteResult]:
     """Every stored result, each of one method, sorted by suite and method; none if there is no such folder."""
     return [read_result(path) for path in sorted(folder.glob("*/*.json")) if not path.name.endswith(".cost.json")]
+
+
+def known_results(folder: Path) -> list[SuiteResult]:
+    """The results in a folder, and those that come with navloom of methods that the folder has none of."""
+    found = [*stored_results(folder), *stored_results(SHIPPED)]
+    first = {(one.suite, *one.methods): one for one in reversed(found)}
+    return [first[key] for key in sorted(first)]
 
 
 def stem_of(method: str) -> str:
@@ -58,7 +68,8 @@ def cost_beside(result: Path) -> Any:
 
 def stored_cost(folder: Path, suite: str, method: str) -> Any:
     """What a stored method costs to compute; empty if that is not known."""
-    return _json(folder / suite / f"{stem_of(method)}.cost.json")
+    there = folder if (folder / suite / f"{stem_of(method)}.json").is_file() else SHIPPED
+    return _json(there / suite / f"{stem_of(method)}.cost.json")
 
 
 def _json(path: Path) -> Any:

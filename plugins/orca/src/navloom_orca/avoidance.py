@@ -42,6 +42,7 @@ UNSURE = 0.4  # m: most that a track's covariance adds to its radius
 SHORTER = (1.0, 0.5, 0.25, 0.125)  # shares of the horizon that are tried until some velocity is permitted
 FEASIBLE = 1.0e-6  # m/s: violation that is rounding
 LIMITS = 4  # half planes of the robot's limits
+HELD_UP, ASIDE = 0.5, math.radians(90.0)  # share of a free robot's speed; rad/s: below it, it turns aside at this rate
 
 
 class Decision(NamedTuple):
@@ -90,7 +91,7 @@ class Reciprocal:
         self.progress = Progress(PROGRESS_STEP, TARGET_SHIFT)
         self.trap = Trap(*RELEASE)
         self.planes, self.obstacles, self._gaps = np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
-        self.wanted, self.taken, self._sent = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+        self.wanted, self.taken, self._sent, self._aside = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0
 
     def step(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         """Decide for one tick.
@@ -166,6 +167,17 @@ class Reciprocal:
             self.taken = best_velocity(planes, rows, LIMITS, hard, fastest, *self.wanted, scratch)
             if self._violations(hard, np.array([self.taken]))[0] < FEASIBLE:
                 break
+        self._step_aside(len(bodies.radii) > 0)
+
+    def _step_aside(self, has_bodies: bool) -> None:
+        """Turn the wanted velocity of the next tick farther to the right while others hold the robot up, else back.
+
+        Two that stop for each other then pass: the right-hand heuristic of Zhou, Wang, Bandyopadhyay & Schwager 2017.
+        """
+        free = np.clip(self.wanted, (self.planes[1, 0], self.planes[3, 1]), (self.planes[0, 0], self.planes[2, 1]))
+        is_held_up = has_bodies and free @ self.taken < HELD_UP * (free @ free)
+        step = ASIDE * self.period
+        self._aside = min(max(self._aside + (step if is_held_up else -step), 0.0), math.radians(self.params.keep_right_deg))
 
     def _when_it_acts(self, twist: tuple[float, float]) -> Pose:
         """Pose of the base when a command acts, in the present base frame: m and rad."""
@@ -224,7 +236,7 @@ class Reciprocal:
         distance = math.hypot(x, y)
         way = max(0.0, distance + given.remaining - r.max_deceleration * self.period**2)
         speed = min(r.max_linear, math.sqrt(r.max_deceleration * way))
-        bearing = math.atan2(y, x)
+        bearing = math.remainder(math.atan2(y, x) - self._aside, math.tau)
         side = math.sin(bearing) if abs(bearing) < 0.5 * math.pi else math.copysign(1.0, bearing)
         return speed * max(0.0, math.cos(bearing)), speed * side
 

@@ -48,10 +48,10 @@ RECIPROCAL = Preset(
     {
         "share": (0.5, "eq. (5): each takes half of u"),
         "sigmas": (0.0, "section 2: positions are known exactly"),
-        "keep_right_deg": (75.0, "ours: robots that all keep to the right do not stop for each other for good"),
+        "keep_right_deg": (75.0, "Zhou et al. 2017, right-hand heuristic; the angle is ours"),
         "standing_by_echoes": (
             True,
-            "ours: a robot that has arrived gives way to no one, and its disc is wider than it",
+            "ours: a robot that has arrived leaves a gap that its disc closes",
         ),
     },
 )

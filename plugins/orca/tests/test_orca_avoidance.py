@@ -199,15 +199,6 @@ def test_a_robot_that_is_held_up_turns_aside_at_90_degrees_a_second():
     assert math.degrees(math.atan2(method.wanted[1], method.wanted[0])) == pytest.approx(-45.0)
 
 
-def test_a_track_that_stands_for_two_seconds_counts_by_its_echoes():
-    method = method_of(standing_by_echoes=True)
-    counts = []
-    for k in range(50):
-        method.step([], None, given(tracks=bodies((2.0, 0.0, 0.0, 0.0)), time=PERIOD * k))
-        counts.append(len(method.planes) - LIMITS)
-    assert counts == [1] * 40 + [0] * 10
-
-
 @pytest.mark.parametrize(("swing", "is_trapped"), [(0.2, False), (0.0, True)])
 def test_only_what_moves_is_waited_for(swing, is_trapped):
     """A corridor of 1.2 m with somebody in it, who walks from side to side or stands."""

@@ -54,11 +54,11 @@ def laser(points, pose=HERE, reach=10.0):
 
 
 def drive(method, steps, target=(8.0, 0.0), points=(), track=None):
-    """Poses (n, 3) of an ideal robot, and the least gap between the footprint's disc and a track of radius 0.3 m."""
+    """Poses (n, 3) of an ideal robot, and the least gap between the footprint's disc and tracks of radius 0.3 m."""
     pose, twist, poses, gap = HERE, (0.0, 0.0), [HERE], math.inf
     for k in range(steps):
         time = PERIOD * k
-        tracks = NO_BODIES if track is None else bodies(track(time))
+        tracks = NO_BODIES if track is None else bodies(*np.atleast_2d(track(time)))
         decision = method.step([laser(points, pose)], None, given(target, pose, twist, tracks, time))
         v = min(max(decision.speed, twist[0] - 2.0 * PERIOD), twist[0] + 2.0 * PERIOD)
         heading = pose[2] + decision.turn * PERIOD
@@ -66,7 +66,8 @@ def drive(method, steps, target=(8.0, 0.0), points=(), track=None):
         twist = (v, decision.turn)
         poses.append(pose)
         if track is not None:
-            gap = min(gap, math.dist(pose[:2], track(time + PERIOD)[:2]) - 0.3 - math.hypot(0.229, 0.208))
+            places = np.atleast_2d(track(time + PERIOD))[:, :2]
+            gap = min(gap, np.hypot(*(places - pose[:2]).T).min() - 0.3 - math.hypot(0.229, 0.208))
     return np.array(poses), gap
 
 
@@ -197,6 +198,30 @@ def test_a_robot_that_is_held_up_turns_aside_at_90_degrees_a_second():
     for k in range(11):
         method.step([], None, given(tracks=bodies((0.9 - 0.001 * k, 0.0, -0.02, 0.0)), time=PERIOD * k))
     assert math.degrees(math.atan2(method.wanted[1], method.wanted[0])) == pytest.approx(-45.0)
+
+
+def test_a_track_that_stands_for_two_seconds_counts_by_its_echoes():
+    method = method_of(standing_by_echoes=True)
+    counts = []
+    for k in range(50):
+        method.step([], None, given(tracks=bodies((2.0, 0.0, 0.0, 0.0)), time=PERIOD * k))
+        counts.append(len(method.planes) - LIMITS)
+    assert counts == [1] * 40 + [0] * 10
+
+
+@pytest.mark.parametrize("by_echoes", [True, False])
+def test_two_that_stand_1_4_m_apart_can_be_passed_by_their_echoes(by_echoes):
+    """In a corridor of 3 m. Their discs and the robot's, 0.39 + 0.3 + 0.1 m each, leave nothing between them."""
+    stand = np.array([(2.0, 0.7, 0.0, 0.0), (2.0, -0.7, 0.0, 0.0)])
+    around = [
+        (2.0 + 0.2 * math.cos(a), y + 0.2 * math.sin(a)) for a in np.linspace(0.0, math.tau, 24) for y in (0.7, -0.7)
+    ]
+    walls = [(x, y) for x in np.arange(-1.0, 6.0, 0.04) for y in (1.5, -1.5)]
+    method = method_of(standing_by_echoes=by_echoes)
+    for k in range(50):
+        method.step([], None, given(target=HERE[:2], tracks=bodies(*stand), time=PERIOD * (k - 50)))
+    poses, _ = drive(method, 100, points=around + walls, track=lambda time: stand)
+    assert (poses[:, 0].max() > 4.0) == by_echoes
 
 
 @pytest.mark.parametrize(("swing", "is_trapped"), [(0.2, False), (0.0, True)])

@@ -111,8 +111,11 @@ class Reciprocal:
 
     def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose, target = self.params, given.pose, given.target
-        given = given._replace(bodies=given.bodies.within(pose[:2], p.reach))
-        stand = self._stand(given.bodies, given.time)
+        bodies = given.bodies.within(pose[:2], p.reach)
+        stand = self._stand(bodies, given.time)
+        if p.standing_by_echoes:
+            bodies, stand = TrackedBodies(*(values[~stand] for values in bodies)), stand[~stand]
+        given = given._replace(bodies=bodies)
         static = [without_bodies(beams, pose, given.bodies) for beams in lasers]
         self.obstacles, self._gaps = self.echoes.see(static, cones, pose, given.time)
         if self.trap.holds(pose, target, TARGET_SHIFT):

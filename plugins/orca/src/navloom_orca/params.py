@@ -17,6 +17,9 @@ class OrcaParams(Params):
         le=120.0,
         description="Most that the robot turns aside, to the right, where tracks hold it up, deg.",
     )
+    standing_by_echoes: bool = Field(
+        False, description="Whether a track that stands counts by its echoes, as a wall does, not as a disc."
+    )
     reach: float = Field(8.0, gt=0.0, le=50.0, description="Tracks farther away than this do not count, m.")
     track_margin: float = Field(0.1, ge=0.0, le=2.0, description="Margin between robot and tracks, m.")
     sigmas: float = Field(
@@ -46,5 +49,9 @@ RECIPROCAL = Preset(
         "share": (0.5, "eq. (5): each takes half of u"),
         "sigmas": (0.0, "section 2: positions are known exactly"),
         "keep_right_deg": (75.0, "Zhou et al. 2017, right-hand heuristic; the angle is ours"),
+        "standing_by_echoes": (
+            True,
+            "ours: a robot that has arrived leaves a gap that its disc closes",
+        ),
     },
 )

@@ -8,6 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from navloom.runs.ospa import ospa
+from navloom_people_tracker.bodies import bodies_in
+from navloom_people_tracker.params import PeopleTrackerParams
 from numpy.typing import NDArray
 from tracker_scenes import Floats, Scene, room, tracked, walker, wanderer
 
@@ -91,6 +93,32 @@ def test_a_cylinder_from_behind_a_wall_has_its_velocity_half_a_second_after_it_i
                   radius=0.5)  # fmt: skip
     *_, (_, tracks) = tracked(scene, 2.6)
     assert tracks.means[:, 2:] == pytest.approx(np.array([(0.0, speed)]), abs=0.25)
+
+
+def test_a_cylinder_that_comes_into_reach_is_seen_to_move_in_time() -> None:
+    """It comes at 0.7 m/s towards a robot at 2 m/s, whose laser has no echo beyond 10 m.
+
+    Its front is within reach after 1.7 s, at a distance of 10 m. 1.5 s later, when it is 6 m away, it is known.
+    """
+    scene = Scene(
+        people=[walker(15.2, 0.2, -0.7, 0.0)], legs=False, radius=0.5, robot=lambda time: (2.0 * time, 0.0, 0.0),
+        reach=10.0, sigma=0.03,
+    )  # fmt: skip
+    known = [time for time, tracks in tracked(scene, 3.3) if len(tracks.ids)]
+    assert known and known[0] < 3.2
+
+
+def test_known_discs_that_touch_in_the_view_are_two_bodies() -> None:
+    """Together, their echoes are wider than any body; nothing tells that they move."""
+    discs = np.array([(4.0, -0.55, 0.5), (4.0, 0.55, 0.5)])
+    *_, (_, beams) = Scene(discs=discs, sigma=0.0).scans(0.1)
+    points = beams[beams[:, 4] > 0.0, 2:4]
+    marks = np.zeros((len(points), 2), np.bool_)
+    for expected, found in ((discs, 2), (discs[:, :2] * (1.0, 20.0), 0)):
+        given = np.column_stack([expected[:, :2], discs[:, 2]])
+        bodies, _, _ = bodies_in(points, marks, (0.0, 0.0), math.radians(1.0), given, PeopleTrackerParams())
+        assert len(bodies.places) == found
+        assert bodies.places == pytest.approx(discs[:found, :2], abs=0.03)
 
 
 def test_a_cylinder_that_is_hidden_in_part_keeps_its_centre() -> None:

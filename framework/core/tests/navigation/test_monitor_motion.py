@@ -301,6 +301,16 @@ def test_a_robot_that_escapes_is_not_stopped() -> None:
     assert {verdict.kind for verdict in scene.verdicts} == {""}
 
 
+def test_a_robot_that_would_be_hit_where_it_stops_goes_on() -> None:
+    """A disc crosses at x = 1 m and is at the robot's way after 2.34 s; the robot is at x = 2.34 m then.
+
+    One ahead goes on at the robot's speed. If it braked, the robot could not pass: this kept the robot in the way of
+    the first one, which hit it.
+    """
+    scene = drive(Scene(LIMITS, [moves(1.0, 2.8, 0.0, -1.0), moves(1.3, 0.0, 1.0, 0.0)], 1.5 * ROOM), 1.0, 3.0)
+    assert scene.gap() > 0.0 and min(verdict.twist.vx for verdict in scene.verdicts) > 0.9
+
+
 @pytest.mark.parametrize(
     ("point", "escaped"),
     [
@@ -317,11 +327,11 @@ def test_what_is_behind_the_robot_in_the_end_has_been_escaped(point: tuple[float
 
 def test_a_way_on_accelerates_along_the_arc_or_straight() -> None:
     """From 0.5 m/s with 1 m/s²: 1 m/s after 0.5 s, on the same arc with twice the turn rate."""
-    goes_on, on_the_arc, straight = ways_on(np.array([0.5, 0.4, 0.0]), True, ROBOT, PERIOD)
-    assert goes_on[10].tolist() == [0.5, 0.4, 0.0]
-    assert on_the_arc[10] == pytest.approx([1.0, 0.8, 0.0])
-    assert straight[10] == pytest.approx([1.0, 0.0, 0.0])
-    assert len(ways_on(np.array([0.5, 0.4, 0.0]), False, ROBOT, PERIOD)) == 1
+    ways = ways_on(np.array([0.5, 0.4, 0.0]), True, ROBOT, PERIOD)
+    at_half_a_second = [(0.5, 0.4, 0.0), (0.5, 0.0, 0.0), (1.0, 0.8, 0.0), (1.0, 0.0, 0.0)]
+    assert np.array(ways)[:, 10] == pytest.approx(np.array(at_half_a_second))
+    assert len(ways_on(np.array([0.5, 0.4, 0.0]), False, ROBOT, PERIOD)) == 2
+    assert len(ways_on(np.array([0.5, 0.0, 0.0]), False, ROBOT, PERIOD)) == 1
 
 
 def test_a_robot_that_stands_may_accelerate_out_of_the_way() -> None:

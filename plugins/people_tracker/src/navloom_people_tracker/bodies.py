@@ -31,6 +31,8 @@ SOME_FRESH = 0.3
 """Share of fresh echoes from which all of a wide group is one body that moves."""
 LEAST_FRESH = 3
 """Fewest echoes of something that moves before something wide: two may be the noise of an edge."""
+BESIDE_DISC = 0.1
+"""Distance of an echo from the outline of an expected disc within which it may be the disc's, m."""
 SIGMA_ARC, SIGMA_DISC, SIGMA_LEGS, SIGMA_LEG = 0.015, 0.06, 0.1, 0.15
 """Standard deviation of the centre of a body: what is added to that of a fitted circle, of another, of a pair of legs
 and of a single leg, m."""
@@ -122,20 +124,18 @@ def bodies_in(
     # A person before a wall, without a map: of something wide, only what moves may be a body.
     moves = (rows[:, 7] >= SOME_FRESH) & (rows[:, 7] * rows[:, 3] >= LEAST_FRESH)
     is_wide = rows[:, 4] > np.where(moves, widths.widest, widths.widest_still)
+    own = np.zeros(len(points), np.bool_)
     if is_wide.any():
-        kept = ~is_wide[labels] | marks[:, 0]
-        of_wide = is_wide[labels[kept]]
-        points, marks = points[kept], marks[kept]
+        own = is_wide[labels]
+        kept = ~own | marks[:, 0] | _on_discs(points, sensor, expected)
+        points, marks, own = points[kept], marks[kept], own[kept]
         labels, rows = _grouped(points, marks, sensor, step)
-        from_wide = np.bincount(labels[of_wide], minlength=len(rows)) > 0
-        dropped = (from_wide & (rows[:, 3] < LEAST_FRESH)) | (rows[:, 4] > widths.widest)
-    else:
-        dropped = rows[:, 4] > widths.widest
     labels, count = _split(points, labels, rows, expected)
-    rows = np.concatenate([rows, np.zeros((count - len(rows), 9))])
-    if count > len(dropped):
+    if count > len(rows):
+        rows = np.zeros((count, 9))
         shapes(points, marks, labels, *sensor, step, rows)
-        dropped = np.append(dropped, np.zeros(count - len(dropped), np.bool_))
+    from_wide = np.bincount(labels[own], minlength=count) > 0
+    dropped = (from_wide & (rows[:, 3] < LEAST_FRESH)) | (rows[:, 4] > widths.widest)
     far = np.hypot(rows[:, 0] - sensor[0], rows[:, 1] - sensor[1])
     dropped |= (rows[:, 3] + 1.0) * step * far < THINNEST  # the beams beside the echoes pass it
     fits = np.empty((len(rows), 6))
@@ -151,6 +151,15 @@ def _grouped(points: Floats, marks: Bools, sensor: tuple[float, float], step: fl
     rows = np.empty((segments(points, far, step, GAP, labels), 9))
     shapes(points, marks, labels, *sensor, step, rows)
     return labels, rows
+
+
+def _on_discs(points: Floats, sensor: tuple[float, float], expected: Floats) -> Bools:
+    """(n,) which echoes are of an expected disc, on its side that the sensor sees: it is known beside something too."""
+    discs = expected[expected[:, 2] > 0.0]
+    off = points[:, None] - discs[None, :, :2]
+    is_near = np.abs(np.hypot(off[..., 0], off[..., 1]) - discs[:, 2]) < BESIDE_DISC
+    is_before = (off * (np.array(sensor) - discs[:, :2])).sum(axis=2) > 0.0
+    return np.asarray((is_near & is_before).any(axis=1))
 
 
 def _split(points: Floats, labels: Ints, rows: Floats, expected: Floats) -> tuple[Ints, int]:

@@ -29,7 +29,8 @@ class View(NamedTuple):
         time: Run time, s.
         driven, turned: Way, m, and angles, rad, of the robot since its start, all counted positive.
         x, y: Place of the sensor, m, odometry frame.
-        near: (bins,) shortest beam in each direction of a full turn from the x axis, m; NaN where no beam looked.
+        near: (bins,) shortest beam in each direction of a full turn from the x axis, m; NaN where no beam looked, and
+            negative without an echo: then nothing is known of its end.
     """
 
     time: float
@@ -73,8 +74,8 @@ def _near(beams, x, y, near):  # type: ignore[no-untyped-def]
         dx, dy = beams[i, 2] - x, beams[i, 3] - y
         k = int((math.atan2(dy, dx) / (2.0 * math.pi) + 1.0) * bins) % bins
         far = math.hypot(dx, dy)
-        if not near[k] < far:
-            near[k] = far
+        if not abs(near[k]) < far:
+            near[k] = far if beams[i, 4] > 0.0 else -far
 
 
 def view_of(time: float, way: tuple[float, float], beams: Floats, bins: int) -> View:
@@ -108,7 +109,7 @@ def _passes(near, x, y, px, py, margin):  # type: ignore[no-untyped-def]
         if math.isnan(reach):
             continue
         seen += 1
-        passed += reach > far + margin
+        passed += abs(reach) > far + margin
         at += abs(reach - far) <= margin
     if at:
         return -1
@@ -175,9 +176,9 @@ def cover(near, x, y, places, radii, found):  # type: ignore[no-untyped-def]
             reach = near[(middle + side) % bins]
             if math.isnan(reach):
                 continue
-            if reach > far + radii[i] + 0.1:
+            if abs(reach) > far + radii[i] + 0.1:
                 beyond += 1
-            elif reach < far - radii[i] - 0.1:
+            elif reach < far - radii[i] - 0.1:  # also without an echo: it is not seen so far
                 before += 1
             else:
                 at += 1

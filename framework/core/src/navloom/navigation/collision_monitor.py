@@ -28,6 +28,7 @@ from navloom.navigation.monitor_rollout import (
     ESCAPE,
     HEADWAY,
     MOST_POSES,
+    STANDS,
     distance_to_outline,
     escapes,
     first_meeting,
@@ -202,6 +203,8 @@ class CollisionMonitor:
         if touched is None:
             return Verdict(twist)
         met_at = self._met_at
+        if met_at < math.inf and self._flees(command, here):
+            return Verdict(twist)
         lowest = 0.0
         if pace != 0.0 and pace * speed > 0.0:
             # A share below what the brakes reach within a period could not be driven: the roll-out would be too kind.
@@ -307,6 +310,20 @@ class CollisionMonitor:
                 self._radius, self._alone, self._alone_times,
             )  # fmt: skip
             yield int(np.searchsorted(self._alone_times[:count], ESCAPE, side="right"))
+
+    def _flees(self, twist: Planar, here: Surroundings) -> bool:
+        """Whether what goes on as it does would hit the robot if it stopped now, and does not if it goes on."""
+        still, moving = np.zeros(3), here.moving
+        wide = margins(moving, *twist, self.limits.margin)
+        body = self._outline, self._radius, moving, wide
+        rolled = self._roll(still, here)
+        hit = first_meeting(self._rolled, self._times, rolled, STANDS, *body, False)[0]
+        if hit < 0 or self._enters_unseen(self._roll(np.array(twist), here)) is not None:
+            return False
+        return any(
+            escapes(self._alone, self._alone_times, count, *body, hit, False)
+            for count in self._goes_on(np.array(twist), here)
+        )
 
     def _meets_later(self, twist: Planar, braking: float, here: Surroundings) -> bool:
         """Whether a robot that goes on meets what moves by more than HEADWAY later than if it braked, at a time, s."""

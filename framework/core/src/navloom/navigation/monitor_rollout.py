@@ -18,6 +18,7 @@ __all__ = [
     "ESCAPE",
     "HEADWAY",
     "MOST_POSES",
+    "STANDS",
     "distance_to_outline",
     "escapes",
     "first_meeting",
@@ -51,6 +52,8 @@ HEADWAY = 0.2
 """Time for which the robot must already stand when a moving obstacle reaches it, s: the error of the prediction."""
 ESCAPE = 1.5
 """Time for which a robot that goes on must not meet what would meet it if it braked, s."""
+STANDS = 2.0
+"""Time for which a robot that stopped would have to stand untouched, s: else stopping is no way out."""
 MISJUDGED = 0.1
 """Error of the velocity of a moving obstacle, m/s: where its visible part changes, as beside a corner of the robot."""
 HARDEST, MOST_GAIN = 3.0, 0.25
@@ -221,12 +224,15 @@ def _at_first(x, y, poses, outline):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_meeting(poses, times, count, headway, outline, radius, moving, margin):  # type: ignore[no-untyped-def]
+def first_meeting(  # type: ignore[no-untyped-def]
+    poses, times, count, headway, outline, radius, moving, margin, may_brake=True
+):
     """Index of the first moving point that a footprint meets on its way or shortly after it, whether it would not meet
     it, or later, if the robot stayed at its first pose, and when, s; -1 and inf for none. Such points come first.
 
-    At each time a point may be anywhere between where it is if it goes on as it does and where it is if it brakes with
-    HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than if it stayed.
+    At each time a point may be anywhere between where it is if it goes on as it does and, if it may brake, where it is
+    if it brakes with HARDEST. One that is too near from the beginning counts only if the robot comes nearer to it than
+    if it stayed.
 
     Args:
         poses, times, count: Of `stopping_way`, in the frame of the points.
@@ -257,6 +263,7 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
             for i in range(moving.shape[0]):
                 speed = math.hypot(moving[i, 3], moving[i, 4])
                 least, most = _ways(speed, time + moving[i, 6], moving[i, 5])
+                least = least if may_brake else most
                 px, py = moving[i, 0] - x, moving[i, 1] - y
                 # Most points are too far away to be met.
                 close = margin[i] + MISJUDGED * (time + moving[i, 6])
@@ -281,13 +288,15 @@ def first_meeting(poses, times, count, headway, outline, radius, moving, margin)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def escapes(poses, times, count, outline, radius, moving, margin, hit):  # type: ignore[no-untyped-def]
+def escapes(  # type: ignore[no-untyped-def]
+    poses, times, count, outline, radius, moving, margin, hit, may_brake=True
+):
     """Whether a robot meets nothing on its way, and a point, `hit`, is past it in the end: at least as far away as at
     first, or farther with every step.
 
     The other arguments are those of `first_meeting`.
     """
-    if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin)[0] >= 0:
+    if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin, may_brake)[0] >= 0:
         return False
     after = _distance_at(poses, times, count - 1, outline, moving, hit)
     if after >= distance_to_outline(moving[hit, 0], moving[hit, 1], outline):
@@ -305,8 +314,8 @@ def _distance_at(poses, times, place, outline, moving, hit):  # type: ignore[no-
 
 
 def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float) -> list[Floats]:
-    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded; if it accelerates, also
-    with its highest acceleration along the command's arc or straight.
+    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded, or straight on; if it
+    accelerates, also with its highest acceleration along the command's arc or straight.
 
     Args:
         command: (3,) forward speed, m/s, turn rate, rad/s, and speed to the left, m/s.
@@ -314,15 +323,16 @@ def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float)
         period: s.
     """
     after = np.arange(math.ceil(ESCAPE / period)) * period
-    ways = [np.repeat(command[None], len(after), axis=0)]
     pace = math.hypot(command[0], command[2])
-    if pace == 0.0 or not accelerates:
-        return ways
-    share = np.minimum(pace + robot.max_acceleration * after, max(robot.max_linear, pace)) / pace
-    turn = max(robot.max_angular, abs(command[1]))
-    for turns in (np.clip(command[1] * share, -turn, turn), np.where(after, 0.0, command[1])):
-        ways.append(np.column_stack([command[0] * share, turns, command[2] * share]))
-    return ways if command[1] else ways[:2]
+    shares = [np.ones(len(after))]
+    if pace != 0.0 and accelerates:
+        shares.append(np.minimum(pace + robot.max_acceleration * after, max(robot.max_linear, pace)) / pace)
+    turn, ways = max(robot.max_angular, abs(command[1])), []
+    for share in shares:
+        ways.append(np.column_stack([command[0] * share, np.clip(command[1] * share, -turn, turn), command[2] * share]))
+        if command[1] and pace != 0.0:
+            ways.append(np.column_stack([command[0] * share, np.where(after, 0.0, command[1]), command[2] * share]))
+    return ways
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -231,7 +231,7 @@ def test_both_avoiders_drive_and_the_shadow_says_what_it_would_have_done() -> No
 
 
 @runs("circle_swap.toml")
-def test_four_robots_swap_places_without_contact(
+def test_ten_robots_swap_places_without_contact(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     config, out = str(EXAMPLES / "circle_swap.toml"), str(tmp_path / "out")
@@ -240,8 +240,8 @@ def test_four_robots_swap_places_without_contact(
         main()
     assert not ended.value.code
     result = json.loads(capsys.readouterr().out)
-    assert (result["reached"], result["collisions"]) == (4, 0)
-    assert list(result["members"]) == ["robot1", "robot2", "robot3", "robot4"]
+    assert (result["reached"], result["collisions"]) == (10, 0)
+    assert list(result["members"]) == [f"robot{k}" for k in range(1, 11)]
     assert {"run.png", "result.json", "trace.bin"} <= {Path(file).name for file in result["written"]["out"]}
     own = json.loads((tmp_path / "out" / "robot2" / "result.json").read_text())
     assert own["trace_sha256"] == result["members"]["robot2"]["trace_sha256"]

@@ -78,6 +78,7 @@ STAND_INS = {
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("comparing.md", "navloom compare examples/circle_swap.toml"): "navloom compare --help",
     ("moving-obstacles.md", "navloom compare swap.toml"): "navloom compare --help",
+    ("moving-obstacles.md", "navloom compare examples/circle_swap.toml"): "navloom compare --help",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
     ("tutorial.md", "navloom compare"): "navloom compare --help",
     ("choosing.md", "navloom compare building"): "navloom compare --help",

@@ -10,7 +10,7 @@ from navloom_avoidance.robot import Robot
 from navloom_dwa.avoidance import Given
 from navloom_orca.avoidance import LIMITS, Reciprocal
 from navloom_orca.outline import lines_of
-from navloom_orca.params import OrcaParams
+from navloom_orca.params import RECIPROCAL, OrcaParams
 
 JACKAL = np.array([[0.229, 0.208], [-0.229, 0.208], [-0.229, -0.208], [0.229, -0.208]])
 HERE = (0.0, 0.0, 0.0)
@@ -54,11 +54,11 @@ def laser(points, pose=HERE, reach=10.0):
 
 
 def drive(method, steps, target=(8.0, 0.0), points=(), track=None):
-    """Poses (n, 3) of an ideal robot, and the least gap between the footprint's disc and a track of radius 0.3 m."""
+    """Poses (n, 3) of an ideal robot, and the least gap between the footprint's disc and tracks of radius 0.3 m."""
     pose, twist, poses, gap = HERE, (0.0, 0.0), [HERE], math.inf
     for k in range(steps):
         time = PERIOD * k
-        tracks = NO_BODIES if track is None else bodies(track(time))
+        tracks = NO_BODIES if track is None else bodies(*np.atleast_2d(track(time)))
         decision = method.step([laser(points, pose)], None, given(target, pose, twist, tracks, time))
         v = min(max(decision.speed, twist[0] - 2.0 * PERIOD), twist[0] + 2.0 * PERIOD)
         heading = pose[2] + decision.turn * PERIOD
@@ -66,7 +66,8 @@ def drive(method, steps, target=(8.0, 0.0), points=(), track=None):
         twist = (v, decision.turn)
         poses.append(pose)
         if track is not None:
-            gap = min(gap, math.dist(pose[:2], track(time + PERIOD)[:2]) - 0.3 - math.hypot(0.229, 0.208))
+            places = np.atleast_2d(track(time + PERIOD))[:, :2]
+            gap = min(gap, np.hypot(*(places - pose[:2]).T).min() - 0.3 - math.hypot(0.229, 0.208))
     return np.array(poses), gap
 
 
@@ -152,6 +153,89 @@ def test_echoes_of_a_track_are_no_line_obstacle():
     method = method_of()
     method.step([laser([(2.0, 0.0)])], None, given(tracks=bodies((2.2, 0.0, 0.0, 1.0))))
     assert len(method.planes) == LIMITS + 1
+
+
+def swap(*tasks, seconds=20.0, **params):
+    """Way left to each goal, m, of ideal robots that see each other, and the least gap of two footprints' discs, m.
+
+    Args:
+        tasks: Start x, y, heading, and goal x, y, of each robot. params: Besides those of the preset `reciprocal`.
+    """
+    params = RECIPROCAL.values() | params
+    methods, poses = [method_of(**params) for _ in tasks], np.array([task[:3] for task in tasks], dtype=float)
+    twists, gap, circle = np.zeros((len(tasks), 2)), math.inf, math.hypot(0.229, 0.208)
+    for k in range(round(seconds / PERIOD)):
+        speeds = twists[:, :1] * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        rows, decisions = np.column_stack([poses[:, :2], speeds]), []
+        for i, method in enumerate(methods):
+            others = bodies(*np.delete(rows, i, axis=0), radius=circle)
+            now = given(tasks[i][3:], tuple(poses[i]), tuple(twists[i]), others, PERIOD * k)
+            decisions.append(method.step([], None, now))
+        for i, decision in enumerate(decisions):
+            v = min(max(decision.speed, twists[i, 0] - 2.0 * PERIOD), twists[i, 0] + 2.0 * PERIOD)
+            heading = poses[i, 2] + decision.turn * PERIOD
+            poses[i] += (v * PERIOD * math.cos(heading), v * PERIOD * math.sin(heading), decision.turn * PERIOD)
+            twists[i] = v, decision.turn
+        between = np.hypot(*(poses[:, None, :2] - poses[None, :, :2]).transpose(2, 0, 1))
+        gap = min(gap, between[~np.eye(len(tasks), dtype=bool)].min() - 2.0 * circle)
+    return np.hypot(*(poses[:, :2] - np.array(tasks)[:, 3:]).T), gap
+
+
+@pytest.mark.parametrize("count", [4, 6])
+def test_robots_in_exact_symmetry_pass_each_other_on_the_right(count):
+    """On a circle of 3 m radius, each to the opposite side: without the right hand all stop before they meet."""
+    turns = np.arange(count) * math.tau / count
+    tasks = [(3.0 * math.cos(a), 3.0 * math.sin(a), a + math.pi, -3.0 * math.cos(a), -3.0 * math.sin(a)) for a in turns]
+    left, gap = swap(*tasks)
+    assert left.max() < 0.2 and gap > 0.0
+    left, _ = swap(*tasks, keep_right_deg=0.0)
+    assert left.min() > 2.0
+
+
+def test_a_robot_that_is_held_up_turns_aside_at_90_degrees_a_second():
+    """Half a second before one that comes, at 0.85 m: the velocity wanted then is 45 degrees to the right."""
+    method = method_of(keep_right_deg=75.0)
+    for k in range(11):
+        method.step([], None, given(tracks=bodies((0.9 - 0.001 * k, 0.0, -0.02, 0.0)), time=PERIOD * k))
+    assert math.degrees(math.atan2(method.wanted[1], method.wanted[0])) == pytest.approx(-45.0)
+
+
+def test_a_track_that_stands_for_two_seconds_counts_by_its_echoes():
+    method = method_of(standing_by_echoes=True)
+    counts = []
+    for k in range(50):
+        method.step([], None, given(tracks=bodies((2.0, 0.0, 0.0, 0.0)), time=PERIOD * k))
+        counts.append(len(method.planes) - LIMITS)
+    assert counts == [1] * 40 + [0] * 10
+
+
+@pytest.mark.parametrize("by_echoes", [True, False])
+def test_two_that_stand_1_4_m_apart_can_be_passed_by_their_echoes(by_echoes):
+    """In a corridor of 3 m. Their discs and the robot's, 0.39 + 0.3 + 0.1 m each, leave nothing between them."""
+    stand = np.array([(2.0, 0.7, 0.0, 0.0), (2.0, -0.7, 0.0, 0.0)])
+    around = [
+        (2.0 + 0.2 * math.cos(a), y + 0.2 * math.sin(a)) for a in np.linspace(0.0, math.tau, 24) for y in (0.7, -0.7)
+    ]
+    walls = [(x, y) for x in np.arange(-1.0, 6.0, 0.04) for y in (1.5, -1.5)]
+    method = method_of(standing_by_echoes=by_echoes)
+    for k in range(50):
+        method.step([], None, given(target=HERE[:2], tracks=bodies(*stand), time=PERIOD * (k - 50)))
+    poses, _ = drive(method, 100, points=around + walls, track=lambda time: stand)
+    assert (poses[:, 0].max() > 4.0) == by_echoes
+
+
+@pytest.mark.parametrize(("swing", "is_trapped"), [(0.2, False), (0.0, True)])
+def test_only_what_moves_is_waited_for(swing, is_trapped):
+    """A corridor of 1.2 m with somebody in it, who walks from side to side or stands."""
+    walls = [(x, y) for x in np.arange(-3.0, 3.0, 0.04) for y in (-0.6, 0.6)]
+    method = method_of(blocked_patience=0.5)
+    drive(
+        method,
+        400,
+        points=walls,
+        track=lambda time: (2.0, swing * math.sin(3.0 * time), 0.0, 3.0 * swing * math.cos(3.0 * time)),
+    )
+    assert (method.trap.place is not None) == is_trapped
 
 
 def test_posts_are_passed():

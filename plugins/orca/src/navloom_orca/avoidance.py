@@ -36,12 +36,14 @@ Point = tuple[float, float]
 STOPPED_BELOW = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
 INSTANT = 1.0e3  # rad/s²: a robot without a limit of its turn acceleration stops turning at once
 PROGRESS_STEP, TARGET_SHIFT = 0.1, 0.5  # m: approach that is progress; movement beyond which a target counts as new
+HERE, STOOD = 0.1, 2.0  # m, s: a body that has moved by less for this time stands
 RELEASE = (0.3, math.radians(45.0))  # m, rad: motion after which a trap is left
 TOLERANCE = 0.06  # m: twice the noise of a laser
 UNSURE = 0.4  # m: most that a track's covariance adds to its radius
 SHORTER = (1.0, 0.5, 0.25, 0.125)  # shares of the horizon that are tried until some velocity is permitted
-FEASIBLE = 1.0e-6  # m/s: violation that is rounding
+FEASIBLE, BINDS = 1.0e-6, 0.01  # m/s: violation that is rounding; how near to a border a velocity is held by it
 LIMITS = 4  # half planes of the robot's limits
+HELD_UP, ASIDE = 0.5, math.radians(90.0)  # share of a free robot's speed; rad/s: below it, it turns aside at this rate
 
 
 class Decision(NamedTuple):
@@ -63,6 +65,7 @@ class Reciprocal:
         half_width: Of the footprint, m: lines are kept clear of this. stays_free() guards the corners.
         planes: (n, 4) half planes of the last tick: the limits, lines, tracks. wanted: Velocity of the centre, m/s.
         taken: Velocity of the centre that was chosen, m/s. obstacles: (n, 3) as from Echoes.see().
+        waits: Whether bodies that do not stand hold the robot up.
     """
 
     def __init__(self, params: OrcaParams, robot: Robot, period: float) -> None:
@@ -90,7 +93,8 @@ class Reciprocal:
         self.progress = Progress(PROGRESS_STEP, TARGET_SHIFT)
         self.trap = Trap(*RELEASE)
         self.planes, self.obstacles, self._gaps = np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
-        self.wanted, self.taken, self._sent = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+        self.wanted, self.taken, self._sent, self._aside = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0
+        self.waits, self._stood = False, np.zeros((0, 3))
 
     def step(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         """Decide for one tick.
@@ -107,12 +111,17 @@ class Reciprocal:
 
     def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose, target = self.params, given.pose, given.target
+        bodies = given.bodies.within(pose[:2], p.reach)
+        stand = self._stand(bodies, given.time)
+        if p.standing_by_echoes:
+            bodies, stand = TrackedBodies(*(values[~stand] for values in bodies)), stand[~stand]
+        given = given._replace(bodies=bodies)
         static = [without_bodies(beams, pose, given.bodies) for beams in lasers]
         self.obstacles, self._gaps = self.echoes.see(static, cones, pose, given.time)
         if self.trap.holds(pose, target, TARGET_SHIFT):
             return Decision(0.0, 0.0, "trapped", "trapped: neither robot nor target moved since")
         self._count_time(given)
-        self._choose(given)
+        self._choose(given, ~stand)
         command, is_free = self._validated(given)
         is_blocked = self.progress.blocked > p.blocked_patience and is_stopped(*command)
         if is_blocked or (self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]):
@@ -122,17 +131,33 @@ class Reciprocal:
         is_clear = is_free and len(self.planes) == LIMITS
         return Decision(*command, "clear" if is_clear else "steering", self.why(is_free))
 
+    def _stand(self, bodies: TrackedBodies, time: float) -> NDArray[np.bool_]:
+        """(n,) which bodies have stood for a while, at a time, s: they give way to no one."""
+        stood, since, places = self._stood, np.full(len(bodies.radii), time), bodies.positions.copy()
+        if len(stood) and len(places):
+            gaps = np.hypot(*(places[:, None] - stood[:, :2]).transpose(2, 0, 1))
+            rows, stays = gaps.argmin(axis=1), gaps.min(axis=1) < HERE
+            since[stays], places[stays] = stood[rows[stays], 2], stood[rows[stays], :2]
+        self._stood = np.column_stack([places, since])
+        stand: NDArray[np.bool_] = time - since >= STOOD
+        return stand
+
     def _count_time(self, given: Given) -> None:
         """Count the time without progress, while the robot follows this avoider's commands."""
         left = math.dist(given.pose[:2], given.target)
         self.progress.note(left, given.target)
-        elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
+        # A robot that gives way is not trapped: what moves clears its way.
+        elapsed = self.period if self.motors.obeyed(given.twist) and not self.waits else 0.0
         self.progress.stalled += elapsed
         is_blocked = is_stopped(*self._sent) and left > PROGRESS_STEP
         self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
 
-    def _choose(self, given: Given) -> None:
-        """Set up the half planes, and solve the programme for the velocity of the effective centre."""
+    def _choose(self, given: Given, are_moving: NDArray[np.bool_]) -> None:
+        """Set up the half planes, and solve the programme for the velocity of the effective centre.
+
+        Args:
+            given: Inputs of the tick. are_moving: (n,) which of its bodies do not stand.
+        """
         p, r = self.params, self.robot
         moved = self._when_it_acts(given.twist)
         bodies = self._bodies(given, moved)
@@ -166,6 +191,19 @@ class Reciprocal:
             self.taken = best_velocity(planes, rows, LIMITS, hard, fastest, *self.wanted, scratch)
             if self._violations(hard, np.array([self.taken]))[0] < FEASIBLE:
                 break
+        self._step_aside(bool((self._beyond(hard, np.array([self.taken]))[0, are_moving] > -BINDS).any()))
+
+    def _step_aside(self, others_bind: bool) -> None:
+        """Turn the wanted velocity of the next tick farther to the right while others hold the robot up, else back.
+
+        Two that stop for each other then pass: the right-hand heuristic of Zhou, Wang, Bandyopadhyay & Schwager 2017.
+        """
+        free = np.clip(self.wanted, (self.planes[1, 0], self.planes[3, 1]), (self.planes[0, 0], self.planes[2, 1]))
+        self.waits = others_bind and free @ self.taken < HELD_UP * (free @ free)
+        step = ASIDE * self.period
+        self._aside = min(
+            max(self._aside + (step if self.waits else -step), 0.0), math.radians(self.params.keep_right_deg)
+        )
 
     def _when_it_acts(self, twist: tuple[float, float]) -> Pose:
         """Pose of the base when a command acts, in the present base frame: m and rad."""
@@ -181,8 +219,8 @@ class Reciprocal:
 
     def _bodies(self, given: Given, moved: Pose) -> TrackedBodies:
         """Bodies within reach when the command acts, as seen from the effective centre; covariances are not turned."""
-        p, pose = self.params, given.pose
-        bodies = given.bodies.within(pose[:2], p.reach).after(self.motors.delay)
+        pose = given.pose
+        bodies = given.bodies.after(self.motors.delay)
         c, s = math.cos(pose[2]), math.sin(pose[2])
         turned = np.array([[c, -s], [s, c]])
         places = self._relative((bodies.positions - pose[:2]) @ turned, moved)
@@ -224,7 +262,7 @@ class Reciprocal:
         distance = math.hypot(x, y)
         way = max(0.0, distance + given.remaining - r.max_deceleration * self.period**2)
         speed = min(r.max_linear, math.sqrt(r.max_deceleration * way))
-        bearing = math.atan2(y, x)
+        bearing = math.remainder(math.atan2(y, x) - self._aside, math.tau)
         side = math.sin(bearing) if abs(bearing) < 0.5 * math.pi else math.copysign(1.0, bearing)
         return speed * max(0.0, math.cos(bearing)), speed * side
 
@@ -259,12 +297,13 @@ class Reciprocal:
 
     def _violations(self, first: int, velocities: Floats) -> Floats:
         """The same for the half planes from a row on."""
-        planes = self.planes[first:]
-        if not len(planes):
-            return np.zeros(len(velocities))
-        beyond = planes[:, 2] * (planes[:, 1] - velocities[:, 1:]) - planes[:, 3] * (planes[:, 0] - velocities[:, :1])
-        worst: Floats = beyond.max(axis=1).clip(min=0.0)
+        worst: Floats = self._beyond(first, velocities).max(axis=1, initial=0.0)
         return worst
+
+    def _beyond(self, first: int, velocities: Floats) -> Floats:
+        """(n, k) how far velocities are beyond each border from a row on, m/s; negative where they are permitted."""
+        planes = self.planes[first:]
+        return planes[:, 2] * (planes[:, 1] - velocities[:, 1:]) - planes[:, 3] * (planes[:, 0] - velocities[:, :1])
 
     def why(self, is_free: bool) -> str:
         """Reason of a command, one phrase."""

@@ -11,6 +11,15 @@ class OrcaParams(Params):
     share: float = Field(
         1.0, ge=0.5, le=1.0, description="Share of the change of velocity that the robot takes, no unit; 1: all of it."
     )
+    keep_right_deg: float = Field(
+        0.0,
+        ge=0.0,
+        le=120.0,
+        description="Most that the robot turns aside, to the right, where tracks hold it up, deg.",
+    )
+    standing_by_echoes: bool = Field(
+        False, description="Whether a track that stands counts by its echoes, as a wall does, not as a disc."
+    )
     reach: float = Field(8.0, gt=0.0, le=50.0, description="Tracks farther away than this do not count, m.")
     track_margin: float = Field(0.1, ge=0.0, le=2.0, description="Margin between robot and tracks, m.")
     sigmas: float = Field(
@@ -36,5 +45,13 @@ class OrcaParams(Params):
 ROBUST = Preset("our choice: the robot takes all of the change, since people need not see it")
 RECIPROCAL = Preset(
     "van den Berg et al. 2011",
-    {"share": (0.5, "eq. (5): each takes half of u"), "sigmas": (0.0, "section 2: positions are known exactly")},
+    {
+        "share": (0.5, "eq. (5): each takes half of u"),
+        "sigmas": (0.0, "section 2: positions are known exactly"),
+        "keep_right_deg": (75.0, "Zhou et al. 2017, right-hand heuristic; the angle is ours"),
+        "standing_by_echoes": (
+            True,
+            "ours: a robot that has arrived leaves a gap that its disc closes",
+        ),
+    },
 )

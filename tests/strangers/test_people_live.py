@@ -43,6 +43,11 @@ class Heard:
                 self.instances.add(key.split("/")[3])
             self._news.notify_all()
 
+    def wait_until_heard(self, instances: set[str], timeout: float = 30.0) -> None:
+        """Wait until messages of these instances, and of no other one, have been received."""
+        with self._news:
+            assert self._news.wait_for(lambda: self.instances == instances, timeout), self.instances
+
     def wait_for(self, reason: str, timeout: float = 60.0, after: int = 0) -> int:
         """Wait for a status with this reason; returns the number of statuses up to it."""
         with self._news:
@@ -97,7 +102,7 @@ def test_the_robot_drives_on_when_an_optional_tracker_is_killed_and_the_avoider_
     people: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with driving(people, monkeypatch) as (robot, heard):
-        assert heard.instances == {"polite", "beacon_tracker"}
+        heard.wait_until_heard({"polite", "beacon_tracker"})
         told = robot.json("echo", "people/tracks", "--count", "1")
         assert told["message"]["positions"]["shape"][1] == 2
         flow = robot.json("hz", "people/tracks", "--for", "1")["people/beacon_tracker/tracks"]

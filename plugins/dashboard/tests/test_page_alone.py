@@ -86,7 +86,11 @@ def test_a_robot_that_is_gone_is_shown_until_it_is_back(server: Server) -> None:
 HELD_WORKERS = """
     window.held = [];
     window.Worker = class extends Worker {
-        set onmessage(take) { super.onmessage = (event) => held.push(() => take(event)); }
+        set onmessage(take) {
+            super.onmessage = (event) => {
+                document.documentElement.dataset.held = held.push(() => take(event));
+            };
+        }
     };
 """
 """Script of a page whose workers' answers wait until the test lets them through."""
@@ -113,7 +117,7 @@ def test_a_map_that_is_unpacked_late_is_not_shown_for_another_robot(
         expect(page.locator("#stop-state")).to_have_text("ready")
         assert server.live is not None
         server.live.send(occupied_map())
-        page.wait_for_function("held.length === 1")
+        expect(page.locator("html")).to_have_attribute("data-held", "1")
         if is_changed:
             page.locator("#robot").select_option(index=1)
             expect(page.locator("#stop-state")).to_have_text("ready")
@@ -144,7 +148,7 @@ def test_a_command_that_is_old_is_not_drawn_as_if_it_were_new(server: Server) ->
     page, shown = server.page, []
     for age in (0.0, 5.0):
         server.send({"kind": "commands", "age": age, "roles": {"avoider": rows}}, POSE)
-        page.wait_for_function("true")
+        page.evaluate("new Promise(requestAnimationFrame)")
         shown.append(colour_at(page, 60, 0) != GROUND)
     assert shown == [True, False]
 

@@ -25,7 +25,7 @@ def results(
     folder: ResultsFolder = RESULTS,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summaries as one JSON object.")] = False,
 ) -> None:
-    """List the results of suites: those in the folder, and those that come with navloom."""
+    """List the results of suites, stored and shipped."""
     from navloom.cli.output import print_json, print_table
 
     from navloom_study.suites.results_store import known_results

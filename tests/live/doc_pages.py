@@ -19,6 +19,7 @@ NOT_RUN = {
     ("tour.md", "navloom run paper --view"): "opens a window; framework/viewer/tests looks at what it shows",
     ("studies.md", "navloom compare paper --vary avoider=vff@printed,vff,"): "3360 episodes",
     ("studies.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("studies.md", "python benchmarks"): "350 drives of data sets that the project does not have",
     ("comparing.md", "navloom results"): "stores rows; framework/study/tests/test_suite_results.py adds some",
     ("comparing.md", "navloom compare explore --vary avoider=vfh_swept,mppi,dwa"): "450 episodes of the BARN data set",
     ("simulator-truth.md", "navloom compare"): "200 episodes of the BARN data set",

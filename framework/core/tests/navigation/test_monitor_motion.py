@@ -15,7 +15,7 @@ from navloom.engine.build import assemble
 from navloom.engine.lockstep_builder import gate_monitor
 from navloom.geometry.actors import Body, parts_of
 from navloom.navigation.braking import Braking
-from navloom.navigation.collision_monitor import MonitorLimits
+from navloom.navigation.collision_monitor import MonitorLimits, warm_up
 from navloom.navigation.monitor_motion import MOST_SCANS
 from navloom.navigation.monitor_rollout import HEADWAY, MOST_GAIN, escapes, first_meeting, ways_on
 from navloom.testing import robot
@@ -309,6 +309,16 @@ def test_a_robot_that_would_be_hit_where_it_stops_goes_on() -> None:
     """
     scene = drive(Scene(LIMITS, [moves(1.0, 2.8, 0.0, -1.0), moves(1.3, 0.0, 1.0, 0.0)], 1.5 * ROOM), 1.0, 3.0)
     assert scene.gap() > 0.0 and min(verdict.twist.vx for verdict in scene.verdicts) > 0.9
+
+
+def test_what_moves_compiles_nothing_while_the_robot_drives() -> None:
+    """A kernel that compiles in a tick of a live robot takes seconds."""
+    warm_up()
+    kernels = [first_meeting, escapes]
+    warm = [len(kernel.signatures) for kernel in kernels]
+    drive(Scene(LIMITS, [moves(1.0, 2.8, 0.0, -1.0), moves(1.3, 0.0, 1.0, 0.0)], 1.5 * ROOM), 1.0, 3.0)
+    drive(Scene(LIMITS, [moves(-0.86, 0.0, 0.7, 0.0)], ROOM), 1.0, 1.5)
+    assert [len(kernel.signatures) for kernel in kernels] == warm
 
 
 @pytest.mark.parametrize(

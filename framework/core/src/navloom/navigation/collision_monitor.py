@@ -291,15 +291,17 @@ class CollisionMonitor:
         moving, (v, w, side) = here.moving, command
         wide = margins(moving, v, w, side, self.limits.margin)
         hit, _, when = first_meeting(
-            self._rolled, self._times, rolled, HEADWAY, self._outline, self._radius, moving, wide
+            self._rolled, self._times, rolled, HEADWAY, self._outline, self._radius, moving, wide, True
         )
         self._met_at = when
         if hit < 0:
             return -1
-        for count in self._goes_on(command, here):
-            if escapes(self._alone, self._alone_times, count, self._outline, self._radius, moving, wide, hit):
-                return -1
-        return int(hit)
+        return -1 if self._gets_away(command, here, wide, hit) else int(hit)
+
+    def _gets_away(self, command: Floats, here: Surroundings, wide: Floats, hit: int, may_brake: bool = True) -> bool:
+        """Whether the robot escapes a moving point, a row, by going on in one of `ways_on`."""
+        body = self._outline, self._radius, here.moving, wide, hit, may_brake
+        return any(escapes(self._alone, self._alone_times, count, *body) for count in self._goes_on(command, here))
 
     def _goes_on(self, command: Floats, here: Surroundings) -> Iterator[int]:
         """Roll out one of `ways_on` after the other; yields the number of poses of each up to ESCAPE."""
@@ -313,17 +315,14 @@ class CollisionMonitor:
 
     def _flees(self, twist: Planar, here: Surroundings) -> bool:
         """Whether what goes on as it does would hit the robot if it stopped now, and does not if it goes on."""
-        still, moving = np.zeros(3), here.moving
+        command, moving = np.array(twist), here.moving
         wide = margins(moving, *twist, self.limits.margin)
+        rolled = self._roll(np.zeros(3), here)
         body = self._outline, self._radius, moving, wide
-        rolled = self._roll(still, here)
         hit = first_meeting(self._rolled, self._times, rolled, STANDS, *body, False)[0]
-        if hit < 0 or self._enters_unseen(self._roll(np.array(twist), here)) is not None:
+        if hit < 0 or self._enters_unseen(self._roll(command, here)) is not None:
             return False
-        return any(
-            escapes(self._alone, self._alone_times, count, *body, hit, False)
-            for count in self._goes_on(np.array(twist), here)
-        )
+        return self._gets_away(command, here, wide, hit, may_brake=False)
 
     def _meets_later(self, twist: Planar, braking: float, here: Surroundings) -> bool:
         """Whether a robot that goes on meets what moves by more than HEADWAY later than if it braked, at a time, s."""
@@ -332,7 +331,9 @@ class CollisionMonitor:
             return False
         wide = margins(moving, *twist, self.limits.margin)
         met = (
-            first_meeting(self._alone, self._alone_times, count, 0.0, self._outline, self._radius, moving, wide)[2]
+            first_meeting(self._alone, self._alone_times, count, 0.0, self._outline, self._radius, moving, wide, True)[
+                2
+            ]
             for count in self._goes_on(command, here)
         )
         return any(when > braking + HEADWAY for when in met)
@@ -411,3 +412,6 @@ def warm_up() -> None:
         monitor.look(f"{halves[0]}", RangeScan(0, two, one, halves, np.zeros(2), one, 0.1, 4.0))
     monitor.give(0.0, still.twist)
     monitor.judge(Twist2D(0.5, 0.0, 0.1), 0.0, 0.0)
+    comes = Surroundings(np.zeros((0, 4)), 0.0, NO_POINTS, np.array([(1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0)]), True)
+    monitor.ignores_unseen = True
+    monitor._flees((0.5, 0.1, 0.0), comes)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-__all__ = ["kept", "rows_of"]
+import numpy as np
+from navloom_study.binomial import exact_interval
+
+__all__ = ["kept", "rows_of", "share"]
 
 T = TypeVar("T")
 Row = dict[str, Any]
@@ -34,3 +37,9 @@ def rows_of(drive: Callable[[T], Row], work: Iterable[T], jobs: int, out: Path |
                 with out.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
             yield row
+
+
+def share(which: Sequence[bool]) -> str:
+    """The share of drives of which something is true, with its exact 95 % interval (Clopper and Pearson 1934)."""
+    low, high = exact_interval(float(np.mean(which)), len(which))
+    return f"{np.mean(which):.2f} ({low:.2f} to {high:.2f})"

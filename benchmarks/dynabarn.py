@@ -20,12 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from campaign import kept, rows_of
+from campaign import kept, rows_of, share
 from navloom.config import load_config
 from navloom.runs.episode import run_episode
 from navloom.runs.metric_functions import others_contacts, own_contacts
 from navloom_maps.dynabarn import dynabarn_numbers
-from navloom_study.binomial import exact_interval
 
 __all__ = ["METHODS", "drive", "main", "table"]
 
@@ -77,11 +76,6 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         found = [row for row in rows if row["method"] == method and "error" not in row]
         if not found:
             continue
-
-        def share(which: list[bool]) -> str:
-            low, high = exact_interval(float(np.mean(which)), len(which))
-            return f"{np.mean(which):.2f} ({low:.2f} to {high:.2f})"
-
         arrived = [bool(row["arrived"]) for row in found]
         own, others = [row["own"] > 0 for row in found], [row["others"] > 0 for row in found]
         false = [row["outcome"] == "succeeded" and not row["arrived"] for row in found]

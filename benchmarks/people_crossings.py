@@ -18,14 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from campaign import kept, rows_of
+from campaign import kept, rows_of, share
 from dynabarn import METHODS
 from navloom.config import load_config
 from navloom.plugins import Discovery
 from navloom.runs.episode import run_episode
 from navloom.runs.metric_functions import others_contacts, own_contacts
 from navloom.runs.metrics import all_metrics, measure
-from navloom_study.binomial import exact_interval
 
 __all__ = ["crossings", "drive", "main", "table"]
 
@@ -91,14 +90,11 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
             found = [row for row in rows if (row["scene"], row["method"]) == (scene, method) and "error" not in row]
             if not found:
                 continue
-            shares = []
-            for which in (
-                [bool(row["arrived"]) for row in found],
-                [row["own"] > 0 for row in found],
-                [row["others"] > 0 for row in found],
-            ):
-                low, high = exact_interval(float(np.mean(which)), len(which))
-                shares.append(f"{np.mean(which):.2f} ({low:.2f} to {high:.2f})")
+            shares = [
+                share([bool(row["arrived"]) for row in found]),
+                share([row["own"] > 0 for row in found]),
+                share([row["others"] > 0 for row in found]),
+            ]
             given = [[row[name] for row in found if row[name] is not None] for name in SOCIAL]
             shares += [f"{np.median(values):.2f}" if values else "-" for values in given]
             lines.append(f"| `{scene}` | `{method}` | {len(found)} | {' | '.join(shares)} |")

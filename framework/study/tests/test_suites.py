@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 from navloom.config import ConfigError
 from navloom.plugins import Discovery
-from navloom_study.study_worlds import seeds_of
 from navloom_study.suites.method_files import read_methods
-from navloom_study.suites.suite import read_suite, read_suite_table, suite_names
-from navloom_study.suites.suite_run import SuitePlan, plan_suite
+from navloom_study.suites.suite import read_suite, read_suite_table, suite_named
+from navloom_study.suites.suite_run import SuitePlan, family_names, plan_suite
 
 TINY = """
 name = "tiny-1"
@@ -142,13 +142,30 @@ def test_the_hash_of_a_suite_follows_what_an_episode_depends_on(tiny: Path) -> N
     assert read_suite(tiny).sha256 != before
 
 
-@pytest.mark.parametrize(
-    "name", ["barn-1", "crowd-1", "doors-1", "dynamic-1", "localise-1", "paper-1", "sensors-1", "static-1"]
-)
-def test_a_shipped_suite_has_a_baseline_of_its_own(name: str) -> None:
-    discovery = Discovery()
-    table, _ = read_suite_table(discovery.suite(name))
-    assert name in suite_names(discovery)
-    assert table.name == name
-    assert any(table.baseline in family for family in table.methods)
-    assert seeds_of(table.seeds)
+SHIPPED = sorted(Discovery().names("suite"))
+
+
+def test_the_suites_of_the_project_are_installed() -> None:
+    assert {
+        "barn-1",
+        "crowd-1",
+        "doors-1",
+        "dynamic-1",
+        "localise-1",
+        "paper-1",
+        "sensors-1",
+        "start-1",
+        "static-1",
+    } <= {*SHIPPED}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_method_of_a_shipped_suite_can_drive_in_all_its_conditions(name: str) -> None:
+    """One that a condition refuses would end the whole study, before its first episode."""
+    table, _ = read_suite_table(Discovery().suite(name))
+    own = family_names(table.methods)
+    assert table.baseline in own
+    if table.data and "NAVLOOM_DATA" not in os.environ:
+        pytest.skip(f"{name} reads {', '.join(table.data)} in the folder NAVLOOM_DATA, which is not set")
+    plan = plan_suite(suite_named(name, Discovery()), own, {})
+    assert {method for method, *_ in plan.tasks()} == {*own}

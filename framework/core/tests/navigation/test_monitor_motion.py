@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import numba
 import numpy as np
 import pytest
 from moving_scene import Disc, Scene
@@ -311,6 +312,7 @@ def test_a_robot_that_would_be_hit_where_it_stops_goes_on() -> None:
     assert scene.gap() > 0.0 and min(verdict.twist.vx for verdict in scene.verdicts) > 0.9
 
 
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="kernels run in plain Python: nothing is compiled")
 def test_what_moves_compiles_nothing_while_the_robot_drives() -> None:
     """A kernel that compiles in a tick of a live robot takes seconds."""
     warm_up()

@@ -95,6 +95,7 @@ SHIPPED = {
         "suite.localise-1",
         "suite.paper-1",
         "suite.sensors-1",
+        "suite.start-1",
         "suite.static-1",
     ),
     "navloom-theta-star": (

@@ -83,6 +83,8 @@ class Share:
 
 
 LAYOUTS = (
+    ("engine.build", "engine.plugin_factory", "engine.lockstep_builder", "engine.trace",
+     "engine.nodes.avoider_node", "engine.nodes.reference_node"),
     ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.nodes.avoider",
      "engine.nodes.reference"),
     ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
@@ -110,7 +112,7 @@ class Layout:
             try:
                 return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
             except ModuleNotFoundError as error:
-                if error.name not in ("navloom.engine", "navloom.engine.plugin_factory", "navloom.engine.nodes"):
+                if not str(error.name).startswith("navloom."):
                     raise
         raise ModuleNotFoundError("no known layout of navloom")
 

@@ -37,6 +37,16 @@ def test_it_drives_round_a_wall_that_it_could_not_see_when_it_planned(tmp_path: 
     assert episode.trail.path_length > 9.0  # the way round is 9.3 m, where the first plan was 8.3 m long
 
 
+@pytest.mark.parametrize("storey", [3, 7])
+def test_it_keeps_its_pose_in_a_building_where_nothing_moves(storey: int) -> None:
+    """It took its own drift for a body that moves, forgot the walls, and was 1.3 m off or `lost` after 40 m."""
+    changes = [f"world.ref=floor:{storey}", "run.stop_after=60"]
+    said = run_episode(load_config("explore", changes)).trail.localization
+    assert np.hypot(*np.diff(said.truth[:, :2], axis=0).T).sum() > 30.0
+    assert said.error.max() < 0.6
+    assert said.is_tracking.all()
+
+
 @pytest.mark.slow
 def test_barn_without_a_map_at_the_published_size_and_speed(data: Path) -> None:
     """The bars: 85 % success, at most 5 % contacts, score 0.20; the organisers' DWA has 0.850, 0.056, 0.159."""

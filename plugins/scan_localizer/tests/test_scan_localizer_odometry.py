@@ -149,6 +149,20 @@ def test_a_surface_settles_when_it_has_been_seen_for_a_second_and_not_looked_thr
     assert not np.isfinite(surface.settled().values).any()
 
 
+def test_when_a_body_moves_the_surfaces_that_stand_still_stay():
+    """A wall that has stood for a second, and one beside it that was seen just now."""
+    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(5), 1.0, 0.0)
+    old, new = wall[np.abs(wall[:, 1] - 0.5) < 0.4], wall[np.abs(wall[:, 1] + 0.5) < 0.4]
+    for seen, time in ((old, 1.0), (old, 2.1), (new, 2.2)):
+        surface.add(seen, np.zeros(3))
+        surface.look(seen, len(seen), np.zeros(3), time)
+    surface.settled()
+    surface.forget_unsettled()
+    sides = surface.field.frame[1] + 0.05 * np.flatnonzero(np.isfinite(surface.field.values).any(axis=1))
+    assert len(sides)
+    assert sides.min() > 0.0
+
+
 # --- a small robot: 360 beams over a revolution, 7.5 revolutions a second ---------------------------------------------
 
 REVOLUTION = 2.0 / 15.0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from navloom_scans.search import candidates
-from navloom_scans.small import inverse
+from navloom_scans.small import axes, inverse
 from numpy.typing import NDArray
 
 from navloom_scan_localizer.tracking import PoseTracker
@@ -65,14 +65,14 @@ class Ambiguity:
     def _places(self, beams: Floats) -> list[Floats]:
         """Poses (3,) at which the beams might fit too, within the prior."""
         tracker, prior = self._tracker, self._tracker.prior
-        reach = min(_SIGMAS * math.sqrt(max(float(np.linalg.eigvalsh(prior[:2, :2])[1]), 0.0)), _FAR)
+        reach = min(_SIGMAS * math.sqrt(max(float(axes(prior[:2, :2])[0][1]), 0.0)), _FAR)
         if reach < _NEAR:
             return []
         turn = min(_SIGMAS * math.sqrt(prior[2, 2]), _TURN)
         found = list(candidates(tracker.field, beams, tracker.pose, reach, turn, _TRIED))
         _, _, inliers = tracker.fit(beams, tracker.pose, _LOOSE)
         if inliers:
-            _, directions = np.linalg.eigh(tracker.covariance[:2, :2])
+            _, directions = axes(tracker.covariance[:2, :2])
             for k in range(1, int(reach / _STEP) + 1):
                 for sign in (-1.0, 1.0):
                     shift = sign * k * _STEP * directions[:, 1]
@@ -122,6 +122,6 @@ def _times(matrix: Floats, vector: Floats) -> Floats:
 
 def _positive(matrix: Floats) -> Floats:
     """The nearest positive semidefinite matrix."""
-    values, ways = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    values, ways = axes(0.5 * (matrix + matrix.T))
     found: Floats = (ways * np.maximum(values, 0.0) * ways[:, None, :]).sum(axis=-1)
     return found

@@ -104,6 +104,11 @@ class LocalSurface:
         shown.flags.writeable = False
         return DistanceField(shown, self._frame)
 
+    def forget_unsettled(self) -> None:
+        """Forget the surfaces that `settled` last found to be too young to stand still."""
+        young = ~(self._age >= _SETTLED)
+        self._values[young], self._weights[young] = np.nan, 0.0
+
     def standing(self, beams: Floats, pose: Floats, only_wide: bool = False) -> Floats:
         """Those of the echoes, (n, 4) as for `add`, of things most of which `settled` last found on settled surfaces.
 

@@ -1,4 +1,4 @@
-"""Products and inverses of 3 x 3 matrices, with the same rounding on every processor.
+"""Products, inverses and axes of 3 x 3 matrices, with the same rounding on every processor.
 
 numpy's come from OpenBLAS, whose kernels round differently with and without AVX-512: the traces of one run would differ
 between two computers.
@@ -6,13 +6,18 @@ between two computers.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["inverse", "propagated", "warm_up"]
+__all__ = ["axes", "inverse", "propagated", "sandwich", "warm_up"]
 
 Floats = NDArray[np.float64]
+
+_SWEEPS = 8
+"""Sweeps of Jacobi's rotations: they converge quadratically, and 3 x 3 matrices need five at most."""
 
 
 def propagated(
@@ -36,9 +41,42 @@ def inverse(matrix: Floats) -> Floats:
     return found
 
 
+def sandwich(a: Floats, matrix: Floats) -> Floats:
+    """The product a m a' of two (3, 3) matrices."""
+    found: Floats = _sandwich(a, matrix)
+    return found
+
+
+def axes(matrix: Floats) -> tuple[Floats, Floats]:
+    """Eigenvalues, (n,) ascending, and eigenvectors, (n, n) columns, of a symmetric (n, n) matrix."""
+    values, ways = _axes(np.array(matrix, dtype=np.float64))
+    order = np.argsort(values, kind="stable")
+    return values[order], ways[:, order]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _axes(m):  # type: ignore[no-untyped-def]
+    """Jacobi's rotations (Golub and Van Loan, Matrix Computations, 8.5), in place."""
+    ways = np.eye(len(m))
+    for _ in range(_SWEEPS):
+        for p in range(len(m)):
+            for q in range(p + 1, len(m)):
+                if m[p, q] == 0.0:
+                    continue
+                half = 0.5 * (m[q, q] - m[p, p])
+                t = math.copysign(1.0, half) * m[p, q] / (abs(half) + math.hypot(half, m[p, q]))
+                c = 1.0 / math.sqrt(1.0 + t * t)
+                s = t * c
+                for i in range(len(m)):
+                    m[i, p], m[i, q] = c * m[i, p] - s * m[i, q], s * m[i, p] + c * m[i, q]
+                    ways[i, p], ways[i, q] = c * ways[i, p] - s * ways[i, q], s * ways[i, p] + c * ways[i, q]
+                for i in range(len(m)):
+                    m[p, i], m[q, i] = c * m[p, i] - s * m[q, i], s * m[p, i] + c * m[q, i]
+    return np.diag(m).copy(), ways
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sandwich(a, m):  # type: ignore[no-untyped-def]
-    """The product a m a' of two (3, 3) matrices."""
     left, found = np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(3):
         for k in range(3):
@@ -70,4 +108,5 @@ def _inverse(m):  # type: ignore[no-untyped-def]
 
 def warm_up() -> None:
     """Compile the functions."""
-    inverse(propagated(np.eye(3), (1.0, 0.0), (0.0, 0.0), (1.0, 1.0, 1.0)))
+    covariance = propagated(np.eye(3), (1.0, 0.0), (0.0, 0.0), (1.0, 1.0, 1.0))
+    axes(inverse(sandwich(np.eye(3), covariance)))

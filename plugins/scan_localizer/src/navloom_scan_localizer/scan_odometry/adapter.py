@@ -162,22 +162,20 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         """
         time, tracker, wary, motion = self._stamp_ns / 1e9, self._tracker, self._wary, self._motion
         settled, was_cautious = self._surface.settled(), self._is_cautious
-        is_moving = self._surface.has_moving(points, tracker.pose, time)
         if not was_cautious and not motion.is_possible:
             wary.field = settled
             wary.correct(self._surface.standing(points, wary.pose))
-            is_moving = is_moving or not are_unanimous(wary.pose, wary.covariance, tracker.pose, tracker.covariance)
-        if is_moving:
+        if is_moving := self._surface.has_moving(points, tracker.pose, time):
             self._moved_at = time
         self._is_cautious = time - self._moved_at < _CAUTIOUS_FOR
         if motion.is_certain and not motion.is_proven:
             tracker.field = settled
             self._prove(points, is_moving)
         if self._is_cautious and not was_cautious and not motion.is_possible:
-            # Until now the bodies may have pulled the pose, and the surfaces with it.
+            # Until now the bodies may have pulled the pose, and the latest surfaces with it.
             tracker.pose, tracker.covariance = wary.pose.copy(), wary.covariance.copy()
-            self._forget_surfaces()
-            settled = self._surface.settled()
+            self._surface.forget_unsettled()
+            self._key = tracker.pose.copy()
         elif was_cautious or motion.is_certain:
             wary.pose, wary.covariance = tracker.pose.copy(), tracker.covariance.copy()
         tracker.field = settled if self._is_cautious else self._surface.field
@@ -219,7 +217,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         """
         tracker, step = self._tracker, self._tracker.pose - before
         moved = np.array([[1.0, 0.0, -step[1]], [0.0, 1.0, step[0]], [0.0, 0.0, 1.0]])
-        self._unseen = moved @ self._unseen @ moved.T
+        self._unseen = small.sandwich(moved, self._unseen)
         if not tracker.inliers:
             self._unseen = self._unseen + tracker.covariance
             tracker.covariance = 1e-6 * np.eye(3)

@@ -266,6 +266,23 @@ def test_a_suite_run_twice_gives_the_same_bytes_and_a_checked_row(
     assert stored == [("dwa", 2), ("mine", 2)]
 
 
+def test_a_stored_row_of_a_study_of_two_methods_is_checked_alone(
+    in_process: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The distribution of the other method was missed."""
+    monkeypatch.chdir(tmp_path)
+    Path("tiny-1.toml").write_text(TINY, "utf-8")
+    suite, sample = ("--suite", "tiny-1.toml", "--jobs", "1"), ("--sample", "1")
+    for given in (
+        ("compare", *suite, "--methods", "dwa,vff", "--out", "both"),
+        ("results", "add", "both/result.json", *suite, *sample, "--results", "first"),
+        ("results", "add", "first/tiny-1/vff.json", *suite, *sample, "--results", "second"),
+    ):
+        code, said, wrong = in_process(*given)
+        assert code == 0, said + wrong
+    assert "bit for bit" in said
+
+
 @pytest.mark.parametrize("option", [("--set", "gate.monitor=false"), ("--worlds", "empty"), ("--primary", "time")])
 def test_an_option_that_changes_the_suite_is_refused(in_process: Run, option: tuple[str, str]) -> None:
     code, _, wrong = in_process("compare", "--suite", "doors-1", "--methods", "vff", *option)

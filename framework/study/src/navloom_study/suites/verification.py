@@ -133,14 +133,18 @@ def versions_of(plan: SuitePlan) -> dict[str, str]:
     return {key: value for study in plan.studies.values() for key, value in study.versions.items()}
 
 
+def _differing(result: SuiteResult, plan: SuitePlan) -> dict[str, str]:
+    """Versions here that differ from the result's. One of a study of many methods also has those of other methods."""
+    return {name: here for name, here in versions_of(plan).items() if result.versions.get(name) != here}
+
+
 def _check_versions(result: SuiteResult, plan: SuitePlan) -> None:
-    here = versions_of(plan)
     numerical = ("python", "machine", "numpy", "numba", "scipy")
-    for name in sorted({*here, *result.versions}):
-        if name not in numerical and here.get(name) != result.versions.get(name):
+    for name, here in sorted(_differing(result, plan).items()):
+        if name not in numerical:
             raise ConfigError(
-                f"{result.suite}: was made with {name} {result.versions.get(name, 'not installed')}, here is "
-                f"{here.get(name, 'none')}; install that version, or run it again"
+                f"{result.suite}: was made with {name} {result.versions.get(name, 'not installed')}, here is {here}; "
+                "install that version, or run it again"
             )
     if dict(result.plugin_files) != (files := plugin_files()):
         raise ConfigError(
@@ -155,7 +159,7 @@ def _files(files: Mapping[str, str]) -> str:
 
 def is_same_machine(result: SuiteResult, plan: SuitePlan) -> bool:
     """Whether rows must be equal bit for bit: the same type of processor, and the same versions of everything."""
-    return result.processor == processor_type() and dict(result.versions) == versions_of(plan)
+    return result.processor == processor_type() and not _differing(result, plan)
 
 
 def rerun(plan: SuitePlan, metrics: Sequence[str], jobs: int) -> Rerun:

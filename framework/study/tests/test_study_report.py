@@ -260,4 +260,4 @@ def test_the_command_names_its_files_and_refuses_in_one_message(
     assert command(monkeypatch, str(folder), "--baseline", "c") == 2
     assert "--baseline c: no such method" in capsys.readouterr().err
     assert command(monkeypatch, str(tmp_path)) == 2
-    assert "holds no study" in capsys.readouterr().err
+    assert "holds no study: study.json is missing; name a folder in it that has one: s" in capsys.readouterr().err

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import random
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from navloom.config import ConfigError
+from navloom.plugins import one_file
 from navloom_study.suites import results_store
+from navloom_study.suites.method_files import read_methods
 from navloom_study.suites.result_file import (
     Key,
     ResultRow,
@@ -241,27 +246,22 @@ def test_a_suite_run_twice_gives_the_same_bytes_and_a_checked_row(
     Path("tiny-1.toml").write_text(TINY, "utf-8")
     Path("mine.toml").write_text('[[method]]\nname = "mine"\nset = { avoider.plugin = "still" }\n', "utf-8")
     Path("still.py").write_text(STILL, "utf-8")
-    given = (
-        "--suite",
-        "tiny-1.toml",
-        "--method",
-        "mine.toml",
-        "--plugin",
-        "still.py",
-        "--methods",
-        "dwa",
-        "--jobs",
-        "1",
-    )
+    given = ("--suite", "tiny-1.toml", "--method", "mine.toml", "--plugin", "still.py", "--methods", "dwa")
     for out in ("one", "two"):
-        code, said, wrong = in_process("compare", *given, "--out", out)
+        code, said, wrong = in_process("compare", *given, "--jobs", "1", "--out", out)
         assert code == 0, said + wrong
+    assert f"--plugin {tmp_path / 'still.py'} --suite tiny-1.toml` checks and stores it" in said
     assert Path("one/result.json").read_bytes() == Path("two/result.json").read_bytes()
-    code, said, wrong = in_process(
-        "results", "add", "one/result.json", "--suite", "tiny-1.toml", "--sample", "2", "--jobs", "1", "--results", "r",
-        "--plugin", "still.py",
-    )  # fmt: skip
-    assert (code, "bit for bit" in said) == (0, True), said + wrong
+    # Somebody else's computer, where the file of the plugin has another place.
+    monkeypatch.chdir(shutil.copytree(tmp_path, tmp_path / "theirs"))
+    monkeypatch.delenv(one_file.FILES)
+    words = "results add one/result.json --suite tiny-1.toml --sample 2 --jobs 1 --results r --plugin still.py"
+    navloom = [sys.executable, "-m", "navloom"]
+    done = subprocess.run([*navloom, *words.split()], capture_output=True, text=True, check=False)
+    assert (done.returncode, "bit for bit" in done.stdout) == (0, True), done.stdout + done.stderr
+    mine = next(found for found in stored_results(Path("r")) if "mine" in found.methods)
+    assert command_of(Path("r"), "tiny-1", "mine", mine).endswith("--method r/tiny-1/mine.toml --plugin still.py")
+    assert read_methods(Path("r/tiny-1/mine.toml")) == {"mine": {"avoider": {"plugin": "still"}}}
     stored = [(*found.methods, found.checked["sample"]) for found in stored_results(Path("r"))]
     assert stored == [("dwa", 2), ("mine", 2)]
 
@@ -325,5 +325,5 @@ def test_every_cell_of_the_page_has_its_command_and_says_if_it_was_not_run(
     monkeypatch.setattr(results_store, "SHIPPED", tmp_path / "shipped")
     page = results_page(tmp_path, tmp_path)
     assert page.count(">not run</td>") > 100
-    assert f'data-command="{command_of("doors-1", "vff@printed")}"' in page
+    assert f'data-command="{command_of(Path("r"), "doors-1", "vff@printed")}"' in page
     assert "navloom compare --suite doors-1 --methods vff@printed" in page

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from navloom.config import ConfigError
 from navloom.plugins import Discovery
+from navloom_study.suites import suite_run
 from navloom_study.suites.method_files import read_methods
 from navloom_study.suites.suite import read_suite, read_suite_table, suite_named
-from navloom_study.suites.suite_run import SuitePlan, family_names, plan_suite
+from navloom_study.suites.suite_run import SuitePlan, family_names, plan_suite, run_suite
 
 TINY = """
 name = "tiny-1"
@@ -169,3 +172,25 @@ def test_every_method_of_a_shipped_suite_can_drive_in_all_its_conditions(name: s
         pytest.skip(f"{name} reads {', '.join(table.data)} in the folder NAVLOOM_DATA, which is not set")
     plan = plan_suite(suite_named(name, Discovery()), own, {})
     assert {method for method, *_ in plan.tasks()} == {*own}
+
+
+def test_the_file_of_a_suite_is_shown(in_process: Callable[..., tuple[int, str, str]]) -> None:
+    code, said, _ = in_process("plugins", "suite.doors-1")
+    assert code == 0
+    assert 'config = "paper"' in said and 'worlds = ["door:1.6"]' in said
+    assert json.loads(in_process("plugins", "suite.doors-1", "--json")[1])["primary"] == "success"
+
+
+def test_progress_tells_the_time_that_is_left_for_all_parts(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 2 parts with 2 episodes each, one episode took 10 s."""
+    tiny.write_text(TINY + '[[part]]\nname = "again"\nworlds = ["empty"]\n', "utf-8")
+    told: list[tuple[int, int, float | None]] = []
+
+    def study(*_: object, progress: Callable[[int, int, float | None], None], **__: object) -> None:
+        progress(1, 2, 10.0)
+        raise InterruptedError
+
+    monkeypatch.setattr(suite_run, "run_study", study)
+    with pytest.raises(InterruptedError):
+        run_suite(plan_suite(read_suite(tiny), ["dwa"], {}), progress=lambda *given: told.append(given))
+    assert told == [(1, 4, 30.0)]

@@ -101,7 +101,8 @@ def add(
     pictures = pictures_of(file.parent, plan, result)
     files = store(folder, stamped(result, verified), cost_beside(file), pictures)
     how = "bit for bit" if is_same else "within the interval, on another processor or with other versions"
-    typer.echo(f"{result.suite}: {count} episodes are as they were, {how}; stored {len(files)} files in {folder}")
+    stored = f"{len(files)} file{'s' * (len(files) != 1)}"
+    typer.echo(f"{result.suite}: {count} episodes are as they were, {how}; stored {stored} in {folder}")
 
 
 @app.command()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -73,6 +74,7 @@ def compare_in_suite(
     from navloom.cli.output import print_json
     from navloom.files import write_each
     from navloom.plugins import Discovery
+    from navloom.plugins.one_file import files_in_use
 
     from navloom_study.suites.method_files import read_methods
     from navloom_study.suites.results_store import known_results
@@ -98,21 +100,29 @@ def compare_in_suite(
     if as_json:
         print_json({"suite": suite.name, "summary": result.summary, "cost": cost, "files": files})
         return
-    _print(result, cost, [found for found in stored if not {*found.methods} & {*result.methods}])
+    _print(result, cost, [found for found in stored if not {*found.methods} & {*result.methods}], asked.results)
     if out is None:
         typer.echo("not saved: with --out DIR, compare writes result.json, and the same command continues the suite")
     else:
-        typer.echo(
-            f"written to {out}: {', '.join(files)}; `navloom results add {out / 'result.json'}` checks and stores it"
-        )
+        add = ["navloom", "results", "add", str(out / "result.json")]
+        add += [word for file in files_in_use() for word in ("--plugin", file)]
+        add += ["--suite", asked.suite] if asked.suite.endswith(".toml") else []
+        add += ["--results", str(asked.results)] if asked.results != RESULTS else []
+        typer.echo(f"written to {out}: {', '.join(files)}; `{shlex.join(add)}` checks and stores it")
 
 
-def _print(result: SuiteResult, cost: Mapping[str, Any], stored: list[SuiteResult]) -> None:
+def _print(result: SuiteResult, cost: Mapping[str, Any], stored: list[SuiteResult], results: Path) -> None:
     from navloom.cli.output import print_table
+
+    from navloom_study.suites.results_store import stored_cost
+
+    def told(name: str) -> str:
+        step = stored_cost(results, result.suite, name).get("step_us")
+        return "stored" if step is None else f"{step / 1000:.2f} stored"
 
     lines = [(name, *result_line(result, name), f"{cost[name]['step_us'] / 1000:.2f}") for name in result.methods
              if name in cost]  # fmt: skip
-    lines += [(name, *result_line(found, name), "stored") for found in stored for name in found.methods]
+    lines += [(name, *result_line(found, name), told(name)) for found in stored for name in found.methods]
     typer.echo(f"{result.suite}: {result.primary}, mean over worlds with its 95 % interval")
     print_table(("method", result.primary, "episodes", "reached", "contacts", "step, ms"), lines)
 

@@ -182,7 +182,9 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
         ConfigError: Not a study, an unfinished or damaged one, or no such method.
     """
     if not (folder / "study.json").is_file():
-        raise ConfigError(f"{folder}: holds no study: study.json is missing; name the --out of `navloom compare`")
+        inner = ", ".join(sorted(path.parent.name for path in folder.glob("*/study.json")))
+        remedy = f"a folder in it that has one: {inner}" if inner else "the --out of `navloom compare`"
+        raise ConfigError(f"{folder}: holds no study: study.json is missing; name {remedy}")
     if not (folder / "episodes.csv").is_file():
         raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` continues it")
     request = _read(folder / "study.json", _json)

@@ -144,12 +144,20 @@ def result_of(
         metrics,
         {part: {world.ref: world.sha256 for world in study.worlds} for part, study in studies.items()},
         methods,
-        dict(sorted((key, value) for study in studies.values() for key, value in study.versions.items())),
+        versions_of(studies),
         plugin_files(),
         processor_type(),
         tuple(found),
         summary_of(found, metrics),
     )
+
+
+def versions_of(studies: Mapping[str, Study]) -> dict[str, str]:
+    """Versions that the episodes of a suite's parts depend on, without files of `--plugin`: see `plugin_files`."""
+    found = {name: version for study in studies.values() for name, version in study.versions.items()}
+    for file in files_in_use():
+        found.pop(file, None)
+    return dict(sorted(found.items()))
 
 
 def plugin_files() -> dict[str, str]:

@@ -44,7 +44,7 @@ def results_page(folder: Path, base: Path) -> str:
     """
     suites = _suites()
     found = {(result.suite, method): result for result in known_results(folder) for method in result.methods}
-    parts = [HEAD, "## All suites\n", _matrix(suites, found)]
+    parts = [HEAD, "## All suites\n", _matrix(folder, suites, found)]
     for name, table in suites.items():
         parts += [f"## {name}\n", f"{table.about} Primary metric: `{table.primary}`.\n"]
         of_suite = {method: result for (suite, method), result in found.items() if suite == name}
@@ -53,11 +53,13 @@ def results_page(folder: Path, base: Path) -> str:
     return "\n".join(parts)
 
 
-def command_of(suite: str, method: str, result: SuiteResult | None = None) -> str:
-    """The command that makes a cell."""
-    given = None if result is None else result.methods[method].get("set")
-    own = ["--method", f"{method}.toml"] if given is not None else ["--methods", method]
-    return shlex.join(["navloom", "compare", "--suite", suite, *own])
+def command_of(folder: Path, suite: str, method: str, result: SuiteResult | None = None) -> str:
+    """The command that makes a cell; a method of somebody's own is in a file beside its result."""
+    words = ["navloom", "compare", "--suite", suite]
+    if result is None or result.methods[method].get("set") is None:
+        return shlex.join([*words, "--methods", method])
+    plugins = [word for name in result.plugin_files for word in ("--plugin", name)]
+    return shlex.join([*words, "--method", (folder / suite / f"{stem_of(method)}.toml").as_posix(), *plugins])
 
 
 def _suites() -> dict[str, SuiteTable]:
@@ -70,7 +72,7 @@ def _suites() -> dict[str, SuiteTable]:
     return found
 
 
-def _matrix(suites: Mapping[str, SuiteTable], found: Mapping[tuple[str, str], SuiteResult]) -> str:
+def _matrix(folder: Path, suites: Mapping[str, SuiteTable], found: Mapping[tuple[str, str], SuiteResult]) -> str:
     own = {name: family_names(table.methods) for name, table in suites.items()}
     methods = dict.fromkeys([*(m for names in own.values() for m in names), *(m for _, m in found)])
     lines = ['<div class="results" markdown="0">', '<table id="every-result" class="rows"><thead><tr><th>method</th>']
@@ -85,7 +87,7 @@ def _matrix(suites: Mapping[str, SuiteTable], found: Mapping[tuple[str, str], Su
             if result is None and method not in own[name]:
                 lines.append('<td class="none">–</td>')
                 continue
-            command = html.escape(command_of(name, method, result), quote=True)
+            command = html.escape(command_of(folder, name, method, result), quote=True)
             text = "not run" if result is None else _interval(result.summary[method]["metrics"][result.primary])
             kind = ' class="none"' if result is None else ""
             lines.append(f'<td{kind} data-command="{command}" title="{command}">{text}</td>')
@@ -126,7 +128,7 @@ def _of_suite(folder: Path, base: Path, table: SuiteTable, found: Mapping[str, S
         cells.append(str(sum(told["parts"][part]["contacts"] for part in parts)))
         cells.append(f"{cost['step_us'] / 1e3:.2f}" if cost else "–")
         cells.append(f"{result.checked.get('sample', 0)} of {told['episodes']}")
-        command = html.escape(command_of(table.name, method, result), quote=True)
+        command = html.escape(command_of(folder, table.name, method, result), quote=True)
         cells.append(f"<code>{command}</code>")
         row = "".join(f"<td>{cell}</td>" for cell in cells)
         lines.append(f'<tr data-command="{command}"><th>{html.escape(method)}</th>{row}</tr>')

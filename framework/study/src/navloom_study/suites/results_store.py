@@ -13,6 +13,7 @@ from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import json_of
 
 from navloom_study.study_folder import StudyError
+from navloom_study.study_methods import toml_value
 from navloom_study.suites.result_file import SuiteResult, read_result
 
 __all__ = ["SHIPPED", "cost_beside", "known_results", "store", "stem_of", "stored_cost", "stored_results"]
@@ -41,6 +42,8 @@ def stem_of(method: str) -> str:
 def store(folder: Path, result: SuiteResult, cost: Any, pictures: Mapping[str, bytes]) -> list[Path]:
     """Store the result of each method, what it costs to compute, and pictures, by `METHOD-WHAT.png`.
 
+    A method that is not the suite's own is stored as a file of methods too, for the command that runs it again.
+
     Raises:
         ConfigError: The folder cannot be written. StudyError: The disk is full.
     """
@@ -53,6 +56,8 @@ def store(folder: Path, result: SuiteResult, cost: Any, pictures: Mapping[str, b
     files: dict[str, str | bytes] = dict(pictures)
     for method in result.methods:
         files[f"{stem_of(method)}.json"] = result.of(method).text()
+        if (given := result.methods[method]["set"]) is not None:
+            files[f"{stem_of(method)}.toml"] = f'[[method]]\nname = "{method}"\nset = {toml_value(given)}\n'
         if method in cost:
             told = {**cost[method], "processor": result.processor}
             files[f"{stem_of(method)}.cost.json"] = json.dumps(told, indent=1) + "\n"

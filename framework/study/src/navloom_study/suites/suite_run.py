@@ -93,7 +93,7 @@ def run_suite(
         plan: From `plan_suite`.
         out: Folder that gets a folder for each part; an interrupted suite continues from it.
         jobs, hang_after: As in `run_study`.
-        progress: Called with the number of ended episodes, the total, and None.
+        progress: Called with the number of ended episodes, the total, and the time left, s, or None.
 
     Raises:
         ConfigError, PoolError, StudyError: As by `run_study`.
@@ -103,8 +103,9 @@ def run_suite(
     for part, study in plan.studies.items():
         before = sum(map(len, rows.values()))
 
-        def tell(done: int, _of: int, _left: float | None, before: int = before) -> None:
-            progress(before + done, total, None)
+        def tell(done: int, of: int, left: float | None, before: int = before) -> None:
+            ahead = total - before - done
+            progress(before + done, total, left * ahead / (of - done) if left is not None and done < of else None)
 
         folder = None if out is None else out / folder_of(part)
         result = run_study(study, folder, jobs=jobs, progress=tell, hang_after=hang_after)

@@ -23,6 +23,7 @@ from navloom_study.suites.result_file import (
     plugin_files,
     processor_type,
     summary_of,
+    versions_of,
 )
 from navloom_study.suites.suite_run import SuitePlan
 from navloom_study.worker_pool import run_on_processes
@@ -128,14 +129,9 @@ def check_request(result: SuiteResult, plan: SuitePlan) -> None:
             raise ConfigError(f"{result.suite}: world {', '.join(wrong[:3])}: is another one here; run it again")
 
 
-def versions_of(plan: SuitePlan) -> dict[str, str]:
-    """Versions that the episodes of a plan depend on."""
-    return {key: value for study in plan.studies.values() for key, value in study.versions.items()}
-
-
 def _differing(result: SuiteResult, plan: SuitePlan) -> dict[str, str]:
     """Versions here that differ from the result's. One of a study of many methods also has those of other methods."""
-    return {name: here for name, here in versions_of(plan).items() if result.versions.get(name) != here}
+    return {name: here for name, here in versions_of(plan.studies).items() if result.versions.get(name) != here}
 
 
 def _check_versions(result: SuiteResult, plan: SuitePlan) -> None:

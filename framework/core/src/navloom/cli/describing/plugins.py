@@ -98,14 +98,31 @@ def _show_role(role: str, discovery: Discovery, as_json: bool) -> None:
         _print_role(told, discovery.names(role))
 
 
+def _show_suite(file: Path, as_json: bool) -> None:
+    """The file of a suite: its config, conditions, worlds, seeds, metric and methods."""
+    from navloom.cli.output import print_json
+    from navloom.inputs.bounds import TEXT_MB, read_file
+    from navloom.inputs.texts import toml_of
+    from navloom.plugins.registry import PluginError
+
+    text = read_file(file, TEXT_MB, PluginError).decode()
+    if as_json:
+        print_json(toml_of(text, str(file), PluginError))
+    else:
+        typer.echo(f"# {file}\n{text}", nl=False)
+
+
 def _show(name: str, discovery: Discovery, as_json: bool) -> None:
-    """The parameters of one plugin."""
+    """The parameters of one plugin, or the file of a suite."""
     from navloom.cli.output import print_json, print_table
     from navloom.engine.plugin_instances import streams_of  # which imports numba: the list does without
     from navloom.entry_kinds import OTHERS
     from navloom.plugins.registry import NODE, PluginError
 
     role, _, own = name.partition(".")
+    if role == "suite":
+        _show_suite(discovery.suite(own), as_json)
+        return
     if role in OTHERS and role != NODE:
         hint = f"messages {own}` lists its fields" if role == "message" else f"check {name}` checks it"
         raise PluginError(f"{name}: a {role} has no parameters; `navloom {hint}")

@@ -252,7 +252,7 @@ def test_a_suite_run_twice_gives_the_same_bytes_and_a_checked_row(
         assert code == 0, said + wrong
     assert f"--plugin {tmp_path / 'still.py'} --suite tiny-1.toml` checks and stores it" in said
     assert Path("one/result.json").read_bytes() == Path("two/result.json").read_bytes()
-    # Somebody else's computer, where the file of the plugin has another place.
+    # As on another computer: the plugin's file is in a different folder.
     monkeypatch.chdir(shutil.copytree(tmp_path, tmp_path / "theirs"))
     monkeypatch.delenv(one_file.FILES)
     words = "results add one/result.json --suite tiny-1.toml --sample 2 --jobs 1 --results r --plugin still.py"

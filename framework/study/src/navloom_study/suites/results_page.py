@@ -54,7 +54,7 @@ def results_page(folder: Path, base: Path) -> str:
 
 
 def command_of(folder: Path, suite: str, method: str, result: SuiteResult | None = None) -> str:
-    """The command that makes a cell; a method of somebody's own is in a file beside its result."""
+    """The command that makes a cell. A method that is not the suite's own is in the file stored with its result."""
     words = ["navloom", "compare", "--suite", suite]
     if result is None or result.methods[method].get("set") is None:
         return shlex.join([*words, "--methods", method])

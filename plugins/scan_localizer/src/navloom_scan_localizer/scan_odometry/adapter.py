@@ -78,20 +78,16 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
 
     def place(self, pose: Pose2D) -> None:
         """Move the estimate to a pose and forget all surfaces."""
-        place = np.array([pose.x, pose.y, pose.heading])
+        p, place = self.params, np.array([pose.x, pose.y, pose.heading])
+        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
+        self._surface.follow(pose.x, pose.y)
         self._tracker.place(place)
         self._wary.place(place)
-        self._forget_surfaces()
+        self._tracker.field = self._surface.field
+        self._key, self._scans = place.copy(), 0
         self._moved_at, self._is_cautious = -math.inf, False
         self._motion.place(place)
         self._drift, self._unseen = np.zeros((3, 3)), np.zeros((3, 3))
-
-    def _forget_surfaces(self) -> None:
-        p, pose = self.params, self._tracker.pose
-        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
-        self._surface.follow(float(pose[0]), float(pose[1]))
-        self._tracker.field = self._surface.field
-        self._key, self._scans = pose.copy(), 0
 
     @classmethod
     def warm_up(cls) -> None:

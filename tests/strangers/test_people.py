@@ -34,6 +34,7 @@ from navloom_viewer.drawing import Drawing
 from navloom_viewer.lockstep_viewing import Gathering
 from navloom_viewer.panels import panels_of
 from navloom_viewer.picture_setup import facts_of
+from toys import blamed
 
 Typed = Callable[..., tuple[int, str, str]]
 SHORT = ("run.stop_after=8.0",)
@@ -176,7 +177,7 @@ def test_an_avoider_that_waits_for_tracks_is_not_blamed(people: Path) -> None:
 
 
 def test_an_avoider_that_never_gets_tracks_gives_a_warning(people: Path) -> None:
-    (warning,) = run_episode(load_config(str(people), ("run.stop_after=1.0", "node.people.latency=2.0"))).warnings
+    (warning,) = blamed(run_episode(load_config(str(people), ("run.stop_after=1.0", "node.people.latency=2.0"))))
     assert warning.kind == "waiting" and str(warning).startswith("avoider polite never stepped: ")
     assert str(warning).endswith(" people.tracks")
 

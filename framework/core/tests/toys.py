@@ -47,8 +47,10 @@ from navloom import (
     hookimpl,
 )
 from navloom.config import Loaded, load_config
+from navloom.engine.run_warnings import RunWarning
 from navloom.navigation.dead_reckoning import OdometryLocalizer
 from navloom.plugins import Discovery
+from navloom.runs.episode import Episode
 from pydantic import Field
 
 QUIET = AvoiderDiagnostics(
@@ -260,6 +262,11 @@ def discovery() -> Discovery:
     sys.modules.setdefault("navloom_test_toys", sys.modules[__name__])
     toys = [EntryPoint(name, "navloom_test_toys", "navloom") for name in NAMES]
     return Discovery(found=[*entry_points(group="navloom"), *toys])
+
+
+def blamed(episode: Episode) -> list[RunWarning]:
+    """Warnings of an episode, but for steps that were late by the clock alone: other tests take the processor too."""
+    return [warning for warning in episode.warnings if warning.kind != "late"]
 
 
 def toy_config(folder: Any, *overrides: str, more: str = "") -> Loaded:

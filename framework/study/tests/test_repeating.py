@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from navloom import Avoidance, AvoiderInput
 from navloom_study.repeat_check import run_twice
-from toys import Bystander, discovery, toy_config
+from toys import Bystander, blamed, discovery, toy_config
 
 Turn = Callable[[], float]
 
@@ -55,4 +55,4 @@ def test_state_that_outlives_an_episode_makes_the_second_differ(
 
 def test_an_episode_of_good_plugins_is_the_same_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     episode, divergence, seen = twice(tmp_path, lambda: 0.0, monkeypatch)
-    assert (divergence, seen, episode.warnings) == (None, [], [])
+    assert (divergence, seen, blamed(episode)) == (None, [], [])

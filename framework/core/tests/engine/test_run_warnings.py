@@ -28,11 +28,12 @@ from navloom import (
     Registry,
     hookimpl,
 )
-from navloom.engine.run_warnings import RunWarnings, Volume, large_messages, who
+from navloom.engine.build import assemble
+from navloom.engine.run_warnings import FEW, RunWarnings, Volume, large_messages, slow_steps, who
 from navloom.plugins import Discovery
 from navloom.plugins.output_limit import LARGEST_OUTPUT
 from navloom.runs.episode import Episode, run_episode
-from toys import Bystander, Robot, toy_config
+from toys import Bystander, Robot, blamed, toy_config
 from toys import discovery as toys
 
 HERE = FilePath(__file__).name
@@ -87,14 +88,14 @@ def drive(folder: FilePath, *overrides: str) -> Episode:
 
 def test_a_run_of_good_plugins_warns_of_nothing(tmp_path: FilePath) -> None:
     episode = drive(tmp_path)
-    assert (episode.summary()["truly_reached"], episode.warnings) == (True, [])
+    assert (episode.summary()["truly_reached"], blamed(episode)) == (True, [])
 
 
 def test_a_sensor_that_stops_is_named_with_the_time(tmp_path: FilePath) -> None:
     episode = drive(
         tmp_path, "platform.plugin=silent_robot", "platform.until=0.52", "run.stop_after=3.0", "gate.monitor=false"
     )
-    (warning,) = episode.warnings
+    (warning,) = blamed(episode)
     assert str(warning).startswith("platform silent_robot gave no scan of the sensor 'ear' after 0.50 s")
     assert warning.figures["scans"] == 11
 
@@ -111,7 +112,7 @@ def test_a_flood_is_cut_and_blamed_on_its_line(tmp_path: FilePath, monkeypatch: 
     monkeypatch.setattr(sys, "stdout", out)
     episode = drive(tmp_path, "avoider.does=floods")
     assert sys.stdout is out and len(out.getvalue()) == LARGEST_OUTPUT + 1
-    (warning,) = episode.warnings
+    (warning,) = blamed(episode)
     assert (warning.kind, warning.role, warning.plugin) == ("output", "avoider", "does")
     assert f"printed more than 64 kB: the rest is left out ({HERE}:" in str(warning)
 
@@ -121,7 +122,7 @@ def test_a_little_output_of_a_plugin_passes(
 ) -> None:
     monkeypatch.setitem(ACTS, "says", lambda given: print("here", file=sys.stderr))
     episode = drive(tmp_path, "avoider.does=says", "run.stop_after=1.0")
-    assert episode.warnings == [] and capsys.readouterr().err.count("here") >= 10
+    assert blamed(episode) == [] and capsys.readouterr().err.count("here") >= 10
 
 
 def test_a_thread_that_keeps_running_is_blamed_on_the_line_that_started_it(
@@ -139,7 +140,7 @@ def test_a_thread_that_keeps_running_is_blamed_on_the_line_that_started_it(
         episode = drive(tmp_path, "avoider.does=starts", "run.stop_after=1.0")
     finally:
         ends.set()
-    (warning,) = episode.warnings
+    (warning,) = blamed(episode)
     assert (warning.kind, warning.role, warning.instance) == ("thread", "avoider", "does")
     assert f"started the thread 'stays', which still runs and is not a daemon ({HERE}:" in str(warning)
 
@@ -158,7 +159,7 @@ def test_threads_that_keep_no_process_alive_give_no_warning(
 
     monkeypatch.setitem(ACTS, "starts", start)
     try:
-        assert drive(tmp_path, "avoider.does=starts", "run.stop_after=0.3").warnings == []
+        assert blamed(drive(tmp_path, "avoider.does=starts", "run.stop_after=0.3")) == []
     finally:
         ends.set()
         pool.shutdown()
@@ -166,10 +167,19 @@ def test_threads_that_keep_no_process_alive_give_no_warning(
 
 def test_a_map_that_no_network_can_carry_is_named(tmp_path: FilePath) -> None:
     episode = drive(tmp_path, "mapper.size=4500", "run.stop_after=0.5")
-    (warning,) = episode.warnings
+    (warning,) = blamed(episode)
     assert (warning.kind, warning.role, warning.about) == ("large", "mapper", "map")
     assert "published a message of 20.3 MB on map, of at most 16.8 MB" in str(warning)
     assert 20_250_000 <= warning.figures["largest_bytes"] < 20_251_000  # 4500 x 4500 cells of a byte, and a header
+
+
+@pytest.mark.parametrize(("delayed", "kinds"), [(1, []), (2, ["late"])])
+def test_one_delayed_step_of_a_short_run_warns_of_nothing(tmp_path: FilePath, delayed: int, kinds: list[str]) -> None:
+    system, source = assemble(toy_config(tmp_path), toys()), ("avoider", "toy_bystander")
+    found = RunWarnings({source: source[1]})
+    computed = FEW * [1_000_000]
+    slow_steps(found, system, {source: delayed * [900_000_000] + computed[delayed:]}, {source: computed})
+    assert [warning.kind for warning in found.listed()] == kinds
 
 
 @pytest.mark.parametrize(
@@ -230,6 +240,6 @@ def test_a_step_that_cannot_be_repeated_is_detected_in_an_ordinary_run(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch, act: Act, kind: str, place: str
 ) -> None:
     monkeypatch.setitem(ACTS, "drifts", act)
-    (warning,) = drive(tmp_path, "avoider.does=drifts", "run.stop_after=3.0").warnings
+    (warning,) = blamed(drive(tmp_path, "avoider.does=drifts", "run.stop_after=3.0"))
     assert (warning.kind, warning.role, warning.plugin) == (kind, "avoider", "does")
     assert place in str(warning)

@@ -133,8 +133,8 @@ def slow_steps(
             continue
         limit = stride_of(part.table, system.config.run.period) * system.config.run.period
         spent, computed = np.array(steps) * 1e-9, np.array(computed_ns[source]) * 1e-9
-        # Not the slowest step: a collection or another process may delay any one.
-        p99, cpu_p99 = (float(np.percentile(times, 99)) for times in (spent, computed))
+        # Never the slowest step, also of few steps: a collection or another process may delay any one.
+        p99, cpu_p99 = (float(np.percentile(times, 99, method="lower")) for times in (spent, computed))
         if p99 <= limit and cpu_p99 <= limit:
             continue
         load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))

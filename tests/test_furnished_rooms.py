@@ -39,6 +39,22 @@ def test_every_planner_takes_another_door(planner: str, tmp_path: Path) -> None:
     assert drive(tmp_path, CLOSED, 1, f"planner.plugin={planner}").result.outcome == "succeeded"
 
 
+SONARS_TOO = (
+    'sensor=[{name="laser", kind="laser_2d", beams=271, field_of_view_deg=270.0, range_max=20.0, sigma=0.03},'
+    '{name="sonars", kind="sonar_ring"}]'
+)
+
+
+@pytest.mark.parametrize("storey", [1020, 1023])
+@pytest.mark.parametrize("avoider", ["dwa", "improved_vfh"])
+def test_sonars_beside_a_laser_close_no_door(avoider: str, storey: int) -> None:
+    """Their arcs span doors of 1 m; that of an echo from a door post, which the laser sees, is not there."""
+    changes = (f"world.ref=floor:{storey}?size=16x12", f"avoider.plugin={avoider}")
+    both, alone = (run_episode(load_config("building", [*changes, *more])).summary() for more in ([SONARS_TOO], []))
+    assert (both["outcome"], both["collisions"]) == ("succeeded", 0)
+    assert both["sim_time_s"] < 1.2 * alone["sim_time_s"]
+
+
 def test_what_is_seen_is_on_the_map_of_the_planner_and_not_on_the_saved_one(tmp_path: Path) -> None:
     recorder = drive(tmp_path, CLOSED, 1).recorder
     assert recorder.map is not None and recorder.saved_map is not None

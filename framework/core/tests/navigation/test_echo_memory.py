@@ -83,6 +83,43 @@ def test_a_reading_of_range_max_is_no_echo(reading: float, is_echo: bool) -> Non
     assert holds(made, 1.3 + 1.5 * math.cos(RISING + 1.0), -0.7 + 1.5 * math.sin(RISING + 1.0)), "the next one is"
 
 
+POST = scan([0.3], [1.5])
+"""A laser's echo, at the end of the arc on which a sonar of 0.3 rad hears it."""
+
+
+@pytest.mark.parametrize(
+    ("reading", "half", "is_explained"),
+    [
+        (1.5, 0.3, True),
+        (1.59, 0.3, True),
+        (1.41, 0.3, True),
+        (1.61, 0.3, False),  # something behind the post
+        (1.39, 0.3, False),  # something before it that the laser does not see
+        (1.5, 0.24, True),  # the post is 0.09 m beside the cone
+        (1.5, 0.22, False),
+        (0.1, 0.3, False),  # the sonar is blind there, and the post is farther
+    ],
+)
+def test_a_sonars_echo_that_a_laser_explains_adds_nothing(reading: float, half: float, is_explained: bool) -> None:
+    made = memory(POST, scan([0.0], [reading], [half]), spread=1.0)
+    x, y = 1.3 + 0.8 * reading, -0.7 + 0.6 * reading
+    assert holds(made, x, y) is not is_explained
+
+
+@pytest.mark.parametrize(("distance", "is_explained"), [(0.05, True), (0.15, True), (0.25, False)])
+def test_a_reading_of_range_min_is_explained_by_a_nearer_point(distance: float, is_explained: bool) -> None:
+    made = memory(scan([0.0], [distance]), scan([0.0], [0.1], [0.3]), spread=1.0)
+    assert made.near(BASE, 9.0, 2.0).shape[0] == (1 if is_explained else 4)
+
+
+def test_neither_a_sonar_nor_a_laser_point_that_is_too_old_explains() -> None:
+    twice = memory(scan([0.0], [1.5], [0.3]), scan([0.0], [1.5], [0.3]), spread=1.0)
+    assert len(twice.near(BASE, 9.0, 2.0)) == 6
+    made = memory(POST, spread=1.0)
+    made.add(scan([0.0], [1.5], [0.3]), BASE, 2.51)
+    assert len(made.near(BASE, 9.0, 2.51)) == 3
+
+
 def test_the_oldest_are_overwritten_one_by_one() -> None:
     ranges = (1.0, 1.5, 2.0, 2.5, 3.0)
     made = memory(*(scan([-RISING], [r]) for r in ranges), capacity=3)

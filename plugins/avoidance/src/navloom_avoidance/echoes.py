@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from navloom_avoidance.beams import Beams
@@ -29,6 +31,7 @@ class EchoSettings:
         agreement: Neighbouring readings of a laser this near to each other are averaged, m; 0 for none.
         cone_cell, cone_window: Side of a cell of the sonars' window, m, and cells along its side.
         cone_reach: Sonar arcs count up to here from the base, m; axes always.
+        explained: A sonar's echo adds nothing to a laser point this near to its arc, m.
         blind_depth: An echo at range_min counts this far before it too, m.
     """
 
@@ -41,6 +44,55 @@ class EchoSettings:
     cone_window: int = 41
     cone_reach: float = 0.95
     blind_depth: float = 0.25
+    explained: float = 0.1
+
+
+@njit(cache=True, nogil=True)
+def limits_of_unexplained(
+    points: Floats,
+    pose: Pose,
+    origins: Floats,
+    bearings: Floats,
+    half_angles: Floats,
+    ranges: Floats,
+    limits: Floats,
+    tolerance: float,
+    margin: float,
+) -> Floats:
+    """Limits with which sonars whose echo a laser explains give free space up to it, and no echo.
+
+    An arc spans what a laser sees as an opening: next to a door post it would close the door. What no laser sees,
+    as glass or a table top, keeps its arc. An echo at range_min is explained by any nearer point too.
+
+    Args:
+        points: (n, 3), x, y, m, pose frame, and a time, from `points.remember`.
+        pose: x, y, m, heading, rad, of the base.
+        origins, bearings, half_angles, ranges, limits: Of the sonars, see `Beams`.
+        tolerance: Largest distance of a point from the arc of the echo that it explains, m.
+        margin: Free space ends this far before an explained echo, m.
+
+    Returns:
+        (k, 2) range_min and range_max of each sonar, m.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    found = limits.copy()
+    for k in range(ranges.size):
+        if not ranges[k] < limits[k, 1]:
+            continue
+        is_blind = ranges[k] <= limits[k, 0]
+        x, y = pose[0] + c * origins[k, 0] - s * origins[k, 1], pose[1] + s * origins[k, 0] + c * origins[k, 1]
+        ax, ay = math.cos(pose[2] + bearings[k]), math.sin(pose[2] + bearings[k])
+        cos_half, sin_half = math.cos(half_angles[k]), math.sin(half_angles[k])
+        for i in range(points.shape[0]):
+            dx, dy = points[i, 0] - x, points[i, 1] - y
+            beyond = math.sqrt(dx * dx + dy * dy) - ranges[k]
+            if beyond > tolerance or (beyond < -tolerance and not is_blind):
+                continue
+            along, across = dx * ax + dy * ay, abs(dy * ax - dx * ay)
+            if along > 0.0 and across * cos_half - along * sin_half <= tolerance:
+                found[k, 1] = 0.0 if is_blind else ranges[k] - margin
+                break
+    return found
 
 
 class Echoes:
@@ -85,10 +137,14 @@ class Echoes:
             )  # fmt: skip
         if cones is not None:
             self._has_cones = True
+            margin = 0.5 * s.cone_cell
+            limits = limits_of_unexplained(
+                self._points[: self._count], pose, cones.origins, cones.bearings, cones.half_angles, cones.ranges,
+                cones.limits, s.explained, margin,
+            )  # fmt: skip
             insert_beams(
                 self._grid, self._origin, s.cone_cell, pose, cones.origins, cones.bearings, cones.half_angles,
-                cones.ranges, cones.limits, cones.sensors, 0.5 * s.cone_cell, s.blind_depth, True, False,
-                self._at_once, 0,
+                cones.ranges, limits, cones.sensors, margin, s.blind_depth, True, False, self._at_once, 0,
             )  # fmt: skip
         cells = self._cells[:0]
         if self._has_cones:

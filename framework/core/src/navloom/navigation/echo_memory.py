@@ -19,6 +19,8 @@ _THIN = 0.02
 """Half angle below which a beam counts as a laser's, rad."""
 _AGREEMENT = 0.1
 """Largest difference between laser readings of one surface, m."""
+_EXPLAINED = 0.1
+"""Largest distance of a laser's point from the arc of the sonar's echo that it explains, m."""
 _BESIDE = 3
 """Number of neighbours on each side that are averaged with a laser's reading."""
 _A_LITTLE_MORE = 1.0 + 1e-9
@@ -27,6 +29,9 @@ _A_LITTLE_MORE = 1.0 + 1e-9
 
 class EchoMemory:
     """Points where recent echoes may have come from, in a ring buffer.
+
+    A sonar's echo that a laser explains adds nothing: a laser has seen what is in the cone at that distance, and the
+    rest of the arc may be the opening beside it. What no laser sees, as glass or a table top, keeps its arc.
 
     Args:
         keep: How long an echo counts, s.
@@ -38,7 +43,7 @@ class EchoMemory:
     def __init__(self, keep: float, spread: float, capacity: int = 16384) -> None:
         self.keep, self.spread = keep, spread
         # A ring instead of a list, because a kernel reads it in each tick and it must not allocate.
-        self._points = np.full((capacity, 3), -math.inf)
+        self._points = np.full((capacity, 4), -math.inf)
         self._cursor = np.zeros(2, dtype=np.int64)
 
     def clear(self) -> None:
@@ -48,7 +53,8 @@ class EchoMemory:
     def add(self, scan: RangeScan, base: Pose2D, time: float) -> None:
         """Remember a scan taken at a pose in the map and a run time, s."""
         _add(self._points, self._cursor, scan.origins, scan.bearings, scan.half_angles, scan.ranges,
-             scan.range_max, base.x, base.y, base.heading, self.spread, time)  # fmt: skip
+             scan.range_min, scan.range_max, base.x, base.y, base.heading, self.spread, time,
+             time - self.keep)  # fmt: skip
 
     def nearest(self, base: Pose2D, way: Floats, half_width: float, time: float) -> float:
         """Distance from base, m, of the nearest echo within the strip along a way; infinite if it is free.
@@ -74,9 +80,12 @@ class EchoMemory:
 @njit(cache=True, nogil=True)
 def _add(
     points: Floats, cursor: NDArray[np.int64], origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats,
-    range_max: float, x: float, y: float, heading: float, spread: float, time: float,
+    range_min: float, range_max: float, x: float, y: float, heading: float, spread: float, time: float, since: float,
 ) -> None:  # fmt: skip
-    """Store each echo's point on the axis and, for beams with an opening angle, both ends of the counted arc."""
+    """Store each echo's point on the axis and, for beams with an opening angle, both ends of the counted arc.
+
+    A row of `points` is x, y, m, map frame, time, s, and 1 for a laser's point.
+    """
     cos, sin = math.cos(heading), math.sin(heading)
     capacity = points.shape[0]
     for beam in range(ranges.shape[0]):
@@ -84,12 +93,18 @@ def _add(
         # Written so that NaN counts as no echo.
         if not distance < range_max:
             continue
-        # Readings of sonars are not averaged with those of neighbours, whose cones look elsewhere.
-        if half_angles[beam] < _THIN:
-            distance = _smoothed(ranges, beam)
-        offset = half_angles[beam] * spread
         first = x + cos * origins[beam, 0] - sin * origins[beam, 1]
         second = y + sin * origins[beam, 0] + cos * origins[beam, 1]
+        # Readings of sonars are not averaged with those of neighbours, whose cones look elsewhere.
+        is_laser = half_angles[beam] < _THIN
+        if is_laser:
+            distance = _smoothed(ranges, beam)
+        elif _is_explained(
+            points, cursor, first, second, heading + bearings[beam], half_angles[beam], distance,
+            distance <= range_min, since,
+        ):  # fmt: skip
+            continue
+        offset = half_angles[beam] * spread
         # The axis and both ends suffice: a strip wide enough for a robot catches an arc by one of the three.
         for side in range(-1, 2):
             if side != 0 and offset == 0.0:
@@ -98,9 +113,39 @@ def _add(
             row = cursor[0]
             points[row, 0] = first + distance * math.cos(angle)
             points[row, 1] = second + distance * math.sin(angle)
-            points[row, 2] = time
+            points[row, 2], points[row, 3] = time, 1.0 if is_laser else 0.0
             cursor[0] = (row + 1) % capacity
             cursor[1] = min(cursor[1] + 1, capacity)
+
+
+@njit(cache=True, nogil=True)
+def _is_explained(
+    points: Floats, cursor: NDArray[np.int64], x: float, y: float, axis: float, half_angle: float, distance: float,
+    is_blind: bool, since: float,
+) -> bool:  # fmt: skip
+    """Whether a laser's point lies on the arc of a sonar's reading; or, if the sonar is blind there, before it.
+
+    Args:
+        points, cursor, since: The ring; points since this time count, s.
+        x, y, axis, half_angle: Apex, m, axis and half opening of the cone, rad, map frame.
+        distance, is_blind: The reading, m, and whether it is the smallest one, which stands for nearer ones too.
+    """
+    ax, ay, cos, sin = math.cos(axis), math.sin(axis), math.cos(half_angle), math.sin(half_angle)
+    row = cursor[0]
+    for _ in range(cursor[1]):
+        row = row - 1 if row > 0 else points.shape[0] - 1
+        if points[row, 2] < since:
+            break
+        if points[row, 3] == 0.0:
+            continue
+        dx, dy = points[row, 0] - x, points[row, 1] - y
+        beyond = math.sqrt(dx * dx + dy * dy) - distance
+        if beyond > _EXPLAINED or (beyond < -_EXPLAINED and not is_blind):
+            continue
+        along, across = dx * ax + dy * ay, abs(dy * ax - dx * ay)
+        if along > 0.0 and across * cos - along * sin <= _EXPLAINED:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

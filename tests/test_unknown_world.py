@@ -47,6 +47,13 @@ def test_it_keeps_its_pose_in_a_building_where_nothing_moves(storey: int) -> Non
     assert said.is_tracking.all()
 
 
+@pytest.mark.parametrize("field", range(5))
+def test_it_keeps_its_pose_among_posts_that_stand(field: int) -> None:
+    """A scan that is turned a little wrong looks through far posts; near by they seemed to move, and it was lost."""
+    said = run_episode(load_config("explore", [f"world.ref=clutter:{field}"])).trail
+    assert said.outcome == "succeeded" and said.localization.error.max() < 0.2
+
+
 @pytest.mark.slow
 def test_barn_without_a_map_at_the_published_size_and_speed(data: Path) -> None:
     """The bars: 85 % success, at most 5 % contacts, score 0.20; the organisers' DWA has 0.850, 0.056, 0.159."""

@@ -126,6 +126,17 @@ def test_only_neighbouring_echoes_where_space_was_free_are_a_body_that_moves():
     assert not surface.has_moving(near, np.zeros(3), 12.0)
 
 
+@pytest.mark.parametrize(("stood", "is_body"), [(0.9, True), (1.1, False)])
+def test_what_has_stood_for_a_second_where_space_was_free_does_not_move(stood: float, is_body: bool):
+    surface, wall = LocalSurface(0.05, 4.0, 0.2, 0.1, 60.0), wall_beams(np.random.default_rng(4), 3.0, 0.0)
+    surface.look(wall, len(wall), np.zeros(3), 1.0)
+    near = wall.copy()
+    near[60:100, :2] *= 0.5
+    for time in (1.05, 1.05 + stood):
+        surface.look(near, len(near), np.zeros(3), time)
+    assert surface.has_moving(near, np.zeros(3), 1.05 + stood) is is_body
+
+
 def test_a_long_wall_is_settled_at_once():
     """7 m of a wall 2 m ahead, and then its middle 2 m alone, which may be bodies."""
     wall = wall_beams(np.random.default_rng(5), 2.0, 0.0)

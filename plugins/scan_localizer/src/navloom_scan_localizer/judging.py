@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_localizer.tracking import PoseTracker
 
-__all__ = ["Judge", "position_sigma"]
+__all__ = ["Judge", "distance_of", "position_sigma", "shift_to"]
 
 Floats = NDArray[np.float64]
 
@@ -70,21 +70,21 @@ def position_sigma(covariance: Floats, limit: float) -> float:
     return math.sqrt(float(half_sum) + math.hypot(half_gap, covariance[1, 0]))
 
 
-def _off(pose: Floats, other: Floats) -> Floats:
+def shift_to(pose: Floats, other: Floats) -> Floats:
     """A pose (3,) less another one, the heading wrapped."""
     off: Floats = pose - other
     off[2] = math.remainder(off[2], math.tau)
     return off
 
 
-def _distance(off: Floats, information: Floats) -> float:
+def distance_of(off: Floats, information: Floats) -> float:
     """Square of the Mahalanobis distance of a shift (3,), by an inverse covariance (3, 3)."""
     return float((information * off[:, None] * off).sum())
 
 
 def _is_apart(off: Floats, information: Floats) -> bool:
     """Whether a pose, a shift (3,) away, is another place: a bare corridor is one place with a large covariance."""
-    return (math.hypot(off[0], off[1]) > _APART[0] or abs(off[2]) > _APART[1]) and _distance(off, information) > 9.0
+    return (math.hypot(off[0], off[1]) > _APART[0] or abs(off[2]) > _APART[1]) and distance_of(off, information) > 9.0
 
 
 class Judge:
@@ -280,14 +280,14 @@ class Judge:
         for place in candidates(tracker.field, points, tracker.pose, s.search_reach, turn, _CANDIDATES):
             pose, fused, _ = tracker.fit(points, place, wide)
             seen = look_along(tracker.field, beams, echoes, pose, gate)
-            off = _off(pose, tracker.pose)
+            off = shift_to(pose, tracker.pose)
             if seen.fit >= _GOOD * echoes:
-                fits.append((seen.score, _distance(off, toward), pose, fused, off, seen.fit / echoes))
+                fits.append((seen.score, distance_of(off, toward), pose, fused, off, seen.fit / echoes))
         best = max((fit[0] for fit in fits), default=-math.inf)
         if best < here.score + _BETTER:
             return False
         score, _, pose, fused, off, share = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
-        others = sum(fit[0] > score - _RIVAL and _is_apart(_off(fit[2], pose), fused) for fit in fits)
+        others = sum(fit[0] > score - _RIVAL and _is_apart(shift_to(fit[2], pose), fused) for fit in fits)
         if not others and self._continues(beams, echoes, pose, score):
             # The scan continues the last one there: odometry was wrong, and the robot is where it was tracked.
             tracker.bridge(pose, inverse(fused))

@@ -127,8 +127,13 @@ class LocalSurface:
         _look(*lattices, self._frame, beams, echoes, ages, pose, np.float32(time), self.before, self.behind)
 
     def has_moving(self, beams: Floats, pose: Floats, time: float) -> bool:
-        """Whether neighbouring echoes, (n, 4) as for `add`, are where space was free before a time, s."""
-        return bool(_has_moving(self._through, self._frame, beams, pose, np.float32(time - _FREE_FOR)))
+        """Whether neighbouring echoes, (n, 4) as for `add`, are where space was free before a time, s.
+
+        Where something has stood for a second, space is not free: a post that a scan looked through, turned a little
+        wrong, from far away, has not moved there.
+        """
+        lattices = self._through, self._first, self._last
+        return bool(_has_moving(*lattices, self._frame, beams, pose, np.float32(time - _FREE_FOR)))
 
     def add(self, beams: Floats, pose: Floats) -> None:
         """Add the beams of one scan to the averages.
@@ -256,8 +261,8 @@ def _mark_walls(beams, ages):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _has_moving(through, frame, beams, pose, since):  # type: ignore[no-untyped-def]
-    """Whether enough neighbouring echoes are where all nodes round them were looked through since a time."""
+def _has_moving(through, first, last, frame, beams, pose, since):  # type: ignore[no-untyped-def]
+    """Whether enough neighbouring echoes are where all nodes round them were looked through since a time, s."""
     c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
     rows, columns, run, begin = through.shape[0], through.shape[1], 0, 0
     for i in range(beams.shape[0]):
@@ -266,7 +271,8 @@ def _has_moving(through, frame, beams, pose, since):  # type: ignore[no-untyped-
         is_free = _ROUND <= row < rows - _ROUND and _ROUND <= column < columns - _ROUND
         for k in range((2 * _ROUND + 1) ** 2 if is_free else 0):
             down, across = row - _ROUND + k // (2 * _ROUND + 1), column - _ROUND + k % (2 * _ROUND + 1)
-            if not through[down, across] >= since:
+            stood = last[down, across] - first[down, across]
+            if not (through[down, across] >= since and stood < _SETTLED):
                 is_free = False
                 break
         if run and math.hypot(beams[i, 0] - beams[i - 1, 0], beams[i, 1] - beams[i - 1, 1]) > _GAP:

@@ -24,7 +24,7 @@ from navloom_scans.trail import OdometryTrail
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import surface
-from navloom_scan_localizer.judging import position_sigma
+from navloom_scan_localizer.judging import distance_of, position_sigma, shift_to
 from navloom_scan_localizer.params import ScanOdometryParams
 from navloom_scan_localizer.surface import LocalSurface
 from navloom_scan_localizer.sweep import Sweep
@@ -41,6 +41,10 @@ _LOST_TURN_DEG = 30.0
 
 _CAUTIOUS_FOR = 10.0
 """How long scans are matched with settled surfaces alone after a body that moves was seen, s."""
+
+_AGREED = 0.5
+"""Square of the Mahalanobis distance up to which a pose agrees with that of the wheels, no unit; small, since they err
+less than their covariance says."""
 
 _HELD = 0.05
 """Standard deviation of a fit without a prior, m and rad, up to which scans show the whole pose: half of `_WIDE`'s."""
@@ -168,8 +172,10 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             tracker.field = settled
             self._prove(points, is_moving)
         if self._is_cautious and not was_cautious and not motion.is_possible:
-            # Until now the bodies may have pulled the pose, and the latest surfaces with it.
-            tracker.pose, tracker.covariance = wary.pose.copy(), wary.covariance.copy()
+            # Until now the bodies may have pulled the pose, and the latest surfaces with it. If not, it is kept: where
+            # nothing is settled, the other pose is that of the wheels alone, which no surface would fit.
+            if distance_of(shift_to(tracker.pose, wary.pose), inverse(wary.covariance)) > _AGREED:
+                tracker.pose, tracker.covariance = wary.pose.copy(), wary.covariance.copy()
             self._surface.forget_unsettled()
             self._key = tracker.pose.copy()
         elif was_cautious or motion.is_certain:

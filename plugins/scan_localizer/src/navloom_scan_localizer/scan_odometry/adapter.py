@@ -172,8 +172,8 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
             tracker.field = settled
             self._prove(points, is_moving)
         if self._is_cautious and not was_cautious and not motion.is_possible:
-            # Until now the bodies may have pulled the pose, and the latest surfaces with it. Where nothing is settled, the
-            # other pose is that of the wheels alone, which no surface would fit: a pose that agrees with it is kept.
+            # Until now the bodies may have pulled the pose, and the latest surfaces with it. Where nothing is settled,
+            # the other pose is that of the wheels alone, which no surface would fit: if they agree, the pose is kept.
             is_held = wary.covariance[:2, :2].trace() < _WIDE[:2, :2].trace()
             if is_held or distance_of(shift_to(tracker.pose, wary.pose), inverse(wary.covariance)) > _AGREED:
                 tracker.pose, tracker.covariance = wary.pose.copy(), wary.covariance.copy()

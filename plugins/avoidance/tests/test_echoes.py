@@ -30,17 +30,12 @@ def laser(*posts: tuple[float, float]) -> Beams:
     )
 
 
-def seen(*ticks: tuple[Beams, Beams]) -> Echoes:
+def obstacles(*ticks: tuple[Beams, ...]) -> np.ndarray:
+    """(n, 2) obstacles after ticks of lasers, if any, and a sonar, m, base frame."""
     echoes = Echoes(EDGES, EchoSettings((0.05, 0.05), 5.0, 3.0))
-    for tick, (points, cone) in enumerate(ticks):
-        echoes.see([points], cone, AHEAD, 0.05 * tick)
-    return echoes
-
-
-def obstacles(*ticks: tuple[Beams, Beams]) -> np.ndarray:
-    """(n, 2) obstacles after ticks of laser and sonar, m, base frame."""
-    points, cone = ticks[-1]
-    return seen(*ticks[:-1]).see([points], cone, AHEAD, 0.05 * len(ticks))[0][:, :2]
+    for tick, (*lasers, cone) in enumerate(ticks):
+        found, _ = echoes.see(lasers, cone, AHEAD, 0.05 * tick)
+    return found[:, :2]
 
 
 LEFT, RIGHT = (HALF, 0.8), (-HALF, 0.8)
@@ -79,5 +74,4 @@ def test_a_blind_sonar_is_explained_by_a_nearer_point(distance: float, is_explai
 
 
 def test_a_robot_without_a_laser_keeps_every_arc():
-    echoes = Echoes(EDGES, EchoSettings((0.05, 0.05), 5.0, 3.0))
-    assert len(echoes.see([], sonar(0.8), AHEAD, 0.0)[0]) > 3
+    assert len(obstacles((sonar(0.8),))) > 3

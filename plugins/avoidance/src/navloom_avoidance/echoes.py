@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from navloom_avoidance.beams import Beams
-from navloom_avoidance.certainty import insert_beams, new_window, occupied_cells
+from navloom_avoidance.certainty import insert_beams, new_window, occupied_cells, place_beams
 from navloom_avoidance.points import obstacles_in_base, remember
 from navloom_avoidance.smoothing import smoothed
 from navloom_avoidance.support import new_record
@@ -74,23 +74,21 @@ def limits_of_unexplained(
     Returns:
         (k, 2) range_min and range_max of each sonar, m.
     """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
     found = limits.copy()
+    placed = place_beams(pose, origins, bearings, half_angles, ranges, limits, margin, np.inf)
     for k in range(ranges.size):
-        if not ranges[k] < limits[k, 1]:
+        x, y, ax, ay, _, echo, cos_half, sin_half = placed[k]
+        if echo == np.inf:
             continue
-        is_blind = ranges[k] <= limits[k, 0]
-        x, y = pose[0] + c * origins[k, 0] - s * origins[k, 1], pose[1] + s * origins[k, 0] + c * origins[k, 1]
-        ax, ay = math.cos(pose[2] + bearings[k]), math.sin(pose[2] + bearings[k])
-        cos_half, sin_half = math.cos(half_angles[k]), math.sin(half_angles[k])
+        is_blind = echo <= limits[k, 0]
         for i in range(points.shape[0]):
             dx, dy = points[i, 0] - x, points[i, 1] - y
-            beyond = math.sqrt(dx * dx + dy * dy) - ranges[k]
+            beyond = math.sqrt(dx * dx + dy * dy) - echo
             if beyond > tolerance or (beyond < -tolerance and not is_blind):
                 continue
             along, across = dx * ax + dy * ay, abs(dy * ax - dx * ay)
             if along > 0.0 and across * cos_half - along * sin_half <= tolerance:
-                found[k, 1] = 0.0 if is_blind else ranges[k] - margin
+                found[k, 1] = 0.0 if is_blind else echo - margin
                 break
     return found
 

@@ -262,7 +262,10 @@ def _mark_walls(beams, ages):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _has_moving(through, first, last, frame, beams, pose, since):  # type: ignore[no-untyped-def]
-    """Whether enough neighbouring echoes are where all nodes round them were looked through since a time, s."""
+    """Whether enough neighbouring echoes are where all nodes round them were looked through since a time, s.
+
+    Nodes where something has settled since do not count as looked through.
+    """
     c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
     rows, columns, run, begin = through.shape[0], through.shape[1], 0, 0
     for i in range(beams.shape[0]):

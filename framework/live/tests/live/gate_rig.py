@@ -42,11 +42,11 @@ class SetClock(RunClock):
 
 
 class Gate:
-    """The runner of the gate; the test sets which nodes are alive."""
+    """The runner of the gate; the test sets which nodes are alive, and whether the goal steps by itself."""
 
-    def __init__(self, system: System = SYSTEM, clock: SetClock | None = None) -> None:
-        self.clock, self.presence = clock or SetClock(), Presence(KEYS, (), lambda source, restarted: None)
-        self.has_stamps = False
+    def __init__(self, system: System = SYSTEM) -> None:
+        self.clock, self.presence = SetClock(), Presence(KEYS, (), lambda source, restarted: None)
+        self.has_stamps, self.goal_steps = False, True
         self.begin(OTHER)
         node = own_node(system, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
@@ -75,6 +75,8 @@ class Gate:
         self.give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
 
     def look(self) -> None:
+        if self.goal_steps:
+            self._hear(KEYS.port(*GOAL, "step"))
         self.runner.take_in()
         self.runner.act()
 
@@ -82,6 +84,13 @@ class Gate:
         """Receive a message of a node."""
         stamp = round(tick * PERIOD * 1e9) if self.has_stamps else 0
         give(self.hosted.cell, KEYS.port(*source, port), message, tick, sequence=sequence, stamp_ns=stamp)
+        self._hear(KEYS.port(*source, port))
+
+    def _hear(self, key: str) -> None:
+        """Let the last message of a stream have arrived now, on the clock of the test."""
+        for inlet in [*(feed.inlet for feed in self.hosted.cell.feeds), *self.hosted.cell.reports.values()]:
+            if inlet.key == key:
+                inlet.heard_ns = self.clock.now
 
 
 def follow(gate: Gate) -> None:

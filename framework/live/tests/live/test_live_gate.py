@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, SetClock, follow, last, rings
+from gate_rig import AHEAD, ORIGIN, OTHER, PERIOD, PLATFORM, SHADOW, STILL, SYSTEM, Gate, follow, last, rings
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.messages import Command, Drive, Odometry, OperatorRequest, Pose2D, StopReason, Twist2D
-from navloom_live.live import live_gate, mailbox
 from navloom_live.live.live_node_builder import all_sources
 from navloom_live.timing import command_wait, rate_of_wait
 
@@ -179,18 +177,15 @@ THINKING = (GOAL, LOCALIZER)
 
 
 @pytest.fixture
-def live(monkeypatch: pytest.MonkeyPatch) -> Gate:
-    """A gate whose robot has driven for a second, all on the clock of the test."""
-    return driving(monkeypatch)
+def live() -> Gate:
+    return driving()
 
 
-def driving(monkeypatch: pytest.MonkeyPatch, *changes: str) -> Gate:
+def driving(*changes: str) -> Gate:
+    """A gate whose robot has driven for a second; the goal steps when the test says so."""
     system = assemble(load_config("paper", ["gate.sensor_timeout=60", *(changes or [SHADOW])]))
-    clock = SetClock()
-    for module in (live_gate, mailbox):
-        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: clock.now))
-    gate = Gate(system, clock)
-    gate.has_stamps = True
+    gate = Gate(system)
+    gate.has_stamps, gate.goal_steps = True, False
     gate.begin(*[source for source in all_sources(system) if source not in THINKING])
     gate.begin(*THINKING, life="think")
     gate.give(GOAL, "drive", Drive(1, 1, None, False), 0)
@@ -236,17 +231,17 @@ def test_a_goal_that_no_longer_steps_stops_the_robot_within_150_ms(live: Gate) -
     assert reason(live) == ""
 
 
-def test_a_goal_that_steps_with_each_pose_of_a_slow_localizer_is_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_that_steps_with_each_pose_of_a_slow_localizer_is_in_time() -> None:
     other = 'alternative=[{name="slow", role="localizer", plugin="odometry", rate_hz=5}]'
     for change in ("localizer.rate_hz=5", other):
-        gate = driving(monkeypatch, change, "gate.stop_deadline=0.3")
+        gate = driving(change, "gate.stop_deadline=0.3")
         assert 0.47 < stop_after(gate) < 0.475
         assert reason(gate) == "stale: goal main"
 
 
-def test_a_goal_on_another_host_may_be_silent_for_half_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_on_another_host_may_be_silent_for_half_a_second() -> None:
     hosts = 'live={ router = "tls/10.0.0.1:7447", hosts = { base = ["robot", "drive", "safe"], brain = ["think"] } }'
-    gate = driving(monkeypatch, hosts)
+    gate = driving(hosts)
     assert 0.5 < stop_after(gate) < 0.505
 
 

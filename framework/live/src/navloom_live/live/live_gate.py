@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
@@ -77,7 +76,7 @@ class LiveGate(LiveRunner):
         self.deadline, self.presence = system.config.gate.stop_deadline, presence
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
-        self._began_ns = time.monotonic_ns()
+        self._began_ns = clock.monotonic_ns()
         self._catalogue, required = system.catalogue, system.catalogue.required_roles()
         # All instances, also alternatives: which of them are active is looked up at each check.
         self._needed = [source for source in all_sources(system) if source[0] in required]
@@ -279,7 +278,7 @@ class LiveGate(LiveRunner):
 
     def _is_goal_in_time(self) -> bool:
         goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
-        silence_ns = time.monotonic_ns() - max(self._began_ns, *goals)
+        silence_ns = self.clock.monotonic_ns() - max(self._began_ns, *goals)
         left_ns = round(self._goal_deadline * 1e9) - silence_ns
         self._goal_ends_ns = self._looked_ns + left_ns
         return left_ns >= 0
@@ -299,7 +298,7 @@ class LiveGate(LiveRunner):
             # Only active, required instances vouch for their process: a shadow could claim the life of another one.
             if life and mate in self._needed and self.cell.in_charge(mate) and self.presence.last_life(mate) == life
         ]
-        left_ns = max(heard, default=0) + self._doubt_ns - time.monotonic_ns()
+        left_ns = max(heard, default=0) + self._doubt_ns - self.clock.monotonic_ns()
         if left_ns > 0:
             self._doubt_ends_ns = min(self._doubt_ends_ns, self._looked_ns + left_ns)
         return left_ns > 0

@@ -12,11 +12,11 @@ class RunClock:
     """Follows the run clock by the platform's stamps. It uses only differences of this host's own monotonic clock.
 
     Args:
-        monotonic_ns: This host's monotonic clock, ns.
+        monotonic_ns: This host's monotonic clock, ns; kept as an attribute.
     """
 
     def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns) -> None:
-        self._monotonic_ns = monotonic_ns
+        self.monotonic_ns = monotonic_ns
         self._newest = (-1, 0, -1)
 
     def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
@@ -43,12 +43,12 @@ class RunClock:
         """What the platform's clock shows now, transport delay neglected, ns; -1 before the first platform output."""
         stamp, arrived, tick = self._newest
         # Another thread may have noted a later arrival than this one's clock reading.
-        return -1 if tick < 0 else stamp + max(0, self._monotonic_ns() - arrived)
+        return -1 if tick < 0 else stamp + max(0, self.monotonic_ns() - arrived)
 
     def silence_s(self) -> float:
         """Time since the newest platform output arrived, s; 0 before the first."""
         _, arrived, tick = self._newest
-        return 0.0 if tick < 0 else (self._monotonic_ns() - arrived) * 1e-9
+        return 0.0 if tick < 0 else (self.monotonic_ns() - arrived) * 1e-9
 
     def age_s(self, cause_ns: int) -> float | None:
         """Age of a platform stamp, s; None before the first platform output."""

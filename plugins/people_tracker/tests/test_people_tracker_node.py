@@ -10,7 +10,7 @@ from navloom import Tracks
 from navloom.config import load_config
 from navloom.runs.episode import Episode, run_episode
 from navloom.runs.metrics import measure
-from navloom_people_tracker.map_frame import in_map
+from navloom_people_tracker.kalman import moved
 
 ROBOT = """
 [robot]
@@ -60,18 +60,9 @@ def test_sonars_alone_give_no_tracks(tmp_path: Path) -> None:
     assert len(trail.tracking.moments) > 50 and not any(len(one.ids) for one in trail.tracking.moments)
 
 
-def test_a_heading_error_of_the_pose_widens_far_tracks_across_the_line_of_sight() -> None:
-    """0.1 rad at 5 m ahead is 0.5 m to the side; at 1 m/s along x it is 0.1 m/s to the side."""
-    means, nothing = np.array([[5.0, 0.0, 1.0, 0.0]]), np.zeros((1, 4, 4))
-    _, covariances = in_map(means, nothing, np.zeros(3), np.zeros(3), np.diag([0.0, 0.0, 0.01]))
-    assert covariances[0] == pytest.approx(np.outer([0.0, 0.5, 0.0, 0.1], [0.0, 0.5, 0.0, 0.1]))
-
-
 def test_a_turned_odometry_frame_turns_places_and_velocities() -> None:
     means = np.array([[2.0, 0.0, 1.0, 0.0]])
-    found, covariances = in_map(
-        means, np.diag([1.0, 2.0, 3.0, 4.0])[None], np.array([1.0, 1.0, np.pi / 2]), np.zeros(3), np.zeros((3, 3))
-    )
+    found, covariances = moved(means, np.diag([1.0, 2.0, 3.0, 4.0])[None], np.array([1.0, 1.0, np.pi / 2]))
     assert found[0] == pytest.approx([1.0, 3.0, 0.0, 1.0])
     assert np.diag(covariances[0]) == pytest.approx([2.0, 1.0, 4.0, 3.0])
 

@@ -10,6 +10,7 @@ import pytest
 from navloom.runs.ospa import ospa
 from navloom_people_tracker.bodies import bodies_in
 from navloom_people_tracker.params import PeopleTrackerParams
+from navloom_people_tracker.tracking import Tracker
 from numpy.typing import NDArray
 from tracker_scenes import Floats, Scene, room, tracked, walker, wanderer
 
@@ -114,6 +115,39 @@ def test_who_follows_others_is_seen_to_move() -> None:
     *_, (_, tracks) = tracked(Scene(people=people, beams=480, reach=10.0, sigma=0.03), 4.3)
     last = tracks.means[tracks.means[:, 0].argmax()]
     assert last == pytest.approx(np.array([6.6, 1.2, -2.0, 0.0]), abs=0.3)
+
+
+def test_a_disc_that_was_taken_to_rest_moves_again_by_its_places() -> None:
+    """Its speed is held at 0 while nothing tells that it moves, so that it tells nothing either."""
+    tracker = Tracker(PeopleTrackerParams())
+    scene = Scene(people=[walker(4.0, -1.0, 0.0, 0.6)], legs=False, radius=0.5)
+    for time, beams in scene.scans(1.5):
+        tracker.see(time, "laser", np.zeros(3), beams, math.radians(1.0), np.full(len(beams), -1))
+        tracker.tracks.evidence[:] = 0.0
+        tracker.tracks.is_moving[:] = False
+        tracker.tracks.modes[:, :, 2:] = 0.0
+        tracker.tracks.means[:, 2:] = 0.0
+    tracker.see(1.5, "laser", np.zeros(3), beams, math.radians(1.0), np.full(len(beams), -1))
+    for time, beams in scene.scans(2.2):
+        if time > 1.55:
+            tracker.see(time, "laser", np.zeros(3), beams, math.radians(1.0), np.full(len(beams), -1))
+            tracker.tracks.evidence[:] = 0.0
+    assert tracker.tracks.means[0, 2:] == pytest.approx([0.0, 0.6], abs=0.15)
+
+
+def test_wheels_that_slip_do_not_change_the_velocities_of_what_moves() -> None:
+    """Six cylinders, and a robot at 1.5 m/s that misses 1.5° in 0.1 s, which at 4 m is a speed of 1 m/s."""
+    ways = [(5.0, -3.0, 0.0, 1.0), (6.0, 3.0, 0.0, -1.0), (8.0, 0.5, -0.8, 0.0), (4.0, 4.0, 0.6, -0.6),
+            (2.0, -4.0, 0.7, 0.7), (9.0, -2.0, -0.5, 0.5)]  # fmt: skip
+    scene = Scene(people=[walker(*way) for way in ways], legs=False, radius=0.5, slip=0.07, sigma=0.02,
+                  robot=lambda time: (1.5 * time, 0.0, 0.0))  # fmt: skip
+    errors = []
+    for time, tracks in tracked(scene, 3.0):
+        if time < 1.5:
+            continue
+        speeds = np.hypot(tracks.means[:, 2], tracks.means[:, 3])  # the same in all frames
+        errors += np.abs(speeds[:, None] - np.array([np.hypot(*way[2:]) for way in ways])).min(axis=1).tolist()
+    assert len(errors) > 60 and np.percentile(errors, 90) < 0.4
 
 
 def test_known_discs_that_touch_in_the_view_are_two_bodies() -> None:

@@ -32,6 +32,7 @@ class Scene:
         beams: Number of beams. sigma: Standard deviation of a range, m. reach: Largest range, m.
         scan_time: Time from the first beam to the last, s.
         drift: Error of the odometry, m/m and rad/rad.
+        slip: Standard deviation of the turn that it misses, rad/√m, for a robot that drives straight on.
         seed: Of the noise.
     """
 
@@ -46,6 +47,7 @@ class Scene:
     reach: float = 15.0
     scan_time: float = 0.0
     drift: float = 0.0
+    slip: float = 0.0
     seed: int = 0
 
     def bodies(self, time: float) -> Floats:
@@ -88,7 +90,14 @@ class Scene:
     def odometry(self, time: float) -> tuple[float, float, float]:
         """Where the robot believes that it is: x, y, m, heading, rad."""
         x, y, heading = (value * (1.0 + self.drift) for value in self.robot(time))
-        return x, y, heading
+        if not self.slip:
+            return x, y, heading
+        steps = round(time / PERIOD)
+        apart = math.dist(self.robot(0.0)[:2], self.robot(PERIOD)[:2])
+        missed = self.slip * math.sqrt(apart) * np.random.default_rng(self.seed + 1).standard_normal(steps)
+        turned = heading + np.append(0.0, np.cumsum(missed))
+        ways = apart * np.stack([np.cos(turned[:-1]), np.sin(turned[:-1])]).sum(axis=1)
+        return float(ways[0]), float(ways[1]), float(turned[-1])
 
     def scans(self, until: float) -> Iterator[tuple[float, Floats]]:
         """Time, s, and beams, as those of `place_beams`, of each scan."""

@@ -27,7 +27,7 @@ from navloom_scans.field import DistanceField, distance_field
 from numpy.typing import NDArray
 
 from navloom_people_tracker.background import MOST_MARGIN, explain
-from navloom_people_tracker.map_frame import in_map
+from navloom_people_tracker.kalman import moved
 from navloom_people_tracker.params import PeopleTrackerParams
 from navloom_people_tracker.tracking import Tracker
 from navloom_people_tracker.views import place_beams
@@ -91,7 +91,7 @@ class PeopleTracker(NodePlugin[PeopleTrackerParams]):
                 self._see(name, scan, poses_along(times, known, poses), estimate, odometry_to_map)
         found = self._tracker.published(estimate.stamp_ns * 1e-9)
         unseen = np.maximum(estimate.stamp_ns * 1e-9 - found.seen, 0.0)
-        means, covariances = in_map(found.means, found.covariances, odometry_to_map, at_pose, estimate.covariance)
+        means, covariances = moved(found.means, found.covariances, odometry_to_map)
         radii = np.maximum(found.radii, self.params.least_radius)
         self.tracks.put(
             Tracks(estimate.stamp_ns, found.ids, means[:, :2].copy(), means[:, 2:].copy(), covariances, radii, unseen)

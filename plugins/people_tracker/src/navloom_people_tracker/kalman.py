@@ -8,10 +8,11 @@ goes on and of one that turns or brakes, are mixed as in its section 11.6.6 (int
 from __future__ import annotations
 
 import numpy as np
+from navloom.geometry.frames import transform
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["assign", "combined", "measure", "mixed", "predict", "rest"]
+__all__ = ["assign", "combined", "common_turn", "measure", "mixed", "moved", "predict", "rest"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,6 +25,8 @@ FARTHEST = 1.0
 """Largest distance of a body from the prediction, m, however unsure that is: beyond, it is another body."""
 STEADY_FOR, TURNS_FOR = 3.0, 0.2
 """Mean time for which a body goes on as it went, and for which it turns, s."""
+TURN_STEPS, OUTLIER = 3, 1.5
+"""Steps of the fit of a common turn, and distance from where a body counts less, in standard deviations."""
 NEVER = 1e6
 """Cost of a pair that is not allowed; larger than any sum of allowed ones."""
 
@@ -83,6 +86,47 @@ def assign(means: Floats, covariances: Floats, places: Floats, errors: Floats) -
     rows, columns = linear_sum_assignment(cost)
     kept = allowed[rows, columns]
     return rows[kept], columns[kept]
+
+
+def moved(means: Floats, covariances: Floats, motion: Floats) -> tuple[Floats, Floats]:
+    """States (n, 4) and covariances (n, 4, 4) in another frame.
+
+    Args:
+        means, covariances: x, y, m, vx, vy, m/s.
+        motion: (3,) pose of their frame in the other one, m, rad.
+    """
+    turn = np.kron(np.eye(2), transform((0.0, 0.0, motion[2]), np.eye(2)).T)
+    found = means @ turn.T
+    found[:, :2] += motion[:2]
+    return found, turn @ covariances @ turn.T
+
+
+def common_turn(
+    means: Floats, covariances: Floats, places: Floats, errors: Floats, eye: tuple[float, float], sigma: float
+) -> float:
+    """Angle about a sensor, rad, by which all that it measured must be turned to lie where it is expected.
+
+    Bodies that turn or brake by themselves are outliers: beyond OUTLIER they count in proportion to 1 / distance (Huber
+    1964), so that most bodies decide.
+
+    Args:
+        means, covariances: (n, 4) and (n, 4, 4) states of the bodies as expected now.
+        places, errors: (n, 2) m, and (n, 2, 2) m², as measured.
+        eye: Place of the sensor, m.
+        sigma: Standard deviation of the angle, rad, before anything is seen.
+    """
+    (tx, ty), (ox, oy) = (eye[1] - places[:, 1], places[:, 0] - eye[0]), (means[:, :2] - places).T
+    innovation = covariances[:, :2, :2] + errors
+    a, b, c = innovation[:, 0, 0], innovation[:, 0, 1], innovation[:, 1, 1]
+    determinant, angle = a * c - b * b, 0.0
+    told = (c * tx * tx - 2.0 * b * tx * ty + a * ty * ty) / determinant
+    wanted = (c * tx * ox - b * (tx * oy + ty * ox) + a * ty * oy) / determinant
+    for _ in range(TURN_STEPS):
+        x, y = ox - angle * tx, oy - angle * ty
+        far = np.sqrt((c * x * x - 2.0 * b * x * y + a * y * y) / determinant)
+        share = np.minimum(1.0, OUTLIER / np.maximum(far, 1e-9))
+        angle = float((share * wanted).sum() / ((share * told).sum() + 1.0 / sigma**2))
+    return angle
 
 
 def mixed(chances: Floats, means: Floats, covariances: Floats, time: float) -> tuple[Floats, Floats, Floats]:

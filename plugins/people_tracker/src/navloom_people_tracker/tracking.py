@@ -7,11 +7,12 @@ from collections import deque
 from typing import Protocol
 
 import numpy as np
+from navloom.geometry.frames import compose, inverse, transform
 from numpy.typing import NDArray
 
 from navloom_people_tracker.bodies import SIGMA_ARC, Bodies, Widths, bodies_in
 from navloom_people_tracker.circles import on_circles
-from navloom_people_tracker.kalman import assign, combined, measure, mixed, predict, rest
+from navloom_people_tracker.kalman import assign, combined, common_turn, measure, mixed, moved, predict, rest
 from navloom_people_tracker.tracks import Tracks, begun
 from navloom_people_tracker.views import View, are_fresh, cover, looked_through, view_of
 
@@ -31,6 +32,9 @@ STOOD = 0.8
 """Age of a view, s, from which an echo at a place says that a body stands there: a slow one has left it by then."""
 DRIFT = 0.04
 """Error of the odometry, m/m and rad/rad: wheels slip."""
+SLIP, LEAST_SLIP = 0.02, 1e-4
+"""Standard deviation of the turn that wheels miss, rad/√m, and the least one that is looked for, rad. The wheels of
+`explore` miss twice as much, but bodies turn by themselves, too."""
 EVIDENCE_LASTS, EVIDENCE_NEEDED, EVIDENCE_KEPT = 0.5, 0.2, 0.05
 """How long evidence of motion lasts, how much begins a motion, and how much less ends it, s."""
 LEAST_ECHOES = 2
@@ -88,7 +92,8 @@ class Tracker:
     """Tracks of the bodies that move, and of those that stand where a map has nothing.
 
     Attributes:
-        tracks: All tracks, tentative ones too.
+        tracks: All tracks, tentative ones too, in a frame of their own: the odometry's without the turns that the
+            wheels missed.
         time: Time of the last scan, s.
     """
 
@@ -101,14 +106,14 @@ class Tracker:
         self._marked = -math.inf
         self._pose: Floats | None = None
         self._way, self._rates = np.zeros(2), np.zeros(2)
+        self._steady = np.zeros(3)  # pose of the odometry frame in that of the tracks, m and rad
 
     def published(self, time: float) -> Tracks:
-        """The tracks with a number, predicted to a time, s."""
+        """The tracks with a number, predicted to a time, s, in the odometry frame."""
         found = self.tracks.rows(self.tracks.ids > 0)
         ahead = max(0.0, time - self.time) if len(found.ids) else 0.0
-        found.means, found.covariances = predict(
-            found.means, found.covariances, ahead, self.settings.acceleration
-        )  # fmt: skip
+        states = predict(found.means, found.covariances, ahead, self.settings.acceleration)
+        found.means, found.covariances = moved(*states, inverse(self._steady))
         return found
 
     def see(self, time: float, sensor: str, pose: Floats, beams: Floats, step: float, mapped: Ints) -> None:
@@ -126,16 +131,42 @@ class Tracker:
         self.time = time if math.isnan(self.time) else max(self.time, time)
         self._drive(pose, since)
         driven, turned = self._way.tolist()
-        view = view_of(self.time, (driven, turned), beams, max(90, round(math.tau / step)))
+        beams = np.column_stack(
+            [transform(self._steady, beams[:, :2]), transform(self._steady, beams[:, 2:4]), beams[:, 4]]
+        )
+        bins = max(90, round(math.tau / step))
+        view = view_of(self.time, (driven, turned), beams, bins)
         self._predict(since)
         bodies, points, labels = self._bodies(sensor, view, beams, step, mapped)
         rows, columns = self._matched(bodies)
+        turn = self._missed_turn(rows, bodies.rows(columns), view, since)
+        if turn is not None:
+            for places in (bodies.places, bodies.surfaces, points, beams[:, 2:4]):
+                places[:] = transform(turn, places)
+            self._steady = compose(turn, self._steady)
+            view = view_of(self.time, (driven, turned), beams, bins)
         self._correct(rows, bodies.rows(columns), points, labels)
         self._judge_motion(rows, bodies.rows(columns), view, since)
         self._name()
         is_kept = self._kept(rows, view, since)
         self._begin(bodies, rows, columns, is_kept)
         self._remember(sensor, view)
+
+    def _missed_turn(self, rows: Ints, bodies: Bodies, view: View, since: float) -> Floats | None:
+        """Motion (3,), m, rad, that turns a scan about its sensor by what the wheels missed since the last one.
+
+        All bodies that move seem to turn at once. None with fewer than two of them, and for a robot that stood.
+        """
+        tracks, (driven, turned) = self.tracks, self._rates * since
+        told = tracks.ids[rows] > 0
+        rows, bodies = rows[told], bodies.rows(told)
+        sigma = math.sqrt(SLIP**2 * driven + (DRIFT * turned) ** 2)
+        if len(rows) < 2 or sigma < LEAST_SLIP:
+            return None
+        places, errors = bodies.centred(tracks.radii[rows], tracks.radius_sigmas[rows])
+        angle = common_turn(tracks.means[rows], tracks.covariances[rows], places, errors, (view.x, view.y), sigma)
+        x, y = (np.array([view.x, view.y]) - transform((0.0, 0.0, angle), (view.x, view.y))).tolist()
+        return np.array([x, y, angle])
 
     def _predict(self, since: float) -> None:
         tracks, accelerations = self.tracks, np.array([self.settings.acceleration, TURN])
@@ -258,10 +289,12 @@ class Tracker:
         velocities, spans, is_steady = straight_motion(tracks.marks[:, :, 2:5])
         speeds = np.hypot(velocities[:, 0], velocities[:, 1])
         is_far = (speeds * spans > TRAVEL) & (speeds > LEAST_SPEED)
-        is_sure, may_move = self._discs_move(view)
+        is_sure, may_move = self._discs_move(view, np.where(is_steady, speeds, 0.0))
         is_sure &= is_seen
         starts = is_seen & ~tracks.is_moving & is_far & is_steady & (tracks.evidence > EVIDENCE_NEEDED)
         starts &= np.isfinite(tracks.marks[:, :, 4]).sum(axis=1) >= LEAST_MARKS
+        # What is round and came into free space is no part of a wall that came into view.
+        starts |= self._are_discs() & is_seen & (tracks.evidence > EVIDENCE_NEEDED) & may_move
         gone = is_steady & (speeds * spans > DISC_TRAVEL)
         starts |= is_sure & ((tracks.evidence > EVIDENCE_KEPT) | gone)
         stops = tracks.is_moving & is_seen & ~(is_far & (tracks.evidence > EVIDENCE_KEPT)) & ~may_move
@@ -273,18 +306,24 @@ class Tracker:
         modes, covariances = rest(tracks.modes[rests], tracks.mode_covariances[rests], REST_SIGMA)
         self._set(rests, tracks.chances[rests], modes, covariances)
 
-    def _discs_move(self, view: View) -> tuple[Bools, Bools]:
+    def _discs_move(self, view: View, speeds: Floats) -> tuple[Bools, Bools]:
         """(n,) discs that move beyond the error of their speed and of the odometry, and beyond that of the odometry.
 
         A part of a wall is no disc, so these need no evidence from free space.
+
+        Args:
+            view: The newest.
+            speeds: (n,) by the places of each in a straight motion, m/s; 0 without one. The state of a track that was
+                taken to rest does not tell any more that it moves.
         """
         tracks = self.tracks
         away = np.hypot(tracks.means[:, 0] - view.x, tracks.means[:, 1] - view.y)
         drift = DRIFT * (self._rates[0] + self._rates[1] * away)
-        beyond = np.hypot(tracks.means[:, 2], tracks.means[:, 3]) - SURE_SPEED - 3.0 * drift
+        least = np.hypot(SURE_SPEED, 3.0 * drift)
+        now = np.hypot(tracks.means[:, 2], tracks.means[:, 3])
         sigmas = np.sqrt(tracks.covariances[:, [2, 3], [2, 3]].sum(axis=1))
         are_discs = self._are_discs()
-        return are_discs & (beyond > 3.0 * sigmas), are_discs & (beyond > 0.0)
+        return are_discs & (now - least > 3.0 * sigmas), are_discs & (np.maximum(now, speeds) > least)
 
     def _set(self, rows: Ints, chances: Floats, modes: Floats, covariances: Floats) -> None:
         tracks = self.tracks

@@ -28,14 +28,11 @@ from navloom.navigation.monitor_rollout import (
     ESCAPE,
     HEADWAY,
     MOST_POSES,
-    SOON,
     STANDS,
-    WIDER,
     distance_to_outline,
     escapes,
     first_meeting,
     first_touch,
-    least_gap,
     margins,
     stopping_way,
     ways_on,
@@ -301,9 +298,9 @@ class CollisionMonitor:
             return -1
         return -1 if self._gets_away(command, here, wide, hit) else int(hit)
 
-    def _gets_away(self, command: Floats, here: Surroundings, wide: Floats, hit: int) -> bool:
+    def _gets_away(self, command: Floats, here: Surroundings, wide: Floats, hit: int, may_brake: bool = True) -> bool:
         """Whether the robot escapes a moving point, a row, by going on in one of `ways_on`."""
-        body = self._outline, self._radius, here.moving, wide, hit
+        body = self._outline, self._radius, here.moving, wide, hit, may_brake
         return any(escapes(self._alone, self._alone_times, count, *body) for count in self._goes_on(command, here))
 
     def _goes_on(self, command: Floats, here: Surroundings) -> Iterator[int]:
@@ -317,23 +314,15 @@ class CollisionMonitor:
             yield int(np.searchsorted(self._alone_times[:count], ESCAPE, side="right"))
 
     def _flees(self, twist: Planar, here: Surroundings) -> bool:
-        """Whether what goes on as it does would hit the robot if it stopped now, and would not, or less, if it goes on.
-
-        Where neither avoids it, the wider gap counts: a robot that is nearly past must not stop in the way.
-        """
+        """Whether what goes on as it does would hit the robot if it stopped now, and does not if it goes on."""
         command, moving = np.array(twist), here.moving
-        wide, rolled = margins(moving, *twist, self.limits.margin), self._roll(np.zeros(3), here)
+        wide = margins(moving, *twist, self.limits.margin)
+        rolled = self._roll(np.zeros(3), here)
         body = self._outline, self._radius, moving, wide
-        hit, _, when = first_meeting(self._rolled, self._times, rolled, STANDS, *body, False)
-        until = when + SOON
-        stopped = least_gap(self._rolled, self._times, rolled, until, self._outline, moving) if hit >= 0 else math.inf
+        hit = first_meeting(self._rolled, self._times, rolled, STANDS, *body, False)[0]
         if hit < 0 or self._enters_unseen(self._roll(command, here)) is not None:
             return False
-        gaps = (
-            least_gap(self._alone, self._alone_times, count, until, self._outline, moving)
-            for count in self._goes_on(command, here)
-        )
-        return any(gap > stopped + WIDER for gap in gaps)
+        return self._gets_away(command, here, wide, hit, may_brake=False)
 
     def _meets_later(self, twist: Planar, braking: float, here: Surroundings) -> bool:
         """Whether a robot that goes on meets what moves by more than HEADWAY later than if it braked, at a time, s."""

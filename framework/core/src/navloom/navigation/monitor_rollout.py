@@ -18,14 +18,11 @@ __all__ = [
     "ESCAPE",
     "HEADWAY",
     "MOST_POSES",
-    "SOON",
     "STANDS",
-    "WIDER",
     "distance_to_outline",
     "escapes",
     "first_meeting",
     "first_touch",
-    "least_gap",
     "margins",
     "stopping_way",
     "ways_on",
@@ -55,13 +52,8 @@ HEADWAY = 0.2
 """Time for which the robot must already stand when a moving obstacle reaches it, s: the error of the prediction."""
 ESCAPE = 1.5
 """Time for which a robot that goes on must not meet what would meet it if it braked, s."""
-TURNS = 0.3
-"""Time for which it turns on as commanded before it drives straight, s."""
 STANDS = 2.0
 """Time for which a robot that stopped would have to stand untouched, s: else stopping is no way out."""
-SOON, WIDER = 0.5, 0.05
-"""Time after a contact for which it matters how near a robot that goes on comes, s: later, it can still stop; and how
-much wider its gap must be than that of a robot that stops, m."""
 MISJUDGED = 0.1
 """Error of the velocity of a moving obstacle, m/s: where its visible part changes, as beside a corner of the robot."""
 HARDEST, MOST_GAIN = 3.0, 0.25
@@ -297,39 +289,15 @@ def first_meeting(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def least_gap(poses, times, count, until, outline, moving):  # type: ignore[no-untyped-def]
-    """Least distance between a footprint on its way and moving points up to a time, s, m; negative inside.
-
-    It stays at its last pose. The points go on as they do. The other arguments are those of `first_meeting`.
-    """
-    best, place = math.inf, 0
-    for step in range(math.ceil(until / BETWEEN) + 1):
-        time = min(step * BETWEEN, until)
-        while place + 1 < count and times[place + 1] <= time:
-            place += 1
-        x, y, heading = poses[place, 0], poses[place, 1], poses[place, 2]
-        if place + 1 < count:
-            share = (time - times[place]) / (times[place + 1] - times[place])
-            x, y = x + share * (poses[place + 1, 0] - x), y + share * (poses[place + 1, 1] - y)
-            heading += share * (poses[place + 1, 2] - heading)
-        cos, sin = math.cos(heading), math.sin(heading)
-        for i in range(moving.shape[0]):
-            passed = time + moving[i, 6]
-            dx, dy = moving[i, 0] + passed * moving[i, 3] - x, moving[i, 1] + passed * moving[i, 4] - y
-            best = min(best, distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline))
-    return best
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def escapes(  # type: ignore[no-untyped-def]
-    poses, times, count, outline, radius, moving, margin, hit
+    poses, times, count, outline, radius, moving, margin, hit, may_brake=True
 ):
     """Whether a robot meets nothing on its way, and a point, `hit`, is past it in the end: at least as far away as at
     first, or farther with every step.
 
     The other arguments are those of `first_meeting`.
     """
-    if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin)[0] >= 0:
+    if first_meeting(poses, times, count, 0.0, outline, radius, moving, margin, may_brake)[0] >= 0:
         return False
     after = _distance_at(poses, times, count - 1, outline, moving, hit)
     if after >= distance_to_outline(moving[hit, 0], moving[hit, 1], outline):
@@ -347,8 +315,8 @@ def _distance_at(poses, times, place, outline, moving, hit):  # type: ignore[no-
 
 
 def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float) -> list[Floats]:
-    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded, or straight on after one
-    period or TURNS; if it accelerates, also with its highest acceleration along these.
+    """Commands, each (n, 3), one a period, of a robot that goes on for ESCAPE: as commanded, or straight on; if it
+    accelerates, also with its highest acceleration along the command's arc or straight.
 
     Args:
         command: (3,) forward speed, m/s, turn rate, rad/s, and speed to the left, m/s.
@@ -364,9 +332,7 @@ def ways_on(command: Floats, accelerates: bool, robot: RobotSpec, period: float)
     for share in shares:
         ways.append(np.column_stack([command[0] * share, np.clip(command[1] * share, -turn, turn), command[2] * share]))
         if command[1] and pace != 0.0:
-            for until in (0.0, TURNS):
-                turned = np.where(after <= until, command[1], 0.0)
-                ways.append(np.column_stack([command[0] * share, turned, command[2] * share]))
+            ways.append(np.column_stack([command[0] * share, np.where(after, 0.0, command[1]), command[2] * share]))
     return ways
 
 

@@ -99,7 +99,8 @@ class Tracks(Message):
         ids: (n,) number of each track, above 0; a track keeps it, and no other track of the run has it.
         positions: (n, 2) centre of each body, m, map frame.
         velocities: (n, 2) m/s, map frame.
-        covariances: (n, 4, 4) of x, y, vx, vy; m², m²/s, m²/s².
+        covariances: (n, 4, 4) of x, y, vx, vy; m², m²/s, m²/s². The error of the robot's pose, which moves it and all
+            bodies alike, is not in them.
         radii: (n,) of the disc that holds the body, m.
         unseen: (n,) time since its last echo, s; 0 for a track that is seen.
     """

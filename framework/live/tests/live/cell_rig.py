@@ -7,6 +7,7 @@ from typing import Any
 
 from navloom.messages import Envelope
 from navloom_live.live.live_node import Cell
+from navloom_live.live.mailbox import Inlet
 
 
 def silent_bus() -> Any:
@@ -21,6 +22,10 @@ def silent_bus() -> Any:
 def give(cell: Cell, key: str, message: Any, tick: int, *, sequence: int | None = None, stamp_ns: int = 0) -> None:
     """Deliver a message to the inlets of a cell that read a key, and to its inlets of step reports."""
     envelope = Envelope(key, tick + 1 if sequence is None else sequence, tick, stamp_ns, stamp_ns, 0)
-    for inlet in [*(feed.inlet for feed in cell.feeds), *cell.reports.values()]:
-        if inlet.key == key:
-            inlet.give((message, envelope))
+    for inlet in inlets(cell, key):
+        inlet.give((message, envelope))
+
+
+def inlets(cell: Cell, key: str) -> list[Inlet]:
+    """The inlets of a cell that read a key, its inlets of step reports included."""
+    return [inlet for inlet in [*(feed.inlet for feed in cell.feeds), *cell.reports.values()] if inlet.key == key]

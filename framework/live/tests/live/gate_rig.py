@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cell_rig import give, silent_bus
+from cell_rig import give, inlets, silent_bus
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.lockstep_builder import own_node
@@ -88,9 +88,8 @@ class Gate:
 
     def _hear(self, key: str) -> None:
         """Let the last message of a stream have arrived now, on the clock of the test."""
-        for inlet in [*(feed.inlet for feed in self.hosted.cell.feeds), *self.hosted.cell.reports.values()]:
-            if inlet.key == key:
-                inlet.heard_ns = self.clock.now
+        for inlet in inlets(self.hosted.cell, key):
+            inlet.heard_ns = self.clock.now
 
 
 def follow(gate: Gate) -> None:

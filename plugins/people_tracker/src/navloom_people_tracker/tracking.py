@@ -134,17 +134,16 @@ class Tracker:
         beams = np.column_stack(
             [transform(self._steady, beams[:, :2]), transform(self._steady, beams[:, 2:4]), beams[:, 4]]
         )
-        bins = max(90, round(math.tau / step))
-        view = view_of(self.time, (driven, turned), beams, bins)
+        eye = float(beams[:, 0].mean()), float(beams[:, 1].mean())
         self._predict(since)
-        bodies, points, labels = self._bodies(sensor, view, beams, step, mapped)
+        bodies, points, labels = self._bodies(sensor, eye, beams, step, mapped)
         rows, columns = self._matched(bodies)
-        turn = self._missed_turn(rows, bodies.rows(columns), view, since)
+        turn = self._missed_turn(rows, bodies.rows(columns), eye, since)
         if turn is not None:
             for places in (bodies.places, bodies.surfaces, points, beams[:, 2:4]):
                 places[:] = transform(turn, places)
             self._steady = compose(turn, self._steady)
-            view = view_of(self.time, (driven, turned), beams, bins)
+        view = view_of(self.time, (driven, turned), eye, beams, max(90, round(math.tau / step)))
         self._correct(rows, bodies.rows(columns), points, labels)
         self._judge_motion(rows, bodies.rows(columns), view, since)
         self._name()
@@ -152,7 +151,7 @@ class Tracker:
         self._begin(bodies, rows, columns, is_kept)
         self._remember(sensor, view)
 
-    def _missed_turn(self, rows: Ints, bodies: Bodies, view: View, since: float) -> Floats | None:
+    def _missed_turn(self, rows: Ints, bodies: Bodies, eye: tuple[float, float], since: float) -> Floats | None:
         """Motion (3,), m, rad, that turns a scan about its sensor by what the wheels missed since the last one.
 
         All bodies that move seem to turn at once. None with fewer than two of them, and for a robot that stood.
@@ -164,8 +163,8 @@ class Tracker:
         if len(rows) < 2 or sigma < LEAST_SLIP:
             return None
         places, errors = bodies.centred(tracks.radii[rows], tracks.radius_sigmas[rows])
-        angle = common_turn(tracks.means[rows], tracks.covariances[rows], places, errors, (view.x, view.y), sigma)
-        x, y = (np.array([view.x, view.y]) - transform((0.0, 0.0, angle), (view.x, view.y))).tolist()
+        angle = common_turn(tracks.means[rows], tracks.covariances[rows], places, errors, eye, sigma)
+        x, y = (np.array(eye) - transform((0.0, 0.0, angle), eye)).tolist()
         return np.array([x, y, angle])
 
     def _predict(self, since: float) -> None:
@@ -190,16 +189,18 @@ class Tracker:
         # Readings differ by their noise, and the places by the drift of the odometry.
         return np.column_stack([0.06 + 3.0 * self.settings.range_sigma + DRIFT * gone[:, 0], 0.01 + DRIFT * gone[:, 1]])
 
-    def _bodies(self, sensor: str, view: View, beams: Floats, step: float, mapped: Ints) -> tuple[Bodies, Floats, Ints]:
+    def _bodies(
+        self, sensor: str, eye: tuple[float, float], beams: Floats, step: float, mapped: Ints
+    ) -> tuple[Bodies, Floats, Ints]:
         looked_at = np.flatnonzero((beams[:, 4] > 0.0) & (mapped < 1))
-        around = np.arctan2(beams[looked_at, 3] - view.y, beams[looked_at, 2] - view.x)
+        around = np.arctan2(beams[looked_at, 3] - eye[1], beams[looked_at, 2] - eye[0])
         looked_at = looked_at[np.argsort(around, kind="stable")]
         points = np.ascontiguousarray(beams[looked_at, 2:4])
         tracks = self.tracks
         radii = np.where(self._are_discs(), tracks.radii, 0.0)
         expected = np.column_stack([tracks.means[:, :2], radii])[tracks.ids > 0]
         marks = np.column_stack([self._fresh(sensor, points), mapped[looked_at] == 0])
-        return bodies_in(points, marks, (view.x, view.y), step, expected, self.settings)
+        return bodies_in(points, marks, eye, step, expected, self.settings)
 
     def _fresh(self, sensor: str, points: Floats) -> Bools:
         """(n,) whether an earlier view looked through the place of each echo, and none after it shows what stood."""
@@ -294,7 +295,7 @@ class Tracker:
         starts = is_seen & ~tracks.is_moving & is_far & is_steady & (tracks.evidence > EVIDENCE_NEEDED)
         starts &= np.isfinite(tracks.marks[:, :, 4]).sum(axis=1) >= LEAST_MARKS
         # What is round and came into free space is no part of a wall that came into view.
-        starts |= self._are_discs() & is_seen & (tracks.evidence > EVIDENCE_NEEDED) & may_move
+        starts |= is_seen & (tracks.evidence > EVIDENCE_NEEDED) & may_move
         gone = is_steady & (speeds * spans > DISC_TRAVEL)
         starts |= is_sure & ((tracks.evidence > EVIDENCE_KEPT) | gone)
         stops = tracks.is_moving & is_seen & ~(is_far & (tracks.evidence > EVIDENCE_KEPT)) & ~may_move

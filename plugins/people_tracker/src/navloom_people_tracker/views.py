@@ -78,18 +78,17 @@ def _near(beams, x, y, near):  # type: ignore[no-untyped-def]
             near[k] = far if beams[i, 4] > 0.0 else -far
 
 
-def view_of(time: float, way: tuple[float, float], beams: Floats, bins: int) -> View:
+def view_of(time: float, way: tuple[float, float], eye: tuple[float, float], beams: Floats, bins: int) -> View:
     """The view of a scan.
 
     Args:
-        time: s. way: `driven` and `turned` of the view, m and rad.
+        time: s. way: `driven` and `turned` of the view, m and rad. eye: Place of the sensor, m.
         beams: (n, 5) as those of `place_beams`.
         bins: Number of directions in a full turn.
     """
-    x, y = beams[:, 0].mean(), beams[:, 1].mean()
     near = np.empty(bins)
-    _near(beams, x, y, near)
-    return View(time, *way, float(x), float(y), near)
+    _near(beams, *eye, near)
+    return View(time, *way, *eye, near)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -21,7 +21,7 @@ def warm_up() -> None:
         array.flags.writeable = False
     beams = np.empty((2, 5))
     place_beams(np.zeros((2, 3)), origins, bearings, ranges, np.array([0.0, 2.0]), beams)
-    view = view_of(0.0, (0.0, 0.0), beams, 360)
+    view = view_of(0.0, (0.0, 0.0), (0.0, 0.0), beams, 360)
     points, said = np.ascontiguousarray(beams[:, 2:4]), np.empty(2, np.int64)
     looked_through(view.near, view.x, view.y, points, np.ones((2, 2)), said)
     are_fresh(
